@@ -1,0 +1,101 @@
+"""Everything this project raises on purpose; a message says place, cause and remedy.
+
+* DyknowError
+  + PolicyError         constraints that cannot hold together
+  + UnknownLabel        no stream generator carries the label
+  + LabelAlreadyExists  a stream generator carries the label already
+  + ValueNotAvailable   a generator has no sample that answers the question
+  + SortError           a value is not of the sort its stream declares
+  + TextError           a text of ours (formula, policy, label, duration, act) does not parse or check
+  + NameRefused         a unit, semantic label or conversation id that must not become part of a key
+  + DecodeError         bytes from outside that are malformed, oversized or mistyped
+  + ContentError        an act whose content this agent does not understand
+  + Refused             a request that is understood and declined; `reason` is told to the asker
+  + RosterError         a roster that does not load, or a key that is not in it
+"""
+
+
+class DyknowError(Exception):
+    """Catch this to catch them all; never raise it directly."""
+
+
+class PolicyError(DyknowError):
+    """A policy asks for something no stream could satisfy."""
+
+
+class UnknownLabel(DyknowError):
+    """Nobody here produces `label`; `known` is what a refusal can offer instead."""
+
+    def __init__(self, label: str, known: tuple[str, ...]) -> None:
+        self.label, self.known = label, known
+        super().__init__(f"no stream generator for {label!r}; this node has {', '.join(known) or 'none'}")
+
+
+class LabelAlreadyExists(DyknowError):
+    """A second generator for `label` was refused: labels are unique within an instance (thesis 9.3)."""
+
+    def __init__(self, label: str) -> None:
+        self.label = label
+        super().__init__(f"a stream generator for {label!r} exists already; remove it first")
+
+
+class ValueNotAvailable(DyknowError):
+    """The stream holds no sample that answers (thesis 5.3.2)."""
+
+
+class SortError(DyknowError):
+    """A value does not belong to the sort of its stream."""
+
+
+class TextError(DyknowError):
+    """A text that somebody typed is wrong: where, what was expected, and the repair.
+
+    Attributes:
+        text: the whole text; line and column count from 1; `width` is how many characters the caret covers.
+    """
+
+    def __init__(
+        self, message: str, *, text: str = "", line: int = 1, column: int = 1, width: int = 1, repair: str = "", file: str = ""
+    ) -> None:
+        self.message, self.text, self.line, self.column = message, text, line, column
+        self.width, self.repair, self.file = max(1, width), repair, file
+        super().__init__(self.drawn())
+
+    def drawn(self) -> str:
+        """The message with the line in question, a caret and the repair."""
+        place = f"{self.file}:{self.line}:{self.column}: " if self.file else f"{self.line}:{self.column}: "
+        parts = [f"{place}{self.message}"]
+        lines = self.text.splitlines()
+        if 1 <= self.line <= len(lines):
+            parts += [f"    {lines[self.line - 1]}", " " * (3 + self.column) + "^" * self.width]
+        if self.repair:
+            parts.append(f"    write: {self.repair}")
+        return "\n".join(parts)
+
+
+class NameRefused(DyknowError):
+    """A name that cannot be one chunk of a key."""
+
+
+class DecodeError(DyknowError):
+    """Bytes from outside that are not one of our messages; `reason` is a short word counted in the account."""
+
+    def __init__(self, reason: str, detail: str = "") -> None:
+        self.reason = reason
+        super().__init__(f"{reason}: {detail}" if detail else reason)
+
+
+class ContentError(DyknowError):
+    """The content of an act is unknown or mistyped: answered with not-understood."""
+
+
+class Refused(DyknowError):
+    """A request that is understood and declined: answered with refuse."""
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+        super().__init__(reason)
+
+
+class RosterError(DyknowError):
+    """A roster that does not load, or a platform or key it does not hold."""
