@@ -1,0 +1,44 @@
+"""The account of a platform: every act that enters or leaves it, and what became of it (thesis 9.3.2)."""
+
+from collections import Counter, deque
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+from federation.acts import Act
+
+Direction = Literal["in", "out"]
+
+
+class Entry(NamedTuple):
+    """One act as it passed the Interface Agent; `act` is None for bytes that were no act (`outcome` says why)."""
+
+    number: int
+    at_us: int
+    direction: Direction
+    peer: str
+    act: Act | None
+    outcome: str
+
+
+class Account:
+    """The last `capacity` acts, and counters over all of them."""
+
+    def __init__(self, capacity: int = 1000) -> None:
+        self.entries: deque[Entry] = deque(maxlen=capacity)
+        self.counts: Counter[tuple[Direction, str]] = Counter()
+        self.on_entry: Callable[[Entry], None] | None = None
+        self._number = 0
+
+    def enter(self, at_us: int, direction: Direction, peer: str, act: Act | None, outcome: str) -> None:
+        """Note one act; `outcome` is `accepted`, `sent`, or a short reason that is counted."""
+        self._number += 1
+        entry = Entry(self._number, at_us, direction, peer, act, outcome)
+        self.entries.append(entry)
+        self.counts[direction, outcome.split(":", 1)[0]] += 1
+        if self.on_entry is not None:
+            self.on_entry(entry)
+
+    @property
+    def refused(self) -> Counter[str]:
+        """How many incoming acts were not accepted, by reason."""
+        return Counter({reason: n for (way, reason), n in self.counts.items() if way == "in" and reason != "accepted"})

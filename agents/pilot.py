@@ -1,0 +1,217 @@
+"""The pilot: flies the platform's plan and carries out orders, within the rules for commanding aircraft.
+
+A platform commands its vehicle only when it was given control, and only while the vehicle is armed, airborne and in
+a guided mode; never below `floor_m` above home nor above `ceiling_m`. Every refusal names the rule that made it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from dyknow import Sample
+from dyknow.errors import Refused
+from navigation.geodesy import distance_m
+from navigation.vehicle import (
+    Command,
+    CommandResult,
+    GoTo,
+    Hold,
+    HomeReport,
+    Land,
+    Order,
+    Report,
+    ReturnHome,
+    StatusReport,
+    TargetReport,
+)
+
+RETRY_US = 2_000_000
+
+
+class Fix(NamedTuple):
+    """Where something is and how it moves: WGS-84 degrees, metres above mean sea level, metres per second (NED)."""
+
+    valid_us: int
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    north_m_s: float = 0.0
+    east_m_s: float = 0.0
+    down_m_s: float = 0.0
+
+
+class Waypoint(NamedTuple):
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class FlightPlan:
+    """A route to fly once from `start_us` (federation time), or over and over."""
+
+    waypoints: tuple[Waypoint, ...]
+    speed_m_s: float = 5.0
+    start_us: int = 0
+    loop: bool = False
+    arrival_m: float = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class FlightLimits:
+    """Metres above home between which this platform may send its vehicle."""
+
+    floor_m: float = 10.0
+    ceiling_m: float = 120.0
+
+
+@dataclass(slots=True)
+class Pilot:
+    """One vehicle's commands. Times are federation time.
+
+    `control` is the person's consent to command the vehicle at all; without it the pilot only watches.
+    """
+
+    control: bool = False
+    plan: FlightPlan | None = None
+    limits: FlightLimits = field(default_factory=FlightLimits)
+    status: StatusReport | None = None
+    home: HomeReport | None = None
+    fix: Fix | None = None
+    _target: TargetReport | None = None
+    _leg: int = 0
+    _diverted: bool = False
+    _raised_to_m: float | None = None
+    _goal: Order | None = None
+    _standing: Order | None = None
+    _number: int = 0
+    _again_us: int | None = None
+
+    def on_report(self, report: Report, now_us: int) -> list[Command]:
+        """Take what the vehicle says of itself; a command it denied is tried again after `RETRY_US`."""
+        if isinstance(report, StatusReport):
+            self.status = report
+        elif isinstance(report, HomeReport):
+            self.home = report
+        elif isinstance(report, TargetReport) and not self._diverted:
+            self._target = report
+        elif isinstance(report, CommandResult) and report.number == self._number and not report.accepted:
+            self._again_us = now_us + RETRY_US
+        return []
+
+    def on_estimate(self, sample: Sample) -> list[Command]:
+        """Take a fused estimate (see `navigation.PositionFilter`) and fly on."""
+        latitude, longitude, altitude, north, east, down = sample.value[:6]
+        self.fix = Fix(sample.valid_us, latitude, longitude, altitude, north, east, down)
+        return list(self._fly(sample.valid_us))
+
+    def _fly(self, now_us: int) -> Iterator[Command]:
+        if self._again_us is not None and now_us >= self._again_us:
+            self._goal, self._again_us = None, None
+        if self.plan is None or self._diverted or self._standing is not None or now_us < self.plan.start_us:
+            wanted = self._standing if not self._diverted else None
+        else:
+            wanted = self._next_leg(self.plan)
+        if wanted is None or wanted == self._goal or self.refusal(wanted) is not None:
+            return
+        self._goal = wanted
+        yield self._command(wanted)
+
+    def _next_leg(self, plan: FlightPlan) -> Order | None:
+        fix = self.fix
+        if fix is None or self._leg >= len(plan.waypoints):
+            return None
+        there = plan.waypoints[self._leg]
+        away_m = distance_m(fix.latitude_deg, fix.longitude_deg, there.latitude_deg, there.longitude_deg)
+        if away_m <= plan.arrival_m:
+            self._leg += 1
+            if plan.loop:
+                self._leg %= len(plan.waypoints)
+            if self._leg >= len(plan.waypoints):
+                return Hold()
+            there = plan.waypoints[self._leg]
+        altitude_m = there.altitude_m if self._raised_to_m is None else max(there.altitude_m, self._raised_to_m)
+        return GoTo(there.latitude_deg, there.longitude_deg, altitude_m, plan.speed_m_s)
+
+    def _command(self, order: Order) -> Command:
+        self._number += 1
+        return Command(self._number, order)
+
+    def refusal(self, order: Order) -> str | None:
+        """The rule that forbids `order` now, in words, or None."""
+        if not self.control:
+            return "this platform was not given control of its vehicle (join with --control)"
+        status = self.status
+        if status is None:
+            return "the vehicle has not said in what state it is"
+        if not status.armed:
+            return "the vehicle is not armed"
+        if not status.airborne:
+            return "the vehicle is not airborne"
+        if not status.guided:
+            return f"the vehicle is in mode {status.mode}, which takes no positions; a guided mode is needed"
+        if isinstance(order, GoTo):
+            return self._outside(order.altitude_m)
+        return None
+
+    def _outside(self, altitude_m: float) -> str | None:
+        if self.home is None:
+            return "the vehicle's home is not known, so neither floor nor ceiling is"
+        height_m = altitude_m - self.home.altitude_m
+        if height_m < self.limits.floor_m - 0.01:
+            return f"{height_m:.1f} m above home is below the floor of {self.limits.floor_m:.0f} m"
+        if height_m > self.limits.ceiling_m + 0.01:
+            return f"{height_m:.1f} m above home is above the ceiling of {self.limits.ceiling_m:.0f} m"
+        return None
+
+    def order(self, order: Order) -> list[Command]:
+        """Carry out somebody's order: it replaces the plan until `resume`.
+
+        Raises:
+            Refused: naming the rule.
+        """
+        reason = self.refusal(order)
+        if reason is not None:
+            raise Refused(reason)
+        self._standing = self._goal = order
+        return [self._command(order)]
+
+    def divert(self, altitude_m: float | None) -> list[Command]:
+        """Leave the plan to avoid somebody: stop here, at `altitude_m` above mean sea level, or where it is.
+
+        Raises:
+            Refused: naming the rule.
+        """
+        fix = self.fix
+        if altitude_m is None or fix is None:
+            order: Order = Hold()
+        else:
+            order = GoTo(fix.latitude_deg, fix.longitude_deg, altitude_m)
+        reason = self.refusal(order)
+        if reason is not None:
+            raise Refused(reason)
+        self._diverted, self._goal = True, order
+        return [self._command(order)]
+
+    def resume(self, raised_to_m: float | None = None) -> list[Command]:
+        """Fly on as before the diversion or the order, not lower than `raised_to_m` while that is given."""
+        was_diverted, self._diverted, self._raised_to_m, self._goal = self._diverted, False, raised_to_m, None
+        if not was_diverted:
+            self._standing = None
+        if self.plan is None and self._standing is None and self._target is not None:
+            there = self._target
+            self._standing = GoTo(there.latitude_deg, there.longitude_deg, there.altitude_m)
+        return [] if self.fix is None else list(self._fly(self.fix.valid_us))
+
+    @property
+    def flying(self) -> str:
+        """What the vehicle is doing for us, in a word: `watching`, `diverted`, `order`, `plan` or `holding`."""
+        if not self.control:
+            return "watching"
+        if self._diverted:
+            return "diverted"
+        if isinstance(self._standing, Hold | Land | ReturnHome | GoTo):
+            return "order"
+        if self.plan is not None and self._leg < len(self.plan.waypoints):
+            return "plan"
+        return "holding"

@@ -1,0 +1,101 @@
+"""The configuration of one platform process, as `dyknow up` and `dyknow join` hand it over (JSON, validated here)."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Strict(BaseModel):
+    """Unknown keys are errors: a misspelt option must not be ignored."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class WireConfig(Strict):
+    """How processes of one federation find each other."""
+
+    federation: str = "default"
+    listen: tuple[str, ...] = ()
+    connect: tuple[str, ...] = ()
+    discover: Literal["multicast", "none"] = "multicast"
+    interface: str = "lo"
+    lease_ms: int = Field(2000, ge=500, le=60_000)
+    security: Path | None = None
+    """JSON file with mTLS and access-control settings, made by `dyknow roster`."""
+
+
+class ClockConfig(Strict):
+    """The federation's clock: now = epoch + speed x (node clock - epoch)."""
+
+    epoch_us: int | None = None
+    speed: float = Field(1.0, gt=0, le=1000)
+    skew_us: int = 0
+    """A wrong node clock, for tests of what a federation does about it."""
+
+
+class SimulatedVehicle(Strict):
+    """A simulated UAV with its own MAVLink autopilot in the same process."""
+
+    kind: Literal["simulated"] = "simulated"
+    scenario: str = "hover"
+    index: int = Field(0, ge=0)
+    count: int = Field(1, ge=1)
+    seed: int = 0
+    persona: Literal["ardupilot", "px4"] = "ardupilot"
+    gcs: str | None = None
+    start_us: int | None = None
+    """Federation time at which routes begin; None: when the process starts."""
+
+
+class MavlinkVehicle(Strict):
+    """Any vehicle that speaks MAVLink over UDP."""
+
+    kind: Literal["mavlink"] = "mavlink"
+    endpoint: str
+    sysid: int | None = Field(None, ge=1, le=255)
+    control: bool = False
+
+
+class ReplayedVehicle(Strict):
+    """A recorded flight (.tlog, .bin, .ulg, .mcap)."""
+
+    kind: Literal["replay"] = "replay"
+    file: Path
+    from_us: int = 0
+    epoch_us: int | None = None
+    """Federation time at which the recording's first position plus `from_us` is played; None: when the process starts."""
+
+
+class NoVehicle(Strict):
+    """A platform without a vehicle: an observer."""
+
+    kind: Literal["none"] = "none"
+
+
+Vehicle = Annotated[SimulatedVehicle | MavlinkVehicle | ReplayedVehicle | NoVehicle, Field(discriminator="kind")]
+
+
+class TrustConfig(Strict):
+    """With a roster acts are signed and checked; without one the federation is open, on loopback only."""
+
+    roster: Path | None = None
+    key: Path | None = None
+
+
+class NodeConfig(Strict):
+    """One platform process."""
+
+    unit: str
+    wire: WireConfig = WireConfig()
+    clock: ClockConfig = ClockConfig()
+    vehicle: Vehicle = Field(default_factory=NoVehicle)
+    trust: TrustConfig = TrustConfig()
+    avoidance: bool = True
+    period_ms: int = Field(100, ge=10, le=10_000)
+    floor_m: float = 10.0
+    ceiling_m: float = 120.0
+    translation: Path | None = None
+    profiles: Path | None = None
+    journal: Path | None = None
+    duration_s: float | None = Field(None, gt=0)
