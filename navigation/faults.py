@@ -1,0 +1,105 @@
+"""What a position source can get wrong, seen from its reports alone.
+
+Each check answers with a reason (a short phrase shown to people and counted) or None.
+"""
+
+import math
+from typing import NamedTuple
+
+from navigation.vehicle import LocalPositionReport, PositionReport, VelocityReport
+
+NOT_FINITE = "not finite"
+OUT_OF_RANGE = "out of range"
+NO_FIX = "no fix"
+FROZEN = "frozen position"
+TELEPORT = "teleport"
+TOO_LATE = "too late"
+AHEAD = "ahead of time"
+SILENT = "silent"
+NO_ALTITUDE = "altitude unknown"
+NO_POSITION = "no position yet"
+VELOCITY_JUMP = "velocity jump"
+
+_LOWEST_M, _HIGHEST_M = -500.0, 100_000.0
+
+
+class Limits(NamedTuple):
+    """What is believed of a vehicle.
+
+    Attributes:
+        speed_m_s: faster than this nothing moves.
+        gate: largest normalised innovation squared; for three axes 30 is passed by all but one true fix in a million.
+        allowance_m: by how much sources may honestly disagree beyond what they state (two fixes of one autopilot do).
+        reacquire: so many consecutive positions that agree with each other, and not with us, are the truth.
+        frozen_moving: so many equal positions from a source that moves are a frozen source.
+        frozen_still: the same for a source that stands, if its noise had shown in every report before.
+        ahead_us: a report from further in the future is refused.
+    """
+
+    speed_m_s: float = 100.0
+    gate: float = 30.0
+    allowance_m: float = 2.0
+    reacquire: int = 5
+    frozen_moving: int = 3
+    frozen_still: int = 10
+    ahead_us: int = 1_000_000
+
+
+def implausible_position(report: PositionReport) -> str | None:
+    """NaN, infinities, coordinates that are none, and the 0, 0 that autopilots send without a fix."""
+    stated = (report.altitude_m, report.horizontal_sd_m, report.vertical_sd_m)
+    numbers = (report.latitude_deg, report.longitude_deg, *(each for each in stated if each is not None))
+    if not all(map(math.isfinite, numbers)):
+        return NOT_FINITE
+    if report.latitude_deg == 0.0 and report.longitude_deg == 0.0:
+        return NO_FIX
+    level_ok = abs(report.latitude_deg) <= 90.0 and abs(report.longitude_deg) <= 180.0
+    height_ok = report.altitude_m is None or _LOWEST_M <= report.altitude_m <= _HIGHEST_M
+    sd_ok = all(each is None or each >= 0.0 for each in (report.horizontal_sd_m, report.vertical_sd_m))
+    return None if level_ok and height_ok and sd_ok else OUT_OF_RANGE
+
+
+def implausible_velocity(report: VelocityReport | LocalPositionReport, speed_m_s: float) -> str | None:
+    numbers = (report.north_m_s, report.east_m_s, report.down_m_s or 0.0)
+    if not all(map(math.isfinite, numbers)):
+        return NOT_FINITE
+    return OUT_OF_RANGE if math.hypot(*numbers) > speed_m_s else None
+
+
+class FrozenSource:
+    """Notices that one source repeats itself.
+
+    While the vehicle moves, positions repeat at most by rounding. While it stands, only a source whose noise showed
+    in nearly every report it sent standing is expected to go on showing it: one that rounds coarsely, or that has no
+    noise, is not accused.
+    """
+
+    _MOVING_M_S = 0.5
+    _LIVELY = 0.9
+
+    def __init__(self, limits: Limits) -> None:
+        self._limits = limits
+        self._last: tuple[float, float, float | None] | None = None
+        self._equal = 0
+        self._changing = 0.5
+
+    def on_position(self, report: PositionReport, speed_m_s: float) -> str | None:
+        """`speed_m_s`: how fast the vehicle is believed to move."""
+        found = (report.latitude_deg, report.longitude_deg, report.altitude_m)
+        moving = speed_m_s > self._MOVING_M_S
+        if found != self._last:
+            if self._last is not None and not moving:
+                self._changing += 0.1 * ((self._equal == 0) - self._changing)
+            self._last, self._equal = found, 0
+            return None
+        self._equal += 1
+        if moving:
+            return FROZEN if self._equal >= self._limits.frozen_moving else None
+        return FROZEN if self._changing > self._LIVELY and self._equal >= self._limits.frozen_still else None
+
+
+class Candidate(NamedTuple):
+    """The last of `found` positions in a row that disagree with the filter and agree with each other."""
+
+    report: PositionReport
+    found: int

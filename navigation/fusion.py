@@ -1,0 +1,348 @@
+"""The fused position of one vehicle: reports in, estimates on a time grid out. Pure; time is an argument.
+
+What a vehicle sends is weighed by the accuracy it states; where a message states none, by `Accuracy`. A grid point g
+(a multiple of the period since the epoch) is put out by predicting to it what was known: when a position valid at g or
+later has come, at the latest `wait_us` after g. No grid point lies further than a short horizon beyond the last good
+position: after silence nothing is invented, and the points that were missed stay missed.
+
+The outcome depends on the reports and their available times alone, not on when timers happen to fire: a timer that is
+due before a report is carried out before it. `run_filter` gives offline what a node gave live.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+from typing import Literal, NamedTuple
+
+from dyknow.sample import Sample
+from navigation import faults
+from navigation.faults import Candidate, FrozenSource, Limits
+from navigation.geodesy import LocalFrame
+from navigation.inertial import InertialInput
+from navigation.motion import Measurement, Motion, State
+from navigation.vehicle import (
+    AccelerationReport,
+    AttitudeReport,
+    LocalPositionReport,
+    PositionReport,
+    Report,
+    VelocityReport,
+)
+
+_REANCHOR_M = 2_000.0
+_VELOCITY_ALLOWANCE_M_S = 3.0
+_LONGEST_SILENCE_US = 5_000_000
+_SAME_MESSAGE_US = 300_000
+
+
+class Estimate(NamedTuple):
+    """Degrees (WGS-84), metres above mean sea level, metres per second north-east-down; variances in their squares."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    north_m_s: float
+    east_m_s: float
+    down_m_s: float
+    var_n: float
+    var_e: float
+    var_d: float
+    var_vn: float
+    var_ve: float
+    var_vd: float
+
+
+class Health(NamedTuple):
+    """Whether estimates are being put out. `since_us` is federation time; `reason` is empty while ok."""
+
+    state: Literal["ok", "stale"]
+    reason: str
+    since_us: int
+
+
+class Accuracy(NamedTuple):
+    """What is assumed where nothing is stated.
+
+    Standard deviations in metres and metres per second; acceleration noise densities in m^2/s^3 without and with
+    measured acceleration.
+    """
+
+    position_m: float = 0.3
+    velocity_m_s: float = 0.3
+    density: float = 4.0
+    density_inertial: float = 1.0
+
+
+class PositionFilter:
+    """A computational unit: `Report`s of one vehicle in, samples of `Estimate` out.
+
+    Args:
+        period_us: distance of the grid points, which are multiples of it since the epoch.
+        wait_us: how long after a grid point (by available time) a position at or beyond it is waited for;
+            half a period if None.
+        horizon_us: the furthest prediction beyond the last position; shortened to 2.5 of the source's own intervals.
+    """
+
+    def __init__(
+        self,
+        period_us: int,
+        *,
+        wait_us: int | None = None,
+        horizon_us: int = 1_000_000,
+        accuracy: Accuracy | None = None,
+        limits: Limits | None = None,
+    ) -> None:
+        if period_us <= 0:
+            raise ValueError(f"the period of the position filter must be positive, got {period_us} us")
+        self._period_us, self._horizon_us = period_us, horizon_us
+        self._wait_us = period_us // 2 if wait_us is None else wait_us
+        self._accuracy, self._limits = accuracy or Accuracy(), limits or Limits()
+        self.health = Health("stale", faults.NO_POSITION, 0)
+        self.rejected: Counter[str] = Counter()
+        self._frame: LocalFrame | None = None
+        self._motion: Motion | None = None
+        self._inertial = InertialInput()
+        self._frozen: dict[str, FrozenSource] = {}
+        self._candidate: Candidate | None = None
+        self._reason = faults.SILENT
+        self._velocity: Measurement | None = None
+        self._position_us = self._altitude_us = 0
+        self._interval_us = horizon_us * 2 // 5
+        self._next_us = 0
+        self._available_us = 0
+
+    @property
+    def deadline_us(self) -> int | None:
+        """When `on_time` has work: the next grid point's wait is over, or the stream goes stale. None: nothing waits."""
+        if self.health.state == "stale":
+            return None
+        return min(self._next_us, self._end_us) + self._wait_us
+
+    def on_report(self, report: Report, now_us: int) -> list[Sample]:
+        """Take in a report that became available at `now_us`; the samples that are due by it."""
+        found = self._until(now_us - 1)
+        match report:
+            case PositionReport():
+                found += self._on_position(report, now_us)
+            case VelocityReport() | LocalPositionReport():
+                self._on_velocity(report, now_us)
+            case AttitudeReport():
+                self._inertial.on_attitude(report)
+            case AccelerationReport():
+                self._inertial.on_acceleration(report)
+            case _:
+                pass
+        return found
+
+    def on_time(self, now_us: int) -> list[Sample]:
+        return self._until(now_us)
+
+    @property
+    def _end_us(self) -> int:
+        """The last instant that may be predicted to."""
+        shortened = max(2 * self._period_us, self._interval_us * 5 // 2)
+        return min(self._position_us, self._altitude_us) + min(self._horizon_us, shortened)
+
+    def _until(self, now_us: int) -> list[Sample]:
+        """Put out the grid points whose wait is over at `now_us`, and go stale when the last of them has been."""
+        if self.health.state == "stale":
+            return []
+        found = self._grid(min(now_us - self._wait_us, self._end_us), now_us)
+        if self._next_us > self._end_us and now_us >= self._end_us + self._wait_us:
+            fresh = self._position_us > self._altitude_us
+            reason = faults.NO_ALTITUDE if fresh and self._reason == faults.SILENT else self._reason
+            self.health = Health("stale", reason, min(self._position_us, self._altitude_us))
+        return found
+
+    def _grid(self, last_us: int, now_us: int) -> list[Sample]:
+        """The grid points not put out yet, up to `last_us`."""
+        found: list[Sample] = []
+        motion = self._motion
+        while motion is not None and self._next_us <= last_us:
+            if self._next_us >= motion.oldest_us:
+                self._available_us = max(now_us, self._available_us + 1)
+                found.append(Sample(self._available_us, self._next_us, self._estimate(motion.at(self._next_us))))
+            self._next_us += self._period_us
+        return found
+
+    def _estimate(self, state: State) -> Estimate:
+        frame = self._frame
+        assert frame is not None  # noqa: S101 - set together with the motion
+        n, e, d, vn, ve, vd = state.mean.tolist()
+        return Estimate(*frame.from_ned(n, e, d), vn, ve, vd, *state.covariance.diagonal().tolist())
+
+    def _on_position(self, report: PositionReport, now_us: int) -> list[Sample]:
+        reason = faults.implausible_position(report)
+        if reason is None and report.valid_us > now_us + self._limits.ahead_us:
+            reason = faults.AHEAD
+        if reason is None:
+            frozen = self._frozen.setdefault(report.source, FrozenSource(self._limits))
+            reason = frozen.on_position(report, self._believed_speed(report.valid_us))
+        if reason is not None:
+            self._refuse(reason)
+            return []
+        motion = self._motion
+        if motion is None or self._begins(report, motion):
+            self._start(report)
+        elif report.valid_us < motion.oldest_us:
+            return self._on_disagreement(report, faults.TOO_LATE, now_us)
+        elif not self._agrees(report, motion):
+            return self._on_disagreement(report, faults.TELEPORT, now_us)
+        else:
+            motion.fuse(self._measured(report))
+        return self._accepted(report, now_us)
+
+    def _begins(self, report: PositionReport, motion: Motion) -> bool:
+        """Nothing of the past helps: the first altitude, or a long silence after which the place is still credible."""
+        first_altitude = self._altitude_us == 0 and report.altitude_m is not None
+        long_silent = report.valid_us > self._position_us + _LONGEST_SILENCE_US
+        return (first_altitude or long_silent) and self._reachable(report, motion)
+
+    def _accepted(self, report: PositionReport, now_us: int) -> list[Sample]:
+        self._candidate, self._reason = None, faults.SILENT
+        interval_us = min(report.valid_us - self._position_us, self._horizon_us)
+        if interval_us > 0 and self._position_us:
+            self._interval_us = max(interval_us, self._interval_us * 9 // 10)
+        self._position_us = max(self._position_us, report.valid_us)
+        if report.altitude_m is not None:
+            self._altitude_us = max(self._altitude_us, report.valid_us)
+        if self.health.state == "stale":
+            next_us = max(self._next_us, -(-report.valid_us // self._period_us) * self._period_us)
+            if next_us > self._end_us:
+                return []
+            self._next_us, self.health = next_us, Health("ok", "", now_us)
+        found = self._grid(min(report.valid_us, self._end_us), now_us)
+        self._reanchor()
+        return found
+
+    def _measured(self, report: PositionReport) -> Measurement:
+        """In the local frame. Without an altitude the frame's own stands in, and only the level rows are used."""
+        frame = self._frame
+        assert frame is not None  # noqa: S101 - set together with the motion
+        unstated = self._accuracy.position_m
+        level = max(report.horizontal_sd_m or unstated, 0.01) ** 2
+        steep = max(report.vertical_sd_m or unstated, 0.01) ** 2
+        altitude_m = frame.altitude_m if report.altitude_m is None else report.altitude_m
+        north, east, down = frame.to_ned(report.latitude_deg, report.longitude_deg, altitude_m)
+        if report.altitude_m is None:
+            return Measurement(report.valid_us, "level", (north, east), (level, level))
+        return Measurement(report.valid_us, "position", (north, east, down), (level, level, steep))
+
+    def _start(self, report: PositionReport) -> None:
+        self._frame = LocalFrame(report.latitude_deg, report.longitude_deg, report.altitude_m or 0.0)
+        densities = (self._accuracy.density, self._accuracy.density_inertial)
+        self._motion = Motion(self._measured(report), self._inertial.mean, densities)
+        if self._velocity is not None and abs(report.valid_us - self._velocity.valid_us) <= _SAME_MESSAGE_US:
+            self._motion.fuse(self._velocity._replace(valid_us=report.valid_us))
+        self._position_us = report.valid_us
+        self._altitude_us = report.valid_us if report.altitude_m is not None else 0
+
+    def _agrees(self, report: PositionReport, motion: Motion) -> bool:
+        """Innovation gate, one for the level rows and one for the altitude, and nothing faster than `speed_m_s`."""
+        measured = self._measured(report)
+        state = motion.at(report.valid_us)
+        spread = state.covariance.diagonal()
+        squares = [
+            (value - float(state.mean[row])) ** 2 / (float(spread[row]) + variance + self._limits.allowance_m**2)
+            for row, (value, variance) in enumerate(zip(measured.values, measured.variances, strict=True))
+        ]
+        return sum(squares) <= self._limits.gate and self._reachable(report, motion)
+
+    def _reachable(self, report: PositionReport, motion: Motion) -> bool:
+        measured = self._measured(report)
+        there = motion.latest.mean
+        moved = math.hypot(measured.values[0] - float(there[0]), measured.values[1] - float(there[1]))
+        seconds = abs(report.valid_us - motion.latest.valid_us) / 1e6
+        spread = math.sqrt(float(motion.latest.covariance[0, 0]) + measured.variances[0])
+        return moved <= self._limits.speed_m_s * seconds + 5 * spread + 3 * self._limits.allowance_m
+
+    def _on_disagreement(self, report: PositionReport, reason: str, now_us: int) -> list[Sample]:
+        """Refuse it; but positions that keep agreeing with each other are where the vehicle is."""
+        self._refuse(reason)
+        last = self._candidate
+        found = last.found + 1 if last is not None and self._follows(report, last.report) else 1
+        self._candidate = Candidate(report, found)
+        if found < self._limits.reacquire:
+            return []
+        self.rejected["reacquired"] += 1
+        self._start(report)
+        return self._accepted(report, now_us)
+
+    def _follows(self, report: PositionReport, last: PositionReport) -> bool:
+        if report.valid_us <= last.valid_us:
+            return False
+        frame = LocalFrame(last.latitude_deg, last.longitude_deg, 0.0)
+        north, east, _ = frame.to_ned(report.latitude_deg, report.longitude_deg, 0.0)
+        seconds = (report.valid_us - last.valid_us) / 1e6
+        spread = (report.horizontal_sd_m or self._accuracy.position_m) + self._limits.allowance_m
+        return math.hypot(north, east) <= self._limits.speed_m_s * seconds + 5 * spread
+
+    def _on_velocity(self, report: VelocityReport | LocalPositionReport, now_us: int) -> None:
+        motion = self._motion
+        reason = faults.implausible_velocity(report, self._limits.speed_m_s)
+        if reason is None and report.valid_us > now_us + self._limits.ahead_us:
+            reason = faults.AHEAD
+        if reason is not None:
+            self._refuse(reason)
+            return
+        stated = report.sd_m_s if isinstance(report, VelocityReport) else None
+        variance = max(stated or self._accuracy.velocity_m_s, 0.01) ** 2
+        level = (report.north_m_s, report.east_m_s)
+        values = level if report.down_m_s is None else (*level, report.down_m_s)
+        kind = "velocity" if len(values) == 3 else "level velocity"
+        measured = Measurement(report.valid_us, kind, values, (variance,) * len(values))
+        if motion is None or report.valid_us > self._position_us + self._horizon_us:
+            self._velocity = measured  # it places nothing, but the next position may begin with it
+            return
+        if report.valid_us < motion.oldest_us:
+            return
+        state = motion.at(report.valid_us)
+        off = math.dist(values, state.mean[3 : 3 + len(values)].tolist())
+        spread = math.sqrt(float(state.covariance[3, 3]) + variance)
+        if off > 5 * spread + _VELOCITY_ALLOWANCE_M_S:
+            self.rejected[faults.VELOCITY_JUMP] += 1
+            return
+        self._velocity = measured
+        motion.fuse(measured)
+
+    def _believed_speed(self, valid_us: int) -> float:
+        """What the vehicle says of its speed, else what the positions said before."""
+        if self._velocity is not None and abs(valid_us - self._velocity.valid_us) <= self._horizon_us:
+            return math.hypot(*self._velocity.values[:2])
+        return 0.0 if self._motion is None else math.hypot(*self._motion.latest.mean[3:5].tolist())
+
+    def _refuse(self, reason: str) -> None:
+        self.rejected[reason] += 1
+        self._reason = reason
+
+    def _reanchor(self) -> None:
+        """Keep the frame near the vehicle: over 2 km the tangent plane turns by a third of a milliradian."""
+        frame, motion = self._frame, self._motion
+        if frame is None or motion is None or math.hypot(*motion.latest.mean[:2].tolist()) < _REANCHOR_M:
+            return
+        north, east, down = motion.latest.mean[:3].tolist()
+        self._frame = LocalFrame(*frame.from_ned(north, east, down))
+        motion.move_origin((north, east, down))
+
+
+def run_filter(
+    reports: Iterable[tuple[Report, int]],
+    period_us: int,
+    *,
+    until_us: int | None = None,
+    filtered: PositionFilter | None = None,
+) -> list[Sample]:
+    """What a `PositionFilter` puts out for `reports`, each with the time at which it was available, in that order.
+
+    Timers fire exactly when they are due, after the reports of the same instant. The last ones fire up to `until_us`,
+    or all of them if None.
+    """
+    unit = filtered or PositionFilter(period_us)
+    found: list[Sample] = []
+    for report, available_us in reports:
+        while (due_us := unit.deadline_us) is not None and due_us < available_us:
+            found += unit.on_time(due_us)
+        found += unit.on_report(report, available_us)
+    while (due_us := unit.deadline_us) is not None and (until_us is None or due_us <= until_us):
+        found += unit.on_time(due_us)
+    return found

@@ -1,0 +1,131 @@
+"""Position and velocity of one vehicle as a Kalman filter that can be asked about the recent past.
+
+State x = (north, east, down, v_north, v_east, v_down), metres and metres per second in a `LocalFrame`.
+Between measurements the acceleration is what the inertial sensors say, plus white noise of density q [m^2/s^3]:
+
+    F = [[I, dt I], [0, I]],  u = mean acceleration,  Q = q [[dt^3/3 I, dt^2/2 I], [dt^2/2 I, dt I]]
+
+so predicting in one step or in several gives the same covariance. Measurements may come out of order: the last second
+of states is kept, and a late one is fused where it belongs.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector: TypeAlias = NDArray[np.float64]
+Acceleration: TypeAlias = Callable[[int, int], tuple[float, float, float] | None]
+
+HISTORY_US = 1_000_000
+HISTORY_STATES = 128
+_UNKNOWN_SPEED_VARIANCE = 100.0
+_IDENTITY = np.eye(6)
+_OBSERVE = {"position": (0, 1, 2), "level": (0, 1), "velocity": (3, 4, 5), "level velocity": (3, 4)}
+_MATRICES = {kind: _IDENTITY[list(rows)] for kind, rows in _OBSERVE.items()}
+
+
+class Measurement(NamedTuple):
+    """What was measured of the state: `kind` names the rows; values and variances in their order."""
+
+    valid_us: int
+    kind: str
+    values: tuple[float, ...]
+    variances: tuple[float, ...]
+
+
+class State(NamedTuple):
+    """Mean (6,) and covariance (6, 6) at one instant."""
+
+    valid_us: int
+    mean: Vector
+    covariance: Vector
+
+
+class _Kept(NamedTuple):
+    state: State
+    measurement: Measurement | None
+
+
+class Motion:
+    """A filterpy `KalmanFilter` with a memory.
+
+    Args:
+        start: the first position measurement; its rows set the first state, velocity is unknown (10 m/s).
+        acceleration: mean of the measured acceleration (NED, m/s^2) between two instants, or None where there is none.
+        densities: acceleration noise density in m^2/s^3 without and with measured acceleration.
+    """
+
+    def __init__(self, start: Measurement, acceleration: Acceleration, densities: tuple[float, float]) -> None:
+        from filterpy.kalman import KalmanFilter  # half a second to import: only where a filter starts
+
+        self._filter: Any = KalmanFilter(dim_x=6, dim_z=3)
+        self._acceleration, self._densities = acceleration, densities
+        mean = np.zeros(6)
+        mean[: len(start.values)] = start.values
+        variances = [*start.variances, *[1e6] * (3 - len(start.variances)), *[_UNKNOWN_SPEED_VARIANCE] * 3]
+        self._kept: deque[_Kept] = deque([_Kept(State(start.valid_us, mean, np.diag(variances)), None)])
+
+    @property
+    def latest(self) -> State:
+        return self._kept[-1].state
+
+    @property
+    def oldest_us(self) -> int:
+        """A measurement from before this instant can no longer be fused."""
+        return self._kept[0].state.valid_us
+
+    def at(self, valid_us: int) -> State:
+        """The state predicted to an instant from what was known up to it. ValueError before `oldest_us`."""
+        for kept in reversed(self._kept):
+            if kept.state.valid_us <= valid_us:
+                return self._predicted(kept.state, valid_us)
+        raise ValueError(f"the motion is known from {self.oldest_us} us on, not at {valid_us}")
+
+    def fuse(self, measurement: Measurement) -> None:
+        """Take a measurement in, at its place in time. ValueError when it is older than `oldest_us`."""
+        if measurement.valid_us < self.oldest_us:
+            raise ValueError(f"measured at {measurement.valid_us} us, the motion is known from {self.oldest_us} us on")
+        later: list[Measurement] = []
+        while self._kept[-1].state.valid_us > measurement.valid_us:
+            undone = self._kept.pop().measurement
+            if undone is not None:
+                later.append(undone)
+        for each in (measurement, *reversed(later)):
+            self._kept.append(_Kept(self._updated(self._predicted(self.latest, each.valid_us), each), each))
+        oldest_us = self.latest.valid_us - HISTORY_US
+        while len(self._kept) > HISTORY_STATES or (len(self._kept) > 1 and self._kept[1].state.valid_us <= oldest_us):
+            self._kept.popleft()
+
+    def move_origin(self, shift_m: tuple[float, float, float]) -> None:
+        """Express the motion about a point `shift_m` away, forgetting all but the latest state."""
+        valid_us, mean, covariance = self.latest
+        moved = mean.copy()
+        moved[:3] -= shift_m
+        self._kept = deque([_Kept(State(valid_us, moved, covariance), None)])
+
+    def _predicted(self, state: State, valid_us: int) -> State:
+        if valid_us == state.valid_us:
+            return state
+        dt = (valid_us - state.valid_us) / 1e6
+        measured = self._acceleration(state.valid_us, valid_us)
+        density = self._densities[measured is not None]
+        transition, noise, push = _IDENTITY.copy(), np.zeros((6, 6)), np.zeros((6, 3))
+        for axis in range(3):
+            transition[axis, axis + 3] = push[axis + 3, axis] = dt
+            push[axis, axis] = dt * dt / 2
+            noise[axis, axis] = density * dt**3 / 3
+            noise[axis, axis + 3] = noise[axis + 3, axis] = density * dt * dt / 2
+            noise[axis + 3, axis + 3] = density * dt
+        kalman = self._filter
+        kalman.x, kalman.P = state.mean, state.covariance
+        kalman.predict(u=np.array(measured or (0.0, 0.0, 0.0)), B=push, F=transition, Q=noise)
+        return State(valid_us, kalman.x, kalman.P)
+
+    def _updated(self, state: State, measurement: Measurement) -> State:
+        kalman = self._filter
+        kalman.x, kalman.P = state.mean, state.covariance
+        kalman.update(np.array(measurement.values), R=np.diag(measurement.variances), H=_MATRICES[measurement.kind])
+        return State(state.valid_us, kalman.x, kalman.P)
