@@ -1,0 +1,67 @@
+"""Instants and durations as people type them, and as people read them."""
+
+import re
+from datetime import UTC, datetime, timedelta
+
+from console.errors import WrongCall
+
+_UNITS_US = {"us": 1, "ms": 1_000, "s": 1_000_000, "min": 60_000_000, "h": 3_600_000_000}
+_DURATION = re.compile(r"(?P<number>[0-9]+(?:\.[0-9]+)?)(?P<unit>us|ms|s|min|h)?")
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def duration_us(text: str, *, option: str, default_unit: str = "s") -> int:
+    """A duration such as `200ms`, `5s`, `1.5min`; a bare number is in `default_unit`.
+
+    Raises:
+        WrongCall: if the text is no duration; `option` names the place.
+    """
+    found = _DURATION.fullmatch(text.strip())
+    if found is None:
+        raise WrongCall(
+            f"{option}: {text!r} is not a duration; write a number and a unit, as in 200ms, 5s, 1.5min "
+            f"(units: {', '.join(_UNITS_US)})."
+        )
+    return round(float(found["number"]) * _UNITS_US[found["unit"] or default_unit])
+
+
+def instant_us(text: str, now_us: int, *, option: str) -> int:
+    """An instant: ISO 8601, microseconds since the epoch, `now`, or relative to now (`-10s`, `+2s`).
+
+    A date without a zone is UTC. Raises WrongCall if the text is none of these.
+    """
+    given = text.strip()
+    if given == "now":
+        return now_us
+    if re.fullmatch(r"[0-9]+", given):
+        return int(given)
+    if given[:1] in {"-", "+"}:
+        offset = duration_us(given[1:], option=option)
+        return now_us - offset if given[0] == "-" else now_us + offset
+    try:
+        when = datetime.fromisoformat(given)
+    except ValueError:
+        raise WrongCall(
+            f"{option}: {text!r} is not an instant; write -10s (ten seconds ago), an ISO 8601 time such as "
+            "2026-05-01T12:00:00Z, or microseconds since 1970-01-01."
+        ) from None
+    if when.tzinfo is None:
+        when = when.replace(tzinfo=UTC)
+    return (when - _EPOCH) // timedelta(microseconds=1)
+
+
+def clock_time(instant: int) -> str:
+    """The time of day of an instant, UTC, to the millisecond: `12:00:01.250`."""
+    return (_EPOCH + timedelta(microseconds=instant)).strftime("%H:%M:%S.%f")[:-3]
+
+
+def span(microseconds: float) -> str:
+    """A length of time in at most six characters: `80 ms`, `1.2 s`, `3 min`."""
+    size = abs(microseconds)
+    if size < 1_000:
+        return f"{microseconds:.0f} us"
+    if size < 1_000_000:
+        return f"{microseconds / 1e3:.0f} ms"
+    if size < 100_000_000:
+        return f"{microseconds / 1e6:.1f} s"
+    return f"{microseconds / 60e6:.0f} min"

@@ -1,0 +1,83 @@
+"""What a command says: JSON lines or tables on standard output; progress, notes and errors on standard error."""
+
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def unit_json(unit: str) -> int | str:
+    """A unit as JSON shows it: a number where it is one."""
+    return int(unit) if unit.isdigit() else unit
+
+
+class Output:
+    """Where a command's words go. With `json_lines` standard output carries one JSON object a line, nothing else."""
+
+    def __init__(self, *, json_lines: bool) -> None:
+        self.json_lines = json_lines
+        self._out: Console | None = None
+        self._err: Console | None = None
+
+    @property
+    def console(self) -> "Console":
+        """Standard output for people."""
+        if self._out is None:
+            from rich.console import Console
+
+            self._out = Console(highlight=False)
+        return self._out
+
+    @property
+    def terminal(self) -> "Console":
+        """Standard error: progress and notes."""
+        if self._err is None:
+            from rich.console import Console
+
+            self._err = Console(stderr=True, highlight=False)
+        return self._err
+
+    def line(self, record: Mapping[str, Any]) -> None:
+        """One JSON object, at once."""
+        sys.stdout.write(json.dumps(record, separators=(",", ":"), allow_nan=False) + "\n")
+        sys.stdout.flush()
+
+    def say(self, text: str, **record: Any) -> None:
+        """One event: `record` as a JSON line, or `text` (rich markup) for people."""
+        if self.json_lines:
+            self.line(record)
+        else:
+            self.console.print(text)
+
+    def table(
+        self, title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, right: Sequence[str] = ()
+    ) -> None:
+        """A table for people, readable in 80 columns; columns named in `right` are flushed right. Rows are markup."""
+        from rich import box
+        from rich.table import Table
+
+        table = Table(
+            title=title or None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False, title_style="bold"
+        )
+        for column in columns:
+            table.add_column(column, justify="right" if column in right else "left", overflow="fold")
+        for row in rows:
+            table.add_row(*row)
+        self.console.print(table)
+
+    def note(self, text: str) -> None:
+        """A remark beside the result, for people."""
+        self.terminal.print(text)
+
+    @contextmanager
+    def waiting(self, text: str) -> Iterator[None]:
+        """A spinner while something is awaited, on a terminal only."""
+        if self.json_lines or not self.terminal.is_terminal:
+            yield
+            return
+        with self.terminal.status(text):
+            yield

@@ -1,0 +1,200 @@
+"""The platform processes that `dyknow up` starts: started, followed until they are ready, and ended by their id.
+
+Everything of one federation on this machine is in its run directory, `$XDG_RUNTIME_DIR/dyknow/<federation>` or
+`~/.cache/dyknow/<federation>`: per platform its configuration, what it said (`.out`, JSON lines) and its log (`.log`), and
+in `state.json` who runs. A process is known by its id together with its start time: ids are used again.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any, NamedTuple
+
+import psutil
+
+from console.errors import FederationFailed
+
+STATE_FILE = "state.json"
+GRACE_S = 5.0
+_POLL_S = 0.02
+
+
+class Running(NamedTuple):
+    """One process: its platform, id, and start time in seconds since the epoch as the system states it."""
+
+    unit: str
+    pid: int
+    started: float
+
+    def process(self) -> psutil.Process | None:
+        """The process itself, or None if it has ended, even if its id is in use again."""
+        try:
+            found = psutil.Process(self.pid)
+            alive = found.create_time() == self.started and found.status() != psutil.STATUS_ZOMBIE
+        except psutil.NoSuchProcess:
+            return None
+        return found if alive else None
+
+
+def run_directory(federation: str) -> Path:
+    """The run directory of a federation, made if need be; nobody else may look in."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    base = Path(runtime) if runtime and Path(runtime).is_dir() else Path.home() / ".cache"
+    found = base / "dyknow" / federation
+    found.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return found
+
+
+def read_state(directory: Path) -> tuple[Running, ...]:
+    """The processes of this federation that still run, the supervisor (unit "") among them."""
+    try:
+        noted = json.loads((directory / STATE_FILE).read_text(encoding="utf-8"))
+        running = [
+            Running(str(entry["unit"]), int(entry["pid"]), float(entry["started"])) for entry in noted["running"]
+        ]
+    except (OSError, ValueError, KeyError, TypeError):
+        return ()
+    return tuple(found for found in running if found.process() is not None)
+
+
+def write_state(directory: Path, running: Iterable[Running]) -> None:
+    """Note who runs, whole or not at all."""
+    new = directory / f"{STATE_FILE}.new"
+    new.write_text(json.dumps({"running": [found._asdict() for found in running]}), encoding="utf-8")
+    new.replace(directory / STATE_FILE)
+
+
+def end(running: Iterable[Running], grace_s: float = GRACE_S) -> None:
+    """End these processes and wait until they are gone: politely first, after `grace_s` not."""
+    alive = [process for found in running if (process := found.process()) is not None]
+    for process in alive:
+        _signal(process, signal.SIGTERM)
+    _gone, alive = psutil.wait_procs(alive, timeout=grace_s)
+    for process in alive:
+        _signal(process, signal.SIGKILL)
+    psutil.wait_procs(alive, timeout=grace_s)
+
+
+def _signal(process: psutil.Process, number: int) -> None:
+    try:
+        process.send_signal(number)
+        if number == signal.SIGTERM and process.status() == psutil.STATUS_STOPPED:
+            process.send_signal(signal.SIGCONT)
+    except psutil.NoSuchProcess:
+        return
+
+
+class Fleet:
+    """Platform processes of one federation, children of this process."""
+
+    def __init__(self, directory: Path, *, lifeline: bool) -> None:
+        """With `lifeline` a platform's standard input stays open until this process ends, however it ends."""
+        self.directory, self._lifeline = directory, lifeline
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._heard: dict[str, int] = {}
+        self.running: dict[str, Running] = {}
+
+    def start(self, unit: str, configuration: str, module: str = "runtime.node") -> None:
+        """Start the platform `unit` with its configuration, a JSON text."""
+        config = self.directory / f"{unit}.json"
+        config.write_text(configuration, encoding="utf-8")
+        with (self.directory / f"{unit}.out").open("wb") as out, (self.directory / f"{unit}.log").open("wb") as log:
+            child = subprocess.Popen(  # noqa: S603 - our own module, our own interpreter
+                [sys.executable, "-m", module, "--config", str(config)],
+                stdin=subprocess.PIPE if self._lifeline else subprocess.DEVNULL,
+                stdout=out,
+                stderr=log,
+                start_new_session=True,
+            )
+        self._children[unit] = child
+        self._heard[unit] = 0
+        self.running[unit] = Running(unit, child.pid, psutil.Process(child.pid).create_time())
+
+    def heard(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """What the platforms said since the last call: whole JSON lines of their standard output."""
+        for unit in self._children:
+            with (self.directory / f"{unit}.out").open("rb") as out:
+                out.seek(self._heard[unit])
+                whole, newline, _part = out.read().rpartition(b"\n")
+            self._heard[unit] += len(whole) + len(newline)
+            for line in whole.splitlines():
+                try:
+                    said = json.loads(line)
+                except ValueError:
+                    continue
+                if isinstance(said, dict):
+                    yield unit, said
+
+    def ended(self) -> dict[str, int]:
+        """The platforms that have ended, with their exit codes (negative: the signal that ended them)."""
+        return {unit: code for unit, child in self._children.items() if (code := child.poll()) is not None}
+
+    def follow(
+        self, done: Callable[[], bool], on_heard: Callable[[str, dict[str, Any]], None], timeout_s: float
+    ) -> bool:
+        """Hear the platforms until `done` or the time is over; True if done.
+
+        Raises:
+            FederationFailed: if one ends meanwhile; its last words are in the message.
+        """
+        until = time.monotonic() + timeout_s
+        while True:
+            for unit, said in self.heard():
+                on_heard(unit, said)
+            if done():
+                return True
+            for unit, code in self.ended().items():
+                raise FederationFailed(
+                    f"platform {unit} ended with code {code} before it was ready.\n{self.last_words(unit)}"
+                )
+            if time.monotonic() > until:
+                return False
+            time.sleep(_POLL_S)
+
+    def last_words(self, unit: str, lines: int = 8) -> str:
+        """The end of a platform's log, and where the whole of it is."""
+        log = self.directory / f"{unit}.log"
+        said = log.read_text(encoding="utf-8", errors="replace").splitlines()[-lines:] if log.exists() else []
+        return "\n".join([*(f"    {line}" for line in said), f"the whole log: {log}"])
+
+    def end(self) -> None:
+        """End all and wait until they are gone."""
+        end(self.running.values())
+        for child in self._children.values():
+            if child.stdin is not None:
+                child.stdin.close()
+            child.wait(timeout=GRACE_S)
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """SIGTERM and SIGHUP interrupt as SIGINT does, so that what was started is ended in every case."""
+
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """While processes are being ended a second SIGINT must not leave half of them running."""
+    numbers: Sequence[signal.Signals] = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before: Mapping[signal.Signals, Any] = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,47 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from console.errors import WrongCall
+from console.instants import duration_us, instant_us, span
+
+NOW = 1_700_000_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("-10s", NOW - 10_000_000),
+        ("+250ms", NOW + 250_000),
+        ("now", NOW),
+        ("1700000000000001", 1_700_000_000_000_001),
+        ("2023-11-14T22:13:20Z", NOW),
+        ("2023-11-14T22:13:20", NOW),
+        ("2023-11-15T00:13:20.000005+02:00", NOW + 5),
+    ],
+)
+def test_an_instant_is_relative_iso_8601_or_microseconds(text: str, expected: int) -> None:
+    assert instant_us(text, NOW, option="--at") == expected
+
+
+@given(st.integers(min_value=0, max_value=4_000_000_000_000_000))
+def test_microseconds_are_taken_exactly(instant: int) -> None:
+    assert instant_us(str(instant), NOW, option="--at") == instant
+
+
+@pytest.mark.parametrize("text", ["", "soon", "-", "-10x", "2023-13-01", "1e9", "10 s ago"])
+def test_what_is_no_instant_is_refused_with_place_and_examples(text: str) -> None:
+    with pytest.raises(WrongCall, match=r"^--at: .*(-10s|200ms)"):
+        instant_us(text, NOW, option="--at")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [("5s", 5_000_000), ("200ms", 200_000), ("1.5min", 90_000_000), ("2", 2_000_000), ("7us", 7)]
+)
+def test_a_duration_has_a_unit_or_is_in_seconds(text: str, expected: int) -> None:
+    assert duration_us(text, option="--timeout") == expected
+
+
+@pytest.mark.parametrize(("us", "shown"), [(12, "12 us"), (80_000, "80 ms"), (1_250_000, "1.2 s"), (-300, "-300 us")])
+def test_spans_are_short(us: int, shown: str) -> None:
+    assert span(us) == shown

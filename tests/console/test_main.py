@@ -1,0 +1,67 @@
+import json
+import subprocess
+import sys
+import time
+
+import pytest
+
+from console.main import app
+from tests.console.conftest import Run
+
+HEAVY = ("zenoh", "pymavlink", "numpy", "scipy", "filterpy", "pydantic", "cryptography")
+COMMANDS = [info.name or info.callback.__name__ for info in app.registered_commands if info.callback]
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = (
+        "import sys\nsys.argv = ['dyknow', '--help']\nfrom console.main import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        f"sys.stderr.write(','.join(m for m in {HEAVY!r} if m in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=True)
+    assert done.stderr == ""
+    assert "Usage: dyknow" in done.stdout
+
+
+@pytest.mark.full
+def test_help_takes_at_most_four_tenths_of_a_second(dyknow: Run) -> None:
+    def took() -> float:
+        began = time.perf_counter()
+        dyknow("--help")
+        return time.perf_counter() - began
+
+    assert min(took() for _ in range(5)) <= 0.4
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help_with_an_example_that_fits_80_columns(dyknow: Run, name: str) -> None:
+    done = dyknow(name, "--help")
+    assert done.returncode == 0
+    assert f"Example: dyknow {name}" in done.stdout
+    assert all(len(line) <= 80 for line in done.stdout.splitlines())
+
+
+def test_an_unknown_command_is_a_wrong_call_with_a_suggestion(dyknow: Run) -> None:
+    done = dyknow("docto")
+    assert done.returncode == 2
+    assert "doctor" in done.stderr
+
+
+def test_a_wrong_option_value_is_a_wrong_call_that_names_command_place_and_remedy(dyknow: Run) -> None:
+    done = dyknow("doctor", "--federation", "A B")
+    assert done.returncode == 2
+    assert done.stderr.startswith("dyknow doctor: --federation: 'A B' cannot name a federation; write ")
+
+
+def test_json_is_one_object_a_line_and_nothing_else(dyknow: Run) -> None:
+    done = dyknow("doctor", "--json")
+    found = [json.loads(line) for line in done.stdout.splitlines()]
+    assert all(set(entry) == {"finding", "state", "detail", "remedy"} for entry in found)
+
+
+def test_a_reader_that_has_seen_enough_ends_the_command_quietly() -> None:
+    ended = subprocess.run(
+        f"{sys.executable} -c 'from console.main import main; main()' doctor --json | head -1",
+        shell=True, capture_output=True, text=True, timeout=30, check=False,
+    )  # fmt: skip
+    assert ended.stderr == ""
