@@ -1,0 +1,122 @@
+"""Notices that this session is deaf, or that a peer is deaf to it, and says when to open a new one.
+
+A one-way silent link can last for days without Zenoh noticing. Every heartbeat lists whom its sender hears; from
+these lists each node sees where a pair should hear each other and does not. One side of a pair acts first, so that
+the two do not reopen in step:
+
+* others hear a peer and we have not for 4 s. If that is so of most peers, our session is the broken one: now. Else
+  the greater unit of the pair goes first, after 5 s, and the lesser after 6 s if that did not help;
+* a peer does not hear us for 4 s although we hear it. Where a third platform can tell it so, it will act itself and
+  we only after 7 s;
+* we hear nobody any more: after 4 s if tokens say that somebody is there, else after 6 s.
+
+Reopening that does not help is repeated ever more rarely: it disturbs those who hear each other.
+"""
+
+from collections.abc import Collection, Iterable, Mapping
+from zlib import crc32
+
+from federation.liveness import SUSPECT_US, Peer
+
+MOST_US = 4_000_000
+FIRST_US = 5_000_000
+SECOND_US = 6_000_000
+BACKUP_US = 7_000_000
+ALONE_US = 6_000_000
+ALONE_FOR_US = 300_000_000
+PERIOD_US = 500_000
+QUIET_US = 30_000_000
+BETWEEN_US = 6_000_000
+BETWEEN_MOST_US = 60_000_000
+PATIENT = 3
+
+
+class DeafnessWatchdog:
+    """Steps over the peers twice a second; `on_time` returns why to reopen, or nothing."""
+
+    def __init__(self, unit: str, now_us: int) -> None:
+        self.unit = unit
+        self._next_us = now_us + PERIOD_US
+        self._mentioned_us: dict[str, int] = {}
+        self._unlisted_us: dict[str, int] = {}
+        self._opened_us = now_us
+        self._reopened = 0
+        self._trouble_us = now_us
+        self._spread_us = crc32(unit.encode()) % 1_000_000
+
+    @property
+    def deadline_us(self) -> int:
+        return self._next_us
+
+    def on_time(self, peers: Mapping[str, Peer], now_us: int) -> str | None:
+        """Why the session should be reopened now, or None."""
+        if now_us < self._next_us:
+            return None
+        self._next_us = now_us + PERIOD_US
+        why = self._why(peers, now_us)
+        if why is None:
+            if now_us >= self._trouble_us + QUIET_US:
+                self._reopened = 0
+            return None
+        self._trouble_us = now_us
+        if self._reopened and now_us < self._opened_us + self._between_us:
+            return None
+        self._reopened += 1
+        self._opened_us = now_us
+        self._unlisted_us.clear()
+        self._mentioned_us.clear()
+        return why
+
+    @property
+    def _between_us(self) -> int:
+        doubled: int = 2 ** min(8, max(0, self._reopened - PATIENT))
+        return min(BETWEEN_MOST_US, BETWEEN_US * doubled)
+
+    def _why(self, peers: Mapping[str, Peer], now_us: int) -> str | None:
+        heard = {unit for unit, peer in peers.items() if peer.heard_us > now_us - SUSPECT_US and not peer.left}
+        if not heard:
+            self._mentioned_us.clear()
+            self._unlisted_us.clear()
+            return self._alone(peers.values(), now_us)
+        deaf_us = self._deaf_us(peers, heard, now_us)
+        unlisted_us = self._note(self._unlisted_us, (u for u in heard if self.unit not in peers[u].hears), now_us)
+        for unit, silent_us in sorted(deaf_us.items()):
+            if silent_us >= MOST_US and 2 * len(deaf_us) > len(heard) + len(deaf_us):
+                return f"others hear {unit} and {len(deaf_us) - 1} more, this session does not"
+            if silent_us >= (FIRST_US if self.unit > unit else SECOND_US):
+                return f"others hear {unit}, this session does not"
+        for unit, silent_us in sorted(unlisted_us.items()):
+            told = any(third in heard and self.unit in peers[third].hears for third in peers[unit].hears)
+            if silent_us >= (BACKUP_US if told else MOST_US):
+                return f"{unit} does not hear this session"
+        return None
+
+    def _deaf_us(self, peers: Mapping[str, Peer], heard: set[str], now_us: int) -> dict[str, int]:
+        """For each unit that others hear and we do not: for how long."""
+        mentioned = {unit for third in heard for unit in peers[third].hears}
+        mentioned.discard(self.unit)
+        for_us = self._note(self._mentioned_us, mentioned, now_us)
+        found: dict[str, int] = {}
+        for unit in mentioned - heard:
+            peer = peers.get(unit)
+            if peer is not None and peer.left:
+                continue
+            silent_us = now_us - (peer.heard_us if peer is not None else 0)
+            found[unit] = min(for_us[unit], silent_us, now_us - self._opened_us)
+        return found
+
+    def _note(self, since_us: dict[str, int], units: Iterable[str], now_us: int) -> dict[str, int]:
+        """Keep since when each of `units` has been among them; returns for how long."""
+        current = set(units)
+        for unit in since_us.keys() - current:
+            del since_us[unit]
+        return {unit: now_us - since_us.setdefault(unit, now_us) for unit in current}
+
+    def _alone(self, peers: Collection[Peer], now_us: int) -> str | None:
+        """Nobody is heard; that is a reason if somebody was, lately, and did not say good-bye."""
+        last_us = max((peer.heard_us for peer in peers if peer.seq >= 0 and not peer.left), default=None)
+        if last_us is None or now_us > last_us + ALONE_FOR_US:
+            return None
+        silent_us = now_us - max(last_us, self._opened_us)
+        patience_us = MOST_US if any(peer.tokens for peer in peers) else ALONE_US + self._spread_us
+        return "nobody is heard any more" if silent_us >= patience_us else None
