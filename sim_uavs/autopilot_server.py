@@ -1,0 +1,112 @@
+"""One simulated vehicle on one UDP socket in one thread: the only place here that waits."""
+
+import contextlib
+import socket
+import threading
+import time
+from collections.abc import Callable
+from typing import Self
+
+from federation.clock import FederationClock
+from sim_uavs.autopilot import Autopilot, Sent, Truth
+from sim_uavs.faults import Fault
+from sim_uavs.settings import VehicleConfig
+
+_LARGEST = 65_535
+_LONGEST_WAIT_S = 0.5
+
+
+def utc_clock() -> Callable[[], int]:
+    """UTC when called, then as many microseconds on as the monotonic clock: never set back."""
+    started_us, since_ns = time.time_ns() // 1000, time.monotonic_ns()
+    return lambda: started_us + (time.monotonic_ns() - since_ns) // 1000
+
+
+class AutopilotServer:
+    """Runs an `Autopilot` from `start` to `stop` on `host`, on `port` (0: any free one; then `port` says which).
+
+    Attributes:
+        clock: how the vehicle's time follows `wall_us`; at speed 10 it flies ten times as fast.
+    """
+
+    def __init__(
+        self,
+        config: VehicleConfig,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        clock: FederationClock | None = None,
+        wall_us: Callable[[], int] | None = None,
+    ) -> None:
+        self.config, self.clock = config, clock or FederationClock()
+        self._wall_us = wall_us or utc_clock()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind((host, port))
+        self._autopilot = Autopilot(config, self.now_us())
+        self._lock, self._stopping = threading.Lock(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"autopilot-{config.system_id}", daemon=True)
+
+    @property
+    def port(self) -> int:
+        port: int = self._socket.getsockname()[1]
+        return port
+
+    def now_us(self) -> int:
+        """The vehicle's time, before any clock fault."""
+        return self.clock.federation_us(self._wall_us())
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread and close the socket; harmless when repeated."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._socket.close()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def inject(self, fault: Fault, duration_us: int | None = None) -> int | None:
+        """Begin a fault for `duration_us` of the vehicle's time, or for good; returns when it ends."""
+        with self._lock:
+            now_us = self.now_us()
+            until_us = None if duration_us is None else now_us + duration_us
+            self._autopilot.inject(fault, now_us, until_us)
+        return until_us
+
+    def clear_faults(self) -> None:
+        with self._lock:
+            self._autopilot.clear_faults()
+
+    def truth(self) -> Truth:
+        with self._lock:
+            return self._autopilot.truth()
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            self._socket.settimeout(self._wait_s())
+            try:
+                data, peer = self._socket.recvfrom(_LARGEST)
+            except TimeoutError:
+                data, peer = b"", ("", 0)
+            except OSError:  # a peer's closed port, told by ICMP: it may come back
+                continue
+            with self._lock:
+                now_us = self.now_us()
+                sent = self._autopilot.on_bytes(data, peer, now_us) if data else self._autopilot.on_time(now_us)
+            self._send(sent)
+
+    def _wait_s(self) -> float:
+        due_us = self.clock.wall_us(self._autopilot.deadline_us)
+        return min(_LONGEST_WAIT_S, max(1e-6, (due_us - self._wall_us()) / 1e6))
+
+    def _send(self, sent: Sent) -> None:
+        for peer, datagram in sent:
+            with contextlib.suppress(OSError):  # nobody listens there at the moment
+                self._socket.sendto(datagram, peer)

@@ -1,0 +1,36 @@
+"""The list of items a vehicle flies on its own: pure data and the rules of what follows what."""
+
+from enum import StrEnum
+from typing import NamedTuple
+
+from sim_uavs.dynamics import Vector
+
+
+class Action(StrEnum):
+    FLY_TO = "fly to"
+    TAKE_OFF = "take off"
+    LAND = "land"
+    RETURN = "return"
+    SET_SPEED = "set speed"
+
+
+class Item(NamedTuple):
+    """One step. `point` is in the vehicle's local frame; `stay_us` None means for ever; `within_m` counts as there."""
+
+    action: Action
+    point: Vector | None = None
+    stay_us: int | None = 0
+    within_m: float = 1.5
+    speed_m_s: float = 0.0
+
+
+class Progress(NamedTuple):
+    """Which item (by its number) is being flown and, once it was reached, since when."""
+
+    item: int = 0
+    reached_us: int | None = None
+
+
+def next_index(items: tuple[Item, ...], index: int) -> int | None:
+    """The item after `index`, or None at the end."""
+    return index + 1 if index + 1 < len(items) else None
