@@ -1,0 +1,85 @@
+"""MAVLink frames in bytes: where one begins and ends, whose it is, and what it says if we want to know.
+
+pymavlink hands out messages of unknown types with neither checksum nor signature checked, so a frame is decoded only if
+its type is on the allow-list, and only after its ids were looked at.
+"""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+_V1, _V2 = 0xFE, 0xFD
+_SIGNED, _SIGNATURE = 1, 13
+
+WANTED = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
+        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+        mavlink.MAVLINK_MSG_ID_SCALED_IMU,
+        mavlink.MAVLINK_MSG_ID_RAW_IMU,
+        mavlink.MAVLINK_MSG_ID_ATTITUDE,
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
+        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+        mavlink.MAVLINK_MSG_ID_HIGHRES_IMU,
+        mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
+        mavlink.MAVLINK_MSG_ID_HOME_POSITION,
+        mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+    }
+)
+"""The allow-list of message ids."""
+
+
+class Frame(NamedTuple):
+    """One frame, not yet checked. `whole` is False where the bytes end before the frame does."""
+
+    data: bytes
+    system: int
+    component: int
+    message_id: int
+    whole: bool
+
+
+def frame_at(data: bytes | memoryview, offset: int) -> Frame | None:
+    """The frame that begins at `offset`, or None where none begins."""
+    head = bytes(data[offset : offset + 10])
+    if len(head) >= 6 and head[0] == _V1:
+        length, system, component, message_id = head[1] + 8, head[3], head[4], head[5]
+    elif len(head) >= 10 and head[0] == _V2:
+        length = head[1] + 12 + (_SIGNATURE if head[2] & _SIGNED else 0)
+        system, component, message_id = head[5], head[6], int.from_bytes(head[7:10], "little")
+    else:
+        return None
+    found = bytes(data[offset : offset + length])
+    return Frame(found, system, component, message_id, len(found) == length)
+
+
+def frames(datagram: bytes) -> Iterator[Frame]:
+    """The frames of one datagram; what is not a frame is passed over."""
+    offset = 0
+    while offset < len(datagram):
+        frame = frame_at(datagram, offset)
+        if frame is None or not frame.whole:
+            offset += 1
+            continue
+        yield frame
+        offset += len(frame.data)
+
+
+def decoded(codec: Any, frame: Frame) -> Any | None:
+    """The message of a frame, or None: not wanted, wrong checksum, wrong or missing signature, too short.
+
+    Args:
+        codec: a pymavlink `MAVLink`; with a signing key it accepts signed frames only, each once.
+        frame: as cut from the bytes.
+    """
+    if frame.message_id not in WANTED:
+        return None
+    try:
+        return codec.decode(bytearray(frame.data))
+    except (mavlink.MAVError, ValueError, IndexError, TypeError):
+        return None
