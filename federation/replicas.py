@@ -1,0 +1,174 @@
+"""Copies of what other platforms say of themselves, and the questions that bring them."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from dyknow.errors import DecodeError
+from federation import keys
+from federation.clock import FederationClock
+from federation.codec import decode_description
+from federation.liveness import Peer, State
+from federation.offers import NO_OFFERS, Offers, Service, Visibility
+from federation.transport import Answered, Ask, AskEnded
+from federation.wire import Description
+
+CONFIRM_US = 10_000_000
+RETRY_US = 50_000
+RETRY_MOST_US = 2_000_000
+ASK_TIMEOUT_US = 1_000_000
+
+
+class PlatformRefused(NamedTuple):
+    """A platform is there with which this one cannot federate; its services and labels are not listed."""
+
+    unit: str
+    boot: int
+    why: str
+
+
+class Replica:
+    """What one incarnation of a platform says of itself; version 0 before it was asked successfully."""
+
+    __slots__ = ("asked", "backoff_us", "boot", "due_us", "offers", "refusal", "unit", "version")
+
+    def __init__(self, unit: str, boot: int, now_us: int) -> None:
+        self.unit, self.boot = unit, boot
+        self.version = 0
+        self.offers = NO_OFFERS
+        self.refusal: str | None = None
+        self.asked: int | None = None
+        self.due_us = now_us
+        self.backoff_us = RETRY_US
+
+
+class Replicas:
+    """A replica of each platform that is heard, kept at the version that its heartbeats announce.
+
+    A description is asked for until it is had, again when its version changes, and once in 10 s in any case.
+    `peers` is the view of `Liveness`, `questions` numbers the questions of the whole node.
+    """
+
+    def __init__(
+        self, peers: Mapping[str, Peer], questions: Iterator[int], clock: FederationClock, roster: str | None
+    ) -> None:
+        self.refused: Counter[str] = Counter()
+        self._peers, self._questions, self._clock, self._roster = peers, questions, clock, roster
+        self._replicas: dict[str, Replica] = {}
+        self._asking: dict[int, str] = {}
+        self._due_us: int | None = None
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._due_us
+
+    def of(self, unit: str) -> Replica | None:
+        return self._replicas.get(unit)
+
+    def drop(self, unit: str) -> Offers:
+        """The platform is gone; returns what it offered."""
+        replica = self._replicas.pop(unit, None)
+        if replica is None:
+            return NO_OFFERS
+        if replica.asked is not None:
+            self._asking.pop(replica.asked, None)
+        return replica.offers
+
+    def want(self, unit: str, now_us: int) -> list[Ask]:
+        """See to it that the announced version of a platform that is heard is asked for."""
+        peer = self._peers.get(unit)
+        if peer is None or peer.seq < 0 or peer.state is State.GONE:
+            return []
+        replica = self._replicas.get(unit)
+        if replica is None or replica.boot != peer.boot:
+            self.drop(unit)
+            replica = self._replicas[unit] = Replica(unit, peer.boot, now_us)
+        elif self._is_current(replica):
+            return []
+        elif replica.asked is None and replica.backoff_us == RETRY_US:
+            replica.due_us = min(replica.due_us, now_us)
+        if replica.asked is not None or now_us < replica.due_us:
+            return []
+        return [self._ask(replica, now_us)]
+
+    def doubt(self, unit: str, now_us: int) -> None:
+        """A token says otherwise than the replica: ask again soon."""
+        replica = self._replicas.get(unit)
+        if replica is not None and replica.asked is None:
+            replica.due_us = min(replica.due_us, now_us + RETRY_US)
+            self._wake(replica.due_us)
+
+    def on_answered(self, answered: Answered) -> tuple[Replica, Description] | None:
+        """A description that answers one of our questions and fits; `learn` takes it over."""
+        unit = self._asking.get(answered.question)
+        replica = self._replicas.get(unit) if unit is not None else None
+        if replica is None:
+            return None
+        try:
+            found = decode_description(answered.payload)
+        except DecodeError as error:
+            self.refused[error.reason] += 1
+            return None
+        if found.unit != replica.unit or found.boot != replica.boot or found.version < replica.version:
+            self.refused["description of another"] += 1
+            return None
+        return replica, found
+
+    def learn(self, replica: Replica, found: Description) -> None:
+        """Take a description over. What a platform offers with which we cannot federate is not listed."""
+        replica.version, replica.refusal = found.version, self._refusal(found)
+        if replica.refusal is not None:
+            replica.offers = NO_OFFERS
+            return
+        services = {s.service: Service(s.service, s.agent, Visibility(s.visibility), s.version) for s in found.services}
+        replica.offers = Offers(services, {entry.label: entry for entry in found.labels})
+
+    def on_ask_ended(self, ended: AskEnded) -> None:
+        """A question is over; what it did not bring is asked again, ever later."""
+        unit = self._asking.pop(ended.question, None)
+        replica = self._replicas.get(unit) if unit is not None else None
+        if replica is None or replica.asked != ended.question:
+            return
+        replica.asked = None
+        if self._is_current(replica):
+            replica.due_us, replica.backoff_us = ended.at_us + CONFIRM_US, RETRY_US
+        else:
+            replica.due_us = ended.at_us + replica.backoff_us
+            replica.backoff_us = min(2 * replica.backoff_us, RETRY_MOST_US)
+        self._wake(replica.due_us)
+
+    def on_time(self, now_us: int) -> list[Ask]:
+        """Ask what is due."""
+        if self._due_us is None or now_us < self._due_us:
+            return []
+        self._due_us = None
+        asks = []
+        for replica in self._replicas.values():
+            if now_us >= replica.due_us:
+                if replica.asked is not None:
+                    del self._asking[replica.asked]
+                asks.append(self._ask(replica, now_us))
+            self._wake(replica.due_us)
+        return asks
+
+    def _is_current(self, replica: Replica) -> bool:
+        peer = self._peers.get(replica.unit)
+        return peer is not None and peer.boot == replica.boot and replica.version >= max(1, peer.version)
+
+    def _ask(self, replica: Replica, now_us: int) -> Ask:
+        replica.asked = next(self._questions)
+        replica.due_us = now_us + 2 * ASK_TIMEOUT_US
+        self._asking[replica.asked] = replica.unit
+        self._wake(replica.due_us)
+        return Ask(replica.asked, keys.describe(replica.unit), b"", ASK_TIMEOUT_US)
+
+    def _refusal(self, found: Description) -> str | None:
+        if not self._clock.agrees(found.clock_epoch_us, found.clock_speed):
+            return f"its federation clock runs at speed {found.clock_speed} from {found.clock_epoch_us}"
+        if found.roster != self._roster:
+            return "it goes by another roster" if found.roster else "it goes by no roster"
+        return None
+
+    def _wake(self, due_us: int) -> None:
+        if self._due_us is None or due_us < self._due_us:
+            self._due_us = due_us
