@@ -25,7 +25,6 @@ _REFUSALS = {
     mavlink.MAV_RESULT_DENIED: "denied",
     mavlink.MAV_RESULT_UNSUPPORTED: "unsupported",
     mavlink.MAV_RESULT_FAILED: "failed",
-    mavlink.MAV_RESULT_CANCELLED: "cancelled",
 }
 
 

@@ -47,9 +47,8 @@ _PX4_AUTO = {
     8: "FOLLOW_TARGET",
     9: "PRECLAND",
 }
-PLANES = {
-    mavlink.MAV_TYPE_FIXED_WING,
-    *range(mavlink.MAV_TYPE_VTOL_TAILSITTER_DUOROTOR, mavlink.MAV_TYPE_VTOL_TILTWING + 1),
+PLANES = {mavlink.MAV_TYPE_FIXED_WING} | {
+    number for number, entry in mavlink.enums["MAV_TYPE"].items() if entry.name.startswith("MAV_TYPE_VTOL")
 }
 ROVERS = {mavlink.MAV_TYPE_GROUND_ROVER, mavlink.MAV_TYPE_SURFACE_BOAT}
 _IN_AIR = {
@@ -200,7 +199,8 @@ class VehicleReports:
         return self._on_scaled_imu(message, valid_us) if self.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA else ()
 
     def _on_battery(self, message: Any, valid_us: int) -> tuple[Report, ...]:
-        if message.battery_remaining < 0 or getattr(message, "id", 0) != 0:
+        second = message.get_type() == "BATTERY_STATUS" and message.id != 0
+        if message.battery_remaining < 0 or second:
             return ()
         current_a = message.current_battery / 100 if message.current_battery >= 0 else None
         return (BatteryReport(valid_us, min(message.battery_remaining, 100) / 100, current_a),)
