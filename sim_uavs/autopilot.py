@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from pymavlink.dialects.v20 import all as mavlink
 
+from dyknow.instants import US_PER_S
 from navigation.geodesy import LocalFrame
 from sim_uavs.autopilot_commands import Commands, read_order
 from sim_uavs.autopilot_link import Decoder, Link, Links, Message
@@ -24,7 +25,6 @@ from sim_uavs.sensors import GpsReading, ImuReading, draw_bias, next_wander, rea
 from sim_uavs.settings import Peer, Place, VehicleConfig
 
 TICK_US = 100_000
-US_PER_S = 1_000_000
 _COMPONENTS = frozenset({0, mavlink.MAV_COMP_ID_AUTOPILOT1})
 _FTP_NAK, _FTP_UNKNOWN_COMMAND = 129, 7
 
@@ -268,7 +268,7 @@ class Autopilot:
         modes, standard = self._persona.modes, self._persona.standard
         return [
             mavlink.MAVLink_available_modes_message(
-                len(modes), index, standard.get(mode, 0), number, 0, mode.value.encode()
+                len(modes), index, standard.get(mode, 0), number, 0, self._persona.name(mode).encode()
             )
             for index, (mode, number) in enumerate(modes.items(), start=1)
         ]

@@ -17,7 +17,9 @@ _MOST_ITEMS = 200
 _ASK_AGAIN_US = 500_000
 _MOST_ASKS = 20
 
-_FLY_TO = {
+_PLACED = {
+    mavlink.MAV_CMD_NAV_TAKEOFF,
+    mavlink.MAV_CMD_NAV_LAND,
     mavlink.MAV_CMD_NAV_WAYPOINT,
     mavlink.MAV_CMD_NAV_LOITER_TIME,
     mavlink.MAV_CMD_NAV_LOITER_UNLIM,
@@ -168,9 +170,9 @@ class Missions:
             return Item(Action.RETURN)
         if s.command == mavlink.MAV_CMD_DO_CHANGE_SPEED:
             return Item(Action.SET_SPEED, speed_m_s=s.params[1])
-        if s.command == mavlink.MAV_CMD_NAV_LAND:
+        if s.command == mavlink.MAV_CMD_NAV_LAND and not (s.x or s.y):
             return Item(Action.LAND)
-        if s.command not in _FLY_TO | {mavlink.MAV_CMD_NAV_TAKEOFF}:
+        if s.command not in _PLACED:
             return int(mavlink.MAV_MISSION_UNSUPPORTED)
         if s.frame not in FRAMES:
             return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
@@ -182,6 +184,8 @@ class Missions:
             return int(mavlink.MAV_MISSION_INVALID)
         if s.command == mavlink.MAV_CMD_NAV_TAKEOFF:
             return Item(Action.TAKE_OFF, point)
+        if s.command == mavlink.MAV_CMD_NAV_LAND:
+            return Item(Action.LAND, point)
         if s.command == mavlink.MAV_CMD_NAV_LOITER_UNLIM:
             return Item(Action.FLY_TO, point, stay_us=None)
         stay_s = s.params[0] if 0.0 <= s.params[0] < 86_400.0 else 0.0

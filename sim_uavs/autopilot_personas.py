@@ -2,7 +2,7 @@
 
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
@@ -45,6 +45,11 @@ class Persona:
     names_take_off: bool
     home_is_item_0: bool
     take_off_mode: int = 0
+    names: Mapping[Mode, str] = field(default_factory=dict)
+
+    def name(self, mode: Mode) -> str:
+        """What the maker calls the mode."""
+        return self.names.get(mode, mode.value)
 
     def custom_mode(self, mode: Mode, *, taking_off: bool) -> int:
         return self.take_off_mode if taking_off and self.names_take_off and mode is Mode.GUIDED else self.modes[mode]
@@ -134,6 +139,15 @@ PX4 = Persona(
     names_take_off=True,
     home_is_item_0=False,
     take_off_mode=_px4(4, 2),
+    names={
+        Mode.STABILIZE: "Stabilized",
+        Mode.LOITER: "Position",
+        Mode.GUIDED: "Hold",
+        Mode.AUTO: "Mission",
+        Mode.RTL: "Return",
+        Mode.LAND: "Land",
+        Mode.OFFBOARD: "Offboard",
+    },
 )
 
 PERSONAS: Mapping[PersonaName, Persona] = {"ardupilot": ARDUPILOT, "px4": PX4}

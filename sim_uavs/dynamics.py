@@ -11,7 +11,6 @@ from typing import NamedTuple
 from numpy.random import Generator
 
 GRAVITY_M_S2 = 9.80665
-_RESPONSE_S = 0.3  # how fast the attitude loop turns a velocity error into acceleration
 _IDLE_W = 8.0  # avionics, motors off
 
 
@@ -42,7 +41,10 @@ ZERO = Vector(0.0, 0.0, 0.0)
 
 
 class Limits(NamedTuple):
-    """What the airframe can do: a 2 kg quadcopter that hovers for about 25 minutes."""
+    """What the airframe can do: a 2 kg quadcopter that hovers for about 25 minutes.
+
+    `response_s` is how fast its attitude loop turns an error of velocity into acceleration.
+    """
 
     speed_m_s: float = 15.0
     climb_m_s: float = 5.0
@@ -51,6 +53,7 @@ class Limits(NamedTuple):
     vertical_acceleration_m_s2: float = 3.0
     yaw_rate_rad_s: float = 1.5
     drag_per_s: float = 0.15
+    response_s: float = 0.3
     mass_kg: float = 2.0
     hover_w: float = 190.0
     capacity_wh: float = 80.0
@@ -145,7 +148,7 @@ def _next_velocity(velocity: Vector, demand: Vector, wind: Vector, dt_s: float, 
     if not motors:
         return velocity.plus(drag.plus(Vector(0.0, 0.0, GRAVITY_M_S2)), dt_s)
     error = _within_speed(demand, limits).minus(velocity)
-    response_s = max(_RESPONSE_S, dt_s)
+    response_s = max(limits.response_s, dt_s)
     wanted = Vector(*(component / response_s for component in error)).minus(drag)
     thrust = _within_acceleration(wanted, limits)
     return _within_speed(velocity.plus(_within_acceleration(thrust.plus(drag), limits), dt_s), limits)

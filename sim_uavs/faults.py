@@ -8,8 +8,8 @@
 from math import nan, sqrt
 from typing import NamedTuple
 
-
 from dyknow.errors import TextError
+from dyknow.instants import US_PER_S, parse_duration, print_duration
 from sim_uavs.dynamics import Vector
 from sim_uavs.sensors import GpsReading
 
@@ -28,7 +28,7 @@ _KINDS = {
     "nan": _Kind(None, 0, 0),
     "silence": _Kind(None, 0, 0),
     "packet-loss": _Kind(30.0, 0.0, 100.0),
-    "clock": _Kind(5e6, -1e15, 1e15),
+    "clock": _Kind(5.0 * US_PER_S, -1e15, 1e15),
     "clock-drift": _Kind(100.0, -100_000.0, 100_000.0),
     "teleport": _Kind(500.0, -100_000.0, 100_000.0),
     "gps-noise": _Kind(10.0, 0.0, 1000.0),
@@ -47,8 +47,6 @@ class Fault(NamedTuple):
         if _KINDS[self.kind].default is None:
             return self.kind
         if self.kind == "clock":
-            from dyknow.instants import print_duration
-
             sign = "-" if self.amount < 0 else "+"
             return f"clock={sign}{print_duration(abs(round(self.amount)))}"
         return f"{self.kind}={self.amount:g}"
@@ -79,8 +77,6 @@ def parse_fault(text: str) -> Fault:
 def _parse_amount(name: str, written: str, text: str) -> float:
     try:
         if name == "clock":
-            from dyknow.instants import parse_duration
-
             sign = -1 if written.startswith("-") else 1
             return float(sign * parse_duration(written.removeprefix("+").removeprefix("-"), "s"))
         return float(written)

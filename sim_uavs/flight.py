@@ -301,11 +301,13 @@ class Flight:
         if item.action is Action.SET_SPEED:
             self.change_speed(item.speed_m_s)
             return self._item_done()
+        here = self.body.position
+        if item.action is Action.LAND and item.point and here.minus(item.point).horizontal > item.within_m:
+            return self._follow(GoingTo(Vector(item.point.north, item.point.east, here.down)))
         if item.action in {Action.LAND, Action.RETURN}:
             self.events.append(Reached(self.progress.item))
             self.set_mode(Mode.LAND if item.action is Action.LAND else Mode.RTL)
             return self._demand()
-        here = self.body.position
         point = item.point or here
         if item.action is Action.TAKE_OFF:
             point = Vector(here.north, here.east, point.down)

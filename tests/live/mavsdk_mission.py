@@ -1,0 +1,100 @@
+"""Run as a program: MAVSDK flies every vehicle it meets on one port, all at once, and writes what it saw as JSON.
+
+A process of its own, since MAVSDK keeps threads of its own that a test should be able to end.
+"""
+
+import asyncio
+import json
+import sys
+import time
+from itertools import pairwise
+from statistics import median
+
+from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
+from mavsdk.asyncio.plugins.action import ActionAsync
+from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
+from mavsdk.exceptions import MavsdkError
+
+ATTEMPTS = 6
+ARRIVED_M = 2.0
+
+
+async def until(stream, holds):
+    """The first item of a stream for which `holds`."""
+    try:
+        async for item in stream:
+            if holds(item):
+                return item
+    finally:
+        await stream.aclose()
+    raise RuntimeError("the stream ended")
+
+
+async def insist(ask, *arguments):
+    """What a person does on a bad link: ask again. Returns how often it took."""
+    for attempt in range(1, ATTEMPTS + 1):
+        try:
+            await ask(*arguments)
+        except MavsdkError as refusal:
+            if attempt == ATTEMPTS or "TIMEOUT" not in str(refusal).upper():
+                raise
+        else:
+            return attempt
+    raise RuntimeError("unreachable")
+
+
+async def position_rate_hz(telemetry, seconds):
+    """Median rate of position updates over so many seconds."""
+    arrivals = []
+    stream = telemetry.subscribe_position()
+    end = time.monotonic() + seconds
+    try:
+        async for _ in stream:
+            arrivals.append(time.monotonic())
+            if arrivals[-1] >= end:
+                break
+    finally:
+        await stream.aclose()
+    return 1.0 / median(b - a for a, b in pairwise(arrivals))
+
+
+async def fly(system, take_off_m, seconds, north_deg, speed):
+    action, telemetry = ActionAsync(system), TelemetryAsync(system)
+    report = {"system": await system.get_system_id(), "autopilot": str(await system.autopilot_type())}
+    await until(telemetry.subscribe_health_all_ok(), bool)
+    start = await until(telemetry.subscribe_position(), lambda p: p.latitude_deg == p.latitude_deg)
+    await insist(action.set_takeoff_altitude, take_off_m)
+    report["arm"] = await insist(action.arm)
+    report["take_off"] = await insist(action.takeoff)
+    await until(telemetry.subscribe_in_air(), bool)
+    await until(telemetry.subscribe_position(), lambda p: p.relative_altitude_m > take_off_m - 1.0)
+    there = (start.latitude_deg + north_deg, start.longitude_deg, start.absolute_altitude_m + take_off_m + 2.0)
+    report["go_to"] = await insist(action.goto_location, *there, 0.0)
+
+    def arrived(p):
+        return (
+            abs(p.latitude_deg - there[0]) * 111_000 < ARRIVED_M and abs(p.absolute_altitude_m - there[2]) < ARRIVED_M
+        )
+
+    await until(telemetry.subscribe_position(), arrived)
+    report["rate_hz"] = await position_rate_hz(telemetry, seconds) / speed
+    report["land"] = await insist(action.land)
+    await until(telemetry.subscribe_in_air(), lambda in_air: not in_air)
+    await until(telemetry.subscribe_armed(), lambda armed: not armed)
+    return report
+
+
+async def main(port, count, take_off_m, seconds, north_deg, speed):
+    async with Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION)) as mavsdk:
+        appearing = mavsdk.on_new_system()
+        first = asyncio.ensure_future(anext(appearing))  # subscribes before anything can appear
+        await mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
+        await first
+        while len(systems := [s for s in await mavsdk.get_systems() if await s.has_autopilot()]) < count:
+            await anext(appearing)
+        reports = await asyncio.gather(*(fly(s, take_off_m, seconds, north_deg, speed) for s in systems))
+    sys.stdout.write(json.dumps(sorted(reports, key=lambda report: report["system"])) + "\n")
+
+
+if __name__ == "__main__":
+    asyncio.run(main(**json.loads(sys.argv[1])))
