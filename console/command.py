@@ -117,7 +117,7 @@ def _carried_out(function: Command, context: typer.Context, given: dict[str, Any
                 chosen[name] = value
         return function(Call(settings, file, Output(json_lines=settings.json_lines)), **chosen)
     except DyknowError as error:
-        sys.stderr.write(f"dyknow {context.info_name}: {error}\n")
+        sys.stderr.write(f"{context.command_path}: {error}\n")
         return exit_code(error)
     except KeyboardInterrupt:
         return INTERRUPTED

@@ -136,6 +136,18 @@ class Fleet:
         """The platforms that have ended, with their exit codes (negative: the signal that ended them)."""
         return {unit: code for unit, child in self._children.items() if (code := child.poll()) is not None}
 
+    def wait(self, on_ended: Callable[[str, int], None] = lambda _unit, _code: None) -> dict[str, int]:
+        """Wait until all have ended, telling of each as it does; their exit codes."""
+        told: set[str] = set()
+        while True:
+            ended = self.ended()
+            for unit in ended.keys() - told:
+                told.add(unit)
+                on_ended(unit, ended[unit])
+            if len(ended) == len(self._children):
+                return ended
+            time.sleep(10 * _POLL_S)
+
     def follow(
         self, done: Callable[[], bool], on_heard: Callable[[str, dict[str, Any]], None], timeout_s: float
     ) -> bool:

@@ -1,0 +1,86 @@
+"""`dyknow join`: one platform on a MAVLink vehicle or a recorded flight, in a child process of this command."""
+
+import time
+from typing import Any
+
+from console.command import Call
+from console.errors import DONE, INTERRUPTED, FederationFailed, WrongCall
+from console.instants import duration_us, instant_us
+from console.launch import clock_of, configured, replayed, trust_of, wire_of
+from console.output import unit_json
+from console.processes import Fleet, interruptible, run_directory, uninterrupted
+from console.up import READY_S, Gathering
+from federation.keys import unit as unit_name
+from runtime.config import ClockConfig, MavlinkVehicle, NodeConfig, ReplayedVehicle
+
+
+def join(call: Call, *, unit: str, duration: str | None, **chosen: Any) -> int:
+    """Run the platform until its duration is over, it fails, or somebody interrupts."""
+    unit_name(unit)
+    config = _config(call, unit, duration, chosen)
+    fleet = Fleet(run_directory(call.settings.federation), lifeline=True)
+    gathering = Gathering([unit])
+    with interruptible():
+        try:
+            fleet.start(unit, config.model_dump_json())
+            with call.out.waiting(f"platform {unit} is starting"):
+                if not fleet.follow(gathering.all_joined, gathering.on_heard, READY_S):
+                    raise FederationFailed(
+                        f"platform {unit} did not join in {READY_S:.0f} s.\n{fleet.last_words(unit)}"
+                    )
+            labels = gathering.labels[unit]
+            call.out.say(
+                f"[green]joined[/green]: platform {unit} offers {', '.join(labels) or 'no labels yet'}",
+                event="joined",
+                unit=unit_json(unit),
+                labels=labels,
+            )
+            code = fleet.wait()[unit]
+        except KeyboardInterrupt:
+            return INTERRUPTED
+        finally:
+            with uninterrupted():
+                fleet.end()
+    if code:
+        raise FederationFailed(f"platform {unit} ended with code {code}.\n{fleet.last_words(unit)}")
+    return DONE
+
+
+def _config(call: Call, unit: str, duration: str | None, chosen: dict[str, Any]) -> NodeConfig:
+    mavlink, replay = chosen["mavlink"], chosen["replay"]
+    if (mavlink is None) == (replay is None):
+        raise WrongCall(
+            "give the platform one vehicle: --mavlink udpin:127.0.0.1:14550, or --replay FILE for a recorded flight."
+        )
+    now_us = time.time_ns() // 1000
+    speed = chosen["speed"] or 1.0
+    vehicle: MavlinkVehicle | ReplayedVehicle
+    if replay is None:
+        vehicle, clock = _mavlink(chosen, mavlink, speed), clock_of(call.file, None, now_us)
+    else:
+        if chosen["control"] or chosen["sysid"] is not None:
+            raise WrongCall("--control and --sysid belong to --mavlink: a recording cannot be commanded.")
+        epoch = chosen["epoch"] or "now"
+        vehicle = replayed(replay, chosen["from_"], epoch, now_us, place="--replay")
+        clock = clock_of(call.file, chosen["speed"], now_us)
+        if clock.speed != 1.0 and (call.file is None or call.file.clock.epoch is None):
+            # Recordings that share an epoch share the clock that begins there.
+            clock = ClockConfig(epoch_us=instant_us(epoch, now_us, option="--epoch"), speed=clock.speed)
+    return configured(
+        {
+            "unit": unit,
+            "wire": wire_of(call, unit),
+            "clock": clock,
+            "trust": trust_of(call, unit),
+            "vehicle": vehicle,
+            "avoidance": chosen["avoidance"],
+            "translation": chosen["translation"],
+            "duration_s": duration_us(duration, option="--duration") / 1e6 if duration else None,
+        }
+    )
+
+
+def _mavlink(chosen: dict[str, Any], endpoint: str, speed: float) -> MavlinkVehicle:
+    if speed != 1.0 or chosen["epoch"] is not None or chosen["from_"] != "0s":
+        raise WrongCall("--speed, --epoch and --from belong to --replay: a vehicle's own clock cannot be driven.")
+    return MavlinkVehicle(endpoint=endpoint, sysid=chosen["sysid"], control=chosen["control"])

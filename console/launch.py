@@ -1,0 +1,158 @@
+"""From what a person asked to what each platform process is configured with."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from console.command import Call
+from console.errors import WrongCall, did_you_mean
+from console.federations import FederationFile, UnitFile
+from console.instants import duration_us, instant_us
+from federation.keys import unit as unit_name
+from runtime.config import (
+    ClockConfig,
+    MavlinkVehicle,
+    NodeConfig,
+    ReplayedVehicle,
+    SimulatedVehicle,
+    TrustConfig,
+    WireConfig,
+)
+
+DEFAULT_UNITS = 3
+_NOTHING = UnitFile()
+
+
+def wire_of(call: Call, unit: str, special: UnitFile = _NOTHING) -> WireConfig:
+    """How the process of `unit` finds the others. With endpoints to connect to there is no multicast."""
+    settings = call.settings
+    connect = special.connect if special.connect is not None else settings.connect or ()
+    listen = special.listen if special.listen is not None else settings.listen or ()
+    return WireConfig.model_validate(
+        {
+            "federation": settings.federation,
+            "listen": listen,
+            "connect": connect,
+            "discover": settings.discover or ("none" if connect else "multicast"),
+            "interface": settings.interface or "lo",
+            "security": _of_roster(settings.roster, f"{unit}.wire.json"),
+        }
+    )
+
+
+def trust_of(call: Call, unit: str) -> TrustConfig:
+    """The roster and the unit's own key, which lies beside it.
+
+    Raises:
+        WrongCall: if there is a roster but no key for `unit`.
+    """
+    roster = call.settings.roster
+    if roster is None:
+        return TrustConfig()
+    key = _of_roster(roster, f"keys/{unit}.key")
+    if key is None:
+        raise WrongCall(
+            f"--roster {roster}: there is no key for {unit} beside it (keys/{unit}.key); "
+            f"make one: dyknow roster add {unit} --roster {roster}"
+        )
+    return TrustConfig(roster=roster, key=key)
+
+
+def _of_roster(roster: Path | None, name: str) -> Path | None:
+    """A file that belongs to the roster, if it is there."""
+    found = roster.parent / name if roster is not None else None
+    return found if found is not None and found.exists() else None
+
+
+def clock_of(file: FederationFile | None, speed: float | None, now_us: int) -> ClockConfig:
+    """The federation's clock. One that runs faster begins now, unless the file says when."""
+    chosen = speed or (file.clock.speed if file else 1.0)
+    given = file.clock.epoch if file else None
+    if given is not None:
+        return ClockConfig(epoch_us=instant_us(given, now_us, option="[clock] epoch"), speed=chosen)
+    return ClockConfig(epoch_us=None if chosen == 1.0 else now_us, speed=chosen)
+
+
+def configured(fields: Mapping[str, Any]) -> NodeConfig:
+    """A NodeConfig; raises WrongCall that names the option that does not fit."""
+    try:
+        return NodeConfig.model_validate(dict(fields))
+    except ValidationError as error:
+        said = [f"{'.'.join(str(p) for p in e['loc'])}: {e['msg']} (got {e['input']!r})." for e in error.errors()]
+        raise WrongCall("\n".join(said)) from None
+
+
+def fleet_of(call: Call, chosen: Mapping[str, Any], now_us: int) -> list[NodeConfig]:
+    """The platforms of `dyknow up`: `units` of them by number, and those that the file names besides.
+
+    Args:
+        call: with the federation's file, if there is one.
+        chosen: units, scenario, seed, persona, gcs, avoidance, speed, only, duration_us, start_us.
+        now_us: the wall clock.
+    """
+    special = dict(call.file.unit) if call.file else {}
+    names = [str(number) for number in range(chosen["units"])]
+    names += [name for name in special if name not in names]
+    simulated = [name for name in names if not (s := special.get(name, _NOTHING)).mavlink and not s.replay]
+    clock = clock_of(call.file, chosen["speed"], now_us)
+    duration = chosen["duration_us"]
+    found = []
+    for name in only_these(names, chosen["only"]):
+        unit_name(name)
+        own = special.get(name, _NOTHING)
+        fields = {
+            "unit": name,
+            "wire": wire_of(call, name, own),
+            "clock": clock,
+            "trust": trust_of(call, name),
+            "avoidance": chosen["avoidance"] if own.avoidance is None else own.avoidance,
+            "vehicle": _vehicle(name, own, simulated, chosen, now_us),
+            "translation": own.translation,
+            "profiles": own.profiles,
+            "duration_s": duration / 1e6 if duration is not None else None,
+        }
+        found.append(configured(fields))
+    return found
+
+
+def only_these(names: list[str], only: list[str] | None) -> list[str]:
+    """The platforms to start here; the federation's others run elsewhere. Raises WrongCall for an unknown one."""
+    for name in only or ():
+        if name not in names:
+            raise WrongCall(f"--only: this federation has no platform {name!r}.{did_you_mean(name, names)}")
+    return only or names
+
+
+def _vehicle(
+    unit: str, own: UnitFile, simulated: list[str], chosen: Mapping[str, Any], now_us: int
+) -> SimulatedVehicle | MavlinkVehicle | ReplayedVehicle:
+    """What the platform flies: the file's vehicle or recording, else a simulated UAV."""
+    if own.mavlink:
+        return MavlinkVehicle(endpoint=own.mavlink, sysid=own.sysid, control=own.control)
+    if own.replay:
+        return replayed(own.replay, own.from_ or "0s", own.epoch or "now", now_us, place=f"[unit.{unit}]")
+    return SimulatedVehicle(
+        scenario=chosen["scenario"],
+        index=simulated.index(unit),
+        count=len(simulated),
+        seed=chosen["seed"],
+        persona=own.persona or chosen["persona"],
+        gcs=own.gcs or chosen["gcs"],
+        start_us=chosen["start_us"],
+    )
+
+
+def replayed(file: Path, from_: str, epoch: str, now_us: int, *, place: str) -> ReplayedVehicle:
+    """A recorded flight whose first position plus `from_` is played at `epoch`; raises WrongCall."""
+    known = {".tlog", ".bin", ".ulg", ".mcap"}
+    if file.suffix.lower() not in known:
+        raise WrongCall(f"{place}: {file} is no recording that can be replayed; known: {', '.join(sorted(known))}.")
+    if not file.is_file():
+        raise WrongCall(f"{place}: there is no file {file}; check the path.")
+    return ReplayedVehicle(
+        file=file.resolve(),
+        from_us=duration_us(from_, option=f"{place} from"),
+        epoch_us=instant_us(epoch, now_us, option=f"{place} epoch"),
+    )

@@ -1,0 +1,171 @@
+"""`dyknow up`, `dyknow join` and `dyknow down`: platform processes started, shown and ended."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from console.command import Call
+from console.errors import DONE, FAILED, INTERRUPTED, NO, FederationFailed, WrongCall, did_you_mean
+from console.instants import duration_us
+from console.launch import fleet_of
+from console.output import in_order, unit_json
+from console.processes import (
+    STATE_FILE,
+    Fleet,
+    Running,
+    end,
+    interruptible,
+    read_state,
+    run_directory,
+    uninterrupted,
+    write_state,
+)
+from runtime.config import NodeConfig
+
+READY_S = 20.0
+
+
+class Gathering:
+    """What the platforms have said so far: who joined, and whom each has found."""
+
+    def __init__(self, units: list[str]) -> None:
+        self.units = set(units)
+        self.joined_us: dict[str, int] = {}
+        self.labels: dict[str, list[str]] = {}
+        self.complete_us: dict[str, int] = {}
+
+    def on_heard(self, unit: str, said: dict[str, Any]) -> None:
+        if said.get("event") == "joined":
+            self.joined_us[unit] = int(said["at_us"])
+            self.labels[unit] = [str(label) for label in said.get("labels", ())]
+        elif said.get("event") == "directory":
+            found = {str(name) for name in said["units"]} | {unit}
+            if found >= self.units:
+                self.complete_us.setdefault(unit, int(said["at_us"]))
+
+    def all_joined(self) -> bool:
+        return self.joined_us.keys() >= self.units
+
+    def all_found(self) -> bool:
+        """Every platform has joined and has found every other."""
+        return self.all_joined() and (len(self.units) == 1 or self.complete_us.keys() >= self.units)
+
+    @property
+    def discovery_ms(self) -> int:
+        """From the last platform's joining until the last directory was complete."""
+        last = max(self.joined_us.values())
+        return max(0, max(self.complete_us.values(), default=last) - last) // 1000
+
+
+def up(call: Call, *, detach: bool, **chosen: Any) -> int:
+    """Start the platforms, wait until they have found each other, and stay with them unless detached."""
+    _scenario_known(chosen["scenario"])
+    now_us = time.time_ns() // 1000
+    duration = chosen.pop("duration")
+    chosen["duration_us"] = duration_us(duration, option="--duration") if duration else None
+    directory = _vacant(call)
+    configs = fleet_of(call, chosen, now_us)
+    if not configs:
+        raise WrongCall("N: there is no platform to start; give a number of at least 1.")
+    fleet = Fleet(directory, lifeline=not detach)
+    with interruptible():
+        try:
+            gathering = _gathered(call, fleet, configs)
+            running = [*fleet.running.values()]
+            if not detach:
+                mine = psutil.Process()
+                running.append(Running("", mine.pid, mine.create_time()))
+            write_state(directory, running)
+        except BaseException:
+            _ended(fleet)
+            raise
+        _say_ready(call, fleet, gathering)
+        return DONE if detach else _stay(call, fleet, in_order(gathering.units))
+
+
+def _scenario_known(name: str) -> None:
+    from sim_uavs.scenarios import NAMES
+
+    if name not in NAMES:
+        raise WrongCall(f"--scenario: there is no scenario {name!r}.{did_you_mean(name, NAMES)}")
+
+
+def _vacant(call: Call) -> Path:
+    """The run directory, if no platforms of this federation run here already."""
+    directory = run_directory(call.settings.federation)
+    if running := read_state(directory):
+        units = ", ".join(found.unit for found in running if found.unit)
+        raise WrongCall(
+            f"--federation {call.settings.federation}: its platforms {units} are running on this machine already; "
+            "end them with dyknow down, or choose another name."
+        )
+    return directory
+
+
+def _gathered(call: Call, fleet: Fleet, configs: list[NodeConfig]) -> Gathering:
+    gathering = Gathering([config.unit for config in configs])
+    for config in configs:
+        fleet.start(config.unit, config.model_dump_json())
+    with call.out.waiting(f"{len(configs)} platforms are looking for each other"):
+        if not fleet.follow(gathering.all_found, gathering.on_heard, READY_S):
+            late = sorted(gathering.units - (gathering.complete_us.keys() & gathering.joined_us.keys()))
+            raise FederationFailed(
+                f"after {READY_S:.0f} s the platforms {', '.join(late)} have not found all others; "
+                f"run dyknow doctor, and look at the logs in {fleet.directory}"
+            )
+    return gathering
+
+
+def _say_ready(call: Call, fleet: Fleet, gathering: Gathering) -> None:
+    units = in_order(gathering.units)
+    call.out.say(
+        f"[green]ready[/green]: platforms {', '.join(units)} found each other in {gathering.discovery_ms} ms",
+        event="ready",
+        units=[unit_json(unit) for unit in units],
+        pids={unit: fleet.running[unit].pid for unit in units},
+        discovery_ms=gathering.discovery_ms,
+    )
+
+
+def _stay(call: Call, fleet: Fleet, units: list[str]) -> int:
+    """Stay until all platforms have ended or somebody interrupts; then nobody is left running."""
+    if not call.out.json_lines:
+        call.out.note("Ctrl-C ends them. In another terminal: dyknow ls, dyknow delegate monitor-proximity, ...")
+
+    def tell(unit: str, code: int) -> None:
+        call.out.say(f"platform {unit} ended with code {code}", event="ended", unit=unit_json(unit), code=code)
+
+    try:
+        return FAILED if any(fleet.wait(tell).values()) else DONE
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    finally:
+        _ended(fleet)
+        call.out.say("stopped", event="stopped", units=[unit_json(unit) for unit in units])
+
+
+def _ended(fleet: Fleet) -> None:
+    with uninterrupted():
+        fleet.end()
+        (fleet.directory / STATE_FILE).unlink(missing_ok=True)
+
+
+def down(call: Call) -> int:
+    """End the platforms of this federation that `up` started on this machine, by their ids."""
+    directory = run_directory(call.settings.federation)
+    running = read_state(directory)
+    platforms = [found for found in running if found.unit]
+    if not running:
+        call.out.say(
+            f"nothing of federation {call.settings.federation} runs on this machine", event="stopped", units=[]
+        )
+        return NO
+    # A supervisor that stayed ends its own platforms; the others are ended here.
+    end([found for found in running if not found.unit] or platforms)
+    end(platforms)
+    (directory / STATE_FILE).unlink(missing_ok=True)
+    units = in_order(found.unit for found in platforms)
+    call.out.say(f"stopped: platforms {', '.join(units)}", event="stopped", units=[unit_json(unit) for unit in units])
+    return DONE
