@@ -6,6 +6,7 @@ its type is on the allow-list, and only after its ids were looked at.
 
 import hashlib
 import hmac
+import mmap
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -46,7 +47,7 @@ class Frame(NamedTuple):
     whole: bool
 
 
-def frame_at(data: bytes | memoryview, offset: int) -> Frame | None:
+def frame_at(data: bytes | mmap.mmap, offset: int) -> Frame | None:
     """The frame that begins at `offset`, or None where none begins."""
     head = bytes(data[offset : offset + 10])
     if len(head) >= 6 and head[0] == _V1:
