@@ -145,6 +145,10 @@ class OffsetEstimator:
         self._next_us = now_us + (BURST_RETRY_US if missing > 0 else PERIOD_US)
         return max(1, missing)
 
+    def hurry(self, now_us: int) -> None:
+        """Ask at once, as when the peer was met; what is known stays known."""
+        self._answered, self._next_us = 0, now_us
+
     def reset(self, now_us: int) -> None:
         """The peer was restarted or its link was changed: what was learned counts no more."""
         self.boot = self.offset = self._best = None

@@ -1,0 +1,188 @@
+"""Acts made reliable on a wire that drops: acknowledgement, retransmission, duplicate suppression.
+
+An act is put again every 200 ms, three times, until it is acknowledged, by a list of numbers that any act of the
+receiver carries or by a receipt. Acts to everybody are put once. A platform that hears an act twice acknowledges it
+twice and acts once.
+"""
+
+from collections import Counter, deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+from federation import keys
+from federation.acts import Act
+from federation.codec import MAX_ACKS
+from federation.receipts import Receipt, encode_receipt, receipt_key
+from federation.transport import Put, Urgency
+
+RETRANSMIT_US = 200_000
+RETRANSMISSIONS = 3
+UNACKNOWLEDGED = 4096
+WINDOW = 1024
+SENDERS = 512
+RETIRED_BOOTS = 8
+
+_MASK = (1 << WINDOW) - 1
+
+
+class Seen:
+    """Which acts of one sender have arrived: the greatest number of its present life, and a bitmap below it."""
+
+    __slots__ = ("bitmap", "boot", "greatest", "retired")
+
+    def __init__(self, boot: int) -> None:
+        self.boot, self.greatest, self.bitmap = boot, -1, 0
+        self.retired: deque[int] = deque(maxlen=RETIRED_BOOTS)
+
+    def is_new(self, boot: int, seq: int) -> bool:
+        """Whether this act was not seen before; from now on it was. Older lives and very old numbers count as seen."""
+        if boot != self.boot:
+            if boot in self.retired:
+                return False
+            self.retired.append(self.boot)
+            self.boot, self.greatest, self.bitmap = boot, -1, 0
+        if seq > self.greatest:
+            ahead = seq - self.greatest
+            self.bitmap = ((self.bitmap << ahead) & _MASK if ahead < WINDOW else 0) | 1
+            self.greatest = seq
+            return True
+        behind = self.greatest - seq
+        if behind >= WINDOW or self.bitmap >> behind & 1:
+            return False
+        self.bitmap |= 1 << behind
+        return True
+
+
+@dataclass(slots=True)
+class _Pending:
+    act: Act
+    put: Put
+    due_us: int
+    left: int = RETRANSMISSIONS
+
+
+class Delivery:
+    """Numbers, puts and repeats own acts, and acknowledges those of others. Times are the node clock."""
+
+    def __init__(self, unit: str, boot: int, encode: Callable[[Act], bytes]) -> None:
+        self.unit, self.boot = unit, boot
+        self.counts: Counter[str] = Counter()
+        self._encode = encode
+        self._seq = 0
+        self._pending: dict[tuple[str, int], _Pending] = {}
+        self._due_us: int | None = None
+        self._seen: dict[str, Seen] = {}
+        self._owed: dict[str, tuple[int, list[int]]] = {}
+
+    @property
+    def next_seq(self) -> int:
+        """The number that the next act gets."""
+        return self._seq + 1
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._due_us
+
+    def send(self, act: Act, now_us: int) -> tuple[Act, Put]:
+        """The act as it is said, numbered, and its first put. Raises ContentError when it cannot be encoded."""
+        receiver = act.receiver.unit
+        numbered = replace(
+            act, boot=self.boot, seq=self._seq + 1, created_us=now_us, acks=tuple(self._owed.get(receiver, (0, ()))[1])
+        )
+        put = Put(numbered.key, self._encode(numbered), Urgency.ACT)
+        self._seq += 1
+        self._owed.pop(receiver, None)
+        self.counts["sent"] += 1
+        if receiver != keys.EVERYBODY:
+            if len(self._pending) >= UNACKNOWLEDGED:
+                self._give_up(now_us)
+            self._pending[receiver, numbered.seq] = _Pending(numbered, put, now_us + RETRANSMIT_US)
+            self._wake(now_us + RETRANSMIT_US)
+        return numbered, put
+
+    def on_act(self, act: Act) -> bool:
+        """Note an act that arrived and the acknowledgements it carries; False if it was seen before."""
+        sender = act.sender.unit
+        self._acknowledged(sender, act.acks)
+        seen = self._seen.pop(sender, None) or Seen(act.boot)
+        self._seen[sender] = seen
+        if len(self._seen) > SENDERS:
+            del self._seen[next(iter(self._seen))]
+        is_new = seen.is_new(act.boot, act.seq)
+        if act.boot == seen.boot and act.receiver.unit != keys.EVERYBODY:
+            self._owe(sender, act.boot, act.seq)
+        self.counts["received" if is_new else "duplicate"] += 1
+        return is_new
+
+    def on_receipt(self, sender: str, receipt: Receipt) -> None:
+        """A bare acknowledgement of `sender`; one of acts of an earlier life of ours says nothing."""
+        if receipt.boot == self.boot:
+            self._acknowledged(sender, receipt.seqs)
+
+    def flush(self) -> list[Put]:
+        """Receipts for what no act of this step acknowledged. Call at the end of a step."""
+        if not self._owed:
+            return []
+        puts = [
+            Put(receipt_key(unit, self.unit), encode_receipt(Receipt(boot, seqs)), Urgency.ACT)
+            for unit, (boot, seqs) in self._owed.items()
+        ]
+        self._owed.clear()
+        return puts
+
+    def on_time(self, now_us: int) -> tuple[list[Put], list[Act]]:
+        """What is put again, and what is given up as undelivered."""
+        if self._due_us is None or now_us < self._due_us:
+            return [], []
+        self._due_us = None
+        puts, undelivered = [], []
+        for name, pending in list(self._pending.items()):
+            if now_us >= pending.due_us:
+                if not pending.left:
+                    del self._pending[name]
+                    undelivered.append(pending.act)
+                    continue
+                pending.left -= 1
+                pending.due_us = now_us + RETRANSMIT_US
+                puts.append(pending.put)
+            self._wake(pending.due_us)
+        self.counts["retransmitted"] += len(puts)
+        self.counts["undelivered"] += len(undelivered)
+        return puts, undelivered
+
+    def forget(self, unit: str) -> None:
+        """The platform is gone: nothing more is put to it."""
+        self._owed.pop(unit, None)
+        for name in [name for name in self._pending if name[0] == unit]:
+            del self._pending[name]
+
+    def boot_of(self, unit: str) -> int | None:
+        """Which life of `unit` spoke last, if it spoke lately."""
+        seen = self._seen.get(unit)
+        return None if seen is None else seen.boot
+
+    def waiting(self, unit: str) -> int:
+        """How many acts to `unit` are not acknowledged yet."""
+        return sum(receiver == unit for receiver, _ in self._pending)
+
+    def _give_up(self, now_us: int) -> None:
+        """Too much is unacknowledged: the oldest act is not put again, and told to be undelivered."""
+        oldest = next((pending for pending in self._pending.values() if pending.left), None)
+        if oldest is not None:
+            oldest.left, oldest.due_us = 0, now_us
+            self._wake(now_us)
+
+    def _acknowledged(self, sender: str, seqs: Iterable[int]) -> None:
+        for seq in seqs:
+            self._pending.pop((sender, seq), None)
+
+    def _owe(self, sender: str, boot: int, seq: int) -> None:
+        owed = self._owed.get(sender)
+        if owed is None or owed[0] != boot:
+            owed = self._owed[sender] = (boot, [])
+        if len(owed[1]) < MAX_ACKS and seq not in owed[1]:
+            owed[1].append(seq)
+
+    def _wake(self, due_us: int) -> None:
+        if self._due_us is None or due_us < self._due_us:
+            self._due_us = due_us

@@ -1,0 +1,114 @@
+"""Asks every peer what its clock says, and answers the same question of others."""
+
+from collections.abc import Iterator, Mapping
+
+from dyknow.errors import DecodeError
+from federation import keys
+from federation.clock import PING_TIMEOUT_US, Offset, OffsetEstimator, Standing
+from federation.codec import Ping, Pong, decode_ping, decode_pong, encode_ping, encode_pong
+from federation.transport import Answer, Answered, AnswerEnd, Ask, Asked, AskEnded
+
+ABSENT = 512
+
+
+class ClockOffsets:
+    """The clock offset of each peer that is there. Times are the node clock; stamps are those of arrival.
+
+    `questions` numbers the questions of the whole node.
+    """
+
+    def __init__(self, boot: int, questions: Iterator[int]) -> None:
+        self.boot = boot
+        self.refused = 0
+        self._questions = questions
+        self._estimators: dict[str, OffsetEstimator] = {}
+        self._absent: dict[str, OffsetEstimator] = {}
+        self._asked: dict[int, tuple[str, int]] = {}
+        self._due_us: int | None = None
+
+    def of(self, unit: str) -> Offset | None:
+        """How far the clock of `unit` is ahead of ours, or None before that is known."""
+        estimator = self._estimators.get(unit)
+        return None if estimator is None else estimator.offset
+
+    def standing(self, unit: str) -> Standing:
+        estimator = self._estimators.get(unit)
+        return Standing.UNKNOWN if estimator is None else estimator.standing
+
+    def all(self) -> Mapping[str, Offset | None]:
+        """By unit, for people."""
+        return {unit: estimator.offset for unit, estimator in self._estimators.items()}
+
+    def on_appeared(self, unit: str, boot: int, now_us: int) -> list[Ask]:
+        """A peer is met: eight exchanges at once. The same incarnation, seen again, keeps what was learned of it."""
+        estimator = self._estimators.get(unit) or self._absent.pop(unit, None)
+        if estimator is None or estimator.boot not in (None, boot):
+            estimator = OffsetEstimator(now_us)
+        estimator.hurry(now_us)
+        self._estimators[unit] = estimator
+        self._due_us = now_us
+        return self.on_time(now_us)
+
+    def on_gone(self, unit: str) -> None:
+        """A peer is gone: it is not asked any more; what was learned is kept for its return."""
+        estimator = self._estimators.pop(unit, None)
+        if estimator is not None:
+            self._absent[unit] = estimator
+            if len(self._absent) > ABSENT:
+                del self._absent[next(iter(self._absent))]
+        for question in [question for question, (asked, _) in self._asked.items() if asked == unit]:
+            del self._asked[question]
+
+    def on_asked(self, asked: Asked, now_us: int) -> list[Answer | AnswerEnd]:
+        """Tell a peer when its question arrived, and when it was answered."""
+        try:
+            ping = decode_ping(asked.payload)
+        except DecodeError:
+            self.refused += 1
+            return [AnswerEnd(asked.ask)]
+        pong = Pong(self.boot, ping.sent_us, asked.at_us, max(asked.at_us, now_us))
+        return [Answer(asked.ask, asked.key, encode_pong(pong)), AnswerEnd(asked.ask)]
+
+    def on_answered(self, answered: Answered) -> bool:
+        """An answer; False if the question is none of ours."""
+        unit, sent_us = self._asked.pop(answered.question, ("", 0))
+        estimator = self._estimators.get(unit)
+        if estimator is None:
+            return False
+        try:
+            pong = decode_pong(answered.payload)
+        except DecodeError:
+            self.refused += 1
+            return True
+        if pong.sent_us != sent_us:
+            self.refused += 1
+            return True
+        estimator.on_stamps(pong.boot, sent_us, pong.received_us, pong.answered_us, answered.at_us)
+        self._wake(estimator.deadline_us)
+        return True
+
+    def on_ask_ended(self, ended: AskEnded) -> bool:
+        """No answer will come any more; False if the question is none of ours, or was answered."""
+        return self._asked.pop(ended.question, None) is not None
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._due_us
+
+    def on_time(self, now_us: int) -> list[Ask]:
+        """Ask whom it is time to ask."""
+        if self._due_us is None or now_us < self._due_us:
+            return []
+        self._due_us = None
+        asks = []
+        for unit, estimator in self._estimators.items():
+            for _ in range(estimator.due(now_us)):
+                question = next(self._questions)
+                self._asked[question] = (unit, now_us)
+                asks.append(Ask(question, keys.clock(unit), encode_ping(Ping(now_us)), PING_TIMEOUT_US))
+            self._wake(estimator.deadline_us)
+        return asks
+
+    def _wake(self, due_us: int) -> None:
+        if self._due_us is None or due_us < self._due_us:
+            self._due_us = due_us
