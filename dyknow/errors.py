@@ -7,6 +7,7 @@
   + ValueNotAvailable   a generator has no sample that answers the question
   + SortError           a value is not of the sort its stream declares
   + TextError           a text of ours (formula, policy, label, duration, act) does not parse or check
+    + TextErrors        several of them in one text
   + NameRefused         a unit, semantic label or conversation id that must not become part of a key
   + DecodeError         bytes from outside that are malformed, oversized or mistyped
   + ContentError        an act whose content this agent does not understand
@@ -55,7 +56,15 @@ class TextError(DyknowError):
     """
 
     def __init__(
-        self, message: str, *, text: str = "", line: int = 1, column: int = 1, width: int = 1, repair: str = "", file: str = ""
+        self,
+        message: str,
+        *,
+        text: str = "",
+        line: int = 1,
+        column: int = 1,
+        width: int = 1,
+        repair: str = "",
+        file: str = "",
     ) -> None:
         self.message, self.text, self.line, self.column = message, text, line, column
         self.width, self.repair, self.file = max(1, width), repair, file
@@ -71,6 +80,27 @@ class TextError(DyknowError):
         if self.repair:
             parts.append(f"    write: {self.repair}")
         return "\n".join(parts)
+
+
+class TextErrors(TextError):
+    """Everything that is wrong with one text; the place is that of the first of `errors`."""
+
+    def __init__(self, errors: tuple[TextError, ...]) -> None:
+        self.errors = errors
+        first = errors[0]
+        super().__init__(
+            first.message,
+            text=first.text,
+            line=first.line,
+            column=first.column,
+            width=first.width,
+            repair=first.repair,
+            file=first.file,
+        )
+
+    def drawn(self) -> str:
+        """Each of them drawn, in the order of the text."""
+        return "\n".join(error.drawn() for error in self.errors)
 
 
 class NameRefused(DyknowError):

@@ -1,0 +1,45 @@
+from reasoning.alarms import AlarmEvent
+from reasoning.derivation import FEATURES, Derivation, DerivedFeature, Input, needed_labels
+from reasoning.evaluation import NoValuePolicy
+from reasoning.formulas import Domain, Formula, domain_members, instantiate, label_text, required_labels, split_growing
+from reasoning.inputs import Freshness
+from reasoning.monitors import Monitor, Shown
+from reasoning.profiles import Profile, builtin_profiles, parse_profiles
+from reasoning.progression import Progression, Verdict
+from reasoning.proximity import Approach, closest_approach, fence_margin_m, offset_m
+from reasoning.traces import Outcome, Trace, TraceState, check_trace, read_trace, trace_domains
+
+__all__ = [
+    "FEATURES",
+    "AlarmEvent",
+    "Approach",
+    "Derivation",
+    "DerivedFeature",
+    "Domain",
+    "Formula",
+    "Freshness",
+    "Input",
+    "Monitor",
+    "NoValuePolicy",
+    "Outcome",
+    "Profile",
+    "Progression",
+    "Shown",
+    "Trace",
+    "TraceState",
+    "Verdict",
+    "builtin_profiles",
+    "check_trace",
+    "closest_approach",
+    "domain_members",
+    "fence_margin_m",
+    "instantiate",
+    "label_text",
+    "needed_labels",
+    "offset_m",
+    "parse_profiles",
+    "read_trace",
+    "required_labels",
+    "split_growing",
+    "trace_domains",
+]

@@ -1,0 +1,330 @@
+"""Checks of a formula against what there is: names, numbers of objects, sorts, intervals; every error, not the first.
+
+A name resolves to a bound variable, else a constant or object, else a feature without arguments, else it is an error.
+Sorts are `boolean`, `number`, `duration`, `object` and `any` (what is not known fits everywhere). A duration and a
+bare number meet only where the number is a literal: it is milliseconds then.
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from typing import Any, Final, Literal, TypeAlias
+
+from dyknow.errors import TextError, TextErrors
+from kpl.numbers import number_time_us
+from kpl.parsing import parse_formula
+from reasoning.formulas import (
+    TEMPORAL,
+    Abs,
+    Always,
+    And,
+    Arithmetic,
+    Bound,
+    Compare,
+    Const,
+    Domain,
+    DomainSet,
+    Duration,
+    Eventually,
+    Exists,
+    Feature,
+    Forall,
+    Formula,
+    Implies,
+    Negate,
+    Not,
+    Now,
+    Object,
+    Occurred,
+    Or,
+    Place,
+    Since,
+    Until,
+    Variable,
+    is_temporal,
+)
+
+Sort: TypeAlias = Literal["boolean", "number", "duration", "object", "any"]
+Constant: TypeAlias = bool | int | float | str | Duration
+_MEASURED: Final = ("number", "duration", "any")
+
+
+@dataclass(frozen=True, slots=True)
+class FeatureType:
+    """How many objects a feature takes (None: any number), and the sort of its value."""
+
+    arity: int | None = None
+    sort: Sort = "any"
+
+
+@dataclass(frozen=True, slots=True)
+class Vocabulary:
+    """What names mean. None for features, objects or domains: all names are taken as they come.
+
+    `constants` may hold `self`, the platform's own unit; a text constant stands for an object, a number as a bound of
+    an interval for milliseconds. Features with attributes are named `cars.link`.
+    """
+
+    features: Mapping[str, FeatureType] | None = None
+    objects: Collection[str] | None = None
+    domains: Collection[str] | None = None
+    constants: Mapping[str, Constant] = field(default_factory=dict)
+
+
+def read_formula(text: str, vocabulary: Vocabulary | None = None, file: str = "") -> Formula:
+    """Parse and check in one go; raises TextError with everything that is wrong."""
+    return check(parse_formula(text, file), vocabulary or Vocabulary(), text, file)
+
+
+def check(formula: Formula, vocabulary: Vocabulary, text: str = "", file: str = "") -> Formula:
+    """The formula with its names resolved; `text` is what it was read from, for the carets.
+
+    Raises:
+        TextErrors: with every error, in the order of the text.
+    """
+    checker = _Checker(vocabulary, text, file)
+    found = checker.truth(formula)
+    if checker.errors:
+        raise TextErrors(tuple(sorted(checker.errors, key=lambda error: (error.line, error.column))))
+    return found
+
+
+class _Checker:
+    def __init__(self, vocabulary: Vocabulary, text: str, file: str) -> None:
+        self.errors: list[TextError] = []
+        self._known, self._text, self._file = vocabulary, text, file
+
+    def error(self, message: str, place: Place, repair: str = "") -> None:
+        line, column, width = place.line, place.column, place.width
+        self.errors.append(
+            TextError(message, text=self._text, line=line, column=column, width=width, repair=repair, file=self._file)
+        )
+
+    def truth(self, node: Formula) -> Formula:
+        """A node where a truth value is wanted."""
+        match node:
+            case Not(operand):
+                return replace(node, operand=self.truth(operand))
+            case And(parts) | Or(parts):
+                return replace(node, parts=self._each(parts))
+            case Implies(left, right):
+                return replace(node, left=self.truth(left), right=self.truth(right))
+            case Until(left, right, lo_us, hi_us):
+                lo_us, hi_us = self._interval(lo_us, hi_us, node.place)
+                return replace(node, left=self.truth(left), right=self.truth(right), lo_us=lo_us, hi_us=hi_us)
+            case Always(operand, lo_us, hi_us) | Eventually(operand, lo_us, hi_us):
+                lo_us, hi_us = self._interval(lo_us, hi_us, node.place)
+                return replace(node, operand=self.truth(operand), lo_us=lo_us, hi_us=hi_us)
+            case Forall(_, domain, body) | Exists(_, domain, body):
+                return replace(node, domain=self._domain(domain), body=self.truth(body))
+        found, sort = self.term(node)
+        if sort not in {"boolean", "any"}:
+            self.error(f"a truth value is wanted, this is {_named(sort)}", node.place, "compare it: ... > 0")
+        return found
+
+    def _each(self, parts: tuple[Formula, ...]) -> tuple[Formula, ...]:
+        return tuple([self.truth(part) for part in parts])
+
+    def term(self, node: Formula) -> tuple[Formula, Sort]:
+        """A node where a value is wanted, and its sort."""
+        match node:
+            case Const(value):
+                return node, _sort_of(value)
+            case Duration() | Now():
+                return node, "duration"
+            case Variable():
+                return node, "object"
+            case Feature():
+                return self._name(node)
+            case Since(feature):
+                return replace(node, feature=self._feature(feature)[0]), "duration"
+            case Occurred(event):
+                return replace(node, event=replace(event, objects=self._objects(event.objects, event.place))), "boolean"
+            case Negate(operand) | Abs(operand):
+                inside, sort = self._measured(operand)
+                return replace(node, operand=inside), sort
+            case Arithmetic():
+                return self._arithmetic(node)
+            case Compare():
+                return self._compare(node), "boolean"
+        if isinstance(node, TEMPORAL) or is_temporal(node):
+            self.error(
+                "a formula over several states has no value in one of them", node.place, "put the comparison inside it"
+            )
+            return node, "any"
+        return self.truth(node), "boolean"
+
+    def _measured(self, node: Formula) -> tuple[Formula, Sort]:
+        found, sort = self.term(node)
+        if sort not in _MEASURED:
+            self.error(f"a number is wanted, this is {_named(sort)}", node.place)
+            return found, "any"
+        return found, sort
+
+    def _arithmetic(self, node: Arithmetic) -> tuple[Formula, Sort]:
+        (left, first), (right, second) = self._measured(node.left), self._measured(node.right)
+        if node.operator in "+-":
+            left, right, first, second = self._meet(left, right, first, second, node.place)
+        sort: Sort = "any"
+        if "any" not in {first, second}:
+            sort = "duration" if "duration" in {first, second} else "number"
+        if node.operator in "*/" and second == "duration":
+            if node.operator == "/" and first == "duration":
+                sort = "number"
+            elif node.operator == "/" or first == "duration":
+                self.error("a time cannot be multiplied by a time, nor divide a number", node.place)
+        return replace(node, left=left, right=right), sort
+
+    def _compare(self, node: Compare) -> Formula:
+        (left, first), (right, second) = self.term(node.left), self.term(node.right)
+        left, right, first, second = self._meet(left, right, first, second, node.place)
+        ordered = node.operator not in {"=", "!="}
+        for sort, side in ((first, left), (second, right)):
+            if ordered and sort in {"boolean", "object"}:
+                self.error(f"{_named(sort)} has no order", side.place, "compare with = or !=")
+                break
+        return replace(node, left=left, right=right)
+
+    def _meet(
+        self, left: Formula, right: Formula, first: Sort, second: Sort, place: Place
+    ) -> tuple[Formula, Formula, Sort, Sort]:
+        """Two values that must be of one sort; literal numbers become times or numbered objects beside such."""
+        if "any" in {first, second} or first == second:
+            return left, right, first, second
+        if second == "number" and (other := self._literal_as(right, first)) is not None:
+            return left, other, first, first
+        if first == "number" and (other := self._literal_as(left, second)) is not None:
+            return other, right, second, second
+        repair = "give the number a suffix: us ms s min h" if {first, second} == {"number", "duration"} else ""
+        self.error(f"{_named(first)} meets {_named(second)}", place, repair)
+        return left, right, "any", "any"
+
+    def _literal_as(self, node: Formula, sort: Sort) -> Formula | None:
+        if not isinstance(node, Const) or isinstance(node.value, bool | str):
+            return None
+        if sort == "object" and isinstance(node.value, int) and node.value >= 0:
+            return Const(str(node.value), place=node.place)
+        if sort != "duration":
+            return None
+        try:
+            us = number_time_us(abs(node.value))
+        except ValueError as error:
+            self.error(str(error), node.place)
+            us = 0
+        return Duration(us if node.value >= 0 else -us, place=node.place)
+
+    def _name(self, node: Feature) -> tuple[Formula, Sort]:
+        """A bare name may be a constant or an object before it is a feature."""
+        bare = not node.objects and node.attribute is None
+        if bare and node.name in self._known.constants:
+            value = self._known.constants[node.name]
+            if isinstance(value, Duration):
+                return replace(value, place=node.place), "duration"
+            return Const(value, place=node.place), _sort_of(value)
+        if bare and self._known.objects is not None and node.name in self._known.objects:
+            return Const(node.name, place=node.place), "object"
+        return self._feature(node)
+
+    def _feature(self, node: Feature) -> tuple[Feature, Sort]:
+        found = replace(node, objects=self._objects(node.objects, node.place))
+        features = self._known.features
+        if features is None:
+            return found, "any"
+        stem = f"{node.name}.{node.attribute}" if node.attribute else node.name
+        kind = features.get(stem)
+        if kind is None:
+            return found, self._unknown(node, stem, features)
+        if kind.arity is not None and kind.arity != len(node.objects):
+            names = [f"object{i + 1}" for i in range(kind.arity)]
+            self.error(
+                f"{stem} takes {_count(kind.arity)}, here are {len(node.objects)}",
+                node.place,
+                f"{stem}[{', '.join(names)}]" if names else stem,
+            )
+        return found, kind.sort
+
+    def _unknown(self, node: Feature, stem: str, features: Mapping[str, FeatureType]) -> Sort:
+        near = get_close_matches(stem, [*features, *self._known.constants], n=1)
+        have = f"there are {', '.join(sorted(features)[:8])}" if features else "there are none"
+        if node.objects or node.attribute:
+            self.error(f"there is no feature {stem}", node.place, near[0] if near else have)
+        else:
+            self.error(
+                f"{stem} is no variable, constant, object or feature; a free variable must be bound",
+                node.place,
+                near[0] if near else f"forall {stem} in DOMAIN: ...",
+            )
+        return "any"
+
+    def _objects(self, objects: tuple[Object, ...], place: Place) -> tuple[Object, ...]:
+        return tuple(one if isinstance(one, Variable) else self._object(one, place) for one in objects)
+
+    def _object(self, name: str, place: Place) -> str:
+        value = self._known.constants.get(name)
+        if isinstance(value, str):
+            return value
+        if value is not None:
+            self.error(f"the constant {name} is no object", place)
+        elif self._known.objects is not None and name not in self._known.objects:
+            near = get_close_matches(name, list(self._known.objects), n=1)
+            self.error(
+                f"{name} is free: no quantifier binds it and no object has that name",
+                place,
+                near[0] if near else f"forall {name} in DOMAIN: ...",
+            )
+        return name
+
+    def _domain(self, domain: Domain) -> Domain:
+        base, *minus = (self._set(one, domain.place) for one in (domain.base, *domain.minus))
+        return replace(domain, base=base, minus=tuple(minus))
+
+    def _set(self, found: DomainSet, place: Place) -> DomainSet:
+        if not isinstance(found, str):
+            return self._objects(found, place)
+        if self._known.domains is not None and found not in self._known.domains:
+            near = get_close_matches(found, list(self._known.domains), n=1)
+            have = f"there are {', '.join(sorted(self._known.domains)) or 'none'}; or list members: {{a, b}}"
+            self.error(f"there is no domain {found}", place, near[0] if near else have)
+        return found
+
+    def _interval(self, lo_us: Bound, hi_us: Bound | None, place: Place) -> tuple[int, int | None]:
+        low = self._bound(lo_us)
+        high = None if hi_us is None else self._bound(hi_us)
+        named = not isinstance(lo_us, int) or isinstance(hi_us, Feature)
+        if named and high is not None and high < low:
+            self.error("the interval ends before it begins", place, "[from, to], from <= to")
+        return low, high
+
+    def _bound(self, bound: Bound) -> int:
+        if isinstance(bound, int):
+            return bound
+        value: Any = self._known.constants.get(bound.name)
+        if isinstance(value, Duration):
+            return value.us
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            try:
+                return number_time_us(value)
+            except ValueError as error:
+                self.error(f"{bound.name}: {error}", bound.place)
+                return 0
+        near = get_close_matches(bound.name, list(self._known.constants), n=1)
+        if bound.name.lower() in {"inf", "infinity"}:
+            near = ["oo"]
+        self.error(
+            f"{bound.name} is no time: bounds are times or constants", bound.place, near[0] if near else "[0, 5s]"
+        )
+        return 0
+
+
+def _sort_of(value: bool | float | str) -> Sort:
+    if isinstance(value, bool):
+        return "boolean"
+    return "object" if isinstance(value, str) else "number"
+
+
+def _named(sort: Sort) -> str:
+    return {"boolean": "a truth value", "object": "an object"}.get(sort, f"a {sort}")
+
+
+def _count(arity: int) -> str:
+    return {0: "no object", 1: "one object"}.get(arity, f"{arity} objects")

@@ -1,0 +1,271 @@
+"""Mistakes people make, as data: sample errors teach the message.
+
+Each sample is parsed once, at the first error anybody makes; where the parser stops, and on which token, becomes the
+mark by which the same mistake is recognised elsewhere. Spellings of other languages are recognised by themselves.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
+
+from dyknow.errors import TextError
+from dyknow.labels import RESERVED
+
+if TYPE_CHECKING:
+    from lark.exceptions import UnexpectedInput
+
+
+class Mistake(NamedTuple):
+    """What to say, what to write instead, and samples, each of which stops the parser in its way."""
+
+    message: str
+    repair: str
+    samples: tuple[str, ...]
+
+
+FOREIGN: Final[dict[str, str]] = {
+    "&&": "and",
+    "||": "or",
+    "==": "=",
+    "=>": "->",
+    "<>": "!=",
+    "/\\": "and",
+    "\\/": "or",
+    "~=": "!=",
+    "[]": "always",
+    "&": "and",
+    "|": "or",
+    "!": "not",
+    "~": "not",
+    "∧": "and",
+    "∨": "or",
+    "¬": "not",
+    "→": "->",
+    "⇒": "->",
+    "∀": "forall x in domain:",
+    "∃": "exists x in domain:",
+    "□": "always",
+    "◇": "eventually",
+    "♢": "eventually",
+    "≤": "<=",
+    "≥": ">=",
+    "≠": "!=",
+    "∞": "oo",
+    "·": "*",
+    "×": "*",
+    "−": "-",  # a typographic minus
+    "⊤": "true",
+    "⊥": "false",
+}
+"""Operators of other languages and ours; the longest that fits counts."""
+
+WORDS: Final[dict[str, str]] = {
+    "implies": "->",
+    "infinity": "oo",
+    "inf": "oo",
+    "globally": "always",
+    "finally": "eventually",
+    "for_all": "forall",
+    "foreach": "forall",
+    "exist": "exists",
+}
+
+MISTAKES: Final = (
+    Mistake(
+        "objects stand in brackets", "speed[u]", ("speed(u)", "p and speed(u) > 3", "true -> speed(u)", "abs(speed(u))")
+    ),
+    Mistake(
+        "the domain and the body of a quantifier are parted by a colon",
+        "forall u in uavs: ...",
+        (
+            "forall u in uavs p",
+            "forall u in uavs. p",
+            "forall u in {a, b} p",
+            "forall u in uavs, p",
+            "forall u in uavs (p)",
+        ),
+    ),
+    Mistake(
+        "a quantifier names its domain with `in`", "forall u in uavs: ...", ("forall u: p", "exists u. p", "forall u p")
+    ),
+    Mistake(
+        "a quantifier binds one variable", "forall u in uavs: forall c in carryable: ...", ("forall u, c in d: p",)
+    ),
+    Mistake(
+        "comparisons do not chain",
+        "a < b and b < c",
+        ("a < b < c", "a[u] < 3 < c", "1 < 2 < 3", "a = b = c", "a < b = c", "a < b + 1 < c"),
+    ),
+    Mistake("an interval is closed on both sides", "[0, 5s]", ("always[0, 5) p", "always[0, oo) p", "always[0, t) p")),
+    Mistake(
+        "the bounds of an interval are parted by a comma",
+        "[0, 5s]",
+        ("always[0 5] p", "always[5] p", "always[0; 5] p", "always[5s] p", "always[a b] p", "always[a] p"),
+    ),
+    Mistake(
+        "an interval stands in brackets, directly after always, eventually or until",
+        "always[0, 5s] p",
+        ("always(0, 5) p", "always (0s, oo) p", "p until (0, 5) q", "always(a, b) p"),
+    ),
+    Mistake(
+        "the bounds of an interval are times", "[0, 5s]", ("always[-1, 5] p", "always[0, -5] p", "always[(1), 5] p")
+    ),
+    Mistake("an interval cannot begin at oo", "[0, oo]", ("always[oo, 5] p",)),
+    Mistake(
+        "objects are names or whole numbers",
+        "speed[uav1]",
+        ('speed["a"]', "speed[-1]", "speed[a + b]", "speed[]", "speed[a b]"),
+    ),
+)
+
+_EXPECTED: Final[dict[str, str]] = {
+    "NAME": "a name",
+    "NUMBER": "a number",
+    "STRING": "a string",
+    "CMP": "a comparison",
+    "EQUALS": "`=`",
+    "LPAR": "`(`",
+    "RPAR": "`)`",
+    "LSQB": "`[`",
+    "RSQB": "`]`",
+    "LBRACE": "`{`",
+    "RBRACE": "`}`",
+    "COMMA": "`,`",
+    "COLON": "`:`",
+    "DOT": "`.`",
+    "MINUS": "`-`",
+    "PLUS": "`+`",
+    "STAR": "`*`",
+    "SLASH": "`/`",
+    "OO": "`oo`",
+    "$END": "the end",
+    "__ANON_0": "`->`",
+}
+_LOGIC: Final = ("AND", "OR", "UNTIL", "NOT", "ALWAYS", "EVENTUALLY", "FORALL", "EXISTS", "TRUE", "FALSE", "ABS")
+Mark: TypeAlias = tuple[int, str]
+"""Where the parser stopped (its state) and on what (the type of the token)."""
+
+
+def explain(error: "UnexpectedInput", text: str, file: str, marks: Callable[[], Mapping[Mark, Mistake]]) -> TextError:
+    """The error for the person who typed it; `marks` are what `learn` made of the samples, asked for when needed."""
+    offset = min(
+        error.pos_in_stream if error.pos_in_stream is not None and error.pos_in_stream >= 0 else len(text), len(text)
+    )
+    found = _found(error)
+    if found == "":
+        offset = len(text.rstrip())
+    message, repair, offset, width = _say(error, text, offset, found, marks)
+    before = text[:offset]
+    return TextError(
+        message,
+        text=text,
+        line=before.count("\n") + 1,
+        column=offset - before.rfind("\n"),
+        width=max(1, width),
+        repair=repair,
+        file=file,
+    )
+
+
+def _found(error: "UnexpectedInput") -> str:
+    """The token or character the parser stopped at; empty at the end of the text."""
+    token = getattr(error, "token", None)
+    if token is None:
+        return str(getattr(error, "char", ""))
+    return "" if token.type == "$END" else str(token)
+
+
+def _say(
+    error: "UnexpectedInput", text: str, offset: int, found: str, marks: Callable[[], Mapping[Mark, Mistake]]
+) -> tuple[str, str, int, int]:
+    """(message, repair, offset, width)."""
+    if not text.strip():
+        return "there is no formula", "always speed[uav1] <= 30", 0, 1
+    foreign = _foreign(text, offset)
+    if foreign:
+        start, spelling = foreign
+        return f"`{spelling}` is not written here", FOREIGN[spelling], start, len(spelling)
+    if (ours := _word(found)) is not None:
+        return f"`{found}` is not written here", ours, offset, len(found)
+    if found == "" and (opened := _unclosed(text)) is not None:
+        closing = {"(": ")", "[": "]", "{": "}"}[text[opened]]
+        return f"this `{text[opened]}` is never closed", f"{closing} where it ends", opened, 1
+    if found == '"':
+        return "this string is never closed", '"text" on one line', offset, 1
+    mistake = marks().get(_mark(error))
+    if mistake is not None:
+        return mistake.message, mistake.repair, offset, len(found)
+    wanted = _wanted(error)
+    if found in RESERVED and "NAME" in wanted and found.upper() not in _LOGIC:
+        return f"`{found}` is a reserved word and cannot be a name", f"{found}_", offset, len(found)
+    what = f"found {_short(found)}" if found else "the text ends"
+    return f"expected {', '.join(_expected(wanted)) or 'something else'}; {what}", "", offset, len(found)
+
+
+def _short(found: str) -> str:
+    return f"`{found}`" if len(found) <= 40 else f"`{found[:40]}...`"
+
+
+def _foreign(text: str, offset: int) -> tuple[int, str] | None:
+    """A spelling of another language at, or begun just before, the offset."""
+    for start in (offset, offset - 1):
+        for length in (2, 1):
+            spelling = text[max(0, start) : start + length]
+            if spelling in FOREIGN and start + len(spelling) > offset:
+                return start, spelling
+    return None
+
+
+def _word(found: str) -> str | None:
+    lower = found.lower()
+    if lower in WORDS:
+        return WORDS[lower]
+    return lower if found != lower and lower.upper() in _LOGIC else None
+
+
+def _unclosed(text: str) -> int | None:
+    opened = []
+    for offset, character in enumerate(text):
+        if character in "([{":
+            opened.append(offset)
+        elif character in ")]}" and opened:
+            opened.pop()
+    return opened[-1] if opened else None
+
+
+def _wanted(error: "UnexpectedInput") -> set[str]:
+    """The terminals that could have stood there."""
+    return set(
+        getattr(error, "accepts", None) or getattr(error, "expected", None) or getattr(error, "allowed", None) or ()
+    )
+
+
+def _expected(wanted: set[str]) -> list[str]:
+    """What could have stood there, in words: names once, operators together."""
+    if {"LPAR", "NUMBER"} <= wanted:
+        return ["a formula"] if "NOT" in wanted else ["a value"]
+    if {"AND", "OR"} <= wanted:
+        rest = wanted & {"RPAR", "RSQB", "COMMA", "$END"}
+        return ["an operator", *(_EXPECTED[name] for name in _EXPECTED if name in rest)]
+    words = [_EXPECTED[name] for name in _EXPECTED if name in wanted]
+    return words + [f"`{name.lower()}`" for name in _LOGIC if name in wanted]
+
+
+def _mark(error: "UnexpectedInput") -> Mark:
+    state, token = getattr(error, "state", None), getattr(error, "token", None)
+    return (getattr(state, "position", -1), "" if token is None else token.type)
+
+
+def learn(parse: Callable[[str], Any]) -> Mapping[Mark, Mistake]:
+    """The marks of all samples with this parser; the first sample with a mark owns it."""
+    from lark.exceptions import UnexpectedCharacters, UnexpectedToken
+
+    marks: dict[Mark, Mistake] = {}
+    for mistake in MISTAKES:
+        for sample in mistake.samples:
+            try:
+                parse(sample)
+            except UnexpectedCharacters:
+                continue
+            except UnexpectedToken as error:
+                marks.setdefault(_mark(error), mistake)
+    return marks

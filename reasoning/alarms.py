@@ -1,0 +1,124 @@
+"""Alarms of `always phi` (F8): opened when phi fails, closed by k states in a row that satisfy it.
+
+When phi fails in some state the alarm opens and phi is monitored anew from the next state; the alarm closes at the
+first of k consecutive states that satisfy phi. What phi leaves pending is kept meanwhile, in order while an alarm is
+open, since which state satisfied phi first matters then.
+"""
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Any, Final, Literal, NamedTuple
+
+from dyknow.sample import Value
+from reasoning.evaluation import Moment
+from reasoning.residuals import Operator, Residual, conjoin, is_pending
+
+LONGEST_WAIT: Final = 10_000
+"""Runs of undecided states kept in order while an alarm is open; older ones are still obligations, not clean states."""
+
+
+class AlarmEvent(NamedTuple):
+    """An alarm opened or closed. Opening and closing share the id.
+
+    `valid_us` is the state that violated, or the first that was clean again; `detected_us` when this node knew.
+    """
+
+    id: str
+    event: Literal["opened", "closed"]
+    monitor: str
+    units: tuple[str, ...]
+    valid_us: int
+    detected_us: int
+    values: Mapping[str, Value]
+
+
+class Change(NamedTuple):
+    """An alarm should open or close, for the state at `valid_us` with these values."""
+
+    opens: bool
+    valid_us: int
+    values: Mapping[str, Value]
+
+
+class _Run(NamedTuple):
+    """Consecutive states of which equal residuals are left."""
+
+    residual: Residual
+    first_us: int
+    states: int
+    values: Mapping[str, Value]
+
+
+class Watch:
+    """Monitors `always phi` without end: `phi` is started at every state."""
+
+    def __init__(self, phi: Operator, close_after: int = 2) -> None:
+        self.open = False
+        self.doubtful = False
+        self._phi, self._close_after = phi, close_after
+        self._rest: Residual = True
+        self._runs: deque[_Run] = deque()
+        self._clean = 0
+        self._first: _Run | None = None
+
+    def on_moment(self, moment: Moment) -> Change | None:
+        """Take one state; `doubtful` tells whether phi is undecided in it for good."""
+        rest: Any = self._rest
+        if is_pending(rest):
+            rest = self._rest = rest.step(moment)
+        found = self._phi.start(moment)
+        self.doubtful = found is None
+        if not self.open:
+            if found is not True and found is not None:
+                rest = self._rest = conjoin((rest, found))
+            return self._violated(moment) if rest is False else None
+        self._step_runs(moment)
+        self._append(_Run(found, moment.valid_us, 1, moment.values))
+        if rest is False or any(run.residual is False for run in self._runs):
+            return self._violated(moment)
+        return self._settle()
+
+    def forget_clean(self) -> None:
+        """Count clean states anew; what is pending stays an obligation."""
+        self._rest = conjoin((self._rest, *(run.residual for run in self._runs)))
+        self._runs.clear()
+        self._clean, self._first = 0, None
+
+    def _violated(self, moment: Moment) -> Change | None:
+        was_open, self.open = self.open, True
+        self._rest = True
+        self._runs.clear()
+        self._clean, self._first = 0, None
+        return None if was_open else Change(opens=True, valid_us=moment.valid_us, values=moment.values)
+
+    def _step_runs(self, moment: Moment) -> None:
+        waiting, self._runs = self._runs, deque()
+        for run in waiting:
+            left: Any = run.residual
+            self._append(run._replace(residual=left.step(moment) if is_pending(left) else left))
+
+    def _append(self, run: _Run) -> None:
+        last = self._runs[-1] if self._runs else None
+        if last is not None and last.residual == run.residual:
+            self._runs[-1] = last._replace(states=last.states + run.states)
+        else:
+            self._runs.append(run)
+        if len(self._runs) > LONGEST_WAIT:
+            self._rest = conjoin((self._rest, self._runs.popleft().residual))
+            self._clean, self._first = 0, None
+
+    def _settle(self) -> Change | None:
+        """Count the states at the head whose truth is known; close when enough in a row were clean."""
+        while self._runs and not is_pending(self._runs[0].residual):
+            run = self._runs.popleft()
+            if run.residual is not True:
+                self._clean, self._first = 0, None
+                continue
+            self._first = self._first or run
+            self._clean += run.states
+            if self._clean >= self._close_after:
+                first = self._first
+                self.open = False
+                self.forget_clean()
+                return Change(opens=False, valid_us=first.first_us, values=first.values)
+        return None

@@ -1,0 +1,232 @@
+"""Features the engine derives from federated streams: which semantic labels each needs, and its value.
+
+A `Derivation` is made for the features of one formula; it names the inputs a state must bring, in order, and turns the
+values of such a state into values by label. What lacks an input is `NO_VALUE`. Times are microseconds, as durations are
+in formulas.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import hypot, isfinite, sqrt
+from typing import Final, Literal, NamedTuple, TypeAlias
+
+from dyknow.errors import UnknownLabel
+from dyknow.instants import US_PER_S
+from dyknow.labels import Label
+from dyknow.sample import Value
+from dyknow.values import NO_VALUE
+from reasoning.proximity import closest_approach, fence_margin_m, horizontal_miss_m, offset_m
+
+POSITION: Final = "heli-position"
+ALTITUDE: Final = "heli-altitude"
+HEIGHT: Final = "heli-height"
+VELOCITY: Final = "heli-velocity"
+BATTERY: Final = "battery"
+HOME: Final = "home-position"
+
+Sort: TypeAlias = Literal["number", "duration"]
+
+
+@dataclass(frozen=True, slots=True)
+class DerivedFeature:
+    """A feature of `arity` units; it needs each of the semantic labels `needs` from each of them."""
+
+    name: str
+    arity: int
+    sort: Sort
+    unit: str
+    needs: tuple[str, ...]
+    meaning: str
+
+
+_MOVING: Final = (POSITION, ALTITUDE, VELOCITY)
+FEATURES: Final[Mapping[str, DerivedFeature]] = {
+    feature.name: feature
+    for feature in (
+        DerivedFeature("xy_dist", 2, "number", "m", (POSITION,), "horizontal distance"),
+        DerivedFeature("z_dist", 2, "number", "m", (ALTITUDE,), "vertical distance"),
+        DerivedFeature("dist_3d", 2, "number", "m", (POSITION, ALTITUDE), "distance in space"),
+        DerivedFeature("cpa_time", 2, "duration", "us", _MOVING, "time to the closest approach on straight courses"),
+        DerivedFeature("cpa_xy", 2, "number", "m", _MOVING, "horizontal distance at the closest approach"),
+        DerivedFeature("cpa_z", 2, "number", "m", _MOVING, "vertical distance at the closest approach"),
+        DerivedFeature("hmd", 2, "number", "m", (POSITION, VELOCITY), "horizontal miss distance on straight courses"),
+        DerivedFeature(
+            "closing_xy",
+            2,
+            "number",
+            "m^2/s",
+            (POSITION, VELOCITY),
+            "horizontal distance times closing speed; > 0 closing",
+        ),
+        DerivedFeature("speed", 1, "number", "m/s", (VELOCITY,), "speed over ground"),
+        DerivedFeature("altitude", 1, "number", "m", (ALTITUDE,), "altitude above mean sea level"),
+        DerivedFeature("height", 1, "number", "m", (HEIGHT,), "height above home"),
+        DerivedFeature("battery", 1, "number", "1", (BATTERY,), "charge as a fraction of full"),
+        DerivedFeature("home_dist", 1, "number", "m", (POSITION, HOME), "horizontal distance to home"),
+        DerivedFeature("fence_margin", 1, "number", "m", (POSITION,), "distance to the edge of the fence, > 0 inside"),
+    )
+}
+
+
+class Input(NamedTuple):
+    """One input of a state: a semantic label of a unit."""
+
+    label: str
+    unit: str
+
+    def __str__(self) -> str:
+        return f"{self.label}[{self.unit}]"
+
+
+def needed_labels(features: Iterable[str], vertical: str = ALTITUDE) -> tuple[str, ...]:
+    """Semantic labels that these features need; `vertical` is what stands for the altitude."""
+    needs = (one for name in features for one in FEATURES[name].needs)
+    return tuple(dict.fromkeys(vertical if one == ALTITUDE else one for one in needs))
+
+
+class Derivation:
+    """Values of the derived features of one formula.
+
+    Args:
+        labels: the features, e.g. `reasoning.required_labels(formula)`; those that are not derived are left alone.
+        vertical: `heli-altitude`, or `heli-height` to compare heights above different homes.
+        fence: corners (latitude, longitude) in degrees, for `fence_margin`.
+
+    Raises:
+        UnknownLabel: if a label is not derivable.
+    """
+
+    def __init__(self, labels: Iterable[str], vertical: str = ALTITUDE, fence: Sequence[Sequence[float]] = ()) -> None:
+        wanted: dict[tuple[str, ...], dict[str, str]] = {}
+        for text in labels:
+            label = Label.parse(text)
+            feature = FEATURES.get(label.feature)
+            if feature is None or feature.arity != len(label.objects):
+                raise UnknownLabel(text, tuple(FEATURES))
+            wanted.setdefault(label.objects, {})[label.feature] = text
+        found: dict[Input, None] = {}
+        for units, names in wanted.items():
+            found.update({Input(each, unit): None for each in needed_labels(names, vertical) for unit in units})
+        self.inputs: tuple[Input, ...] = tuple(sorted(found))
+        index = {each: at for at, each in enumerate(self.inputs)}
+        self._groups: list[_Pair | _Single] = [
+            (
+                _Pair(units, names, index, vertical)
+                if len(units) == 2
+                else _Single(units[0], names, index, vertical, fence)
+            )
+            for units, names in wanted.items()
+        ]
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs, for `Monitor(inputs=...)`."""
+        return tuple(str(one) for one in self.inputs)
+
+    def values(self, inputs: Sequence[Value]) -> dict[str, Value]:
+        """Values by label, of a state whose values stand in the order of `inputs`."""
+        found: dict[str, Value] = {}
+        for group in self._groups:
+            group.put(inputs, found)
+        return found
+
+    def lacks(self, inputs: Sequence[Value]) -> tuple[str, ...]:
+        """Names of the inputs without a value, for `Monitor.on_state(lacks=...)`."""
+        if NO_VALUE not in inputs:
+            return ()
+        return tuple(str(one) for one, value in zip(self.inputs, inputs, strict=True) if value is NO_VALUE)
+
+
+def _number(value: Value) -> float | None:
+    """A simple value, or a record of one field."""
+    if value is NO_VALUE:
+        return None
+    return float(value[0] if isinstance(value, tuple) else value)
+
+
+def _both(at: tuple[int | None, int | None], inputs: Sequence[Value]) -> tuple[Value, Value]:
+    return _at(at[0], inputs), _at(at[1], inputs)
+
+
+def _at(at: int | None, inputs: Sequence[Value]) -> Value:
+    return NO_VALUE if at is None else inputs[at]
+
+
+class _Pair:
+    """Features of two units."""
+
+    def __init__(self, units: tuple[str, ...], names: dict[str, str], index: dict[Input, int], vertical: str) -> None:
+        self._names = names
+        self._moving = bool({"cpa_time", "cpa_xy", "cpa_z"} & set(names))
+        own, other = units
+        self._positions = index.get(Input(POSITION, own)), index.get(Input(POSITION, other))
+        self._verticals = index.get(Input(vertical, own)), index.get(Input(vertical, other))
+        self._velocities = index.get(Input(VELOCITY, own)), index.get(Input(VELOCITY, other))
+
+    def put(self, inputs: Sequence[Value], found: dict[str, Value]) -> None:
+        values = self._values(inputs)
+        for name, label in self._names.items():
+            value = values.get(name)
+            found[label] = value if value is not None and isfinite(value) else NO_VALUE
+
+    def _values(self, inputs: Sequence[Value]) -> dict[str, float]:
+        values: dict[str, float] = {}
+        a, b = _both(self._positions, inputs)
+        low, high = (None if at is None else _number(inputs[at]) for at in self._verticals)
+        u, v = _both(self._velocities, inputs)
+        down_m = None if low is None or high is None else low - high
+        if down_m is not None:
+            values["z_dist"] = abs(down_m)
+        if a is NO_VALUE or b is NO_VALUE:
+            return values
+        north_m, east_m = offset_m(a, b)
+        xy_m = values["xy_dist"] = sqrt(north_m * north_m + east_m * east_m)
+        if down_m is not None:
+            values["dist_3d"] = sqrt(xy_m * xy_m + down_m * down_m)
+        if u is NO_VALUE or v is NO_VALUE:
+            return values
+        velocity = v[0] - u[0], v[1] - u[1], v[2] - u[2]
+        if down_m is not None and self._moving:
+            time_s, values["cpa_xy"], values["cpa_z"] = closest_approach((north_m, east_m, down_m), velocity)
+            values["cpa_time"] = time_s * US_PER_S
+        if "hmd" in self._names or "closing_xy" in self._names:
+            values["hmd"] = horizontal_miss_m((north_m, east_m), velocity)
+            values["closing_xy"] = -(north_m * velocity[0] + east_m * velocity[1])
+        return values
+
+
+class _Single:
+    """Features of one unit."""
+
+    def __init__(
+        self,
+        unit: str,
+        names: dict[str, str],
+        index: dict[Input, int],
+        vertical: str,
+        fence: Sequence[Sequence[float]],
+    ) -> None:
+        self._names, self._fence = names, fence
+        labels = {"altitude": vertical, "height": HEIGHT, "battery": BATTERY}
+        self._simple = {name: index[Input(label, unit)] for name, label in labels.items() if name in names}
+        self._position, self._home = index.get(Input(POSITION, unit)), index.get(Input(HOME, unit))
+        self._velocity = index.get(Input(VELOCITY, unit))
+
+    def put(self, inputs: Sequence[Value], found: dict[str, Value]) -> None:
+        for name, label in self._names.items():
+            value = self._value(name, inputs)
+            found[label] = value if value is not None and isfinite(value) else NO_VALUE
+
+    def _value(self, name: str, inputs: Sequence[Value]) -> float | None:
+        if name in self._simple:
+            return _number(inputs[self._simple[name]])
+        if name == "speed":
+            velocity = _at(self._velocity, inputs)
+            return None if velocity is NO_VALUE else hypot(velocity[0], velocity[1])
+        position = _at(self._position, inputs)
+        if position is NO_VALUE:
+            return None
+        if name == "fence_margin":
+            return fence_margin_m(position, self._fence) if self._fence else None
+        home = _at(self._home, inputs)
+        return None if home is NO_VALUE else hypot(*offset_m(position, home))

@@ -1,0 +1,217 @@
+"""Monitors: a formula, the state of its inputs, and its alarms (thesis 7.5; F4, F5, F8).
+
+A value stepped by `on_state` and `on_time`; what it returns are alarms opened and closed. Federation time.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Literal, TypeAlias
+
+from dyknow.sample import Value
+from dyknow.values import NO_VALUE
+from reasoning.alarms import AlarmEvent, Change, Watch
+from reasoning.evaluation import Moment, NoValuePolicy
+from reasoning.formulas import Always, Domains, Exists, Forall, Formula, required_labels, walk
+from reasoning.inputs import Freshness, Inputs
+from reasoning.progression import Changes, Verdict, compile_operator, lacking, verdict_of
+from reasoning.residuals import Residual
+
+Shown: TypeAlias = Literal["ok", "alarm", "unknown"]
+
+
+class Monitor:
+    """One formula over one set of objects.
+
+    `always phi` raises alarms again and again (F8); any other formula raises one, when it turns false.
+
+    Args:
+        name: of the monitor, e.g. `proximity`; part of the ids of its alarms.
+        formula: checked, without free variables.
+        key: the units it is about; the first is the platform that monitors, unless `by` says otherwise.
+        period_us: sample period of its states.
+        max_delay_us: how long a state may wait for its inputs.
+        no_value: what an atom over `no_value` counts as (F5); `skip` leaves out states that lack an input.
+        close_after: how many states in a row must satisfy phi to close an alarm.
+        inputs: names of what the states are made of, for `missing_inputs`; the formula's labels by default.
+        domains: members of the domains it quantifies over, where states do not bring them.
+        since_us: when the monitor was set up.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        formula: Formula,
+        key: tuple[str, ...],
+        period_us: int,
+        max_delay_us: int,
+        no_value: NoValuePolicy = "undecided",
+        close_after: int = 2,
+        *,
+        by: str | None = None,
+        inputs: Sequence[str] | None = None,
+        domains: Domains | None = None,
+        since_us: int = 0,
+    ) -> None:
+        self.name, self.formula, self.key = name, formula, key
+        self.by = by if by is not None else (key[0] if key else "")
+        self.period_us, self.max_delay_us = period_us, max_delay_us
+        self.no_value: NoValuePolicy = no_value
+        self.alarm_id: str | None = None
+        self._close_after = close_after
+        self._domains: Domains = domains or {}
+        self._quantified = any(isinstance(node, Forall | Exists) for node in walk(formula))
+        self._labels = () if self._quantified else required_labels(formula)
+        self._inputs = Inputs(self._labels if inputs is None else inputs, period_us, max_delay_us, since_us)
+        self._changes = Changes(formula)
+        self._watch: Watch | _Once | None = None
+        self._valid_us: int | None = None
+        self._doubtful = False
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._inputs.deadline_us
+
+    @property
+    def verdict(self) -> Verdict:
+        """Of the formula; for `always phi` it is false while an alarm is open, since phi is monitored anew (F8)."""
+        return "undecided" if self._watch is None else _verdict(self._watch)
+
+    @property
+    def inputs(self) -> Freshness:
+        return self._inputs.state
+
+    @property
+    def inputs_since_us(self) -> int:
+        return self._inputs.since_us
+
+    @property
+    def missing_inputs(self) -> tuple[str, ...]:
+        """Which inputs lack; empty while they are fresh."""
+        return self._inputs.which
+
+    @property
+    def reasons(self) -> Mapping[str, str]:
+        """Why inputs were marked missing: gone, skewed."""
+        return self._inputs.marked
+
+    @property
+    def shows(self) -> Shown:
+        """What a person sees: never safe while inputs are not fresh, or while the newest state decides nothing."""
+        if self._inputs.state != "fresh":
+            return "unknown"
+        if self.verdict == "false":
+            return "alarm"
+        return "unknown" if self._doubtful else "ok"
+
+    def on_state(
+        self,
+        valid_us: int,
+        now_us: int,
+        values: Mapping[str, Value],
+        *,
+        lacks: tuple[str, ...] | None = None,
+        domains: Domains | None = None,
+        events: Collection[str] = (),
+    ) -> list[AlarmEvent]:
+        """Take one state.
+
+        Args:
+            valid_us: its time; a state not later than the last is ignored.
+            now_us: federation time now.
+            values: by label; `NO_VALUE` or absent where there is none.
+            lacks: names of inputs without a value; by default the formula's labels without one.
+            domains: as they are now, for quantifiers; by default those of the constructor.
+            events: labels of what happened.
+        """
+        if self._valid_us is not None and valid_us <= self._valid_us:
+            return []
+        self._valid_us = valid_us
+        domains = self._domains if domains is None else domains
+        if self._quantified:
+            self._labels = required_labels(self.formula, domains)
+        no_values = tuple(label for label in self._labels if values.get(label, NO_VALUE) is NO_VALUE)
+        lacks = no_values if lacks is None else lacks
+        self._inputs.on_state(valid_us, now_us, lacks)
+        found = self._take(valid_us, values, domains, events, bool(lacks or no_values))
+        self.on_time(now_us)
+        return [self._event(found, now_us)] if found else []
+
+    def _take(
+        self, valid_us: int, values: Mapping[str, Value], domains: Domains, events: Collection[str], incomplete: bool
+    ) -> Change | None:
+        if self._inputs.marked:
+            values, incomplete = {}, True
+        if incomplete and self.no_value == "skip":
+            return None
+        watch = self._watch
+        if watch is None:
+            watch = self._watch = self._activate(domains)
+        moment = Moment(valid_us, values, domains, events, self._changes.after(valid_us, values))
+        change = watch.on_moment(moment)
+        self._doubtful = watch.doubtful and not incomplete
+        if self._inputs.state != "fresh" and isinstance(watch, Watch):
+            watch.forget_clean()
+        return change
+
+    def _activate(self, domains: Domains) -> "Watch | _Once":
+        formula = self.formula
+        if isinstance(formula, Always) and formula.lo_us == 0 and formula.hi_us is None:
+            phi = compile_operator(formula.operand, domains, self.period_us, self.no_value)
+            return Watch(phi, self._close_after)
+        return _Once(formula, domains, self.period_us, self.no_value)
+
+    def on_time(self, now_us: int) -> list[AlarmEvent]:
+        """Let time pass. Changes only the state of the inputs: alarms wait for states."""
+        if self._inputs.on_time(now_us) and isinstance(self._watch, Watch):
+            self._watch.forget_clean()
+        return []
+
+    def mark_missing(self, which: str, now_us: int, reason: str = "gone") -> list[AlarmEvent]:
+        """The source of an input is gone, or its clock skewed: its values no longer count, whatever still comes."""
+        self._inputs.mark(which, now_us, reason)
+        if isinstance(self._watch, Watch):
+            self._watch.forget_clean()
+        return []
+
+    def mark_present(self, which: str, now_us: int) -> list[AlarmEvent]:
+        """The source is back; inputs are fresh again with the first complete state."""
+        self._inputs.unmark(which)
+        return self.on_time(now_us)
+
+    def _event(self, change: Change, now_us: int) -> AlarmEvent:
+        if change.opens or self.alarm_id is None:
+            self.alarm_id = f"{self.name}/{self.by}/{'-'.join(self.key)}/{change.valid_us}"
+        alarm_id = self.alarm_id
+        if not change.opens:
+            self.alarm_id = None
+        lacks = lacking(self._labels, change.values)
+        values = {label: change.values[label] for label in self._labels if label not in lacks}
+        event: Literal["opened", "closed"] = "opened" if change.opens else "closed"
+        return AlarmEvent(alarm_id, event, self.name, self.key, change.valid_us, now_us, values)
+
+
+class _Once:
+    """A formula of any other form: progressed to its verdict, one alarm if that is false."""
+
+    doubtful = False
+
+    def __init__(self, formula: Formula, domains: Domains, period_us: int, no_value: NoValuePolicy) -> None:
+        self._operator = compile_operator(formula, domains, period_us, no_value)
+        self._started = False
+        self.residual: Residual = None
+
+    def on_moment(self, moment: Moment) -> Change | None:
+        left = self.residual
+        if not self._started:
+            self._started, self.residual = True, self._operator.start(moment)
+        elif left is None or left is True or left is False:
+            return None
+        else:
+            self.residual = left.step(moment)
+        self.doubtful = self.residual is None
+        return Change(opens=True, valid_us=moment.valid_us, values=moment.values) if self.residual is False else None
+
+
+def _verdict(watch: Watch | _Once) -> Verdict:
+    if isinstance(watch, Watch):
+        return "false" if watch.open else "undecided"
+    return verdict_of(watch.residual)
