@@ -63,7 +63,7 @@ def _alias(name: str) -> str:
 
 
 class Part(BaseModel):
-    """An expression with a fixed head; `expr()` prints it, parameters that are not set left out."""
+    """An expression with a fixed head; `expr()` prints it, parameters left out that are as they would be without."""
 
     model_config = ConfigDict(
         strict=True,
@@ -97,7 +97,7 @@ class Part(BaseModel):
         arguments: dict[str, ExprValue] = {}
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
-            if value is not None:
+            if field.is_required() or value != field.get_default(call_default_factory=True):
                 arguments[field.alias or name] = _said(value, is_unit=name in _UNIT_FIELDS)
         return Expr(self.head, arguments)
 
@@ -145,8 +145,9 @@ def read(expr: Expr) -> Content:
     except ValidationError as wrong:
         first = wrong.errors(include_url=False, include_input=False)[0]
         place = ".".join(str(step) for step in first["loc"])
+        message = first["msg"].removeprefix("Value error, ")
         more = f" (and {wrong.error_count() - 1} more)" if wrong.error_count() > 1 else ""
-        raise ContentError(f"({expr.head} ...): {f'{place}: ' if place else ''}{first['msg']}{more}"[:400]) from None
+        raise ContentError(f"({expr.head} ...): {f'{place}: ' if place else ''}{message}{more}"[:400]) from None
 
 
 # Answers of every kind
@@ -436,6 +437,20 @@ class Search(Content):
 
 class Found(Content):
     agents: Annotated[tuple[Agent, ...], Field(max_length=MAX_LIST)]
+
+
+class Labels(Content):
+    """Which labels has the local instance? For agents of the same platform."""
+
+
+class LabelList(Content):
+    labels: Annotated[tuple[Line, ...], Field(max_length=MAX_LIST)]
+
+
+class Latest(Content):
+    """The latest value of a local label? For agents of the same platform."""
+
+    label: Line
 
 
 class Leave(Content):

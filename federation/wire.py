@@ -1,8 +1,4 @@
-"""What travels, said as pydantic models: the description of a platform, and the schema of an act.
-
-Descriptions are rare and are validated with these models. Acts are validated by hand in `federation.codec`; `WireAct`
-says independently what that must accept, for the tests and for whoever writes another implementation.
-"""
+"""What a platform says of itself, as pydantic models: descriptions are rare, and are validated with these."""
 
 from typing import Annotated, Any, Literal
 
