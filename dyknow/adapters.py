@@ -1,0 +1,94 @@
+"""Filters that enforce one constraint each (thesis, 4.4.5 and Def. 4.5.11). No clock, no queue, no I/O.
+
+A filter compares a sample with the one accepted before it. They define what `Policy` means; `PolicyAdapter` does
+the same in one step per sample.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import TypeAlias
+
+from dyknow.errors import PolicyError
+from dyknow.sample import Sample
+
+Accept: TypeAlias = Callable[[Sample, Sample | None], bool]
+
+
+def any_update(_sample: Sample, _last: Sample | None) -> bool:
+    """Accept everything: available times differ anyway (Def. 4.4.9)."""
+    return True
+
+
+def any_change(sample: Sample, last: Sample | None) -> bool:
+    """Accept samples whose value or valid time differs from the sample before (Def. 4.4.9)."""
+    return last is None or sample.valid_us != last.valid_us or sample.value != last.value
+
+
+def sample_every(period_us: int) -> Accept:
+    """Accept samples a positive multiple of `period_us` after the one before (Def. 4.4.9; a miss ends nothing).
+
+    Raises:
+        PolicyError: if `period_us` is not positive.
+    """
+    if period_us <= 0:
+        raise PolicyError(f"a sample period must be > 0 us, got {period_us}")
+
+    def accept(sample: Sample, last: Sample | None) -> bool:
+        if last is None:
+            return True
+        elapsed_us = sample.valid_us - last.valid_us
+        return elapsed_us > 0 and elapsed_us % period_us == 0
+
+    return accept
+
+
+def on_grid(period_us: int, anchor_us: int) -> Accept:
+    """Accept samples whose valid time is a multiple of `period_us` away from `anchor_us`."""
+    return lambda sample, _last: (sample.valid_us - anchor_us) % period_us == 0
+
+
+def max_delay(limit_us: int) -> Accept:
+    """Accept samples no older than `limit_us` on arrival (Def. 4.4.10).
+
+    Raises:
+        PolicyError: if `limit_us` is negative.
+    """
+    if limit_us < 0:
+        raise PolicyError(f"max delay must be >= 0 us, got {limit_us}")
+    return lambda sample, _last: sample.delay_us <= limit_us
+
+
+def duration(from_us: int | None, to_us: int | None) -> Accept:
+    """Accept samples valid in [from_us, to_us], both inclusive; None is no bound (Def. 4.4.11).
+
+    Raises:
+        PolicyError: if the duration ends before it starts.
+    """
+    if from_us is not None and to_us is not None and to_us < from_us:
+        raise PolicyError(f"a duration cannot end at {to_us} us, before it starts at {from_us} us")
+    return lambda sample, _last: (
+        (from_us is None or from_us <= sample.valid_us) and (to_us is None or sample.valid_us <= to_us)
+    )
+
+
+def any_order(_sample: Sample, _last: Sample | None) -> bool:
+    """Accept everything: valid times may have any order (Def. 4.4.12)."""
+    return True
+
+
+def monotone_order(sample: Sample, last: Sample | None) -> bool:
+    """Accept samples whose valid time does not go back (Def. 4.4.12). Equal times pass."""
+    return last is None or sample.valid_us >= last.valid_us
+
+
+def strict_order(sample: Sample, last: Sample | None) -> bool:
+    """Accept samples whose valid time goes forward (Def. 4.4.12)."""
+    return last is None or sample.valid_us > last.valid_us
+
+
+def restrict(samples: Iterable[Sample], *accepts: Accept) -> Iterator[Sample]:
+    """Yield the samples every filter accepts, compared with the last one yielded."""
+    last: Sample | None = None
+    for sample in samples:
+        if all(accept(sample, last) for accept in accepts):
+            yield sample
+            last = sample

@@ -1,0 +1,51 @@
+"""Durations as people write them, and the integer microseconds they stand for.
+
+Instants and durations are `int` microseconds everywhere; nothing is rounded, so a text finer than that is refused.
+"""
+
+import re
+from decimal import Decimal
+
+from dyknow.errors import TextError
+
+US_PER_MS = 1_000
+US_PER_S = 1_000_000
+US_PER_UNIT = {"us": 1, "ms": US_PER_MS, "s": US_PER_S, "min": 60 * US_PER_S, "h": 3_600 * US_PER_S}
+MAX_DURATION_US = 2**62
+"""Far beyond any clock, and small enough that sums of durations stay 64-bit on the wire."""
+
+_DURATION = re.compile(r"([0-9]{1,20}(?:\.[0-9]{1,20})?(?:[eE][+-]?[0-9]{1,2})?)\s?(us|ms|s|min|h)?")
+_PRINTED = ("h", "min", "s", "ms", "us")
+
+
+def parse_duration(text: str, default_unit: str = "ms") -> int:
+    """Microseconds of `200`, `200ms`, `2s`, `1.5 min`, `1e3us`.
+
+    Raises:
+        TextError: it is no duration, is finer than a microsecond or beyond `MAX_DURATION_US`.
+    """
+    stripped = text.strip()
+    found = _DURATION.fullmatch(stripped) if len(stripped) <= 64 else None
+    if found is None:
+        shown = stripped[:64]
+        raise TextError(
+            f"{shown!r} is not a duration",
+            text=shown,
+            width=len(shown),
+            repair="a number and us, ms, s, min or h: 200ms",
+        )
+    amount = Decimal(found[1]) * US_PER_UNIT[found[2] or default_unit]
+    if amount > MAX_DURATION_US:
+        raise TextError(f"{stripped!r} is too long a time", text=stripped, width=len(stripped))
+    if amount != amount.to_integral_value():
+        raise TextError(f"{stripped!r} is finer than a microsecond", text=stripped, width=len(stripped))
+    return int(amount)
+
+
+def print_duration(duration_us: int) -> str:
+    """The shortest exact text: 1_500_000 is `1500ms`, 120_000_000 is `2min`; `parse_duration` reads it back."""
+    sign, amount = ("-", -duration_us) if duration_us < 0 else ("", duration_us)
+    if amount == 0:
+        return "0s"
+    unit = next(unit for unit in _PRINTED if amount % US_PER_UNIT[unit] == 0)
+    return f"{sign}{amount // US_PER_UNIT[unit]}{unit}"

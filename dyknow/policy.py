@@ -1,0 +1,117 @@
+"""Policies: what a stream must be like for the one who subscribes to it (thesis, Def. 4.4.8 to 4.4.13, 4.5.11)."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import Literal, TypeAlias, get_args
+
+from dyknow import adapters
+from dyknow.errors import PolicyError
+from dyknow.instants import MAX_DURATION_US
+from dyknow.sample import Sample
+
+Change: TypeAlias = Literal["any update", "any change", "sample"]
+Order: TypeAlias = Literal["any", "monotone", "strict"]
+Approximation: TypeAlias = Literal["none", "most recent", "linear"]
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """A set of constraints on one stream; equal policies are one policy, whatever words they were typed with.
+
+    Attributes:
+        change: which samples count as news; `sample` keeps to a grid of valid times and implies strict order.
+        sample_us: the grid's period. The grid is anchored on `from_us`, else on the first sample delivered.
+        max_delay_us: available time may exceed valid time by so much; None is no limit.
+        from_us: first valid time of interest, `to_us` the last, both inclusive; None is no bound.
+        order: relation of valid times of successive samples.
+        approximation: what may stand in for a missing sample. `most recent` needs `sample`, `from_us` and
+            `max_delay_us`, so that it is known what is missing, and when; `linear` needs `sample`.
+        delay_before_us: of state streams: how long to wait before an approximation is used (7.8.2).
+
+    Raises:
+        PolicyError: the constraints cannot hold together.
+    """
+
+    change: Change = "any update"
+    sample_us: int | None = None
+    max_delay_us: int | None = None
+    from_us: int | None = None
+    to_us: int | None = None
+    order: Order = "any"
+    approximation: Approximation = "none"
+    delay_before_us: int | None = None
+
+    def __post_init__(self) -> None:
+        self._check_words()
+        self._check_times()
+        if (self.change == "sample") != (self.sample_us is not None):
+            raise PolicyError("a sample period goes with the constraint `sample every`, and only with it")
+        self._constraints()  # each refuses a number that is wrong by itself
+        if self.approximation != "none" and self.sample_us is None:
+            raise PolicyError(f"`use {self.approximation}` needs `sample every`: else nothing is missing")
+        if self.approximation == "most recent" and (self.from_us is None or self.max_delay_us is None):
+            raise PolicyError(
+                "`use most recent` needs `from` and `max delay`: which samples are missing, and when that is sure"
+            )
+        if self.sample_us is not None:
+            object.__setattr__(self, "order", "strict")
+
+    def satisfied_by(self, samples: Iterable[Sample]) -> bool:
+        """Whether a stream, ordered by available time, satisfies every constraint (Def. 4.5.11).
+
+        `sample every` holds when valid times differ by positive multiples of the period: a miss is a gap, not the end.
+        """
+        constraints = self._constraints()
+        last: Sample | None = None
+        for sample in samples:
+            if not all(accept(sample, last) for accept in constraints):
+                return False
+            last = sample
+        return True
+
+    def content_hash(self) -> str:
+        """8 hexadecimal digits of the canonical text: equal policies, equal keys."""
+        return sha256(str(self).encode()).hexdigest()[:8]
+
+    @classmethod
+    def parse(cls, text: str) -> "Policy":
+        """Read `sample every 100, max delay 1s, from 0 to oo, use most recent`; the empty text is `Policy()`.
+
+        Raises:
+            TextError: it is not a policy; the error says where and what to write.
+            PolicyError: the constraints cannot hold together.
+        """
+        from dyknow.policy_text import parse_policy  # it builds policies
+
+        return parse_policy(text)
+
+    def __str__(self) -> str:
+        from dyknow.policy_text import print_policy
+
+        return print_policy(self)
+
+    def _constraints(self) -> tuple[adapters.Accept, ...]:
+        found: list[adapters.Accept] = []
+        if self.sample_us is not None:
+            found.append(adapters.sample_every(self.sample_us))
+        elif self.change == "any change":
+            found.append(adapters.any_change)
+        if self.max_delay_us is not None:
+            found.append(adapters.max_delay(self.max_delay_us))
+        if self.from_us is not None or self.to_us is not None:
+            found.append(adapters.duration(self.from_us, self.to_us))
+        if self.order != "any":
+            found.append(adapters.strict_order if self.order == "strict" else adapters.monotone_order)
+        return tuple(found)
+
+    def _check_words(self) -> None:
+        for word, allowed in ((self.change, Change), (self.order, Order), (self.approximation, Approximation)):
+            if word not in get_args(allowed):
+                raise PolicyError(f"{word!r} is none of {', '.join(get_args(allowed))}")
+
+    def _check_times(self) -> None:
+        for name in ("sample_us", "max_delay_us", "from_us", "to_us", "delay_before_us"):
+            time_us = getattr(self, name)
+            if time_us is not None and not 0 <= time_us <= MAX_DURATION_US:
+                raise PolicyError(f"{name} must be a time from 0 to {MAX_DURATION_US} us, got {time_us}")

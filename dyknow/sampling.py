@@ -1,0 +1,227 @@
+"""One stream made to satisfy one policy, sample by sample (thesis, 4.4.5, Def. 4.5.9 to 4.5.11)."""
+
+from collections import Counter
+from collections.abc import Callable
+from typing import Final
+
+from dyknow.policy import Policy
+from dyknow.sample import Sample, Value
+from dyknow.upcoming import Upcoming
+from dyknow.values import NO_VALUE
+
+CATCH_UP = 1024
+"""Grid points approximated at once after a silence of the caller; older ones are a gap."""
+
+_EVER_US: Final = 2**80  # beyond every time, so that "no limit" needs no test of its own on the hot path
+
+
+class PolicyAdapter:
+    """The stream of one subscription. Call `on_sample` as samples arrive, `on_time` at `deadline_us`.
+
+    What comes out satisfies the policy, with available times that are strictly increasing: a tie is moved by 1 us,
+    after the maximum delay was checked. Exact samples leave when they arrive. `use most recent` owes a sample for
+    every grid point from the first call on: a missing one is approximated at valid time + max delay, and exact samples
+    after it wait until then, because a sampled stream is strictly ordered. So each grid point comes out once, in order
+    and within its delay. `use linear` interpolates a missing grid point when the sample after it arrives.
+
+    Attributes:
+        on_sample: `(sample, now_us) -> list[Sample]`: what the subscriber gets now, often nothing.
+        gaps: how often grid points are missing between two successive samples of the stream.
+    """
+
+    __slots__ = (
+        "_anchor_us", "_changes", "_from_us", "_last", "_late", "_least_step_us", "_max_delay_us", "_no_change", "_off_grid",
+        "_out_of_order", "_outside", "_owed", "_period_us", "_previous", "_to_us", "gaps", "on_sample", "policy",
+    )  # fmt: skip
+    on_sample: Callable[[Sample, int], list[Sample]]
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy = policy
+        self.gaps = self._late = self._out_of_order = self._outside = self._no_change = self._off_grid = 0
+        self._period_us = policy.sample_us or 0
+        self._from_us = -_EVER_US if policy.from_us is None else policy.from_us
+        self._to_us = _EVER_US if policy.to_us is None else policy.to_us
+        self._max_delay_us = _EVER_US if policy.max_delay_us is None else policy.max_delay_us
+        self._least_step_us = {"any": -2 * _EVER_US, "monotone": 0, "strict": 1}[policy.order]
+        self._changes = policy.change == "any change"
+        self._anchor_us = policy.from_us
+        self._last: Sample | None = None
+        self._previous: Sample | None = None
+        self._owed: _Owed | None = None
+        if policy.approximation == "most recent":
+            self._owed = _Owed(self._from_us, self._to_us, self._period_us, self._max_delay_us)
+        self.on_sample = {"none": self._exact, "most recent": self._most_recent, "linear": self._linear}[
+            policy.approximation
+        ]
+
+    def on_time(self, now_us: int) -> list[Sample]:
+        """What is due at `now_us`; more often than at `deadline_us` is harmless."""
+        return [] if self._owed is None else self._settle(self._owed, now_us, now_us)
+
+    @property
+    def deadline_us(self) -> int | None:
+        """Next instant at which `on_time` has work, or None."""
+        return None if self._owed is None else self._owed.deadline_us
+
+    @property
+    def dropped(self) -> Counter[str]:
+        """Samples that did not come through, by reason."""
+        return Counter({
+            reason: count
+            for reason, count in (
+                ("late", self._late), ("out of order", self._out_of_order), ("outside duration", self._outside),
+                ("no change", self._no_change), ("off grid", self._off_grid),
+                ("overflow", self._owed.upcoming.refused if self._owed else 0),
+            )
+            if count
+        })  # fmt: skip
+
+    def _exact(self, sample: Sample, now_us: int) -> list[Sample]:
+        valid_us = sample.valid_us
+        if not self._from_us <= valid_us <= self._to_us:
+            self._outside += 1
+            return []
+        if now_us - valid_us > self._max_delay_us:
+            self._late += 1
+            return []
+        period_us, last, available_us = self._period_us, self._last, sample.available_us
+        available_us = max(available_us, now_us)
+        if last is not None:
+            step_us = valid_us - last.valid_us
+            if period_us and step_us != period_us:
+                if step_us % period_us:
+                    self._off_grid += 1
+                    return []
+                self.gaps += step_us > 0
+            if step_us < self._least_step_us:
+                self._out_of_order += 1
+                return []
+            if self._changes and step_us == 0 and sample.value == last.value:
+                self._no_change += 1
+                return []
+            if available_us <= last.available_us:
+                available_us = last.available_us + 1
+        elif period_us and self._anchor_us is not None and (valid_us - self._anchor_us) % period_us:
+            self._off_grid += 1
+            return []
+        if available_us != sample.available_us:
+            sample = Sample(available_us, valid_us, sample.value)
+        self._last = sample
+        return [sample]
+
+    def _linear(self, sample: Sample, now_us: int) -> list[Sample]:
+        previous, valid_us = self._previous, sample.valid_us
+        if self._anchor_us is None:
+            self._anchor_us = valid_us
+        if previous is not None and valid_us <= previous.valid_us:
+            self._out_of_order += 1
+            return []
+        self._previous = sample
+        found: list[Sample] = []
+        period_us, anchor_us = self._period_us, self._anchor_us
+        if previous is not None:
+            first_us = max(
+                previous.valid_us + 1, self._from_us, now_us - self._max_delay_us, valid_us - CATCH_UP * period_us
+            )
+            for grid_us in range(
+                first_us + (anchor_us - first_us) % period_us, min(valid_us, self._to_us + 1), period_us
+            ):
+                value = interpolate(previous, sample, grid_us)
+                if value is not NO_VALUE:
+                    found += self._exact(Sample(now_us, grid_us, value), now_us)
+        if (valid_us - anchor_us) % period_us == 0:
+            found += self._exact(sample, now_us)
+        return found
+
+    def _most_recent(self, sample: Sample, now_us: int) -> list[Sample]:
+        owed = self._owed
+        assert owed is not None  # noqa: S101  (this method is bound only where there is one)
+        found = self._settle(
+            owed, now_us, now_us - 1
+        )  # what was due before this sample came; at one instant inputs are first
+        valid_us = sample.valid_us
+        if not self._from_us <= valid_us <= self._to_us:
+            self._outside += 1
+        elif (valid_us - self._from_us) % self._period_us:
+            self._off_grid += 1
+        elif valid_us < owed.next_us:
+            self._late += now_us - valid_us > self._max_delay_us
+            self._out_of_order += now_us - valid_us <= self._max_delay_us
+        owed.upcoming.add(sample, owed.next_us)  # also a dropped one is news about the points after it
+        return found + self._settle(owed, now_us, now_us - 1)
+
+    def _settle(self, owed: "_Owed", now_us: int, clock_us: int) -> list[Sample]:
+        """Deliver the grid points that are known, or due at `clock_us`, up to the first that is neither."""
+        owed.catch_up(now_us)
+        found: list[Sample] = []
+        while (value := owed.settled(clock_us)) is not None:
+            last = self._last
+            available_us = now_us if last is None or now_us > last.available_us else last.available_us + 1
+            if last is not None:
+                self.gaps += owed.next_us - last.valid_us > self._period_us
+            self._last = Sample(available_us, owed.next_us, value[0])
+            found.append(self._last)
+            owed.advance()
+        return found
+
+
+class _Owed:
+    """The grid points for which a stream that uses the most recent value still owes a sample."""
+
+    __slots__ = ("delay_us", "listening", "next_us", "period_us", "to_us", "upcoming")
+
+    def __init__(self, from_us: int, to_us: int, period_us: int, delay_us: int) -> None:
+        self.next_us, self.to_us, self.period_us, self.delay_us = from_us, to_us, period_us, delay_us
+        self.upcoming = Upcoming()
+        self.listening = False
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self.next_us + self.delay_us if self.next_us <= self.to_us else None
+
+    def settled(self, clock_us: int) -> tuple[Value] | None:
+        """The value of the next point, once it is exact or its time is over."""
+        if self.next_us > self.to_us:
+            return None
+        best = self.upcoming.best
+        if best is not None and best.valid_us == self.next_us:
+            return (best.value,)
+        if self.next_us + self.delay_us > clock_us:
+            return None
+        return (NO_VALUE if best is None else best.value,)
+
+    def advance(self, points: int = 1) -> None:
+        self.next_us += points * self.period_us
+        self.upcoming.advance(self.next_us)
+
+    def catch_up(self, now_us: int) -> None:
+        """Skip what was due before anybody listened, and all but the last points after a long silence of the caller."""
+        behind = -((self.next_us + self.delay_us - now_us) // self.period_us)  # points due before now
+        spared = CATCH_UP if self.listening else 0
+        self.listening = True
+        if behind > spared:
+            self.advance(behind - spared)
+
+
+def interpolate(before: Sample, after: Sample, valid_us: int) -> Value:
+    """The value at `valid_us` on the straight line between two samples, component by component.
+
+    `NO_VALUE` where there is no line: a component is not a number, or the arities differ.
+    """
+    share = (valid_us - before.valid_us) / (after.valid_us - before.valid_us)
+    if not isinstance(before.value, tuple):
+        return _between(before.value, after.value, share)
+    if not isinstance(after.value, tuple) or len(before.value) != len(after.value):
+        return NO_VALUE
+    components = tuple(_between(a, b, share) for a, b in zip(before.value, after.value, strict=True))
+    return NO_VALUE if NO_VALUE in components else components
+
+
+def _between(before: Value, after: Value, share: float) -> Value:
+    if not _is_number(before) or not _is_number(after):
+        return NO_VALUE
+    return before + (after - before) * share
+
+
+def _is_number(value: Value) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

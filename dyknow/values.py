@@ -1,0 +1,119 @@
+"""Values and their sorts (thesis, Def. 4.3.2, 4.3.3).
+
+A simple value is an `int`, `float`, `bool` or `str`. A record is a plain tuple in the field order of its sort.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from sys import float_info
+from typing import Final, NamedTuple
+
+from dyknow.errors import SortError
+from dyknow.sample import Value
+
+_LARGEST = float_info.max
+
+
+class NoValue(Enum):
+    """The class of `NO_VALUE`: at this time the stream has no value (Def. 4.3.3). It has one instance, and is falsy."""
+
+    NO_VALUE = "no_value"
+
+    def __repr__(self) -> str:
+        return "no_value"
+
+    def __str__(self) -> str:
+        return "no_value"
+
+    def __bool__(self) -> bool:
+        return False
+
+
+NO_VALUE: Final = NoValue.NO_VALUE
+
+
+class Field(NamedTuple):
+    """One component of a record. `unit` is its physical unit (`deg`, `m/s`), or `bool` or `text` for such values."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sort:
+    """What the values of a stream are: records of `fields`, or, without fields, simple values."""
+
+    name: str
+    fields: tuple[Field, ...] = ()
+
+    def check(self, value: Value) -> None:
+        """Accept a value of this sort, or `NO_VALUE`.
+
+        Raises:
+            SortError: wrong arity, or a component that is not a finite number (a bool, a text where the unit says so).
+        """
+        if value is NO_VALUE:
+            return
+        if not self.fields:
+            self._check_simple(value)
+            return
+        if not isinstance(value, tuple) or len(value) != len(self.fields):
+            raise SortError(
+                f"{self.name}: expected {len(self.fields)} components ({self._names()}), got {_shown(value)}"
+            )
+        for field, component in zip(self.fields, value, strict=True):
+            if not _fits(component, field.unit):
+                raise SortError(
+                    f"{self.name}.{field.name} [{field.unit}]: {_shown(component)} is not {_wanted(field.unit)}"
+                )
+
+    def as_record(self, value: Value) -> dict[str, Value]:
+        """The components by name. A simple value is called `value`.
+
+        Raises:
+            SortError: the value is not of this sort, or is `NO_VALUE`.
+        """
+        if value is NO_VALUE:
+            raise SortError(f"{self.name}: no_value has no components")
+        self.check(value)
+        return dict(zip((f.name for f in self.fields), value, strict=True)) if self.fields else {"value": value}
+
+    def from_record(self, record: Mapping[str, Value]) -> Value:
+        """The value whose components are `record`: a tuple in field order, or the simple value called `value`.
+
+        Raises:
+            SortError: names are missing or too many, or a component is of the wrong kind.
+        """
+        names = [f.name for f in self.fields] or ["value"]
+        if set(record) != set(names):
+            raise SortError(
+                f"{self.name}: expected the components {', '.join(names)}, got {', '.join(map(str, record))}"
+            )
+        value = tuple(record[name] for name in names) if self.fields else record["value"]
+        self.check(value)
+        return value
+
+    def _check_simple(self, value: Value) -> None:
+        if not isinstance(value, bool | str) and not _fits(value, ""):
+            raise SortError(f"{self.name}: {_shown(value)} is not a simple value")
+
+    def _names(self) -> str:
+        return ", ".join(f.name for f in self.fields)
+
+
+def _fits(component: Value, unit: str) -> bool:
+    if unit == "bool":
+        return isinstance(component, bool)
+    if unit == "text":
+        return isinstance(component, str)
+    return isinstance(component, float | int) and not isinstance(component, bool) and -_LARGEST <= component <= _LARGEST
+
+
+def _wanted(unit: str) -> str:
+    return {"bool": "true or false", "text": "a text"}.get(unit, "a finite number")
+
+
+def _shown(value: Value) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."
