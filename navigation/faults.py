@@ -30,7 +30,8 @@ class Limits(NamedTuple):
         speed_m_s: faster than this nothing moves.
         gate: largest normalised innovation squared; for three axes 30 is passed by all but one true fix in a million.
         allowance_m: by how much sources may honestly disagree beyond what they state (two fixes of one autopilot do).
-        reacquire: so many consecutive positions that agree with each other, and not with us, are the truth.
+        reacquire: so many consecutive positions that agree with each other, and not with us, are the truth,
+        reacquire_us: if they go on for so long. A glitch of a receiver is over by then.
         frozen_moving: so many equal positions from a source that moves are a frozen source.
         frozen_still: the same for a source that stands, if its noise had shown in every report before.
         ahead_us: a report from further in the future is refused.
@@ -40,6 +41,7 @@ class Limits(NamedTuple):
     gate: float = 30.0
     allowance_m: float = 2.0
     reacquire: int = 5
+    reacquire_us: int = 5_000_000
     frozen_moving: int = 3
     frozen_still: int = 10
     ahead_us: int = 1_000_000
@@ -103,3 +105,4 @@ class Candidate(NamedTuple):
 
     report: PositionReport
     found: int
+    since_us: int

@@ -69,8 +69,8 @@ class Accuracy(NamedTuple):
 
     position_m: float = 0.3
     velocity_m_s: float = 0.3
-    density: float = 4.0
-    density_inertial: float = 1.0
+    density: float = 8.0
+    density_inertial: float = 4.0
 
 
 class PositionFilter:
@@ -260,9 +260,11 @@ class PositionFilter:
         """Refuse it; but positions that keep agreeing with each other are where the vehicle is."""
         self._refuse(reason)
         last = self._candidate
-        found = last.found + 1 if last is not None and self._follows(report, last.report) else 1
-        self._candidate = Candidate(report, found)
-        if found < self._limits.reacquire:
+        if last is None or not self._follows(report, last.report):
+            last = Candidate(report, 0, report.valid_us)
+        found = self._candidate = Candidate(report, last.found + 1, last.since_us)
+        lasted_us = report.valid_us - found.since_us
+        if found.found < self._limits.reacquire or lasted_us < self._limits.reacquire_us:
             return []
         self.rejected["reacquired"] += 1
         self._start(report)

@@ -44,8 +44,6 @@ class DeviceClock:
             if self._unix_us is None:
                 return arrival_us
             device_us -= self._unix_us
-        if self._driven and self._unix_us is not None:
-            return device_us + self._unix_us
         found_us = arrival_us - device_us
         if self._offset_us is None:
             self._restart(device_us, found_us, arrival_us)
@@ -57,6 +55,8 @@ class DeviceClock:
             self._before_us, self._offset_us, self._window_from_us = self._offset_us, found_us, arrival_us
         elif self._offset_us is None or found_us < self._offset_us:
             self._offset_us = found_us
+        if self._driven and self._unix_us is not None:
+            return device_us + self._unix_us
         return device_us + self._best_us
 
     @property
