@@ -20,11 +20,13 @@ class Station:
     """`heard` is every message it was sent; `now_us` moves by `run` only."""
 
     def __init__(self, persona="ardupilot", system=255, component=190, peer=ME, vehicle=None, **config) -> None:
+        config.setdefault("peers", (peer,))
         self.vehicle = vehicle or Autopilot(VehicleConfig(1, HOME, persona, **config), START_US)
         self.now_us, self.peer, self.persona = START_US, peer, persona
         self.system, self.component = system, component
         self._mav = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
         self.heard = []
+        self._keep(self.vehicle.on_time(self.now_us))
 
     def send(self, message) -> list:
         """What the vehicle answers at once to this station."""
