@@ -26,7 +26,7 @@ from federation.wire import Description
 
 VERSION: Final = 1
 MAX_BYTES: Final = 65_536
-MAX_STRING: Final = 16_384
+MAX_STRING: Final = 32_768
 MAX_ITEMS: Final = 1024
 MAX_ACKS: Final = 256
 MAX_VALUE_DEPTH: Final = 4

@@ -5,6 +5,7 @@ Names print with hyphens, but for those that name a quantity (`altitude_m`).
 """
 
 import re
+from collections.abc import Callable
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
@@ -24,6 +25,18 @@ MAX_LIST = 512
 def _unit(value: Any) -> Any:
     """The thesis writes units as numbers: `(sequence 0)`."""
     return str(value) if type(value) is int else value
+
+
+def _unit_said(name: str) -> ExprValue:
+    return int(name) if name.isdigit() and len(name) < 19 else name
+
+
+def _truth(value: Any) -> Any:
+    return str(value).lower() if type(value) is bool else value
+
+
+def _truth_said(word: str) -> ExprValue:
+    return {"true": True, "false": False}.get(word, word)
 
 
 def _speaker(value: str) -> str:
@@ -46,9 +59,10 @@ SemanticLabels = Annotated[tuple[SemanticLabel, ...], Field(min_length=1, max_le
 Word = Annotated[str, Field(min_length=1, max_length=64)]
 Line = Annotated[str, Field(max_length=1024)]
 Prose = Annotated[str, Field(max_length=4096), AfterValidator(Text)]
-Formula = Annotated[str, Field(max_length=16_384), AfterValidator(Text)]
+Formula = Annotated[str, Field(max_length=8192), AfterValidator(Text)]
 Conversation = Annotated[str, AfterValidator(_conversation)]
 Agent = Annotated[str, AfterValidator(_speaker)]
+Truth = Annotated[Literal["true", "false", "undecided"], BeforeValidator(_truth)]
 Period = Annotated[float, Field(gt=0, le=86_400)]
 Seconds = Annotated[float, Field(ge=0, le=86_400)]
 Instant = Annotated[int, Field(ge=-(2**63), lt=2**63)]
@@ -98,18 +112,16 @@ class Part(BaseModel):
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
             if field.is_required() or value != field.get_default(call_default_factory=True):
-                arguments[field.alias or name] = _said(value, is_unit=name in _UNIT_FIELDS)
+                arguments[field.alias or name] = _said(value, _WORDS.get(name))
         return Expr(self.head, arguments)
 
 
-def _said(value: Any, *, is_unit: bool) -> ExprValue:
+def _said(value: Any, word: Callable[[str], ExprValue] | None) -> ExprValue:
     if isinstance(value, Part):
         return value.expr()
     if isinstance(value, tuple):
-        return tuple([_said(member, is_unit=is_unit) for member in value])
-    if is_unit and value.isdigit() and len(value) < 19:
-        return int(value)
-    said: ExprValue = value
+        return tuple([_said(member, word) for member in value])
+    said: ExprValue = value if word is None else word(value)
     return said
 
 
@@ -123,7 +135,9 @@ class Content(Part):
 
 
 _CONTENTS: dict[str, type[Content]] = {}
-_UNIT_FIELDS = frozenset({"by", "climber", "coordinator", "owner", "to_units", "unit", "units"})
+_UNIT_FIELDS = ("by", "climber", "coordinator", "owner", "to_units", "unit", "units")
+_WORDS: dict[str, Callable[[str], ExprValue]] = {**dict.fromkeys(_UNIT_FIELDS, _unit_said), "verdict": _truth_said}
+"""Fields whose strings are printed as something else."""
 
 
 def heads() -> tuple[str, ...]:
@@ -323,7 +337,7 @@ class Monitor(Part):
     by: Unit
     name: Word
     units: Units
-    verdict: Literal["true", "false", "undecided"]
+    verdict: Truth
     inputs: Literal["fresh", "stale", "missing"]
     shows: Word
     since_us: Instant | None = None
@@ -369,7 +383,7 @@ class CheckFormula(Content):
 class Verdict(Content):
     """What a formula came to, and the state that decided it."""
 
-    verdict: Literal["true", "false", "undecided"]
+    verdict: Truth
     valid_us: Instant | None = None
     index: Count | None = None
 

@@ -103,7 +103,7 @@ class _Reader:
         return then(self.number(code, size))
 
     def text(self, length: int) -> str:
-        if length > 16_384:
+        if length > 32_768:
             raise Invalid("long")
         try:
             return self.take(length).decode()
@@ -196,7 +196,7 @@ def content(value: Any, depth: int = 0) -> bool:
             value.decode()
         except UnicodeDecodeError:
             return False
-        return len(value) <= 16_384
+        return len(value) <= 32_768
     if depth >= 16:
         return False
     if _is(list, value):
