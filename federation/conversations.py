@@ -201,6 +201,7 @@ class Conversations:
 
     def peer_appeared(self, unit: str, boot: int, now_us: int) -> list[Outcome]:
         """A platform is there (again): the same incarnation is told what was dropped while it was gone."""
+        self.delivery.meet(unit, boot)
         known, dropped = self._dropped.pop(unit, (boot, []))
         return [self.delivery.send(act, now_us)[1] for act in dropped if known == boot]
 

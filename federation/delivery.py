@@ -5,7 +5,7 @@ receiver carries or by a receipt. Acts to everybody are put once. A platform tha
 twice and acts once.
 """
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
@@ -20,26 +20,23 @@ RETRANSMISSIONS = 3
 UNACKNOWLEDGED = 4096
 WINDOW = 1024
 SENDERS = 512
-RETIRED_BOOTS = 8
 
 _MASK = (1 << WINDOW) - 1
 
 
 class Seen:
-    """Which acts of one sender have arrived: the greatest number of its present life, and a bitmap below it."""
+    """Which acts of one life of a sender have arrived: the greatest number, and a bitmap below it."""
 
-    __slots__ = ("bitmap", "boot", "greatest", "retired")
+    __slots__ = ("bitmap", "boot", "greatest")
 
     def __init__(self, boot: int) -> None:
         self.boot, self.greatest, self.bitmap = boot, -1, 0
-        self.retired: deque[int] = deque(maxlen=RETIRED_BOOTS)
 
     def is_new(self, boot: int, seq: int) -> bool:
-        """Whether this act was not seen before; from now on it was. Older lives and very old numbers count as seen."""
+        """Whether this act was not seen before; from now on it was. Earlier lives and very old numbers count as seen."""
         if boot != self.boot:
-            if boot in self.retired:
+            if boot < self.boot:
                 return False
-            self.retired.append(self.boot)
             self.boot, self.greatest, self.bitmap = boot, -1, 0
         if seq > self.greatest:
             ahead = seq - self.greatest
@@ -155,6 +152,12 @@ class Delivery:
         self._owed.pop(unit, None)
         for name in [name for name in self._pending if name[0] == unit]:
             del self._pending[name]
+
+    def meet(self, unit: str, boot: int) -> None:
+        """The directory says which life of `unit` is there, should its number be less than that of the last."""
+        seen = self._seen.get(unit)
+        if seen is not None and seen.boot != boot:
+            self._seen[unit] = Seen(boot)
 
     def boot_of(self, unit: str) -> int | None:
         """Which life of `unit` spoke last, if it spoke lately."""

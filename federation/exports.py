@@ -157,10 +157,11 @@ class Exports:
             self.refused[error.reason] += 1
             return [AnswerEnd(asked.ask)]
         export = self._exports.get((label, question.policy_hash))
-        if export is not None and question.boot == self.boot:
-            pages = export.stream.answer(question.ranges)
+        asked_now = question.boot == self.boot
+        if export is not None:
+            pages = export.stream.answer(question.ranges if asked_now else ())
         else:
-            beyond = max((last for _, last in question.ranges), default=0) + 1
+            beyond = max((last for _, last in question.ranges), default=0) + 1 if asked_now else 1
             pages = [encode_recovered(Recovered(self.boot, beyond, 0, []))]
         return [*(Answer(asked.ask, asked.key, page) for page in pages), AnswerEnd(asked.ask)]
 

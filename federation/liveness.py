@@ -4,6 +4,9 @@ A transport's token goes within milliseconds of a crash, and may stay for ten se
 own at 5 Hz is never wrong for longer than 2.5 s. A platform appears with its first heartbeat, is suspected when its
 token goes or after 1 s of silence, and is gone 0.5 s after its token went or after 2.5 s of silence, unless it
 returns: by its token, or by heartbeats that cannot all have been under way when the token went.
+
+A later life of a platform has a greater boot number, so stragglers of an earlier one are known; a lesser number counts
+as a new life (its clock was set back) only when the one that is known is silent.
 """
 
 from collections import deque
@@ -18,7 +21,7 @@ BEATS_TO_RETURN = 2
 STALL_US = 500_000
 PLATFORMS = 1024
 REMEMBERED_US = 600_000_000
-RETIRED_BOOTS = 8
+TWINS = 8
 
 
 class State(Enum):
@@ -82,7 +85,6 @@ class Peer:
         "hears",
         "kind",
         "left",
-        "retired",
         "seq",
         "since_us",
         "state",
@@ -102,7 +104,6 @@ class Peer:
         self.token_gone_us: int | None = None
         self.beats = 0
         self.left = False
-        self.retired: deque[int] = deque(maxlen=RETIRED_BOOTS)
 
     @property
     def present(self) -> bool:
@@ -123,7 +124,7 @@ class Liveness:
         self.peers: dict[str, Peer] = {}
         self.refused = 0
         self._check_us: int | None = None
-        self._twins: deque[int] = deque(maxlen=RETIRED_BOOTS)
+        self._twins: deque[int] = deque(maxlen=TWINS)
 
     @property
     def deadline_us(self) -> int | None:
@@ -252,13 +253,12 @@ class Liveness:
             self._twins.append(boot)
             return [NameConflict(unit, boot)]
         peer = self.peers.get(unit) or self._meet(unit, at_us)
-        if peer is None or boot in peer.retired:
+        if peer is None or (boot < peer.boot and peer.present and at_us < peer.heard_us + SUSPECT_US):
             return _NOTHING
         events: list[LivenessEvent] = []
         if peer.present:
             events.append(self._gone(peer, "restarted", at_us))
         if peer.seq >= 0:
-            peer.retired.append(peer.boot)
             peer.tokens = {zid: since_us for zid, since_us in peer.tokens.items() if since_us > peer.heard_us}
         peer.boot, peer.seq, peer.version, peer.hears, peer.heard_us = boot, seq, version, hears, at_us
         peer.left = False

@@ -31,7 +31,6 @@ REORDER_US = 30_000
 RETRY_US = 50_000
 RETRY_MOST_US = 2_000_000
 ASK_TIMEOUT_US = 1_000_000
-RETIRED_BOOTS = 8
 
 
 class ExportStream:
@@ -110,7 +109,6 @@ class ImportStream:
         "_next",
         "_progress",
         "_questions",
-        "_retired",
         "account",
         "boot",
         "label",
@@ -132,7 +130,6 @@ class ImportStream:
         self.boot = boot
         self.account = StreamAccount()
         self._questions = questions
-        self._retired: deque[int] = deque(maxlen=RETIRED_BOOTS)
         self._next = first
         self._missing: set[int] = set()
         self._asked: int | None = None
@@ -205,17 +202,24 @@ class ImportStream:
         question = Range(self.policy_hash, self.boot, _ranges(self._missing)[:RANGES])
         return [Ask(self._asked, keys.history(self.owner, self.label), encode_range(question), ASK_TIMEOUT_US)]
 
+    def on_owner(self, boot: int) -> None:
+        """The directory says which life of the owner is there. A new one begins the stream anew."""
+        if boot == self.boot:
+            return
+        self.account.lost += len(self._missing)
+        self._missing.clear()
+        if self.boot is not None:
+            self._next = None
+        self._asked, self._due_us, self._backoff_us = None, None, RETRY_US
+        self.boot = boot
+
     def _is_current(self, boot: int) -> bool:
+        """Whether something of life `boot` counts; a later life has a greater number."""
         if boot == self.boot:
             return True
-        if boot in self._retired:
+        if self.boot is not None and boot < self.boot:
             return False
-        if self.boot is not None:
-            self._retired.append(self.boot)
-            self.account.lost += len(self._missing)
-            self._missing.clear()
-            self._next, self._asked, self._due_us, self._backoff_us = None, None, None, RETRY_US
-        self.boot = boot
+        self.on_owner(boot)
         return True
 
     def _is_new(self, seq: int, now_us: int) -> bool:
