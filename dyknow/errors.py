@@ -12,6 +12,7 @@
   + DecodeError         bytes from outside that are malformed, oversized or mistyped
   + ContentError        an act whose content this agent does not understand
   + Refused             a request that is understood and declined; `reason` is told to the asker
+  + SessionFailed       the session with other platforms does not open
   + RosterError         a roster that does not load, or a key that is not in it
 """
 
@@ -129,3 +130,7 @@ class Refused(DyknowError):
 
 class RosterError(DyknowError):
     """A roster that does not load, or a platform or key it does not hold."""
+
+
+class SessionFailed(DyknowError):
+    """The session with other platforms does not open, or is not open."""

@@ -12,6 +12,7 @@ from dyknow.values import Sort
 
 Consumer: TypeAlias = Callable[[Sample], None]
 _UNRESTRICTED = Policy()
+_new = tuple.__new__  # makes a NamedTuple in half the time; every sample of the instance is made here
 
 
 class Subscription:
@@ -78,7 +79,7 @@ class Generator:
         """Add a sample that became available at `now_us` and hand it on. A tie of available times is moved by 1 us."""
         available_us = now_us if now_us > self._last_us else self._last_us + 1
         self._last_us = available_us
-        sample = Sample(available_us, valid_us, value)
+        sample = _new(Sample, (available_us, valid_us, value))
         self.history.add(sample)
         for subscription in self._open:
             subscription.consumer(sample)

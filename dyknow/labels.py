@@ -80,15 +80,12 @@ class Label(NamedTuple):
         inside, closing, tail = rest.partition("]")
         if not closing:
             raise _wrong(text, len(text), 1, "a label ends with `]`", f"{feature}[{rest.strip()}]")
-        at = len(head) + 1 + len(inside)
-        if tail.strip():
-            raise _wrong(
-                text, at + 1, len(tail), f"nothing may follow `]`, found {tail.strip()!r}", text[: at + 1].strip()
-            )
         objects, start = [], len(head) + 1
         for part in inside.split(","):
             objects.append(_name(text, part, start, _OBJECT, "an object name or an integer"))
             start += len(part) + 1
+        if tail.strip():
+            raise _wrong(text, start, len(tail), f"nothing may follow `]`, found {tail.strip()!r}", text[:start].strip())
         return cls(feature, tuple(objects))
 
     def __str__(self) -> str:

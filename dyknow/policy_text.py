@@ -11,7 +11,7 @@ from dyknow.policy import Policy
 MAX_POLICY = 1024
 """Longest policy in characters."""
 
-_TOKEN = re.compile(r"\s*(?:([A-Za-z]+|[0-9][0-9A-Za-z.+-]*|,)|(\S))")
+_TOKEN = re.compile(r"\s*(?:([A-Za-z][A-Za-z0-9_]*|[0-9][0-9A-Za-z.+-]*|,)|(\S))")
 _CONSTRAINTS = (
     "any update", "any change", "sample every T", "max delay T", "from T to T", "any order", "monotone order", "strict order",
     "no approximation", "use most recent", "use linear", "delay before approximation T",
@@ -48,8 +48,7 @@ class _Reader:
 
     def read(self) -> Policy:
         while self.tokens:
-            start = self.peek()
-            self.constraint(start)
+            self.constraint(self.peek())
             if self.next == len(self.tokens):
                 break
             after = self.take()
@@ -84,6 +83,7 @@ class _Reader:
         elif self.words("to"):
             self.put("to_us", self.duration_or_oo(), start)
         else:
+            self.take()
             self.fail(f"no constraint starts like this: {start.text!r}", start, "one of " + ", ".join(_CONSTRAINTS))
 
     def words(self, *words: str) -> bool:
