@@ -1,9 +1,8 @@
 """Bytes <-> messages. The only way in is strict: what decodes is well formed, and no other error than DecodeError.
 
-Every message is a msgpack array that begins with its version. Limits come before, during and after unpacking: 64 KiB,
-bounded strings, arrays and maps, no extension types, no duplicate keys, finite numbers of 64 bits, nesting of at most
-16, nothing behind the message. Acts and samples are checked by hand, which is several times faster than a general
-validator; the tests compare with a schema that was written apart from this.
+Every message is a msgpack array that begins with its version. What `federation.unpacking` lets through is checked field
+by field: names, finite numbers of 64 bits, nesting of at most 16. Acts and samples are checked by hand, which is several
+times faster than a general validator; the tests compare with a schema that was written apart from this.
 
 A content travels as: expression = map with the head under the empty key, record = map, sequence = array, symbol = str,
 quoted text = bin, `no_value` = nil.
@@ -11,23 +10,32 @@ quoted text = bin, `no_value` = nil.
 
 import re
 from collections.abc import Callable, Sequence
-from typing import Any, Final, NamedTuple, NoReturn, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
-import msgpack
 from pydantic import ValidationError
 
 from dyknow.errors import ContentError, DecodeError, NameRefused
 from dyknow.sample import Value
-from dyknow.values import NO_VALUE, NoValue
+from dyknow.values import NO_VALUE
 from federation import keys
 from federation.acts import PERFORMATIVES, Act, AgentName
 from federation.sexpr import MAX_DEPTH, MAX_INTEGER, MIN_INTEGER, Expr, ExprValue, Text, is_name
+from federation.unpacking import (
+    MAX_BYTES,
+    MAX_STRING,
+    VERSION,
+    array,
+    count,
+    digest,
+    fail,
+    instant,
+    items,
+    named,
+    pack,
+    unpack,
+)
 from federation.wire import Description
 
-VERSION: Final = 1
-MAX_BYTES: Final = 65_536
-MAX_STRING: Final = 32_768
-MAX_ITEMS: Final = 1024
 MAX_ACKS: Final = 256
 MAX_VALUE_DEPTH: Final = 4
 
@@ -35,7 +43,6 @@ Signature: TypeAlias = bytes
 """Ed25519 over the body of an act, 64 bytes."""
 
 _IDENTIFIER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
-_HASH = re.compile(r"[0-9a-f]{8}")
 
 
 class StreamSample(NamedTuple):
@@ -100,95 +107,6 @@ class Pong(NamedTuple):
     answered_us: int
 
 
-def _fail(reason: str, detail: str = "") -> NoReturn:
-    raise DecodeError(reason, detail)
-
-
-def _no_extensions(code: int, _data: bytes) -> NoReturn:
-    raise ValueError(f"extension type {code}")
-
-
-def _distinct(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
-    found = dict(pairs)
-    if len(found) != len(pairs):
-        _fail("duplicate key")
-    return found
-
-
-def unpack(payload: bytes) -> Any:
-    """Plain tuples, dicts and scalars out of untrusted bytes, within the limits; numbers and nesting are not checked."""
-    if len(payload) > MAX_BYTES:
-        _fail("oversized", f"{len(payload)} bytes")
-    try:
-        return msgpack.unpackb(
-            payload,
-            use_list=False,
-            object_pairs_hook=_distinct,
-            ext_hook=_no_extensions,
-            max_str_len=MAX_STRING,
-            max_bin_len=MAX_BYTES,
-            max_array_len=MAX_ITEMS,
-            max_map_len=MAX_ITEMS,
-            max_ext_len=0,
-        )
-    except (ValueError, TypeError, RecursionError) as malformed:
-        raise DecodeError("malformed", str(malformed)[:80]) from None
-
-
-def _void(value: object) -> None:
-    if not isinstance(value, NoValue):
-        raise TypeError(f"{type(value).__name__} cannot be said on the wire")
-
-
-def _pack(message: object) -> bytes:
-    packed: bytes = msgpack.packb(message, default=_void)
-    return packed
-
-
-def _array(payload: bytes, length: int) -> tuple[Any, ...]:
-    """The fields behind the version of a message of `length` fields."""
-    found = unpack(payload)
-    if type(found) is not tuple or len(found) != length + 1:
-        _fail("shape")
-    if type(found[0]) is not int or found[0] != VERSION:
-        _fail("version")
-    return found[1:]
-
-
-def _count(value: Any) -> int:
-    """A number of something, or an instant after 1970."""
-    if type(value) is not int or not 0 <= value <= MAX_INTEGER:
-        _fail("number")
-    return value
-
-
-def _instant(value: Any) -> int:
-    if type(value) is not int or not MIN_INTEGER <= value <= MAX_INTEGER:
-        _fail("number")
-    return value
-
-
-def _items(value: Any, most: int = MAX_ITEMS) -> tuple[Any, ...]:
-    if type(value) is not tuple or len(value) > most:
-        _fail("shape")
-    return value
-
-
-def _named(check: Callable[[str], str], value: Any) -> str:
-    if type(value) is not str:
-        _fail("name")
-    try:
-        return check(value)
-    except NameRefused:
-        _fail("name")
-
-
-def _hash(value: Any) -> str:
-    if type(value) is not str or not _HASH.fullmatch(value):
-        _fail("name")
-    return value
-
-
 # Acts
 
 
@@ -199,7 +117,7 @@ def encode_act(act: Act, sign: Callable[[bytes], Signature] | None = None) -> by
         ContentError: it cannot be said: too large, or a value that no act carries.
     """
     try:
-        body = _pack(
+        body = pack(
             (
                 VERSION,
                 act.performative,
@@ -221,7 +139,7 @@ def encode_act(act: Act, sign: Callable[[bytes], Signature] | None = None) -> by
                 act.acks,
             )
         )
-        payload = _pack((body, None if sign is None else sign(body)))
+        payload = pack((body, None if sign is None else sign(body)))
     except (ValueError, TypeError, OverflowError) as wrong:
         raise ContentError(f"an act cannot carry this: {wrong}") from None
     if len(payload) > MAX_BYTES:
@@ -237,25 +155,25 @@ def decode_act(payload: bytes) -> tuple[Act, Signature | None, bytes]:
     """
     envelope = unpack(payload)
     if type(envelope) is not tuple or len(envelope) != 2 or type(envelope[0]) is not bytes:
-        _fail("shape")
+        fail("shape")
     body, signature = envelope
     if signature is not None and (type(signature) is not bytes or len(signature) != 64):
-        _fail("signature")
+        fail("signature")
     (
         performative, sender, receiver, content, conversation, protocol, reply_with, in_reply_to, reply_by,
         language, encoding, ontology, reply_to, boot, seq, created, acks,
-    ) = _array(body, 17)  # fmt: skip
+    ) = array(body, 17)  # fmt: skip
     if type(performative) is not str or performative not in PERFORMATIVES:
-        _fail("performative")
+        fail("performative")
     if content is not None:
         content = _value(content, 0)
         if type(content) is not Expr:
-            _fail("content", "not an expression")
+            fail("content", "not an expression")
     for word in (conversation, protocol, reply_with, in_reply_to, language, encoding, ontology):
         if word is not None and (type(word) is not str or not _IDENTIFIER.fullmatch(word)):
-            _fail("name")
-    for seq_heard in _items(acks, MAX_ACKS):
-        _count(seq_heard)
+            fail("name")
+    for seq_heard in items(acks, MAX_ACKS):
+        count(seq_heard)
     act = Act(
         PERFORMATIVES[performative],
         _speaker(sender),
@@ -265,14 +183,14 @@ def decode_act(payload: bytes) -> tuple[Act, Signature | None, bytes]:
         protocol,
         reply_with,
         in_reply_to,
-        None if reply_by is None else _count(reply_by),
+        None if reply_by is None else count(reply_by),
         language,
         encoding,
         ontology,
         None if reply_to is None else _speaker(reply_to),
-        _count(boot),
-        _count(seq),
-        _count(created),
+        count(boot),
+        count(seq),
+        count(created),
         acks,
     )
     return act, signature, body
@@ -280,18 +198,18 @@ def decode_act(payload: bytes) -> tuple[Act, Signature | None, bytes]:
 
 def _agent(value: Any) -> AgentName:
     if type(value) is not str:
-        _fail("name")
+        fail("name")
     try:
         return AgentName.parse(value)
     except NameRefused:
-        _fail("name")
+        fail("name")
 
 
 def _speaker(value: Any) -> AgentName:
     """One agent, not the same agent everywhere."""
     name = _agent(value)
     if name.unit == keys.EVERYBODY:
-        _fail("name")
+        fail("name")
     return name
 
 
@@ -316,42 +234,40 @@ def _value(value: Any, depth: int) -> Any:
     if kind is str or kind is bool:
         return value
     if kind is float:
-        return value if value - value == 0.0 else _fail("not finite")
+        return value if value - value == 0.0 else fail("not finite")
     if kind is int:
-        return value if MIN_INTEGER <= value <= MAX_INTEGER else _fail("number")
+        return value if MIN_INTEGER <= value <= MAX_INTEGER else fail("number")
     if kind is bytes:
         return _text(value)
     if value is None:
         return NO_VALUE
     if depth >= MAX_DEPTH:
-        _fail("nesting")
+        fail("nesting")
     if kind is tuple:
         return tuple([_value(member, depth + 1) for member in value])
-    if kind is dict:
-        return _mapping(value, depth)
-    _fail("type")
+    return _mapping(value, depth) if kind is dict else fail("type")
 
 
 def _mapping(found: dict[Any, Any], depth: int) -> Expr | dict[str, Any]:
     is_expr = "" in found
     head = found.pop("", None)
     if is_expr and (type(head) is not str or not is_name(head)):
-        _fail("head")
+        fail("head")
     members: dict[str, Any] = {}
     for name, member in found.items():
         if type(name) is not str or len(name) > 256 or (is_expr and not is_name(name)):
-            _fail("name")
+            fail("name")
         members[name] = _value(member, depth + 1)
     return Expr(head, members) if is_expr else members
 
 
 def _text(value: bytes) -> Text:
     if len(value) > MAX_STRING:
-        _fail("oversized")
+        fail("oversized")
     try:
         return Text(value.decode())
     except UnicodeDecodeError:
-        _fail("malformed")
+        fail("malformed")
 
 
 # Samples: the hot path
@@ -359,26 +275,25 @@ def _text(value: bytes) -> Text:
 
 def encode_samples(boot: int, samples: Sequence[StreamSample]) -> bytes:
     """Samples of one stream; the key they are put on says which."""
-    packed: bytes = msgpack.packb((VERSION, boot, samples), default=_void)
-    return packed
+    return pack((VERSION, boot, samples))
 
 
 def decode_samples(payload: bytes) -> tuple[int, list[StreamSample]]:
     """Which life of the owner sent them, and the samples; raises DecodeError."""
-    boot, samples = _array(payload, 2)
-    return _count(boot), _samples(samples)
+    boot, samples = array(payload, 2)
+    return count(boot), _samples(samples)
 
 
 def _samples(found: Any) -> list[StreamSample]:
     samples: list[StreamSample] = []
-    for entry in _items(found):
+    for entry in items(found):
         if type(entry) is not tuple or len(entry) != 3:
-            _fail("shape")
+            fail("shape")
         seq, valid_us, value = entry
         if type(seq) is not int or type(valid_us) is not int:
-            _fail("number")
+            fail("number")
         if not (0 < seq <= MAX_INTEGER and MIN_INTEGER <= valid_us <= MAX_INTEGER):
-            _fail("number")
+            fail("number")
         samples.append(StreamSample(seq, valid_us, _sampled(value)))
     return samples
 
@@ -396,68 +311,68 @@ def _sampled(value: Any) -> Value:
 def _odd(value: Any, depth: int) -> Value:
     kind = type(value)
     if kind is float:
-        return value if value - value == 0.0 else _fail("not finite")
+        return value if value - value == 0.0 else fail("not finite")
     if kind is int:
-        return value if MIN_INTEGER <= value <= MAX_INTEGER else _fail("number")
+        return value if MIN_INTEGER <= value <= MAX_INTEGER else fail("number")
     if kind is str or kind is bool:
         return value
     if value is None:
         return NO_VALUE
     if kind is not tuple:
-        _fail("type")
+        fail("type")
     if depth >= MAX_VALUE_DEPTH:
-        _fail("nesting")
+        fail("nesting")
     return tuple([_odd(member, depth + 1) for member in value])
 
 
 def encode_range(question: Range) -> bytes:
-    return _pack((VERSION, *question))
+    return pack((VERSION, *question))
 
 
 def decode_range(payload: bytes) -> Range:
-    policy_hash, boot, ranges = _array(payload, 3)
-    for pair in _items(ranges):
-        if type(pair) is not tuple or len(pair) != 2 or not 0 < _count(pair[0]) <= _count(pair[1]):
-            _fail("shape")
-    return Range(_hash(policy_hash), _count(boot), ranges)
+    policy_hash, boot, ranges = array(payload, 3)
+    for pair in items(ranges):
+        if type(pair) is not tuple or len(pair) != 2 or not 0 < count(pair[0]) <= count(pair[1]):
+            fail("shape")
+    return Range(digest(policy_hash), count(boot), ranges)
 
 
 def encode_recovered(answer: Recovered) -> bytes:
-    return _pack((VERSION, *answer))
+    return pack((VERSION, *answer))
 
 
 def decode_recovered(payload: bytes) -> Recovered:
-    boot, oldest, tail, samples = _array(payload, 4)
-    return Recovered(_count(boot), _count(oldest), _count(tail), _samples(samples))
+    boot, oldest, tail, samples = array(payload, 4)
+    return Recovered(count(boot), count(oldest), count(tail), _samples(samples))
 
 
 # The directory and the clock
 
 
 def encode_heartbeat(heartbeat: Heartbeat) -> bytes:
-    return _pack((VERSION, *heartbeat))
+    return pack((VERSION, *heartbeat))
 
 
 def decode_heartbeat(payload: bytes) -> Heartbeat:
-    unit, boot, seq, wall_us, description, hears, tails = _array(payload, 7)
-    for name in _items(hears):
-        _named(keys.unit, name)
-    for tail in _items(tails):
+    unit, boot, seq, wall_us, description, hears, tails = array(payload, 7)
+    for name in items(hears):
+        named(keys.unit, name)
+    for tail in items(tails):
         if type(tail) is not tuple or len(tail) != 3:
-            _fail("shape")
-        _named(keys.label, tail[0])
-        _hash(tail[1])
-        _count(tail[2])
-    numbers = _count(boot), _count(seq), _count(wall_us), _count(description)
-    return Heartbeat(_named(keys.unit, unit), *numbers, hears, tails)
+            fail("shape")
+        named(keys.label, tail[0])
+        digest(tail[1])
+        count(tail[2])
+    numbers = count(boot), count(seq), count(wall_us), count(description)
+    return Heartbeat(named(keys.unit, unit), *numbers, hears, tails)
 
 
 def encode_description(description: Description) -> bytes:
-    return _pack((VERSION, description.model_dump()))
+    return pack((VERSION, description.model_dump()))
 
 
 def decode_description(payload: bytes) -> Description:
-    (found,) = _array(payload, 1)
+    (found,) = array(payload, 1)
     try:
         return Description.model_validate(found)
     except ValidationError as wrong:
@@ -466,18 +381,18 @@ def decode_description(payload: bytes) -> Description:
 
 
 def encode_ping(ping: Ping) -> bytes:
-    return _pack((VERSION, *ping))
+    return pack((VERSION, *ping))
 
 
 def decode_ping(payload: bytes) -> Ping:
-    (sent_us,) = _array(payload, 1)
-    return Ping(_instant(sent_us))
+    (sent_us,) = array(payload, 1)
+    return Ping(instant(sent_us))
 
 
 def encode_pong(pong: Pong) -> bytes:
-    return _pack((VERSION, *pong))
+    return pack((VERSION, *pong))
 
 
 def decode_pong(payload: bytes) -> Pong:
-    boot, *stamps = _array(payload, 4)
-    return Pong(_count(boot), *map(_instant, stamps))
+    boot, *stamps = array(payload, 4)
+    return Pong(count(boot), *map(instant, stamps))

@@ -11,7 +11,8 @@ import msgpack
 
 from dyknow.errors import DecodeError
 from federation import keys
-from federation.codec import MAX_ACKS, VERSION, unpack
+from federation.codec import MAX_ACKS
+from federation.unpacking import VERSION, unpack
 
 RECEIPT_AGENT: Final = "receipt"
 """The agent chunk of the act key on which receipts travel."""

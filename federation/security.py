@@ -11,9 +11,10 @@ from ipaddress import ip_address
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from dyknow.errors import RosterError
+from dyknow.instants import US_PER_S
 from federation import keys
-from federation.codec import MAX_BYTES
 from federation.trust import Member, Roster
+from federation.unpacking import MAX_BYTES
 
 if TYPE_CHECKING:
     from cryptography import x509
@@ -167,7 +168,7 @@ def authority_certificate(key_pem: bytes, name: str, now_us: int, days: int = 36
 
     key = _load(key_pem)
     builder = (
-        _builder(name, name, key, now_us, days)
+        _builder(name, _called(name), key, now_us, days)
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         .add_extension(_usage(signs=True), critical=True)
         .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
@@ -195,11 +196,10 @@ def platform_certificate(
     from cryptography.x509.oid import ExtendedKeyUsageOID as Use
 
     key, authority = _load(key_pem), x509.load_pem_x509_certificate(authority_pem)
-    issuer = authority.subject.rfc4514_string().removeprefix("CN=")
     authority_key = _load(authority_key_pem)
     signed_by = x509.AuthorityKeyIdentifier.from_issuer_public_key(authority_key.public_key())
     builder = (
-        _builder(keys.unit(unit), issuer, key, now_us, days)
+        _builder(keys.unit(unit), authority.subject, key, now_us, days)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(_usage(signs=False), critical=True)
         .add_extension(x509.ExtendedKeyUsage([Use.SERVER_AUTH, Use.CLIENT_AUTH]), critical=False)
@@ -219,24 +219,27 @@ def _load(key_pem: bytes) -> "EllipticCurvePrivateKey":
     return key
 
 
+def _called(common_name: str) -> "x509.Name":
+    from cryptography import x509
+    from cryptography.x509.oid import NameOID
+
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
+
+
 def _builder(
-    name: str, issuer: str, key: "EllipticCurvePrivateKey", now_us: int, days: int
+    name: str, issuer: "x509.Name", key: "EllipticCurvePrivateKey", now_us: int, days: int
 ) -> "x509.CertificateBuilder":
     """The serial number follows from what is certified, so that the same call gives the same number."""
     from cryptography import x509
     from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
-    from cryptography.x509.oid import NameOID
 
-    def called(common_name: str) -> x509.Name:
-        return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
-
-    now = datetime.fromtimestamp(now_us // 1_000_000, UTC)
+    now = datetime.fromtimestamp(now_us // US_PER_S, UTC)
     public = key.public_key().public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
     serial = int.from_bytes(sha256(f"{name} {now_us} ".encode() + public).digest()[:19], "big") + 1
     return (
         x509.CertificateBuilder(serial_number=serial)
-        .subject_name(called(name))
-        .issuer_name(called(issuer))
+        .subject_name(_called(name))
+        .issuer_name(issuer)
         .public_key(key.public_key())
         .not_valid_before(now - timedelta(minutes=5))
         .not_valid_after(now + timedelta(days=days))

@@ -7,7 +7,7 @@ from dyknow.values import NO_VALUE
 from federation import codec, contents
 from federation.acts import Act, AgentName, Performative
 from federation.contents import Alarm, CreateMulticast, Query, Reading, Reason, Samples, Task, TaskList
-from federation.sexpr import parse_expr
+from federation.sexpr import Expr, parse_expr
 from tests.federation.strategies import EXPRESSIONS
 
 TEXTS = [
@@ -122,15 +122,15 @@ def test_what_is_not_understood_is_named(text: str, named: str) -> None:
 
 
 @given(EXPRESSIONS)
-def test_any_expression_is_understood_or_named_as_not(expr: contents.Expr) -> None:
+def test_any_expression_is_understood_or_named_as_not(expr: Expr) -> None:
     with pytest.raises(ContentError, match="is not understood here"):
         contents.read(expr)
 
 
 @given(st.sampled_from(contents.heads()), EXPRESSIONS)
-def test_any_arguments_of_a_known_head_are_understood_or_named_as_not(head: str, expr: contents.Expr) -> None:
+def test_any_arguments_of_a_known_head_are_understood_or_named_as_not(head: str, expr: Expr) -> None:
     try:
-        found = contents.read(contents.Expr(head, expr.arguments))
+        found = contents.read(Expr(head, expr.arguments))
     except ContentError as wrong:
         assert head in str(wrong)
         assert len(str(wrong)) <= 400
@@ -145,7 +145,7 @@ def test_lists_are_bounded() -> None:
     samples = said.arguments["samples"]
     assert isinstance(samples, tuple)
     with pytest.raises(ContentError, match="samples"):
-        contents.read(contents.Expr("samples", {**said.arguments, "samples": (*samples, samples[0])}))
+        contents.read(Expr("samples", {**said.arguments, "samples": (*samples, samples[0])}))
 
 
 def test_contents_are_built_with_the_names_and_units_of_the_code() -> None:

@@ -1,0 +1,112 @@
+"""Monitors, their alarms, and formulas (thesis 9.4)."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from federation.contents.parts import (
+    MAX_LIST,
+    Content,
+    Conversation,
+    Formula,
+    Instant,
+    Line,
+    Part,
+    Period,
+    Seconds,
+    Truth,
+    Unit,
+    Units,
+    Values,
+    Word,
+)
+from federation.wire import Count
+
+
+class MonitorProximity(Content):
+    """The task of 9.4: watch that platforms keep apart."""
+
+    profile: Word | None = None
+    avoidance: bool | None = None
+    sample_period_s: Period | None = None
+    delay_s: Seconds | None = None
+
+
+class CreateMonitor(Content):
+    """Set up a monitor by name, alone or as part of a task that `coordinator` leads."""
+
+    name: Word
+    profile: Word | None = None
+    task: Conversation | None = None
+    coordinator: Unit | None = None
+    generation: Count | None = None
+    sample_period_s: Period | None = None
+    delay_s: Seconds | None = None
+    avoidance: bool | None = None
+    parameters: Values | None = None
+
+
+class RemoveMonitor(Content):
+    name: Word
+    task: Conversation | None = None
+
+
+class Monitors(Content):
+    """Which monitors are there?"""
+
+
+class Monitor(Part):
+    """One monitor: its verdict, and the state of its inputs (`which` are not fresh, since when)."""
+
+    by: Unit
+    name: Word
+    units: Units
+    verdict: Truth
+    inputs: Literal["fresh", "stale", "missing"]
+    shows: Word
+    since_us: Instant | None = None
+    which: Annotated[tuple[Line, ...], Field(max_length=MAX_LIST)] = ()
+    task: Conversation | None = None
+
+
+class MonitorList(Content):
+    monitors: Annotated[tuple[Monitor, ...], Field(max_length=MAX_LIST)]
+
+
+class Alarms(Content):
+    """Subscribe: tell me of every alarm as it opens and closes."""
+
+
+class Alarm(Content):
+    """An alarm opened or closed: raised by a monitor of `by`, about `units`, for the state valid at `valid_us`."""
+
+    id: Line
+    event: Literal["opened", "closed"]
+    monitor: Word
+    by: Unit
+    units: Units
+    valid_us: Instant
+    detected_us: Instant
+    values: Values = Field(default_factory=dict)
+
+
+class AlarmList(Content):
+    """The alarms that are remembered: asked without `alarms`, answered with them."""
+
+    alarms: Annotated[tuple[Alarm, ...], Field(max_length=MAX_LIST)] | None = None
+    more: bool = False
+
+
+class CheckFormula(Content):
+    """Check a formula over live states until it is decided, or for `timeout_s`."""
+
+    text: Formula
+    timeout_s: Period | None = None
+
+
+class Verdict(Content):
+    """What a formula came to, and the state that decided it."""
+
+    verdict: Truth
+    valid_us: Instant | None = None
+    index: Count | None = None

@@ -1,0 +1,111 @@
+"""The strict way in: plain tuples, dicts and scalars out of untrusted bytes, and the checks every message needs.
+
+Limits come before and during unpacking: 64 KiB, bounded strings, arrays and maps, no extension types, no duplicate
+keys, nothing behind the message. All that is wrong is a DecodeError.
+"""
+
+import re
+from collections.abc import Callable
+from typing import Any, Final, NoReturn
+
+import msgpack
+
+from dyknow.errors import DecodeError, NameRefused
+from dyknow.values import NoValue
+from federation.sexpr import MAX_INTEGER, MIN_INTEGER
+
+VERSION: Final = 1
+MAX_BYTES: Final = 65_536
+MAX_STRING: Final = 32_768
+MAX_ITEMS: Final = 1024
+
+_HASH = re.compile(r"[0-9a-f]{8}")
+
+
+def fail(reason: str, detail: str = "") -> NoReturn:
+    raise DecodeError(reason, detail)
+
+
+def _no_extensions(code: int, _data: bytes) -> NoReturn:
+    raise ValueError(f"extension type {code}")
+
+
+def _distinct(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        fail("duplicate key")
+    return found
+
+
+def unpack(payload: bytes) -> Any:
+    """Plain tuples, dicts and scalars out of untrusted bytes, within the limits; numbers and nesting are not checked."""
+    if len(payload) > MAX_BYTES:
+        fail("oversized", f"{len(payload)} bytes")
+    try:
+        return msgpack.unpackb(
+            payload,
+            use_list=False,
+            object_pairs_hook=_distinct,
+            ext_hook=_no_extensions,
+            max_str_len=MAX_STRING,
+            max_bin_len=MAX_BYTES,
+            max_array_len=MAX_ITEMS,
+            max_map_len=MAX_ITEMS,
+            max_ext_len=0,
+        )
+    except (ValueError, TypeError, RecursionError) as malformed:
+        raise DecodeError("malformed", str(malformed)[:80]) from None
+
+
+def _void(value: object) -> None:
+    if not isinstance(value, NoValue):
+        raise TypeError(f"{type(value).__name__} cannot be said on the wire")
+
+
+def pack(message: object) -> bytes:
+    packed: bytes = msgpack.packb(message, default=_void)
+    return packed
+
+
+def array(payload: bytes, length: int) -> tuple[Any, ...]:
+    """The fields behind the version of a message of `length` fields."""
+    found = unpack(payload)
+    if type(found) is not tuple or len(found) != length + 1:
+        fail("shape")
+    if type(found[0]) is not int or found[0] != VERSION:
+        fail("version")
+    return found[1:]
+
+
+def count(value: Any) -> int:
+    """A number of something, or an instant after 1970."""
+    if type(value) is not int or not 0 <= value <= MAX_INTEGER:
+        fail("number")
+    return value
+
+
+def instant(value: Any) -> int:
+    if type(value) is not int or not MIN_INTEGER <= value <= MAX_INTEGER:
+        fail("number")
+    return value
+
+
+def items(value: Any, most: int = MAX_ITEMS) -> tuple[Any, ...]:
+    if type(value) is not tuple or len(value) > most:
+        fail("shape")
+    return value
+
+
+def named(check: Callable[[str], str], value: Any) -> str:
+    if type(value) is not str:
+        fail("name")
+    try:
+        return check(value)
+    except NameRefused:
+        fail("name")
+
+
+def digest(value: Any) -> str:
+    if type(value) is not str or not _HASH.fullmatch(value):
+        fail("name")
+    return value
