@@ -95,6 +95,7 @@ class Directory:
         self._watchdog = DeafnessWatchdog(unit, now_us)
         self._offers = NO_OFFERS
         self._described: bytes | None = None
+        self._superseded: list[str] = []
         self._started = False
         self._beat_us = self._since_us = now_us
         self._beats = 0
@@ -130,15 +131,19 @@ class Directory:
         self.version += 1
         tokens = self._tokens()
         outcome += [DeclareToken(token) for token in tokens if token not in known]
+        self._superseded.append(known.pop())
         outcome += [UndeclareToken(token) for token in known if token not in tokens]
-        return [*outcome, *self._beat(now_us, tails)]
+        self._beat_us = now_us + HEARTBEAT_US
+        return [*outcome, self._heartbeat(now_us, self.version, tails)]
 
     def leave(self, now_us: int) -> list[Outcome]:
         """Go out of the federation: the platform's token first, and a last heartbeat as good-bye."""
         if not self._started:
             return []
         self._started = False
-        return [*map(UndeclareToken, reversed(self._tokens())), self._heartbeat(now_us, LEAVING, ())]
+        tokens = [*self._tokens(), *self._superseded]
+        self._superseded.clear()
+        return [*map(UndeclareToken, reversed(tokens)), self._heartbeat(now_us, LEAVING, ())]
 
     def description(self) -> Description:
         """What this platform says of itself to others."""
@@ -177,8 +182,11 @@ class Directory:
         ]
 
     def _beat(self, now_us: int, tails: _Tails) -> list[Outcome]:
+        """A heartbeat, and the end of the platform token of an earlier version: both were there for a while."""
         self._beat_us = max(self._beat_us + HEARTBEAT_US, now_us + HEARTBEAT_US // 2)
-        return [self._heartbeat(now_us, self.version, tails)]
+        superseded = [UndeclareToken(token) for token in self._superseded]
+        self._superseded.clear()
+        return [self._heartbeat(now_us, self.version, tails), *superseded]
 
     def _heartbeat(self, now_us: int, version: int, tails: _Tails) -> Put:
         self._beats += 1

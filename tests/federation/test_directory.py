@@ -1,0 +1,440 @@
+"""The directory: who is there, what they offer, who is gone, and who is deaf."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from time import perf_counter
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from federation import keys
+from federation.clock import FederationClock
+from federation.codec import Heartbeat, decode_description, decode_heartbeat
+from federation.directory import LEAVING, Directory, unit_order
+from federation.liveness import (
+    NameConflict,
+    PlatformAppeared,
+    PlatformGone,
+    PlatformReturned,
+    PlatformSuspected,
+    State,
+)
+from federation.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone, Visibility
+from federation.replicas import PlatformRefused
+from federation.transport import Answer, Answered, Ask, Asked, DeclareToken, Put, UndeclareToken
+from tests.federation.box import ALARMS, ALTITUDE, FEDERATION, POSITION, SECRET, Box
+
+US = 1_000_000
+
+
+def three() -> Box:
+    box = Box()
+    for unit in ("0", "1", "2"):
+        box.join(unit)
+    box.run(2)
+    return box
+
+
+def test_platforms_find_each_other_and_what_they_offer() -> None:
+    box = three()
+    for unit in box.nodes:
+        entries = box.nodes[unit].directory.entries()
+        assert [entry.unit for entry in entries] == ["0", "1", "2"]
+        assert all(entry.services == (FEDERATION,) and entry.labels == (POSITION,) for entry in entries)
+        assert all(entry.state is State.ALIVE for entry in entries)
+        assert len(box.seen(unit, PlatformAppeared, ServiceAppeared, LabelAppeared)) == 6
+        assert not box.seen(unit, PlatformSuspected, PlatformGone)
+
+
+def test_a_late_joiner_is_known_to_all_and_knows_all_within_half_a_second() -> None:
+    box = three()
+    box.join("7")
+    box.run(0.5)
+    assert box.present("7") == {"0", "1", "2"}
+    assert all("7" in box.present(unit) for unit in ("0", "1", "2"))
+    assert all(entry.labels for unit in box.nodes for entry in box.nodes[unit].directory.entries())
+
+
+def test_a_private_service_leaves_its_platform_neither_as_token_nor_in_the_description() -> None:
+    box = Box()
+    node = box.join("0", [FEDERATION, ALARMS, SECRET])
+    box.join("1")
+    box.run(1)
+    assert not any("local-instance" in token for token in node.tokens)
+    assert {entry.service for entry in node.directory.description().services} == {"dyknow-federation", "alarms"}
+    theirs = box.nodes["1"].directory
+    assert theirs.search(service="local-instance") == []
+    assert [entry.unit for entry in node.directory.search(service="local-instance")] == ["0"]
+    assert node.directory.search(service="local-instance", outside=True) == []
+    (found,) = theirs.search(service="alarms")
+    assert {offer.service: offer.visibility for offer in found.services} == {
+        "alarms": Visibility.PUBLIC,
+        "dyknow-federation": Visibility.PROTECTED,
+    }
+
+
+def test_what_is_offered_anew_or_no_more_is_told_to_all() -> None:
+    box = three()
+    node = box.nodes["0"]
+    box._perform("0", node, node.directory.declare([FEDERATION, ALARMS], [ALTITUDE], box.now_us))
+    box.run(0.1)
+    for unit in ("1", "2"):
+        changes = box.seen(unit, ServiceAppeared, ServiceGone, LabelAppeared, LabelGone)[-3:]
+        assert changes == [LabelGone("0", POSITION), ServiceAppeared("0", ALARMS), LabelAppeared("0", ALTITUDE)]
+        assert [entry.unit for entry in box.nodes[unit].directory.search(label="heli-altitude")] == ["0"]
+    assert not box.seen("1", PlatformSuspected), "the new platform token is declared before the old one goes"
+    assert node.directory.declare([FEDERATION, ALARMS], [ALTITUDE], box.now_us) == []
+
+
+def test_a_killed_platform_is_gone_within_a_second() -> None:
+    box = three()
+    killed_us = box.now_us
+    box.kill("2")
+    box.run(1)
+    for unit in ("0", "1"):
+        assert box.present(unit) == {"0", "1"} - {unit}
+        assert box.when(unit, PlatformGone, "2") - killed_us < US * 0.6
+        assert box.seen(unit, LabelGone, ServiceGone, PlatformGone) == [
+            LabelGone("2", POSITION),
+            ServiceGone("2", FEDERATION),
+            PlatformGone("2", 1002, "its token went"),
+        ]
+
+
+def test_heartbeats_that_were_under_way_do_not_keep_a_killed_platform() -> None:
+    box = Box(delay_us=300_000)
+    box.join("0")
+    box.join("1")
+    box.run(3.1)
+    killed_us = box.now_us
+    box.kill("1", token_after_us=1)
+    box.run(3)
+    assert box.when("0", PlatformGone, "1") - killed_us < US
+    assert "1" not in box.present("0")
+
+
+def test_a_silent_platform_is_suspected_after_one_second_and_gone_after_two_and_a_half() -> None:
+    box = three()
+    frozen_us = box.now_us
+    box.freeze("2")
+    box.run(1.3)
+    entry = box.nodes["0"].directory.entry("2")
+    assert entry is not None
+    assert entry.state is State.SUSPECT
+    assert frozen_us + 0.8 * US <= box.when("0", PlatformSuspected, "2") <= frozen_us + 1.01 * US
+    box.run(2)
+    assert frozen_us + 2.3 * US <= box.when("0", PlatformGone, "2") <= frozen_us + 2.51 * US
+    box.thaw("2")
+    box.run(0.5)
+    assert box.present("0") == {"1", "2"}
+    assert box.present("2") == {"0", "1"}
+    assert not box.seen("2", PlatformGone), "who stood still itself cannot judge others"
+
+
+def test_a_token_that_returns_in_time_keeps_everything() -> None:
+    box = three()
+    zid = f"{box.nodes['2'].directory.boot:x}"
+    token = keys.PlatformToken(zid, "2", "uav", box.nodes["2"].directory.version)
+    directory = box.nodes["0"].directory
+    assert directory.on_token(token, False, box.now_us) == [PlatformSuspected("2", 1002, "its token went")]
+    assert directory.on_token(token, True, box.now_us + 400_000) == [PlatformReturned("2", 1002)]
+    box.run(3)
+    assert "2" in box.present("0")
+
+
+def test_a_lost_token_is_outvoted_by_heartbeats() -> None:
+    box = three()
+    zid = f"{box.nodes['2'].directory.boot:x}"
+    token = keys.PlatformToken(zid, "2", "uav", box.nodes["2"].directory.version)
+    box.nodes["0"].directory.on_token(token, False, box.now_us)
+    box.run(5)
+    assert box.seen("0", PlatformReturned) == [PlatformReturned("2", 1002)]
+    assert not box.seen("0", PlatformGone)
+
+
+def test_a_new_incarnation_replaces_the_old_one_at_once() -> None:
+    box = three()
+    box.kill("2", token_after_us=None)
+    box.join("2", [ALARMS])
+    box.run(0.5)
+    assert box.seen("0", PlatformGone, PlatformAppeared)[-2:] == [
+        PlatformGone("2", 1002, "restarted"),
+        PlatformAppeared("2", 1003, "uav"),
+    ]
+    (found,) = box.nodes["0"].directory.search(service="alarms")
+    assert (found.unit, found.boot) == ("2", 1003)
+    box.kill("2")
+    box.run(1)
+    assert box.present("0") == {"1"}, "its own token is known from that of its predecessor"
+
+
+def test_a_platform_that_leaves_is_gone_at_once_and_may_come_back() -> None:
+    box = three()
+    node = box.nodes["2"]
+    box._perform("2", node, node.directory.leave(box.now_us))
+    box.run(0.1)
+    assert box.seen("0", PlatformGone) == [PlatformGone("2", 1002, "left")]
+    box.run(20)
+    assert not node.reopened
+    assert not box.nodes["0"].reopened
+    box._perform("2", node, node.directory.start(box.now_us))
+    box.run(0.5)
+    assert "2" in box.present("0")
+
+
+def test_a_stale_token_alone_makes_nobody_appear() -> None:
+    box = three()
+    directory = box.nodes["0"].directory
+    assert directory.on_token(keys.PlatformToken("dead", "9", "uav", 1), True, box.now_us) == []
+    box.run(1)
+    assert "9" not in box.present("0")
+    assert directory.entry("9") is None
+
+
+def test_another_platform_of_our_own_name_is_told_once() -> None:
+    box = three()
+    directory = box.nodes["0"].directory
+    twin = Heartbeat("0", 77, 1, 0, 1)
+    assert directory.on_heartbeat(twin, box.now_us) == [NameConflict("0", 77)]
+    assert list(directory.on_heartbeat(twin._replace(seq=2), box.now_us)) == []
+
+
+def test_a_platform_of_another_clock_or_roster_is_there_but_offers_nothing() -> None:
+    mine = Directory("0", 1, "uav", 0, clock=FederationClock(0, 1.0))
+    for number, other in enumerate(
+        [
+            Directory("1", 2, "uav", 0, clock=FederationClock(0, 10.0)),
+            Directory("2", 2, "uav", 0, roster="0123456789abcdef"),
+        ]
+    ):
+        other.declare([FEDERATION], [POSITION], 0)
+        mine.on_token(keys.PlatformToken("2", other.unit, "uav", 1), True, 1)
+        _, ask = mine.on_heartbeat(Heartbeat(other.unit, 2, 1, 0, 1), 2)
+        assert isinstance(ask, Ask)
+        answer = other.on_asked(Asked(1, ask.key, 3, b""))[0]
+        assert isinstance(answer, Answer)
+        (event,) = mine.on_answered(Answered(ask.question, ask.key, 4, answer.payload))
+        assert isinstance(event, PlatformRefused)
+        assert [entry.unit for entry in mine.search(service="dyknow-federation")] == []
+        assert len(mine.entries()) == number + 2
+
+
+def test_a_description_that_is_malformed_or_of_another_is_not_taken_over() -> None:
+    mine, other = Directory("0", 1, "uav", 0), Directory("2", 2, "uav", 0)
+    mine.on_token(keys.PlatformToken("2", "1", "uav", 1), True, 1)
+    _, ask = mine.on_heartbeat(Heartbeat("1", 2, 1, 0, 1), 2)
+    assert isinstance(ask, Ask)
+    answer = other.on_asked(Asked(1, ask.key, 3, b""))[0]
+    assert isinstance(answer, Answer)
+    assert list(mine.on_answered(Answered(ask.question, ask.key, 4, answer.payload))) == []
+    assert list(mine.on_answered(Answered(ask.question, ask.key, 4, b"\x93\x01\x02"))) == []
+    assert list(mine.on_answered(Answered(99, ask.key, 4, answer.payload))) == []
+    assert sum(mine.refused.values()) == 2
+
+
+def test_heartbeats_go_out_five_times_a_second_with_whom_we_hear_and_our_tails() -> None:
+    box = three()
+    directory = box.nodes["0"].directory
+    said = []
+    for _ in range(10):
+        now_us = directory.deadline_us
+        found = directory.on_time(now_us, [("heli-position", "ab12cd34", 5)])
+        said += [(now_us, decode_heartbeat(put.payload)) for put in found if isinstance(put, Put)]
+    times = [at_us for at_us, _ in said]
+    assert {later - earlier for earlier, later in pairwise(times)} == {200_000}
+    assert {beat.hears for _, beat in said[:1]} == {("1", "2")}
+    assert all(beat.tails == (("heli-position", "ab12cd34", 5),) for _, beat in said)
+    leaving = directory.leave(times[-1])[-1]
+    assert isinstance(leaving, Put)
+    assert decode_heartbeat(leaving.payload).description == LEAVING
+
+
+def test_the_platform_token_is_declared_last_and_undeclared_first() -> None:
+    directory = Directory("0", 1, "uav", 0)
+    directory.declare([FEDERATION], [POSITION], 0)
+    tokens = [effect.key for effect in directory.start(0) if isinstance(effect, DeclareToken)]
+    assert [isinstance(keys.parse_key(token), keys.PlatformToken) for token in tokens] == [False, False, True]
+    undeclared = [effect.key for effect in directory.leave(1) if isinstance(effect, UndeclareToken)]
+    assert undeclared == tokens[::-1]
+    assert decode_description(directory.on_asked(Asked(1, "0/df", 0, b""))[0].payload).unit == "0"  # type: ignore[union-attr]
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32), st.sampled_from([0.0, 0.05, 0.2]))
+def test_after_any_faults_all_directories_agree_within_five_seconds(seed: int, loss: float) -> None:
+    box = Box(seed, delay_us=50_000, loss=loss)
+    units = ["0", "1", "2", "3"]
+    for unit in units:
+        box.join(unit)
+    for _ in range(6):
+        box.run(box.random.random() * 4)
+        unit = box.random.choice(units)
+        match box.random.randrange(5):
+            case 0 if unit in box.nodes:
+                box.kill(unit, box.random.choice([5_000, 3 * US, None]))
+            case 1 if unit not in box.nodes:
+                box.join(unit, box.random.choice([[FEDERATION], [FEDERATION, ALARMS], []]))
+            case 2 if unit in box.nodes and not box.nodes[unit].frozen:
+                box.freeze(unit)
+            case 3 if unit in box.nodes and box.nodes[unit].frozen:
+                box.thaw(unit)
+            case 4:
+                box.cut([unit], [other for other in units if other != unit], both_ways=box.random.random() < 0.7)
+    box.loss = 0.0
+    for unit, node in box.nodes.items():
+        if node.frozen:
+            box.thaw(unit)
+    box.heal()
+    box.run(5)
+    for node in box.nodes.values():
+        entries = node.directory.entries()
+        assert {entry.unit for entry in entries} == box.nodes.keys()
+        for entry in entries:
+            theirs = box.nodes[entry.unit].directory
+            assert (entry.boot, entry.version) == (theirs.boot, theirs.version)
+            assert {offer.service for offer in entry.services} == {s.service for s in theirs.description().services}
+            assert entry.labels == theirs.description().labels
+        assert told(node.events) == box.nodes.keys() - {node.directory.unit}
+
+
+def told(events: Sequence[tuple[int, object]]) -> set[str]:
+    """Who is there according to the events alone, which have to make sense one after the other."""
+    there: dict[str, int] = {}
+    offers: set[tuple[str, object]] = set()
+    for _, event in events:
+        match event:
+            case PlatformAppeared(unit, boot):
+                assert unit not in there
+                there[unit] = boot
+            case PlatformGone(unit, boot):
+                assert there.pop(unit) == boot
+                assert not any(owner == unit for owner, _ in offers), "offers go before their platform"
+            case PlatformSuspected(unit, boot) | PlatformReturned(unit, boot):
+                assert there[unit] == boot
+            case ServiceAppeared(unit, offer) | LabelAppeared(unit, offer):
+                assert unit in there
+                assert (unit, offer) not in offers
+                offers.add((unit, offer))
+            case ServiceGone(unit, offer) | LabelGone(unit, offer):
+                offers.remove((unit, offer))
+    return set(there)
+
+
+# Deafness
+
+
+def reopened(box: Box) -> dict[str, int]:
+    return {unit: len(node.reopened) for unit, node in box.nodes.items() if node.reopened}
+
+
+def test_a_pair_that_others_hear_is_reopened_by_one_side_within_eight_seconds() -> None:
+    box = three()
+    start_us = box.now_us
+    box.cut(["0"], ["1"])
+    box.run(8)
+    assert reopened(box) == {"1": 1}, "the greater unit of the pair"
+    assert box.nodes["1"].reopened[0] - start_us < 7 * US
+    assert box.present("0") == {"1", "2"}
+    assert box.present("1") == {"0", "2"}
+
+
+def test_a_session_that_is_deaf_to_most_is_reopened_and_nobody_else_is() -> None:
+    box = Box()
+    units = [str(number) for number in range(8)]
+    for unit in units:
+        box.join(unit)
+    box.run(2)
+    box.cut(["3"], [unit for unit in units if unit not in ("3", "5")])
+    box.run(8)
+    assert reopened(box) == {"3": 1}
+    assert all(len(box.present(unit)) == 7 for unit in units)
+
+
+@pytest.mark.parametrize("speaker", ["0", "1"])
+def test_a_one_way_cut_is_mended_within_eight_seconds_by_one_side(speaker: str) -> None:
+    for others in ((), ("2", "3")):
+        box = Box()
+        for unit in ("0", "1", *others):
+            box.join(unit)
+        box.run(2)
+        listener = "1" if speaker == "0" else "0"
+        box.cut([speaker], [listener], both_ways=False)
+        box.run(8)
+        assert sum(reopened(box).values()) == 1
+        assert listener in box.present(speaker)
+        assert speaker in box.present(listener)
+
+
+def test_who_hears_nobody_any_more_reopens() -> None:
+    for box in (two_alone := Box(), three()):
+        if box is two_alone:
+            box.join("0")
+            box.join("1")
+            box.run(2)
+        box.cut(["0"], [unit for unit in box.nodes if unit != "0"])
+        box.run(8)
+        assert reopened(box).get("0") == 1
+        assert all(box.present(unit) == box.nodes.keys() - {unit} for unit in box.nodes)
+
+
+def test_reopening_that_does_not_help_is_repeated_ever_more_rarely() -> None:
+    box = three()
+    box.heals_by_reopening = False
+    box.cut(["0"], ["1"])
+    box.run(300)
+    for node in box.nodes.values():
+        gaps = [b - a for a, b in pairwise(node.reopened)]
+        assert all(gap >= 6 * US for gap in gaps)
+        assert all(gap >= 59 * US for gap in gaps[7:])
+        assert len(node.reopened) <= 12
+    assert not box.nodes["2"].reopened, "who hears both has no reason"
+
+
+def test_a_partition_is_no_deafness_of_sessions() -> None:
+    box = Box()
+    for unit in ("0", "1", "2", "3"):
+        box.join(unit)
+    box.run(2)
+    box.heals_by_reopening = False
+    box.cut(["0", "1"], ["2", "3"])
+    box.run(15)
+    assert reopened(box) == {}
+    assert box.present("0") == {"1"}
+    box.heal()
+    box.run(1)
+    assert all(len(box.present(unit)) == 3 for unit in box.nodes)
+
+
+def test_a_killed_or_left_or_new_platform_is_no_deafness() -> None:
+    box = three()
+    box.kill("2", token_after_us=None)
+    box.run(30)
+    box.join("2")
+    box.run(10)
+    box.kill("2")
+    box.run(10)
+    assert reopened(box) == {}
+
+
+def test_heartbeats_of_a_hundred_platforms_cost_microseconds() -> None:
+    directory = Directory("0", 1, "uav", 0)
+    units = tuple(f"uav{number}" for number in range(100))
+    for unit in units:
+        directory.on_token(keys.PlatformToken("1", unit, "uav", 1), True, 0)
+        outcome = directory.on_heartbeat(Heartbeat(unit, 1, 1, 0, 1), 0)
+        described = Directory(unit, 1, "uav", 0)
+        answer = described.on_asked(Asked(1, "", 0, b""))[0]
+        for ask in outcome:
+            if isinstance(ask, Ask) and isinstance(answer, Answer):
+                directory.on_answered(Answered(ask.question, ask.key, 0, answer.payload))
+    beats = [Heartbeat(unit, 1, seq, 0, 1, units) for seq in range(2, 102) for unit in units]
+    start = perf_counter()
+    for at, beat in enumerate(beats):
+        directory.on_heartbeat(beat, at * 2_000)
+    assert (perf_counter() - start) / len(beats) < 20e-6, "a few microseconds on an idle machine"
+    assert len(directory.entries()) == 101
+
+
+def test_units_are_listed_numbers_first_by_value() -> None:
+    assert sorted(["10", "uav2", "9", "0", "cc-1"], key=unit_order) == ["0", "9", "10", "cc-1", "uav2"]
