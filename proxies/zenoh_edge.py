@@ -1,0 +1,302 @@
+"""The only module that imports zenoh. Bytes become events here and nowhere else; effects become calls.
+
+Handlers stamp, post and return: one that worked or waited would stall the whole session, one that raised would be
+swallowed. They run on Zenoh's receiving thread (`indirect=False`).
+"""
+
+import contextlib
+import json
+import socket
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Any, TypeAlias, TypeVar
+
+import zenoh
+from zenoh.handlers import Callback
+
+from dyknow.errors import SessionFailed
+from federation.transport import (
+    Answer,
+    Answered,
+    AnswerEnd,
+    Arrived,
+    Ask,
+    Asked,
+    AskEnded,
+    DeclareQueryable,
+    DeclareToken,
+    HandlerFailed,
+    Put,
+    Reopen,
+    Subscribe,
+    TokenChanged,
+    UndeclareToken,
+    Unsubscribe,
+    Urgency,
+    WatchTokens,
+    WireEffect,
+    WireEvent,
+)
+from proxies.open_asks import OpenAsks
+from proxies.zenoh_config import ZenohOptions, zenoh_config
+
+T = TypeVar("T")
+Declaration: TypeAlias = Subscribe | DeclareQueryable | DeclareToken | WatchTokens
+Post: TypeAlias = Callable[[WireEvent], None]
+
+_MAX_PUBLISHERS = 512
+_LOOK_S = 1.0
+
+_QOS: dict[Urgency, tuple[zenoh.Priority, bool]] = {  # priority, express (sent at once, by itself)
+    Urgency.ACT: (zenoh.Priority.INTERACTIVE_HIGH, True),
+    Urgency.CONTROL: (zenoh.Priority.INTERACTIVE_HIGH, False),
+    Urgency.STREAM: (zenoh.Priority.DATA, False),
+    Urgency.BULK: (zenoh.Priority.DATA_LOW, False),
+}
+
+
+class ZenohEdge:
+    """One session, and what a node declared on it. All calls come from one thread.
+
+    Args:
+        options: the federation and how to find it.
+        post: takes what the wire tells, on Zenoh's threads: must neither block nor raise.
+        now_us: the node clock.
+    """
+
+    def __init__(self, options: ZenohOptions, post: Post, now_us: Callable[[], int]) -> None:
+        self._config = json.dumps(zenoh_config(options, _address_of))
+        self._post, self._now_us = post, now_us
+        self._session: zenoh.Session | None = None
+        self._zid = ""
+        self._publishers: OrderedDict[tuple[str, Urgency], zenoh.Publisher] = OrderedDict()
+        self._declared: dict[Declaration, Any] = {}
+        self._watches: dict[WatchTokens, _TokenWatch] = {}
+        self._asks: OpenAsks[zenoh.Query] = OpenAsks()
+        self._performers: dict[type, Callable[[Any], None]] = {
+            Put: self._put,
+            Ask: self._ask,
+            Answer: self._answer,
+            AnswerEnd: lambda effect: self._asks.end(effect.ask),
+            Subscribe: self._declare,
+            DeclareQueryable: self._declare,
+            DeclareToken: self._declare,
+            WatchTokens: self._watch,
+            Unsubscribe: lambda effect: self._undeclare(Subscribe(effect.key_expr)),
+            UndeclareToken: lambda effect: self._undeclare(DeclareToken(effect.key)),
+            Reopen: lambda _effect: self._reopen(),
+        }
+
+    @property
+    def zid(self) -> str:
+        """Identity of the first session, for the keys of tokens. A later session puts its own in its place."""
+        return self._zid
+
+    def peers(self) -> tuple[str, ...]:
+        """Identities of the sessions that ours is linked with."""
+        return tuple(sorted(map(str, self._opened.info.peers_zid())))
+
+    def open(self) -> None:
+        """Open the session; takes a few milliseconds, 50 when nobody is there.
+
+        Raises:
+            SessionFailed: an endpoint cannot be listened on, or the configuration is refused.
+        """
+        try:
+            self._session = zenoh.open(zenoh.Config.from_json5(self._config))
+        except zenoh.ZError as failed:
+            raise SessionFailed(f"the session does not open: {_said(failed)}") from None
+        self._zid = self._zid or str(self._session.zid())
+
+    def perform(self, effect: WireEffect) -> None:
+        """Carry out one effect. What Zenoh refuses is posted as `HandlerFailed`: a node outlives its session."""
+        try:
+            self._performers[type(effect)](effect)
+        except (zenoh.ZError, SessionFailed) as failed:
+            self._post(HandlerFailed(type(effect).__name__, self._now_us(), _said(failed)))
+
+    def close(self) -> None:
+        """Leave: tokens first, the last declared before the others, so that peers see it. Again does nothing."""
+        self._release()
+        self._declared.clear()
+        self._watches.clear()
+
+    @property
+    def _opened(self) -> zenoh.Session:
+        if self._session is None:
+            raise SessionFailed("there is no session: open it first")
+        return self._session
+
+    # Samples out
+
+    def _put(self, effect: Put) -> None:
+        publisher = self._publishers.get((effect.key, effect.urgency)) or self._publisher(effect.key, effect.urgency)
+        publisher.put(effect.payload)
+
+    def _publisher(self, key: str, urgency: Urgency) -> zenoh.Publisher:
+        """Declared once per key: its puts cost half of the session's. The oldest of too many gives way."""
+        if len(self._publishers) >= _MAX_PUBLISHERS:
+            _end(self._publishers.popitem(last=False)[1].undeclare)
+        priority, express = _QOS[urgency]
+        publisher = self._publishers[key, urgency] = self._opened.declare_publisher(
+            key, congestion_control=zenoh.CongestionControl.DROP, priority=priority, express=express
+        )
+        return publisher
+
+    # Questions
+
+    def _ask(self, effect: Ask) -> None:
+        question = effect.question
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if (found := reply.ok) is not None:
+                self._post(Answered(question, str(found.key_expr), self._now_us(), found.payload.to_bytes()))
+
+        self._opened.get(
+            effect.key,
+            Callback(
+                self._guarded("answer", on_reply),
+                lambda: self._post(AskEnded(question, self._now_us())),
+                indirect=False,
+            ),
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=effect.timeout_us / 1e6,
+            payload=effect.payload,
+            priority=zenoh.Priority.INTERACTIVE_LOW,
+            congestion_control=zenoh.CongestionControl.DROP,
+        )
+
+    def _on_query(self, query: zenoh.Query) -> None:
+        now_us = self._now_us()
+        asked = query.payload.to_bytes() if query.payload is not None else b""
+        self._post(Asked(self._asks.add(query, now_us), str(query.key_expr), now_us, asked))
+
+    def _answer(self, effect: Answer) -> None:
+        query = self._asks.get(effect.ask)
+        if query is not None:
+            query.reply(effect.key, effect.payload)
+
+    # Declarations
+
+    def _declare(self, effect: Declaration) -> None:
+        if effect not in self._declared:
+            self._declared[effect] = self._made(effect)
+
+    def _undeclare(self, effect: Subscribe | DeclareToken) -> None:
+        declared = self._declared.pop(effect, None)
+        if declared is not None:
+            declared.undeclare()
+
+    def _watch(self, effect: WatchTokens) -> None:
+        """Watch; watching already, look again: what was missed is posted, appearance and end."""
+        if effect in self._declared:
+            self._watches[effect].look(self._opened)
+        else:
+            self._watches.setdefault(effect, _TokenWatch(effect.key_expr, self._post, self._now_us))
+            self._declare(effect)
+
+    def _made(self, effect: Declaration) -> Any:
+        session = self._opened
+        match effect:
+            case Subscribe(key_expr):
+                return session.declare_subscriber(key_expr, self._handler("sample", self._on_sample))
+            case DeclareQueryable(key_expr):
+                return session.declare_queryable(key_expr, self._handler("question", self._on_query))
+            case DeclareToken(key):
+                return session.liveliness().declare_token(key.replace(f"/{self._zid}/", f"/{session.zid()}/"))
+            case WatchTokens(key_expr):
+                handler = self._handler("token", self._watches[effect].on_token)
+                return session.liveliness().declare_subscriber(key_expr, handler, history=True)
+
+    def _reopen(self) -> None:
+        """A new session with a new identity, since links of the old one may be half dead at the other side."""
+        self._release()
+        self.open()
+        again, self._declared = self._declared, {}
+        for effect in again:
+            self._declare(effect)
+
+    def _release(self) -> None:
+        """Undeclare and close, but remember what was declared."""
+        if self._session is None:
+            return
+        session, self._session = self._session, None
+        tokens = [made for effect, made in self._declared.items() if isinstance(effect, DeclareToken)]
+        others = [made for effect, made in self._declared.items() if not isinstance(effect, DeclareToken)]
+        with contextlib.suppress(zenoh.ZError):  # a link may break meanwhile
+            for made in (*reversed(tokens), *reversed(others), *self._publishers.values()):
+                made.undeclare()
+            self._publishers.clear()
+        self._publishers.clear()
+        self._asks.end_all()
+        _end(session.close)
+
+    # Events in
+
+    def _on_sample(self, found: zenoh.Sample) -> None:
+        self._post(Arrived(str(found.key_expr), self._now_us(), found.payload.to_bytes()))
+
+    def _handler(self, where: str, handler: Callable[[T], None]) -> "Callback[T]":  # subscriptable in the stubs only
+        return Callback(self._guarded(where, handler), indirect=False)
+
+    def _guarded(self, where: str, handler: Callable[[T], None]) -> Callable[[T], None]:
+        def guarded(found: T) -> None:
+            try:
+                handler(found)
+            except Exception as failed:  # noqa: BLE001  whatever it is: Zenoh would print it and go on
+                self._post(HandlerFailed(where, self._now_us(), repr(failed)))
+
+        return guarded
+
+
+class _TokenWatch:
+    """The tokens of one expression that are believed alive."""
+
+    def __init__(self, key_expr: str, post: Post, now_us: Callable[[], int]) -> None:
+        self._key_expr, self._post, self._now_us = key_expr, post, now_us
+        self._alive: set[str] = set()
+
+    def on_token(self, found: zenoh.Sample) -> None:
+        self._set(str(found.key_expr), alive=found.kind == zenoh.SampleKind.PUT)
+
+    def look(self, session: zenoh.Session) -> None:
+        """Ask for the present tokens (answered from what the session knows) and post what differs."""
+        believed, seen = set(self._alive), set[str]()
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if (found := reply.ok) is not None:
+                seen.add(str(found.key_expr))
+
+        def on_end() -> None:
+            for key in seen - believed:
+                self._set(key, alive=True)
+            for key in believed - seen:
+                self._set(key, alive=False)
+
+        session.liveliness().get(self._key_expr, Callback(on_reply, on_end, indirect=False), timeout=_LOOK_S)
+
+    def _set(self, key: str, *, alive: bool) -> None:
+        (self._alive.add if alive else self._alive.discard)(key)
+        self._post(TokenChanged(key, self._now_us(), alive))
+
+
+def _said(failed: Exception) -> str:
+    """What went wrong, without the place in Zenoh's sources that its errors end in."""
+    return str(failed).partition(" at /")[0]
+
+
+def _end(leave: Callable[[], object]) -> None:
+    """Undeclare or close something; Zenoh's stubs leave both untyped."""
+    leave()
+
+
+def _address_of(interface: str) -> str:
+    """The IPv4 address of a network interface of this machine."""
+    import psutil
+
+    present = psutil.net_if_addrs()
+    for address in present.get(interface, []):
+        if address.family == socket.AF_INET:
+            return str(address.address)
+    raise SessionFailed(f"no IPv4 address on interface {interface!r}; this machine has {', '.join(sorted(present))}")

@@ -1,0 +1,147 @@
+"""Where edges leave events for the node thread: many threads post, one takes, and a poster is never blocked.
+
+Bounded by conflation. Every event belongs to a lane, and a lane holds so many of them; when it is full, either its
+oldest event gives way (the newest counts, or numbers recover what is lost) or the new one is refused (its sender was to
+wait). What is lost is counted and told to the node as `Conflated`.
+
+A stream key keeps 512 samples, a heartbeat key its newest, a sender 64 acts, a token its last 16 changes, a question
+1024 answers, a queryable 64 questions, a kind of vehicle report its newest 256. When `LIMIT` events wait in all,
+everything new is refused but the end of a question.
+
+The queue holds what to take (`lane.take`) instead of events, so that giving way needs no search. One lock guards the
+lanes and is held for under a microsecond; `SimpleQueue` does the waiting.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Hashable
+from queue import SimpleQueue
+from typing import Any, NamedTuple
+
+from federation.transport import Answered, Arrived, Asked, AskEnded, Conflated, HandlerFailed, TokenChanged
+
+LIMIT = 50_000
+_FEW_LANES = 4096
+
+
+class Rule(NamedTuple):
+    """How many events a lane holds, and whether its oldest gives way to a new one."""
+
+    bound: int
+    gives_way: bool
+
+
+SAMPLES = Rule(512, gives_way=True)
+NEWEST = Rule(1, gives_way=True)
+ACTS = Rule(64, gives_way=False)
+CHANGES = Rule(16, gives_way=True)
+ANSWERS = Rule(1024, gives_way=False)
+QUESTIONS = Rule(64, gives_way=False)
+FAILURES = Rule(16, gives_way=False)
+REPORTS = Rule(256, gives_way=True)
+
+_ARRIVALS = {"x": SAMPLES, "to": SAMPLES, "hb": NEWEST}
+
+
+class _Lane:
+    __slots__ = ("_now_us", "dropped", "name", "rule", "waiting")
+
+    def __init__(self, name: str, rule: Rule, now_us: Callable[[], int]) -> None:
+        self.name, self.rule, self._now_us = name, rule, now_us
+        self.waiting: deque[Any] = deque()
+        self.dropped = 0
+
+    def take(self) -> Any:
+        return self.waiting.popleft()
+
+    def tell(self) -> Conflated:
+        count, self.dropped = self.dropped, 0
+        return Conflated(self.name, self._now_us(), count)
+
+
+class Mailbox:
+    """Any thread may `post`; the node thread alone calls `get`.
+
+    Args:
+        now_us: the node clock, for the stamps of `Conflated`.
+    """
+
+    def __init__(self, now_us: Callable[[], int]) -> None:
+        self._now_us = now_us
+        self._lock = threading.Lock()
+        self._queue: SimpleQueue[Callable[[], Any]] = SimpleQueue()
+        self._by_key: dict[str, _Lane] = {}
+        self._lanes: dict[Hashable, _Lane] = {}
+        self._many = _FEW_LANES
+
+    def __len__(self) -> int:
+        return self._queue.qsize()
+
+    def post(self, event: Any) -> None:
+        """Leave `event` for the node thread. Returns at once, whatever happens to it."""
+        kind = type(event)
+        if kind is AskEnded:
+            self._queue.put(lambda: event)
+            return
+        with self._lock:
+            lane = (self._by_key.get(event.key) if kind is Arrived else None) or self._lane_of(event)
+            waiting = lane.waiting
+            bound, gives_way = lane.rule
+            if len(waiting) < bound and self._queue.qsize() < LIMIT:
+                waiting.append(event)
+                self._queue.put(lane.take)
+                return
+            if gives_way and waiting:
+                waiting.popleft()
+                waiting.append(event)
+            lane.dropped += 1
+            if lane.dropped == 1:
+                self._queue.put(lane.tell)
+
+    def get(self, timeout: float | None = None) -> Any:
+        """The next event; a timeout of 0 does not wait.
+
+        Raises:
+            queue.Empty: none came within `timeout` seconds.
+        """
+        take = self._queue.get(timeout != 0, timeout)
+        with self._lock:
+            return take()
+
+    def _lane_of(self, event: Any) -> _Lane:
+        address, name, rule = _place(event)
+        lane = self._lanes.get(address)
+        if lane is None:
+            self._forget_empty_lanes()
+            lane = self._lanes[address] = _Lane(name, rule, self._now_us)
+        if type(event) is Arrived:
+            self._by_key[event.key] = lane
+        return lane
+
+    def _forget_empty_lanes(self) -> None:
+        if len(self._by_key) + len(self._lanes) < self._many:
+            return
+        self._by_key = {key: lane for key, lane in self._by_key.items() if lane.waiting}
+        self._lanes = {address: lane for address, lane in self._lanes.items() if lane.waiting}
+        self._many = max(_FEW_LANES, 2 * (len(self._by_key) + len(self._lanes)))
+
+
+def _place(event: Any) -> tuple[Hashable, str, Rule]:
+    """Which lane an event belongs to, what it is called in reports, and its rule."""
+    match event:
+        case Arrived(key=key):
+            purpose, *rest = key.split("/")
+            if purpose == "acl" and len(rest) > 1:
+                return (Arrived, "acl", rest[1]), key, ACTS
+            return (Arrived, key), key, _ARRIVALS.get(purpose, ACTS)
+        case TokenChanged(key=key):
+            return (TokenChanged, key), key, CHANGES
+        case Asked(key=key):
+            return (Asked, key), key, QUESTIONS
+        case Answered(question=question, key=key):
+            return (Answered, question), key, ANSWERS
+        case HandlerFailed(where=where):
+            return (HandlerFailed, where), where, FAILURES
+        case _:
+            kind: type[Any] = type(event)
+            return (kind,), kind.__name__, REPORTS
