@@ -2,7 +2,7 @@
 
 Either platform may propose when its warning opens; the higher one climbs, a tie goes to the unit whose name sorts
 first. Proposals that cross settle on the one of the unit that sorts first. A partner that refuses or is silent for
-`ANSWER_US` leaves the whole manoeuvre to the other. Then both hold; when the warning closes the lower one flies on,
+a second leaves the whole manoeuvre to the other. Then both hold; when the warning closes the lower one flies on,
 the climber waits above until the other is away, and resumes its route.
 """
 
@@ -11,8 +11,8 @@ from enum import Enum
 from typing import NamedTuple, TypeAlias
 
 from agents.pilot import Fix
+from federation.directory import unit_order
 
-ANSWER_US = 1_000_000
 SEPARATION_M = 25.0
 AWAY_M = 60.0
 PATIENCE_US = 20_000_000
@@ -31,6 +31,7 @@ class Propose(NamedTuple):
 
     partner: str
     climber: str
+    climb_m: float
 
 
 class Divert(NamedTuple):
@@ -57,23 +58,17 @@ class Encounter:
     partner: str
     climber: str
     since_us: int
-    answer_by_us: int | None = None
     role: Role | None = None
     altitude_m: float | None = None
     clear_since_us: int | None = None
     lifted: bool = False
 
 
-def sort_key(unit: str) -> tuple[int, int, str]:
-    """Units in their natural order: numbers by value, before names."""
-    return (0, int(unit), "") if unit.isdigit() else (1, 0, unit)
-
-
 def climber_of(unit: str, own: Fix, partner: str, other: Fix) -> str:
     """The higher one climbs; within a metre, the unit that sorts first."""
     if abs(own.altitude_m - other.altitude_m) > 1.0:
         return unit if own.altitude_m > other.altitude_m else partner
-    return min(unit, partner, key=sort_key)
+    return min(unit, partner, key=unit_order)
 
 
 class Avoidance:
@@ -91,11 +86,13 @@ class Avoidance:
         """A warning about `partner` opened here."""
         known = self.encounters.get(partner)
         if known is not None:
-            known.clear_since_us = None
+            known.clear_since_us, known.lifted = None, False
             return self._again(known, own, other)
         climber = climber_of(self.unit, own, partner, other)
-        self.encounters[partner] = Encounter(partner, climber, now_us, answer_by_us=now_us + ANSWER_US)
-        return [Propose(partner, climber)]
+        self.encounters[partner] = Encounter(partner, climber, now_us)
+        above, below = (own, other) if climber == self.unit else (other, own)
+        climb_m = max(0.0, below.altitude_m + SEPARATION_M - above.altitude_m)
+        return [Propose(partner, climber, climb_m)]
 
     def _again(self, known: Encounter, own: Fix, other: Fix) -> list[Step]:
         if known.role is None:
@@ -106,11 +103,11 @@ class Avoidance:
         """`partner` proposes that `climber` climbs. Returns whether it is accepted, and what to do."""
         known = self.encounters.get(partner)
         waiting = known is not None and known.role is None
-        if waiting and known is not None and known.climber != climber and sort_key(self.unit) < sort_key(partner):
+        if waiting and known is not None and known.climber != climber and unit_order(self.unit) < unit_order(partner):
             return False, []
         if known is None:
             known = self.encounters[partner] = Encounter(partner, climber, now_us)
-        known.climber, known.answer_by_us = climber, None
+        known.climber = climber
         role = Role.CLIMB if climber == self.unit else Role.HOLD
         return True, self._take(known, role, own, other)
 
@@ -119,7 +116,6 @@ class Avoidance:
         known = self.encounters.get(partner)
         if known is None or known.role is not None:
             return []
-        known.answer_by_us = None
         return self._take(known, Role.CLIMB if known.climber == self.unit else Role.HOLD, own, other)
 
     def on_declined(self, partner: str, own: Fix, other: Fix, lowest_m: float) -> list[Step]:
@@ -127,7 +123,6 @@ class Avoidance:
         known = self.encounters.get(partner)
         if known is None or (known.role is not None and known.role is not Role.HOLD):
             return []
-        known.answer_by_us = None
         below = own.altitude_m < other.altitude_m - 5.0 and other.altitude_m - SEPARATION_M >= lowest_m
         return self._take(known, Role.DESCEND if below else Role.CLIMB, own, other)
 
@@ -173,14 +168,6 @@ class Avoidance:
         if known is None or known.role is None or self._busy():
             return []
         return [Resume(partner, self._raised())]
-
-    def overdue(self, now_us: int) -> list[str]:
-        """Partners who owe an answer since before `now_us`."""
-        return [e.partner for e in self.encounters.values() if e.answer_by_us is not None and e.answer_by_us <= now_us]
-
-    @property
-    def deadline_us(self) -> int | None:
-        return min((e.answer_by_us for e in self.encounters.values() if e.answer_by_us is not None), default=None)
 
     def _busy(self) -> bool:
         """Whether some encounter still keeps the vehicle where it is."""

@@ -32,13 +32,13 @@ class TokenBucket:
 class Limits:
     """One bucket per peer; peers that were quiet for long are forgotten, so that names cost no memory."""
 
-    def __init__(self, peers: int = 256) -> None:
+    def __init__(self, rate_per_s: float = ACTS_PER_S, burst: float = ACTS_BURST, peers: int = 256) -> None:
         self._buckets: dict[str, TokenBucket] = {}
-        self._peers = peers
+        self._rate_per_s, self._burst, self._peers = rate_per_s, burst, peers
 
     def admit(self, peer: str, now_us: int) -> bool:
         """Whether `peer` may ask one thing more now."""
-        bucket = self._buckets.pop(peer, None) or TokenBucket()
+        bucket = self._buckets.pop(peer, None) or TokenBucket(self._rate_per_s, self._burst, self._burst)
         self._buckets[peer] = bucket
         if len(self._buckets) > self._peers:
             del self._buckets[next(iter(self._buckets))]

@@ -4,36 +4,57 @@ A public service answers any agent on any platform. A protected one answers agen
 through the Interface Agent. A private one answers agents of its own platform only.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
-from federation.directory import Visibility
+from federation.offers import Service, Visibility
 
 
-@dataclass(frozen=True, slots=True)
-class Service:
-    """One service: the agent that provides it and the heads of the contents it understands."""
+class Offer(NamedTuple):
+    """A service and the heads of the contents it understands."""
 
-    name: str
-    agent: str
-    visibility: Visibility
+    service: Service
     heads: frozenset[str]
 
 
-FEDERATION = Service(
-    "dyknow-federation", "federation", Visibility.PROTECTED, frozenset({"create-multicast", "query", "stream", "end-stream"})
+def _offer(name: str, agent: str, visibility: Visibility, *heads: str) -> Offer:
+    return Offer(Service(name, agent, visibility), frozenset(heads))
+
+
+FEDERATION = _offer(
+    "dyknow-federation",
+    "federation",
+    Visibility.PROTECTED,
+    "create-multicast",
+    "stop-multicast",
+    "query",
+    "stream",
+    "end-stream",
 )
-COORDINATION = Service(
+COORDINATION = _offer(
     "monitor-coordination",
     "coordination",
     Visibility.PROTECTED,
-    frozenset({"monitor-proximity", "create-monitor", "avoid", "tasks", "monitors", "check-formula"}),
+    *(
+        "monitor-proximity",
+        "create-monitor",
+        "remove-monitor",
+        "monitors",
+        "check-formula",
+        "avoid",
+        "alarm",
+        "progress",
+        "tasks",
+    ),
 )
-FLIGHT = Service("flight", "pilot", Visibility.PROTECTED, frozenset({"goto", "hold", "land", "return-home", "resume"}))
-ALARMS = Service("alarms", "alarms", Visibility.PUBLIC, frozenset({"alarms", "alarm-list"}))
-DIRECTORY = Service("directory", "directory", Visibility.PUBLIC, frozenset({"directory", "search"}))
-ACCOUNT = Service("account", "interface", Visibility.PROTECTED, frozenset({"acts", "act-list", "leave", "rejoin"}))
-FAULTS = Service("fault-injection", "simulator", Visibility.PROTECTED, frozenset({"fault"}))
-INSTANCE = Service("local-instance", "gateway", Visibility.PRIVATE, frozenset({"labels", "latest"}))
+FLIGHT = _offer("flight", "pilot", Visibility.PROTECTED, "goto", "hold", "land", "return-home", "resume", "take-off")
+ALARMS = _offer("alarms", "alarms", Visibility.PUBLIC, "alarms", "alarm-list")
+DIRECTORY = _offer("directory", "directory", Visibility.PUBLIC, "directory", "search")
+ACCOUNT = _offer("account", "account", Visibility.PROTECTED, "acts", "act-list", "leave", "rejoin")
+FAULTS = _offer("fault-injection", "simulator", Visibility.PROTECTED, "fault")
+INSTANCE = _offer("local-instance", "gateway", Visibility.PRIVATE, "local-labels")
+
+INTERFACE = "interface"
+"""The agent every platform is addressed by from outside."""
 
 
 def admitted(visibility: Visibility, *, same_platform: bool, through_interface: bool) -> bool:
@@ -46,10 +67,13 @@ def admitted(visibility: Visibility, *, same_platform: bool, through_interface: 
 class ServiceTable:
     """The services of one platform, by the heads they understand."""
 
-    def __init__(self, services: tuple[Service, ...]) -> None:
-        self.services = services
-        self._by_head = {head: service for service in services for head in service.heads}
+    def __init__(self, offers: tuple[Offer, ...]) -> None:
+        self.offers = offers
+        self._by_head = {head: offer.service for offer in offers for head in offer.heads}
 
     def of(self, head: str) -> Service | None:
         """The service that understands a content that begins with `head`."""
         return self._by_head.get(head)
+
+    def has_agent(self, agent: str) -> bool:
+        return agent == INTERFACE or any(offer.service.agent == agent for offer in self.offers)

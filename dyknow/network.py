@@ -108,6 +108,10 @@ class Network:
             raise self._unknown(label)
         return generator
 
+    def has(self, label: Label) -> bool:
+        """Whether a generator carries `label`."""
+        return label in self._generators
+
     def labels(self) -> tuple[Label, ...]:
         """Every label, in the order they were added."""
         return tuple(self._generators)

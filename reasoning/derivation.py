@@ -22,7 +22,7 @@ ALTITUDE: Final = "heli-altitude"
 HEIGHT: Final = "heli-height"
 VELOCITY: Final = "heli-velocity"
 BATTERY: Final = "battery"
-HOME: Final = "home-position"
+HOME: Final = "heli-home"
 
 Sort: TypeAlias = Literal["number", "duration"]
 
