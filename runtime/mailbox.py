@@ -8,13 +8,16 @@ A stream key keeps 512 samples, a heartbeat key its newest, a sender 64 acts, a 
 1024 answers, a queryable 64 questions, a kind of vehicle report its newest 256. When `LIMIT` events wait in all,
 everything new is refused but the end of a question.
 
-The queue holds what to take (`lane.take`) instead of events, so that giving way needs no search. One lock guards the
-lanes and is held for under a microsecond; `SimpleQueue` does the waiting.
+The queue holds what to take (the lane's `popleft`) instead of events, so that giving way needs no search. A lane never
+holds fewer events than the queue holds for it: a poster adds first, then takes the oldest away or says that there is
+more to take. So the usual way through needs no lock; a lane that is full or new does.
 """
 
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Hashable
+from functools import partial
 from queue import SimpleQueue
 from typing import Any, NamedTuple
 
@@ -39,24 +42,20 @@ ANSWERS = Rule(1024, gives_way=False)
 QUESTIONS = Rule(64, gives_way=False)
 FAILURES = Rule(16, gives_way=False)
 REPORTS = Rule(256, gives_way=True)
+ENDS = Rule(sys.maxsize, gives_way=False)
 
 _ARRIVALS = {"x": SAMPLES, "to": SAMPLES, "hb": NEWEST}
 
 
 class _Lane:
-    __slots__ = ("_now_us", "dropped", "name", "rule", "waiting")
+    __slots__ = ("bound", "dropped", "gives_way", "name", "take", "tell", "waiting")
 
-    def __init__(self, name: str, rule: Rule, now_us: Callable[[], int]) -> None:
-        self.name, self.rule, self._now_us = name, rule, now_us
+    def __init__(self, name: str, rule: Rule, told: Callable[["_Lane"], Conflated]) -> None:
+        self.name, (self.bound, self.gives_way) = name, rule
         self.waiting: deque[Any] = deque()
+        self.take = self.waiting.popleft
+        self.tell = partial(told, self)
         self.dropped = 0
-
-    def take(self) -> Any:
-        return self.waiting.popleft()
-
-    def tell(self) -> Conflated:
-        count, self.dropped = self.dropped, 0
-        return Conflated(self.name, self._now_us(), count)
 
 
 class Mailbox:
@@ -79,24 +78,12 @@ class Mailbox:
 
     def post(self, event: Any) -> None:
         """Leave `event` for the node thread. Returns at once, whatever happens to it."""
-        kind = type(event)
-        if kind is AskEnded:
-            self._queue.put(lambda: event)
-            return
-        with self._lock:
-            lane = (self._by_key.get(event.key) if kind is Arrived else None) or self._lane_of(event)
-            waiting = lane.waiting
-            bound, gives_way = lane.rule
-            if len(waiting) < bound and self._queue.qsize() < LIMIT:
-                waiting.append(event)
-                self._queue.put(lane.take)
-                return
-            if gives_way and waiting:
-                waiting.popleft()
-                waiting.append(event)
-            lane.dropped += 1
-            if lane.dropped == 1:
-                self._queue.put(lane.tell)
+        lane = (self._by_key.get(event.key) if type(event) is Arrived else None) or self._lane_of(event)
+        if len(lane.waiting) < lane.bound and self._queue.qsize() < LIMIT:
+            lane.waiting.append(event)
+            self._queue.put(lane.take)
+        else:
+            self._conflate(lane, event)
 
     def get(self, timeout: float | None = None) -> Any:
         """The next event; a timeout of 0 does not wait.
@@ -104,18 +91,35 @@ class Mailbox:
         Raises:
             queue.Empty: none came within `timeout` seconds.
         """
-        take = self._queue.get(timeout != 0, timeout)
+        return self._queue.get(timeout != 0, timeout)()
+
+    def _conflate(self, lane: _Lane, event: Any) -> None:
         with self._lock:
-            return take()
+            if lane.bound == ENDS.bound:
+                lane.waiting.append(event)
+                self._queue.put(lane.take)
+                return
+            if lane.gives_way and lane.waiting:
+                lane.waiting.append(event)
+                lane.waiting.popleft()
+            lane.dropped += 1
+            if lane.dropped == 1:
+                self._queue.put(lane.tell)
+
+    def _told(self, lane: _Lane) -> Conflated:
+        with self._lock:
+            count, lane.dropped = lane.dropped, 0
+        return Conflated(lane.name, self._now_us(), count)
 
     def _lane_of(self, event: Any) -> _Lane:
         address, name, rule = _place(event)
-        lane = self._lanes.get(address)
-        if lane is None:
-            self._forget_empty_lanes()
-            lane = self._lanes[address] = _Lane(name, rule, self._now_us)
-        if type(event) is Arrived:
-            self._by_key[event.key] = lane
+        with self._lock:
+            lane = self._lanes.get(address)
+            if lane is None:
+                self._forget_empty_lanes()
+                lane = self._lanes[address] = _Lane(name, rule, self._told)
+            if type(event) is Arrived:
+                self._by_key[event.key] = lane
         return lane
 
     def _forget_empty_lanes(self) -> None:
@@ -140,6 +144,8 @@ def _place(event: Any) -> tuple[Hashable, str, Rule]:
             return (Asked, key), key, QUESTIONS
         case Answered(question=question, key=key):
             return (Answered, question), key, ANSWERS
+        case AskEnded():
+            return AskEnded, AskEnded.__name__, ENDS
         case HandlerFailed(where=where):
             return (HandlerFailed, where), where, FAILURES
         case _:
