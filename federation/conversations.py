@@ -98,7 +98,7 @@ class Conversations:
             act = self._addressed(act, now_us)
         if opens and self._count(peer, ours=True) >= OPEN_PER_PEER:
             raise Refused(f"{OPEN_PER_PEER} conversations with {peer} are open already")
-        said, put = self.delivery.send(act, now_us)
+        said, put = self.delivery.send(act, now_us, patient=not opens)
         conversation = said.conversation_id or ""
         if opens:
             standing = standing or performative is P.SUBSCRIBE

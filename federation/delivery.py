@@ -1,7 +1,8 @@
 """Acts made reliable on a wire that drops: acknowledgement, retransmission, duplicate suppression.
 
 An act is put again every 200 ms, three times, until it is acknowledged, by a list of numbers that any act of the
-receiver carries or by a receipt. Acts to everybody are put once. A platform that hears an act twice acknowledges it
+receiver carries or by a receipt. What ends or answers something is worth more patience than a question, which nobody
+waits for after its reply-by: it is put again every second after that, ten times. Acts to everybody are put once. A platform that hears an act twice acknowledges it
 twice and acts once.
 """
 
@@ -17,6 +18,8 @@ from federation.transport import Put, Urgency
 
 RETRANSMIT_US = 200_000
 RETRANSMISSIONS = 3
+PATIENT_US = 1_000_000
+PATIENT_RETRANSMISSIONS = 10
 UNACKNOWLEDGED = 4096
 WINDOW = 1024
 SENDERS = 512
@@ -55,7 +58,18 @@ class _Pending:
     act: Act
     put: Put
     due_us: int
-    left: int = RETRANSMISSIONS
+    quick: int = RETRANSMISSIONS
+    patient: int = 0
+
+    def again(self, now_us: int) -> bool:
+        """Whether it is put again; then it is due later."""
+        if self.quick:
+            self.quick, self.due_us = self.quick - 1, now_us + RETRANSMIT_US
+        elif self.patient:
+            self.patient, self.due_us = self.patient - 1, now_us + PATIENT_US
+        else:
+            return False
+        return True
 
 
 class Delivery:
@@ -80,7 +94,7 @@ class Delivery:
     def deadline_us(self) -> int | None:
         return self._due_us
 
-    def send(self, act: Act, now_us: int) -> tuple[Act, Put]:
+    def send(self, act: Act, now_us: int, *, patient: bool = True) -> tuple[Act, Put]:
         """The act as it is said, numbered, and its first put. Raises ContentError when it cannot be encoded."""
         receiver = act.receiver.unit
         numbered = replace(
@@ -93,7 +107,9 @@ class Delivery:
         if receiver != keys.EVERYBODY:
             if len(self._pending) >= UNACKNOWLEDGED:
                 self._give_up(now_us)
-            self._pending[receiver, numbered.seq] = _Pending(numbered, put, now_us + RETRANSMIT_US)
+            pending = _Pending(numbered, put, now_us + RETRANSMIT_US)
+            pending.patient = PATIENT_RETRANSMISSIONS if patient else 0
+            self._pending[receiver, numbered.seq] = pending
             self._wake(now_us + RETRANSMIT_US)
         return numbered, put
 
@@ -135,12 +151,10 @@ class Delivery:
         puts, undelivered = [], []
         for name, pending in list(self._pending.items()):
             if now_us >= pending.due_us:
-                if not pending.left:
+                if not pending.again(now_us):
                     del self._pending[name]
                     undelivered.append(pending.act)
                     continue
-                pending.left -= 1
-                pending.due_us = now_us + RETRANSMIT_US
                 puts.append(pending.put)
             self._wake(pending.due_us)
         self.counts["retransmitted"] += len(puts)
@@ -170,9 +184,9 @@ class Delivery:
 
     def _give_up(self, now_us: int) -> None:
         """Too much is unacknowledged: the oldest act is not put again, and told to be undelivered."""
-        oldest = next((pending for pending in self._pending.values() if pending.left), None)
+        oldest = next((pending for pending in self._pending.values() if pending.quick or pending.patient), None)
         if oldest is not None:
-            oldest.left, oldest.due_us = 0, now_us
+            oldest.quick, oldest.patient, oldest.due_us = 0, 0, now_us
             self._wake(now_us)
 
     def _acknowledged(self, sender: str, seqs: Iterable[int]) -> None:

@@ -48,7 +48,7 @@ class TimedOut(NamedTuple):
 
 
 class Undelivered(NamedTuple):
-    """An act of ours, none that opened a conversation, was never acknowledged."""
+    """An act of ours, none that opened a conversation, was given up: it was not acknowledged in ten seconds."""
 
     act: Act
 
@@ -119,8 +119,11 @@ class Conversation:
         performative = act.performative
         if self.phase is Phase.CANCELLING:
             return performative in CLOSING or act.in_reply_to == self.opening.reply_with
+        self.standing = self.standing or standing or self.opening.performative is P.SUBSCRIBE
         if performative is P.AGREE:
-            self.standing = standing or self.opening.performative is P.SUBSCRIBE
             self.phase, self.due_us = Phase.STANDING if self.standing else Phase.AGREED, None
-            return False
-        return performative in CLOSING or (performative in RESULTS and not self.standing)
+        elif performative in RESULTS and self.standing:
+            self.phase, self.due_us = Phase.STANDING, None
+        else:
+            return performative in CLOSING or performative in RESULTS
+        return False
