@@ -101,7 +101,7 @@ class Fleet:
         self._heard: dict[str, int] = {}
         self.running: dict[str, Running] = {}
 
-    def start(self, unit: str, configuration: str, module: str = "runtime.node") -> None:
+    def start(self, unit: str, configuration: str, module: str = "sim_uavs.node") -> None:
         """Start the platform `unit` with its configuration, a JSON text."""
         config = self.directory / f"{unit}.json"
         config.write_text(configuration, encoding="utf-8")

@@ -1,0 +1,195 @@
+"""What people and agents ask a platform about itself: alarms, monitors, tasks, the account, the directory.
+
+Times are the node clock, but for those of samples and alarms.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from agents.account import Account, Entry
+from agents.context import Context
+from federation.acts import Act, AgentName, Performative
+from federation.contents import (
+    ActList,
+    ActLog,
+    Acts,
+    Alarm,
+    AlarmList,
+    Content,
+    DirectoryEvent,
+    Found,
+    MonitorList,
+    Search,
+    TaskList,
+)
+from federation.contents import Monitor as MonitorEntry
+from federation.contents import Task as TaskEntry
+from federation.directory import (
+    DirectoryEvent as DirectoryChange,
+)
+from federation.liveness import PlatformAppeared, PlatformGone, PlatformReturned, PlatformSuspected
+from federation.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone
+from reasoning import AlarmEvent
+
+P = Performative
+T = TypeVar("T")
+ALARMS_A_PAGE = 100
+ACTS_A_PAGE = 25
+TEXT = 2000
+
+
+def alarm_content(event: AlarmEvent, by: str) -> Alarm:
+    """An alarm as it is told."""
+    return Alarm(
+        id=event.id,
+        event=event.event,
+        monitor=event.monitor,
+        by=by,
+        units=event.units,
+        valid_us=event.valid_us,
+        detected_us=event.detected_us,
+        values=dict(event.values),
+    )
+
+
+class Bulletin:
+    """Answers to questions about this platform, and subscriptions to what happens on it."""
+
+    def __init__(self, context: Context, account: Account) -> None:
+        self._c, self._account = context, account
+        self._followers: dict[str, Act] = {}
+        self._watchers: dict[str, Act] = {}
+        account.on_entry = self._on_entry
+
+    # -- questions ---------------------------------------------------------------------------------------------
+
+    def on_alarm_list(self, act: Act, _content: Content, now_us: int) -> None:
+        found = [alarm_content(event, self._c.unit) for event in self._c.alarms.events]
+        for page, more in _pages(found, ALARMS_A_PAGE):
+            self._c.desk.answer(act, P.INFORM, AlarmList(alarms=tuple(page), more=more), now_us)
+
+    def on_act_list(self, act: Act, _content: Content, now_us: int) -> None:
+        found = [self._log(entry) for entry in self._account.entries]
+        for page, more in _pages(found, ACTS_A_PAGE):
+            self._c.desk.answer(act, P.INFORM, ActList(acts=tuple(page), more=more), now_us)
+
+    def on_monitors(self, act: Act, _content: Content, now_us: int) -> None:
+        found = tuple(
+            MonitorEntry(
+                by=self._c.unit,
+                name=named.plan.name,
+                units=instance.monitor.key,
+                verdict=instance.monitor.verdict,
+                inputs=instance.monitor.inputs,
+                shows=instance.monitor.shows,
+                since_us=instance.monitor.inputs_since_us,
+                which=instance.monitor.missing_inputs,
+            )
+            for named in self._c.gateway.monitors.named.values()
+            for instance in named.instances.values()
+        )
+        self._c.desk.answer(act, P.INFORM, MonitorList(monitors=found[:500]), now_us)
+
+    def on_tasks(self, act: Act, _content: Content, now_us: int) -> None:
+        found = tuple(
+            TaskEntry(
+                conversation=task.conversation,
+                task=task.name,
+                unit=self._c.unit,
+                state=task.state,
+                delegator=str(AgentName("interface", task.initiator)) if task.initiator else None,
+                since_us=task.since_us,
+            )
+            for task in self._c.tasks.all()
+            if not task.is_part
+        )
+        self._c.desk.answer(act, P.INFORM, TaskList(tasks=found[:500]), now_us)
+
+    def on_search(self, act: Act, content: Search, now_us: int) -> None:
+        found = self._c.directory.search(service=content.service, label=content.semantic_label, outside=True)
+        agents = tuple(str(AgentName("interface", entry.unit)) for entry in found)
+        self._c.desk.answer(act, P.INFORM, Found(agents=agents), now_us)
+
+    # -- subscriptions -----------------------------------------------------------------------------------------
+
+    def on_alarms(self, act: Act, _content: Content, now_us: int) -> None:
+        conversation = act.conversation_id or ""
+
+        def tell(event: AlarmEvent, at_us: int) -> None:
+            self._c.desk.answer(act, P.INFORM, alarm_content(event, self._c.unit), at_us)
+
+        self._c.alarms.listeners[conversation] = tell
+        self._c.desk.answer(act, P.AGREE, None, now_us)
+
+    def on_acts(self, act: Act, _content: Acts, now_us: int) -> None:
+        self._followers[act.conversation_id or ""] = act
+        self._c.desk.answer(act, P.AGREE, None, now_us)
+
+    def on_directory(self, act: Act, _content: Content, now_us: int) -> None:
+        self._watchers[act.conversation_id or ""] = act
+        self._c.desk.answer(act, P.AGREE, None, now_us)
+
+    def unsubscribe(self, conversation: str) -> bool:
+        """End a subscription; whether there was one."""
+        found = (
+            self._c.alarms.listeners.pop(conversation, None)
+            or self._followers.pop(conversation, None)
+            or self._watchers.pop(conversation, None)
+        )
+        return found is not None
+
+    def on_directory_change(self, change: DirectoryChange, now_us: int) -> None:
+        """Tell those who watch the directory what came or went."""
+        said = _change(change, now_us)
+        if said is not None:
+            for act in list(self._watchers.values()):
+                self._c.desk.answer(act, P.INFORM, said, now_us)
+
+    def _on_entry(self, entry: Entry) -> None:
+        """Tell those who follow the acts, but not of what is told to them, nor of their own questions about it."""
+        if not self._followers or (entry.act is not None and entry.act.conversation_id in self._followers):
+            return
+        said = self._log(entry)
+        for act in list(self._followers.values()):
+            self._c.desk.answer(act, P.INFORM, said, entry.at_us)
+
+    def _log(self, entry: Entry) -> ActLog:
+        return ActLog(
+            at_us=entry.at_us,
+            direction=entry.direction,
+            peer=entry.peer,
+            outcome=entry.outcome[:400],
+            act=None if entry.act is None else _shortened(str(entry.act)),
+        )
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= TEXT else f"{text[: TEXT - 3]}..."
+
+
+def _pages(found: Sequence[T], size: int) -> list[tuple[Sequence[T], bool]]:
+    starts = range(0, max(1, len(found)), size)
+    return [(found[at : at + size], at + size < len(found)) for at in starts]
+
+
+_PLATFORM: dict[type, str] = {
+    PlatformAppeared: "platform-appeared",
+    PlatformSuspected: "platform-suspected",
+    PlatformReturned: "platform-returned",
+    PlatformGone: "platform-gone",
+}
+_OFFER: dict[type, tuple[str, Callable[[DirectoryChange], str]]] = {
+    ServiceAppeared: ("service-appeared", lambda change: change.service.service),  # type: ignore[union-attr]
+    ServiceGone: ("service-gone", lambda change: change.service.service),  # type: ignore[union-attr]
+    LabelAppeared: ("label-appeared", lambda change: change.label.label),  # type: ignore[union-attr]
+    LabelGone: ("label-gone", lambda change: change.label.label),  # type: ignore[union-attr]
+}
+
+
+def _change(change: DirectoryChange, now_us: int) -> DirectoryEvent | None:
+    if type(change) in _PLATFORM:
+        return DirectoryEvent(event=_PLATFORM[type(change)], unit=change.unit, at_us=now_us)
+    if type(change) in _OFFER:
+        name, what = _OFFER[type(change)]
+        return DirectoryEvent(event=name, unit=change.unit, at_us=now_us, what=what(change))
+    return None

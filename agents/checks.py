@@ -1,0 +1,125 @@
+"""A formula over a platform's live states, for a person who wants to know now (thesis 7.5). Node clock but for states."""
+
+from dataclasses import dataclass
+
+from agents.context import Context
+from agents.deadlines import Deadlines
+from dyknow import US_PER_S, Policy, Sample, State, StateInput, StatePolicy, Subscription, Synchronizer
+from dyknow.errors import Refused
+from federation.acts import Act, Performative
+from federation.contents import CheckFormula, Verdict
+from kpl import read_formula, unit_vocabulary
+from reasoning import Derivation, Progression, required_labels
+
+PERIOD_US = 100_000
+MAX_DELAY_US = 500_000
+TIMEOUT_S = 10.0
+MOST = 16
+
+
+@dataclass(slots=True)
+class Check:
+    """One formula being progressed, and for whom."""
+
+    act: Act
+    progression: Progression
+    derivation: Derivation
+    synchronizer: Synchronizer
+    domains: dict[str, tuple[str, ...]]
+    subscriptions: list[Subscription]
+    due_us: int
+    states: int = 0
+    valid_us: int | None = None
+
+
+class Checks:
+    """The formulas under check on one platform."""
+
+    def __init__(self, context: Context) -> None:
+        self._c = context
+        self._open: dict[str, Check] = {}
+        self._deadlines: Deadlines[str] = Deadlines()
+
+    def on_check(self, act: Act, content: CheckFormula, now_us: int) -> None:
+        """`(check-formula ...)`: agree, then inform of the verdict, `undecided` when the time is over.
+
+        Raises:
+            TextError: the formula is wrong, and where.
+            UnknownLabel: it speaks of a feature that nothing here gives.
+            Refused: too many formulas are under check, or it is about streams this platform does not have.
+        """
+        if len(self._open) >= MOST:
+            raise Refused(f"{MOST} formulas are under check here already; wait for one to end")
+        formula = read_formula(content.text, unit_vocabulary(self._c.unit))
+        units = (self._c.unit, *self._c.gateway.monitors.members)
+        domains = {"units": units}
+        derivation = Derivation(required_labels(formula, domains))
+        policy = Policy(change="sample", sample_us=PERIOD_US, max_delay_us=MAX_DELAY_US)
+        synchronizer = Synchronizer(
+            [StateInput(name, policy) for name in derivation.input_names],
+            StatePolicy(PERIOD_US, MAX_DELAY_US, approximation="none"),
+        )
+        timeout_us = round((content.timeout_s or TIMEOUT_S) * US_PER_S)
+        conversation = act.conversation_id or ""
+        check = Check(act, Progression(formula, PERIOD_US), derivation, synchronizer, domains, [], now_us + timeout_us)
+        check.subscriptions = [self._subscribe(conversation, check, at) for at in range(len(derivation.inputs))]
+        self._open[conversation] = check
+        self._c.desk.answer(act, Performative.AGREE, None, now_us)
+        self._schedule(conversation, check)
+
+    def _subscribe(self, conversation: str, check: Check, at: int) -> Subscription:
+        label, unit = check.derivation.inputs[at]
+        wanted = Policy(change="sample", sample_us=PERIOD_US, from_us=0, max_delay_us=MAX_DELAY_US)
+        local = self._c.gateway.local(label, unit)
+        to_semantic = self._c.gateway.translation.to_semantic(label)
+
+        def on_sample(sample: Sample) -> None:
+            given = sample._replace(value=to_semantic(sample.value))
+            self._progress(
+                conversation, check, check.synchronizer.on_sample(at, given, sample.available_us), sample.available_us
+            )
+
+        return self._c.gateway.network.subscribe(local, wanted, on_sample)
+
+    def _progress(self, conversation: str, check: Check, states: list[State], now_us: int) -> None:
+        for state in states:
+            check.progression.progress(state.valid_us, check.derivation.values(state.values), check.domains)
+            check.valid_us = state.valid_us
+            if check.progression.verdict != "undecided":
+                self._end(conversation, self._c.clock.wall_us(now_us))
+                return
+            check.states += 1
+        self._schedule(conversation, check)
+
+    def _schedule(self, conversation: str, check: Check) -> None:
+        due_us = check.due_us
+        states_us = check.synchronizer.deadline_us
+        if states_us is not None:
+            due_us = min(due_us, self._c.clock.wall_us(states_us))
+        self._deadlines.set(conversation, due_us)
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._deadlines.next_us
+
+    def on_time(self, now_us: int) -> None:
+        for conversation in self._deadlines.pop_due(now_us):
+            check = self._open.get(conversation)
+            if check is None:
+                continue
+            federation_us = self._c.clock.federation_us(now_us)
+            self._progress(conversation, check, check.synchronizer.on_time(federation_us), federation_us)
+            if now_us >= check.due_us and conversation in self._open:
+                self._end(conversation, now_us)
+
+    def _end(self, conversation: str, now_us: int) -> None:
+        check = self._open.pop(conversation)
+        self._deadlines.set(conversation, None)
+        for subscription in check.subscriptions:
+            subscription.cancel()
+        verdict = check.progression.verdict
+        decided = verdict != "undecided"
+        said = Verdict(
+            verdict=verdict, valid_us=check.valid_us if decided else None, index=check.states if decided else None
+        )
+        self._c.desk.answer(check.act, Performative.INFORM, said, now_us)

@@ -1,0 +1,46 @@
+"""Events and effects of a platform that are neither the wire's nor the vehicle's alone."""
+
+from typing import NamedTuple, TypeAlias
+
+from federation.transport import WireEffect, WireEvent
+from navigation.vehicle import Command, Report
+
+
+class Reported(NamedTuple):
+    """The vehicle said something; `at_us` is when this node could first use it (node clock)."""
+
+    at_us: int
+    report: Report
+
+
+class Leave(NamedTuple):
+    """The person who runs this platform wants it out of the federation."""
+
+    at_us: int
+
+
+Event: TypeAlias = WireEvent | Reported | Leave
+
+
+class InjectFault(NamedTuple):
+    """Make the simulated vehicle of this process fail; `until_us` (federation time) None: until it is taken back."""
+
+    kind: str
+    value: bool | int | float | str | None
+    until_us: int | None
+
+
+class Note(NamedTuple):
+    """Something a person should know: it goes to the log."""
+
+    at_us: int
+    text: str
+
+
+class Halt(NamedTuple):
+    """This platform cannot go on in the federation, and why."""
+
+    reason: str
+
+
+Effect: TypeAlias = WireEffect | Command | InjectFault | Note | Halt

@@ -1,0 +1,56 @@
+"""The export proxy of a platform: local streams go out under semantic labels (thesis 9.3.3)."""
+
+from collections.abc import Callable, Iterable
+
+from dyknow import Label, Network, Policy, Sample, Subscription
+from dyknow.errors import UnknownLabel
+from federation.exports import ContractEnded, ExportEvent, Exports, StreamEnded, StreamName
+from federation.ontology import Translation
+from federation.transport import Put
+
+
+class ExportProxy:
+    """Subscribes locally once per (semantic label, policy), whatever the number of receivers.
+
+    A receiver that is slow or dead cannot be noticed here: a sample is put once, for all, and never waited for.
+    """
+
+    def __init__(
+        self, exports: Exports, network: Network, translation: Translation, put: Callable[[Put], None]
+    ) -> None:
+        self.exports = exports
+        self._network, self._translation, self._put = network, translation, put
+        self._subscriptions: dict[StreamName, Subscription] = {}
+
+    def start_exporting(
+        self, local: Label, semantic_label: str, receivers: Iterable[str], policy: Policy, contract: str
+    ) -> str:
+        """`start exporting(l, s, w)` of 9.3.3 for each w; returns the hash that names the stream.
+
+        Raises:
+            UnknownLabel: no generator of this instance carries `local`.
+            Refused: the platform exports as many streams as it may.
+        """
+        if local not in self._network.labels():
+            raise UnknownLabel(semantic_label, tuple(str(label) for label in self._network.labels()))
+        stream, is_new = self.exports.open(contract, semantic_label, policy, receivers)
+        if is_new:
+            to_semantic, put, on_sample = self._translation.to_semantic(semantic_label), self._put, stream.on_sample
+
+            def export(sample: Sample) -> None:
+                put(on_sample(sample._replace(value=to_semantic(sample.value))))
+
+            self._subscriptions[semantic_label, stream.policy_hash] = self._network.subscribe(local, policy, export)
+        return stream.policy_hash
+
+    def on_events(self, events: Iterable[ExportEvent]) -> list[ContractEnded]:
+        """End the local subscriptions of ended streams; returns the contracts whose receivers are to be told."""
+        ended: list[ContractEnded] = []
+        for event in events:
+            if isinstance(event, StreamEnded):
+                subscription = self._subscriptions.pop((event.label, event.policy_hash), None)
+                if subscription is not None:
+                    subscription.cancel()
+            else:
+                ended.append(event)
+        return ended

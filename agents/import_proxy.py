@@ -1,0 +1,177 @@
+"""The import proxy of a platform: remote streams come in as local sources (thesis 9.3.3)."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from agents.deadlines import Deadlines
+from dyknow import Label, Network, Policy, PolicyAdapter, Sample
+from federation import keys
+from federation.clock import FederationClock, Offset, Standing
+from federation.codec import StreamSample, decode_recovered, decode_samples
+from federation.ontology import Convert, Ontology, Translation
+from federation.streams import ImportStream
+from federation.transport import Answered, Arrived, AskEnded, Subscribe, Unsubscribe, WireEffect
+
+MAX_STREAMS = 4096
+
+
+@dataclass(slots=True)
+class Import:
+    """One stream of one owner, and the policy it was promised under."""
+
+    stream: ImportStream
+    policy: Policy
+    heard_us: int
+    regrid: PolicyAdapter | None = None
+
+
+class ImportProxy:
+    """Takes samples off the wire, once each, and pushes them into the local instance.
+
+    Valid times of a peer whose clock is off by 50 ms to 1 s are shifted, and approximated linearly onto the grid of
+    the stream, since shifted samples lie on none (semantics of offsets between platforms). Times: node clock, but
+    for valid times.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        ontology: Ontology,
+        translation: Translation,
+        clock: FederationClock,
+        offset_of: Callable[[str], Offset | None],
+        questions: Iterator[int],
+        emit: Callable[[WireEffect], None],
+        source: Callable[[str, str], tuple[Label, Convert]],
+    ) -> None:
+        self._network, self._ontology, self._translation = network, ontology, translation
+        self._clock, self._offset_of, self._questions, self._emit, self._declare = (
+            clock,
+            offset_of,
+            questions,
+            emit,
+            source,
+        )
+        self.imports: dict[tuple[str, str, str], Import] = {}
+        self._asked: dict[int, Import] = {}
+        self._sinks: dict[tuple[str, str], Callable[[int, object, int], None]] = {}
+        self._due: Deadlines[tuple[str, str, str]] = Deadlines()
+        self.refused = 0
+
+    def expect(self, owner: str, semantic_label: str, policy_hash: str, policy: Policy, now_us: int) -> None:
+        """`owner` announced a stream for us: listen to it. Saying it twice is saying it once."""
+        name = (owner, semantic_label, policy_hash)
+        if name in self.imports or len(self.imports) >= MAX_STREAMS or semantic_label not in self._ontology:
+            return
+        stream = ImportStream(owner, semantic_label, policy_hash, self._questions)
+        self.imports[name] = Import(stream, policy, now_us)
+        self._emit(Subscribe(keys.stream_expr(semantic_label, policy_hash)))
+
+    def end(self, owner: str, semantic_label: str, policy_hash: str) -> None:
+        """The stream ended; its source and history stay for queries."""
+        self.imports.pop((owner, semantic_label, policy_hash), None)
+        self._due.set((owner, semantic_label, policy_hash), None)
+        if not any(name[1:] == (semantic_label, policy_hash) for name in self.imports):
+            self._emit(Unsubscribe(keys.stream_expr(semantic_label, policy_hash)))
+
+    def heard_us(self, owner: str, semantic_label: str) -> int | None:
+        """When a stream of that label was last heard of, or None when none is expected."""
+        return max(
+            (i.heard_us for (o, s, _), i in self.imports.items() if o == owner and s == semantic_label), default=None
+        )
+
+    def on_arrived(self, event: Arrived, key: keys.StreamKey) -> None:
+        """Samples were put on a stream's key.
+
+        Raises:
+            DecodeError: they are malformed.
+        """
+        found = self.imports.get((key.owner, key.label, key.policy_hash))
+        if found is None:
+            return
+        boot, entries = decode_samples(event.payload)
+        found.heard_us = event.at_us
+        self._deliver(found, found.stream.on_samples(boot, entries, event.at_us), event.at_us)
+
+    def on_tails(self, owner: str, boot: int, tails: Sequence[tuple[str, str, int]], now_us: int) -> None:
+        """A heartbeat of `owner` says how far its streams have come: what was lost last shows, too."""
+        for semantic_label, policy_hash, tail in tails:
+            found = self.imports.get((owner, semantic_label, policy_hash))
+            if found is not None:
+                found.stream.on_tail(boot, tail, now_us)
+                self._wake(found)
+
+    def on_answered(self, event: Answered) -> bool:
+        """An answer to one of our questions; False when it is somebody else's."""
+        found = self._asked.get(event.question)
+        if found is None:
+            return False
+        self._deliver(found, found.stream.on_recovered(decode_recovered(event.payload), event.at_us), event.at_us)
+        return True
+
+    def on_ask_ended(self, event: AskEnded) -> bool:
+        found = self._asked.pop(event.question, None)
+        if found is not None:
+            found.stream.on_ask_ended(event.question, event.at_us)
+            self._wake(found)
+        return found is not None
+
+    def on_time(self, now_us: int) -> None:
+        """Ask for what is missing."""
+        for name in self._due.pop_due(now_us):
+            found = self.imports.get(name)
+            if found is None:
+                continue
+            for ask in found.stream.on_time(now_us):
+                self._asked[ask.question] = found
+                self._emit(ask)
+            self._wake(found)
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._due.next_us
+
+    def _wake(self, found: Import) -> None:
+        stream = found.stream
+        self._due.set((stream.owner, stream.label, stream.policy_hash), stream.deadline_us)
+
+    def _deliver(self, found: Import, entries: Sequence[StreamSample], at_us: int) -> None:
+        owner, label = found.stream.owner, found.stream.label
+        self._wake(found)
+        now_us = self._clock.federation_us(at_us)
+        offset = self._offset_of(owner)
+        if offset is None or offset.standing is not Standing.CORRECTED:
+            found.regrid = None
+            for entry in entries:
+                self.push(owner, label, Sample(now_us, entry.valid_us, entry.value))
+            return
+        shift_us = round(offset.offset_us * self._clock.speed)
+        if found.regrid is None and found.policy.sample_us is not None:
+            found.regrid = PolicyAdapter(
+                Policy(change="sample", sample_us=found.policy.sample_us, from_us=0, approximation="linear")
+            )
+        for entry in entries:
+            sample = Sample(now_us, entry.valid_us - shift_us, entry.value)
+            for on_grid in [sample] if found.regrid is None else found.regrid.on_sample(sample, now_us):
+                self.push(owner, label, on_grid)
+
+    def push(self, sender: str, semantic_label: str, sample: Sample) -> None:
+        """`push(m, s, v)` of 9.3.3: add the sample to the local source, made at the first sample of the label."""
+        sink = self._sinks.get((sender, semantic_label))
+        if sink is None:
+            sink = self._sinks[sender, semantic_label] = self._source(sender, semantic_label)
+        sink(sample.valid_us, sample.value, sample.available_us)
+
+    def _source(self, sender: str, semantic_label: str) -> Callable[[int, object, int], None]:
+        local, _ = self._declare(semantic_label, sender)
+        check, to_local, push = (
+            self._ontology[semantic_label].check,
+            self._translation.to_local(semantic_label),
+            self._network.push,
+        )
+
+        def add(valid_us: int, value: object, now_us: int) -> None:
+            check(value)
+            push(local, valid_us, to_local(value), now_us)
+
+        return add

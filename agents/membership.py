@@ -1,0 +1,160 @@
+"""Who comes and goes, and what each part of a platform makes of it. Times are the node clock."""
+
+from typing import TYPE_CHECKING
+
+from agents.bulletin import alarm_content
+from agents.deadlines import Deadlines
+from agents.services import FEDERATION
+from federation.acts import Act
+from federation.clock import Standing
+from federation.directory import Outcome
+from federation.liveness import NameConflict, PlatformAppeared, PlatformGone, PlatformReturned, PlatformSuspected
+from federation.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone
+from federation.replicas import PlatformRefused
+from reasoning import AlarmEvent
+
+if TYPE_CHECKING:
+    from agents.platform import Platform
+
+ORPHAN_US = 5_000_000
+"""How long an export outlives the platform that asked for it: a new leader takes it over meanwhile."""
+
+FORGOTTEN_US = 60_000_000
+"""How long the monitors over a platform that died are kept, as missing."""
+
+
+class Membership:
+    """Passes what happens in the directory, to clocks and to alarms on to the platform's parts."""
+
+    def __init__(self, platform: "Platform") -> None:
+        self._p = platform
+        self._orphans: Deadlines[str] = Deadlines()
+        self._departed: Deadlines[str] = Deadlines()
+        self._found: tuple[str, ...] = ()
+
+    # -- the directory -----------------------------------------------------------------------------------------
+
+    @property
+    def found(self) -> tuple[str, ...]:
+        """The platforms that offer the federation service, this one included."""
+        return self._found
+
+    def on_directory(self, change: Outcome, now_us: int) -> bool:
+        """One event of the directory; False if it is an effect."""
+        match change:
+            case PlatformAppeared():
+                self._appeared(change, now_us)
+            case PlatformReturned():
+                self._p.interface.peer_appeared(change.unit, change.boot, now_us)
+                self._p.exports.receiver_back(change.unit)
+                self._p.supply.wake(now_us)
+            case PlatformGone():
+                self._gone(change, now_us)
+            case ServiceAppeared():
+                if change.service.service == FEDERATION.service.service and change.unit != self._p.unit:
+                    self._present(change.unit, now_us)
+            case LabelAppeared():
+                if change.unit != self._p.unit:
+                    self._p.supply.wake(now_us)
+            case NameConflict():
+                self._p.halt(f"another platform is called {change.unit} already; choose another --unit")
+            case PlatformRefused():
+                self._p.note(f"{change.unit} cannot federate with this platform: {change.why}")
+            case PlatformSuspected() | ServiceGone() | LabelGone():
+                pass
+            case _:
+                return False
+        if not isinstance(change, PlatformSuspected | LabelAppeared | LabelGone):
+            offering = self._p.directory.search(service=FEDERATION.service.service)
+            self._found = tuple(entry.unit for entry in offering)
+        self._p.bulletin.on_directory_change(change, now_us)
+        return True
+
+    def _appeared(self, change: PlatformAppeared, now_us: int) -> None:
+        unit = change.unit
+        self._p.exports.receiver_back(unit)
+        self._p.clocks.meet(unit, now_us)
+        self._p.interface.peer_appeared(unit, change.boot, now_us)
+
+    def _present(self, unit: str, now_us: int) -> None:
+        """A platform offers the federation service, for the first time or again."""
+        self._departed.set(unit, None)
+        entry = self._p.directory.entry(unit)
+        if entry is None or entry.kind != "uav":
+            return
+        self._p.monitors.join(unit, self._federation_us(now_us))
+        self.on_standing(unit, now_us)
+        self._p.supply.wake(now_us)
+        self._p.coordination.on_present(unit, now_us)
+
+    def _gone(self, change: PlatformGone, now_us: int) -> None:
+        unit = change.unit
+        if change.why == "restarted":
+            ended = self._p.exports.receiver_restarted(unit, now_us)
+            self._p.federation.on_contracts_ended(self._p.gateway.exporter.on_events(ended), now_us)
+        else:
+            self._p.exports.receiver_gone(unit, now_us)
+        self._p.supply.forget(unit)
+        self._p.interface.peer_gone(unit, now_us)
+        self._p.clocks.forget(unit)
+        if change.why == "left":
+            self._p.monitors.leave(unit)
+        else:
+            self._p.monitors.doubt(unit, change.why, self._federation_us(now_us))
+            self._departed.set(unit, now_us + FORGOTTEN_US)
+        self._p.coordination.on_gone(unit, now_us)
+        self._p.giving_way.on_gone(unit, now_us)
+
+    # -- clocks ------------------------------------------------------------------------------------------------
+
+    def on_standing(self, unit: str, now_us: int) -> None:
+        """What a peer's clock allows has changed: monitors over a skewed one count its inputs as missing."""
+        standing = self._p.clocks.standing(unit)
+        federation_us = self._federation_us(now_us)
+        if standing is Standing.SKEWED or standing is Standing.UNKNOWN:
+            self._p.monitors.doubt(unit, f"clock {standing.value}", federation_us)
+        elif unit in self._p.monitors.members and self._p.directory.is_present(unit):
+            self._p.monitors.join(unit, federation_us)
+
+    # -- lost conversations ------------------------------------------------------------------------------------
+
+    def on_lost(self, act: Act, now_us: int) -> None:
+        """Who asked for something is gone. What a person asked for stays; what a platform asked for is adopted or ends."""
+        conversation = act.conversation_id or ""
+        if self._p.bulletin.unsubscribe(conversation):
+            return
+        entry = self._p.directory.entry(act.sender.unit)
+        if (
+            act.content is not None
+            and act.content.head == "create-multicast"
+            and entry is not None
+            and entry.kind == "uav"
+        ):
+            self._orphans.set(conversation, now_us + ORPHAN_US)
+
+    @property
+    def deadline_us(self) -> int | None:
+        due = [at_us for at_us in (self._orphans.next_us, self._departed.next_us) if at_us is not None]
+        return min(due, default=None)
+
+    def on_time(self, now_us: int) -> None:
+        for conversation in self._orphans.pop_due(now_us):
+            self._p.tasks.cancel(conversation, now_us)
+        for unit in self._departed.pop_due(now_us):
+            self._p.monitors.leave(unit)
+
+    # -- alarms ------------------------------------------------------------------------------------------------
+
+    def on_alarm(self, event: AlarmEvent, now_us: int) -> None:
+        """An alarm opened or closed here: note it, tell who wants to know, and the other one it is about; give way."""
+        said = alarm_content(event, self._p.unit)
+        self._p.alarms.raise_(event, now_us)
+        self._p.coordination.on_alarm(event, said, now_us)
+        for unit in event.units[1:]:
+            if self._p.directory.is_present(unit):
+                self._p.interface.tell(unit, said, now_us)
+        if event.monitor.endswith("-warn") and self._p.config.avoidance and self._p.coordination.avoids(event.monitor):
+            self._p.giving_way.on_alarm(event, now_us)
+
+    def _federation_us(self, now_us: int) -> int:
+        return self._p.clock.federation_us(now_us)

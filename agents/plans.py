@@ -1,0 +1,101 @@
+"""From the name of a monitor to what it takes: formula, inputs, period (thesis 9.4.2: the formula is local knowledge)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from dyknow import State, Value
+from dyknow.errors import DyknowError, Refused
+from dyknow.instants import print_duration
+from kpl import profile_formula
+from reasoning import Derivation, Formula, instantiate, required_labels, split_growing
+from reasoning.profiles import Profile
+
+DEFAULT_TASK = ("proximity", "proximity-warn")
+"""What `monitor-proximity` monitors unless a profile is named: the violation, and what starts avoidance."""
+
+
+@dataclass(frozen=True, slots=True)
+class MonitorPlan:
+    """A named monitor with its period and delay settled.
+
+    `variable` is what the formula quantifies over, if it grows with the units; None if it is about this unit alone.
+    """
+
+    profile: Profile
+    formula: Formula
+    variable: str | None
+
+    @property
+    def name(self) -> str:
+        return self.profile.name
+
+    @property
+    def period_us(self) -> int:
+        return self.profile.sample_us
+
+    @property
+    def max_delay_us(self) -> int:
+        return self.profile.max_delay_us
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The semantic labels it needs of each unit."""
+        return self.profile.labels
+
+    @property
+    def grows(self) -> bool:
+        return self.variable is not None
+
+    def describe(self) -> str:
+        return f"sample every {print_duration(self.period_us)}, max delay {print_duration(self.max_delay_us)}"
+
+
+class StateMaker:
+    """Turns synchronised states into the values one instance's formula speaks of."""
+
+    __slots__ = ("_derivation", "formula", "input_names", "inputs")
+
+    def __init__(self, plan: MonitorPlan, member: str) -> None:
+        self.formula = plan.formula if plan.variable is None else instantiate(plan.formula, plan.variable, member)
+        self._derivation = Derivation(required_labels(self.formula), plan.profile.vertical, plan.profile.fence)
+        self.inputs = self._derivation.inputs
+        self.input_names = self._derivation.input_names
+
+    def values(self, state: State) -> tuple[dict[str, Value], tuple[str, ...]]:
+        """Values by label, and the names of the inputs that lack one."""
+        return self._derivation.values(state.values), self._derivation.lacks(state.values)
+
+
+class PlanBook:
+    """The monitors this platform knows by name."""
+
+    def __init__(self, unit: str, profiles: Mapping[str, Profile]) -> None:
+        self._unit, self._profiles = unit, profiles
+
+    def named(self, name: str, period_us: int | None = None, delay_us: int | None = None) -> MonitorPlan:
+        """The monitor `name`, with another period or delay if given.
+
+        Raises:
+            Refused: there is no such monitor here, or its formula does not read.
+        """
+        profile = self._profiles.get(name)
+        if profile is None:
+            raise Refused(f"no monitor is called {name!r} here; known: {', '.join(sorted(self._profiles))}")
+        profile = replace(
+            profile,
+            sample_us=profile.sample_us if period_us is None else period_us,
+            max_delay_us=profile.max_delay_us if delay_us is None else delay_us,
+        )
+        try:
+            formula = profile_formula(profile, self._unit)
+        except DyknowError as wrong:
+            raise Refused(f"the formula of {name} does not read: {wrong}") from None
+        split = split_growing(formula)
+        return MonitorPlan(profile, formula, None) if split is None else MonitorPlan(profile, split[2], split[0])
+
+    def for_task(
+        self, profile: str | None, period_us: int | None = None, delay_us: int | None = None
+    ) -> tuple[MonitorPlan, ...]:
+        """What `monitor-proximity` takes: the named profile, or the violation and its warning."""
+        names = DEFAULT_TASK if profile is None else (profile,)
+        return tuple(self.named(name, period_us, delay_us) for name in names)

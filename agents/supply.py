@@ -1,0 +1,85 @@
+"""Keeping the inputs of this platform's monitors alive: whoever lacks a stream asks for it (thesis 9.4.1).
+
+The leader of a task has streams set up at the start; afterwards every platform asks for what does not come: from a
+newcomer, after a cut, after a restart. Times are the node clock.
+"""
+
+from dataclasses import dataclass, field
+
+from agents.context import Context
+from dyknow import US_PER_S
+from federation.contents import CreateMulticast
+
+FIRST_US = 250_000
+CHECK_US = 250_000
+AGAIN_US = 1_500_000
+SILENT_US = 1_000_000
+
+
+@dataclass(slots=True)
+class Supply:
+    """What was asked of whom, and when to look again."""
+
+    context: Context
+    _asked_us: dict[str, int] = field(default_factory=dict)
+    _open: dict[str, list[str]] = field(default_factory=dict)
+    _check_us: int | None = None
+
+    def wake(self, now_us: int) -> None:
+        """A monitor was set up or a platform came: look soon."""
+        due_us = now_us + FIRST_US
+        self._check_us = due_us if self._check_us is None else min(self._check_us, due_us)
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._check_us
+
+    def on_time(self, now_us: int) -> None:
+        if self._check_us is None or now_us < self._check_us:
+            return
+        needs = self.context.gateway.monitors.needs()
+        self._check_us = now_us + CHECK_US if needs else None
+        for unit in [unit for unit in self._open if unit not in needs]:
+            for conversation in self._open.pop(unit):
+                self.context.desk.cancel(unit, conversation, now_us)
+        for unit, wanted in needs.items():
+            if self._lacks(unit, wanted, now_us):
+                self._ask(unit, wanted, now_us)
+
+    def forget(self, unit: str) -> None:
+        """The platform is gone: what was asked of it went with it."""
+        self._asked_us.pop(unit, None)
+        self._open.pop(unit, None)
+
+    def _lacks(self, unit: str, wanted: set[tuple[str, int, int]], now_us: int) -> bool:
+        if now_us < self._asked_us.get(unit, -AGAIN_US) + AGAIN_US:
+            return False
+        entry = self.context.directory.entry(unit)
+        if entry is None or not self.context.directory.is_present(unit):
+            return False
+        offered = {label.label for label in entry.labels}
+        importer = self.context.gateway.importer
+        for label, period_us, _ in wanted:
+            heard_us = importer.heard_us(unit, label)
+            if label in offered and (heard_us is None or now_us - heard_us > SILENT_US + 2 * period_us):
+                return True
+        return False
+
+    def _ask(self, unit: str, wanted: set[tuple[str, int, int]], now_us: int) -> None:
+        self._asked_us[unit] = now_us
+        entry = self.context.directory.entry(unit)
+        offered = {label.label for label in entry.labels} if entry is not None else set()
+        for conversation in self._open.pop(unit, []):
+            self.context.desk.cancel(unit, conversation, now_us)
+        by_policy: dict[tuple[int, int], list[str]] = {}
+        for label, period_us, delay_us in sorted(wanted):
+            if label in offered:
+                by_policy.setdefault((period_us, delay_us), []).append(label)
+        for (period_us, delay_us), labels in by_policy.items():
+            content = CreateMulticast(
+                semantic_labels=tuple(labels),
+                sample_period_s=period_us / US_PER_S,
+                delay_s=delay_us / US_PER_S,
+                to_units=(self.context.unit,),
+            )
+            self._open.setdefault(unit, []).append(self.context.desk.delegate(unit, content, now_us))

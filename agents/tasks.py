@@ -1,0 +1,70 @@
+"""Lasting tasks a platform accepted: what each is, who asked for it, and how to take it down again."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+TOMBSTONES = 1000
+
+
+@dataclass(slots=True)
+class Task:
+    """One accepted request that lives until it is cancelled.
+
+    Attributes:
+        conversation: the conversation in which it was asked for, and in which `cancel` ends it.
+        initiator: the unit that asked.
+        name: the head of the request, e.g. `monitor-proximity`.
+        state: what a person sees: `running`, `led by 1`, ...
+        is_part: whether it belongs to a larger task, which people see and cancel.
+        take_down: undoes everything the task set up; told the time (node clock).
+    """
+
+    conversation: str
+    initiator: str
+    name: str
+    take_down: Callable[[int], None]
+    state: str = "running"
+    since_us: int = 0
+    is_part: bool = False
+
+
+class TaskBook:
+    """The tasks of one platform by conversation, and which of the last ones were cancelled."""
+
+    def __init__(self) -> None:
+        self._tasks: dict[str, Task] = {}
+        self._ended: deque[str] = deque(maxlen=TOMBSTONES)
+
+    def add(self, task: Task) -> None:
+        self._tasks[task.conversation] = task
+
+    def get(self, conversation: str) -> Task | None:
+        return self._tasks.get(conversation)
+
+    def all(self) -> list[Task]:
+        return list(self._tasks.values())
+
+    def of(self, initiator: str) -> list[Task]:
+        """The tasks `initiator` asked for."""
+        return [task for task in self._tasks.values() if task.initiator == initiator]
+
+    def cancel(self, conversation: str, now_us: int) -> bool:
+        """Take the task down; whether there was one. Cancelling twice is harmless."""
+        task = self._tasks.pop(conversation, None)
+        if task is None:
+            return conversation in self._ended
+        self._ended.append(conversation)
+        task.take_down(now_us)
+        return True
+
+    def forget(self, conversation: str) -> None:
+        """The task passed to somebody else: drop it without taking anything down."""
+        self._tasks.pop(conversation, None)
+
+    def was_cancelled(self, conversation: str) -> bool:
+        return conversation in self._ended
+
+    def bury(self, name: str) -> None:
+        """Remember that what went by `name` was cancelled, so that it is not set up again."""
+        self._ended.append(name)

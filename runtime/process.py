@@ -1,0 +1,301 @@
+"""One platform, one process: edges post into the mailbox, one thread steps the platform and performs its effects.
+
+What the process says goes to standard output as JSON lines: `joined`, `directory` (whom it has found), `note`, `ended`.
+"""
+
+import contextlib
+import json
+import os
+import signal
+import stat
+import sys
+import threading
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+from agents.effects import Event, Halt, InjectFault, Leave, Note, Reported
+from agents.interface import Trust
+from agents.platform import Platform, PlatformConfig
+from dyknow.errors import DyknowError, RosterError
+from federation.clock import FederationClock
+from federation.ontology import Translation, default_ontology
+from federation.transport import Put
+from federation.trust import Roster, Signer, Verifier
+from navigation.vehicle import Command, Report
+from proxies.zenoh_config import ZenohOptions
+from proxies.zenoh_edge import ZenohEdge
+from reasoning import builtin_profiles, parse_profiles
+from runtime.clock import NodeClock
+from runtime.config import NodeConfig
+from runtime.loop import step
+from runtime.mailbox import Mailbox
+
+if TYPE_CHECKING:
+    from runtime.journal import Journal
+
+
+class VehicleEdge(Protocol):
+    """What a platform flies: started with the process, stopped with it."""
+
+    def start(self) -> None: ...
+    def stop(self) -> None: ...
+    def command(self, command: Command) -> None: ...
+    def inject(self, fault: InjectFault) -> None: ...
+
+
+MakeVehicle = Callable[[NodeConfig, FederationClock, NodeClock, Callable[[Report], None], Callable[[], None]], "Fitted"]
+"""(configuration, federation clock, node clock, post a report, the vehicle ended) -> the vehicle and what it is."""
+
+
+class Fitted:
+    """A vehicle and what the platform is to know of it beforehand."""
+
+    def __init__(self, edge: VehicleEdge | None, changes: dict[str, Any]) -> None:
+        self.edge, self.changes = edge, changes
+
+
+class Process:
+    """A platform running for real.
+
+    Args:
+        config: of this platform.
+        make_vehicle: builds what it flies.
+        say: takes one JSON object for standard output.
+    """
+
+    def __init__(self, config: NodeConfig, make_vehicle: MakeVehicle, say: Callable[[dict[str, Any]], None]) -> None:
+        self.config, self._say = config, say
+        self.clock = NodeClock(config.clock.skew_us)
+        self.mailbox = Mailbox(self.clock.now_us)
+        self._going = True
+        self._code = 0
+        self._journal = _journal(config)
+        self._edge = ZenohEdge(wire_options(config), self.mailbox.post, self.clock.now_us)
+        self._make_vehicle = make_vehicle
+        epoch_us = config.clock.epoch_us
+        self._federation_clock = FederationClock(
+            self.clock.now_us() if epoch_us is None else epoch_us, config.clock.speed
+        )
+        self._vehicle: VehicleEdge | None = None
+        self._told: tuple[str, ...] = ()
+
+    def run(self) -> int:
+        """Join, step until stopped, leave; the exit code."""
+        fitted = self._make_vehicle(self.config, self._federation_clock, self.clock, self._reported, self.stop)
+        self._vehicle = fitted.edge
+        self._edge.open()
+        try:
+            self._serve(fitted)
+        finally:
+            if self._vehicle is not None:
+                self._vehicle.stop()
+            self._edge.close()
+            if self._journal is not None:
+                self._journal.close()
+        return self._code
+
+    def _serve(self, fitted: "Fitted") -> None:
+        started_us = self.clock.now_us()
+        platform = Platform(
+            replace(platform_config(self.config, self._federation_clock, started_us, self._edge.zid), **fitted.changes),
+            started_us,
+        )
+        self._perform_all(platform.start(self.clock.now_us()))
+        labels = [] if platform.own is None else [entry.label for entry in platform.own.entries()]
+        self._say({"event": "joined", "unit": self.config.unit, "labels": labels, "at_us": self.clock.now_us()})
+        if self._vehicle is not None:
+            self._vehicle.start()
+        ends_us = None if self.config.duration_s is None else started_us + round(self.config.duration_s * 1e6)
+        node = _Journaled(platform, self._journal, ends_us)
+        while self._going:
+            step(node, self.mailbox, self.clock.now_us, self._perform)
+            self._tell_directory(platform)
+            if ends_us is not None and self.clock.now_us() >= ends_us:
+                break
+        self._perform_all(platform.on_event(Leave(self.clock.now_us()), self.clock.now_us()))
+        self._say({"event": "ended", "unit": self.config.unit, "at_us": self.clock.now_us()})
+
+    def stop(self) -> None:
+        """End the process; from any thread, or a signal."""
+        self._going = False
+        self.mailbox.post(Leave(self.clock.now_us()))
+
+    def _reported(self, report: Report) -> None:
+        self.mailbox.post(Reported(self.clock.now_us(), report))
+
+    def _perform_all(self, effects: Iterable[Any]) -> None:
+        for effect in effects:
+            self._perform(effect)
+
+    def _perform(self, effect: Any) -> None:
+        kind = type(effect)
+        if kind is Put:
+            self._edge.perform(effect)
+        elif kind is Command:
+            self._order(effect)
+        elif kind is InjectFault:
+            self._inject(effect)
+        elif kind is Note:
+            self._note(effect.text)
+        elif kind is Halt:
+            self._say(
+                {"event": "halted", "unit": self.config.unit, "reason": effect.reason, "at_us": self.clock.now_us()}
+            )
+            sys.stderr.write(f"{effect.reason}\n")
+            self._code = 3
+            self._going = False
+        else:
+            self._edge.perform(effect)
+
+    def _inject(self, fault: InjectFault) -> None:
+        try:
+            if self._vehicle is not None:
+                self._vehicle.inject(fault)
+        except DyknowError as wrong:
+            self._note(str(wrong))
+
+    def _order(self, command: Command) -> None:
+        try:
+            if self._vehicle is not None:
+                self._vehicle.command(command)
+        except DyknowError as wrong:
+            self._note(str(wrong))
+
+    def _note(self, text: str) -> None:
+        self._say({"event": "note", "unit": self.config.unit, "text": text, "at_us": self.clock.now_us()})
+
+    def _tell_directory(self, platform: Platform) -> None:
+        """Say whom this platform has found, whenever that changed."""
+        found = platform.membership.found
+        if found != self._told:
+            self._told = found
+            self._say(
+                {"event": "directory", "unit": self.config.unit, "units": list(found), "at_us": self.clock.now_us()}
+            )
+
+
+class _Journaled:
+    """The platform with its journal: what reaches it is recorded before it is taken."""
+
+    def __init__(self, platform: Platform, journal: "Journal | None", ends_us: int | None) -> None:
+        self._platform, self._journal, self._ends_us = platform, journal, ends_us
+
+    @property
+    def deadline_us(self) -> int:
+        due_us = self._platform.deadline_us
+        return due_us if self._ends_us is None else min(due_us, self._ends_us)
+
+    def on_event(self, event: Event, now_us: int) -> Iterable[Any]:
+        if self._journal is not None:
+            self._journal.record(event, now_us)
+        return self._platform.on_event(event, now_us)
+
+    def on_time(self, now_us: int) -> Iterable[Any]:
+        return self._platform.on_time(now_us)
+
+
+def _journal(config: NodeConfig) -> "Journal | None":
+    if config.journal is None:
+        return None
+    from runtime.journal import Journal
+
+    return Journal(config.journal, config.unit)
+
+
+def wire_options(config: NodeConfig) -> ZenohOptions:
+    """The session's options; the security file is read here.
+
+    Raises:
+        RosterError: it is not the JSON that `dyknow roster` writes.
+    """
+    wire = config.wire
+    security = None
+    if wire.security is not None:
+        try:
+            security = json.loads(wire.security.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as wrong:
+            raise RosterError(f"{wire.security}: {wrong}; make it anew with `dyknow roster`") from None
+    return ZenohOptions(
+        federation=wire.federation,
+        listen=wire.listen,
+        connect=wire.connect,
+        discover=wire.discover,
+        interface=wire.interface,
+        lease_ms=wire.lease_ms,
+        security=security,
+    )
+
+
+def platform_config(config: NodeConfig, clock: FederationClock, started_us: int, zid: str) -> PlatformConfig:
+    """What the platform is to know, files read.
+
+    Raises:
+        TextError, RosterError: a file is wrong, and where.
+    """
+    ontology = default_ontology()
+    translation = None
+    if config.translation is not None:
+        translation = Translation.parse(ontology, config.translation.read_text("utf-8"), str(config.translation))
+    profiles = dict(builtin_profiles())
+    if config.profiles is not None:
+        profiles |= parse_profiles(config.profiles.read_text("utf-8"), str(config.profiles))
+    return PlatformConfig(
+        unit=config.unit,
+        boot=started_us // 1000,
+        zid=zid,
+        clock=clock,
+        vehicle=config.vehicle.kind != "none",
+        avoidance=config.avoidance,
+        period_us=config.period_ms * 1000,
+        ontology=ontology,
+        translation=translation,
+        profiles=profiles,
+        trust=trust_of(config, started_us),
+    )
+
+
+def trust_of(config: NodeConfig, started_us: int) -> Trust | None:
+    """The roster and this platform's key, if the federation has them.
+
+    Raises:
+        RosterError: one is there without the other, or does not read.
+    """
+    if config.trust.roster is None:
+        return None
+    if config.trust.key is None:
+        raise RosterError(f"{config.trust.roster} is a roster, but this platform was given no key: set trust.key")
+    try:
+        roster = Roster.parse(config.trust.roster.read_text("utf-8"))
+        seed = bytes.fromhex(config.trust.key.read_text("ascii").strip())
+    except (OSError, ValueError) as wrong:
+        raise RosterError(f"{config.trust.key}: {wrong}") from None
+    federation = config.wire.federation
+    return Trust(roster, Signer(seed, federation), Verifier(roster, federation, started_us))
+
+
+def serve(config: NodeConfig, make_vehicle: MakeVehicle) -> int:
+    """Run one platform until a signal, its duration, or the end of the process that started it."""
+
+    def say(said: dict[str, Any]) -> None:
+        with contextlib.suppress(BrokenPipeError):
+            sys.stdout.write(json.dumps(said) + "\n")
+            sys.stdout.flush()
+
+    try:
+        process = Process(config, make_vehicle, say)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda _number, _frame: process.stop())
+        if stat.S_ISFIFO(os.fstat(0).st_mode):
+            threading.Thread(target=_lifeline, args=(process.stop,), daemon=True).start()
+        return process.run()
+    except DyknowError as wrong:
+        sys.stderr.write(f"platform {config.unit}: {wrong}\n")
+        return 3
+
+
+def _lifeline(stop: Callable[[], None]) -> None:
+    """Standard input ends when the process that started us does."""
+    while os.read(0, 4096):
+        pass
+    stop()
