@@ -13,7 +13,7 @@ the two do not reopen in step:
 Reopening that does not help is repeated ever more rarely: it disturbs those who hear each other.
 """
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from zlib import crc32
 
 from federation.liveness import SUSPECT_US, Peer
@@ -79,21 +79,23 @@ class DeafnessWatchdog:
             self._unlisted_us.clear()
             return self._alone(peers.values(), now_us)
         deaf_us = self._deaf_us(peers, heard, now_us)
-        unlisted_us = self._note(self._unlisted_us, (u for u in heard if self.unit not in peers[u].hears), now_us)
+        hearing_us = {unit for unit in heard if self.unit in peers[unit].hears}
+        unlisted_us = self._note(self._unlisted_us, heard - hearing_us, now_us)
         for unit, silent_us in sorted(deaf_us.items()):
             if silent_us >= MOST_US and 2 * len(deaf_us) > len(heard) + len(deaf_us):
                 return f"others hear {unit} and {len(deaf_us) - 1} more, this session does not"
             if silent_us >= (FIRST_US if self.unit > unit else SECOND_US):
                 return f"others hear {unit}, this session does not"
         for unit, silent_us in sorted(unlisted_us.items()):
-            told = any(third in heard and self.unit in peers[third].hears for third in peers[unit].hears)
-            if silent_us >= (BACKUP_US if told else MOST_US):
-                return f"{unit} does not hear this session"
+            if silent_us >= MOST_US:
+                told = not hearing_us.isdisjoint(peers[unit].hears)
+                if silent_us >= BACKUP_US or not told:
+                    return f"{unit} does not hear this session"
         return None
 
     def _deaf_us(self, peers: Mapping[str, Peer], heard: set[str], now_us: int) -> dict[str, int]:
         """For each unit that others hear and we do not: for how long."""
-        mentioned = {unit for third in heard for unit in peers[third].hears}
+        mentioned = set[str]().union(*(peers[third].hears for third in heard))
         mentioned.discard(self.unit)
         for_us = self._note(self._mentioned_us, mentioned, now_us)
         found: dict[str, int] = {}
@@ -105,9 +107,8 @@ class DeafnessWatchdog:
             found[unit] = min(for_us[unit], silent_us, now_us - self._opened_us)
         return found
 
-    def _note(self, since_us: dict[str, int], units: Iterable[str], now_us: int) -> dict[str, int]:
-        """Keep since when each of `units` has been among them; returns for how long."""
-        current = set(units)
+    def _note(self, since_us: dict[str, int], current: set[str], now_us: int) -> dict[str, int]:
+        """Keep since when each of `current` has been among them; returns for how long."""
         for unit in since_us.keys() - current:
             del since_us[unit]
         return {unit: now_us - since_us.setdefault(unit, now_us) for unit in current}
