@@ -88,7 +88,7 @@ class Exports:
         self._capacity, self._linger_us, self._streams = capacity, linger_us, streams
         self._exports: dict[StreamName, _Export] = {}
         self._contracts: dict[str, _Contract] = {}
-        self._absent: dict[str, int] = {}
+        self._absent: dict[str, tuple[int, int | None]] = {}
         self._tails: dict[StreamName, int] = {}
 
     def open(self, contract: str, label: str, policy: Policy, receivers: Iterable[str]) -> tuple[ExportStream, bool]:
@@ -119,13 +119,18 @@ class Exports:
         """End a contract; others for the same stream go on."""
         return self._end(contract, Why.STOPPED, now_us)
 
-    def receiver_gone(self, unit: str, now_us: int) -> None:
-        """The directory calls a receiver gone; its contracts end unless it is back in time."""
-        self._absent.setdefault(unit, now_us)
+    def receiver_gone(self, unit: str, now_us: int, boot: int | None = None) -> None:
+        """The directory calls a receiver gone; its contracts end unless this life of it is back in time."""
+        self._absent.setdefault(unit, (now_us, boot))
 
     def receiver_back(self, unit: str) -> None:
         """The same incarnation is back."""
         self._absent.pop(unit, None)
+
+    def receiver_appeared(self, unit: str, boot: int, now_us: int) -> list[ExportEvent]:
+        """A receiver is there again; its contracts go on if it is the life that went."""
+        _, known = self._absent.pop(unit, (0, boot))
+        return [] if known in (None, boot) else self._drop(unit, now_us)
 
     def receiver_restarted(self, unit: str, now_us: int) -> list[ExportEvent]:
         """A new incarnation knows nothing of the contracts of the old one."""
@@ -167,7 +172,7 @@ class Exports:
 
     @property
     def deadline_us(self) -> int | None:
-        due = [since_us + self._linger_us for since_us in self._absent.values()]
+        due = [since_us + self._linger_us for since_us, _ in self._absent.values()]
         for export in self._exports.values():
             if export.retired_us is not None:
                 due.append(export.retired_us + self._linger_us)
@@ -178,7 +183,7 @@ class Exports:
     def on_time(self, now_us: int) -> list[ExportEvent]:
         """End what is over by now."""
         events: list[ExportEvent] = []
-        for unit in [unit for unit, since_us in self._absent.items() if now_us >= since_us + self._linger_us]:
+        for unit in [unit for unit, (since_us, _) in self._absent.items() if now_us >= since_us + self._linger_us]:
             del self._absent[unit]
             events += self._drop(unit, now_us)
         for name, export in list(self._exports.items()):

@@ -314,6 +314,16 @@ def test_a_receiver_that_comes_back_in_time_keeps_its_contract_and_recovers() ->
     assert [entry.seq for page in stream.answer([(1, 1)]) for entry in decode_recovered(page).samples] == [1]
 
 
+def test_the_contracts_of_a_receiver_that_went_end_when_another_life_of_it_appears() -> None:
+    exports = Exports("1", 7)
+    exports.open("c1", LABEL, EVERY_100, ["0"])
+    exports.receiver_gone("0", 1_000_000, 5)
+    assert exports.receiver_appeared("0", 5, 2_000_000) == []
+    exports.receiver_gone("0", 3_000_000, 5)
+    assert Ends.of(exports.receiver_appeared("0", 6, 4_000_000)) == Ends([("c1", Why.RECEIVERS)], [Why.RECEIVERS])
+    assert exports.receiver_appeared("0", 6, 5_000_000) == []
+
+
 def test_a_stream_without_receivers_ends() -> None:
     exports = Exports("1", 7)
     exports.open("c1", LABEL, EVERY_100, ["0", "2"])
