@@ -173,13 +173,14 @@ class Autopilot:
         said = [_spoken(event) for event in self.flight.take_events()]
         for link in self._links:
             for kind, every in (self._default_ticks | link.ticks).items():
-                if every <= 0 or tick % every:
+                if every <= 0 or (link.met and tick % every):
                     continue
                 if kind not in built:
                     built[kind] = BUILDERS[kind](snapshot)
                 if built[kind] is not None:
                     sent.append((link.peer, link.packed(built[kind])))
             sent += [(link.peer, link.packed(message)) for message in said]
+            link.met = True
         return sent
 
     def _answers(self, message: Message, link: Link, now_us: int) -> list[Message]:

@@ -85,11 +85,15 @@ class Decoder:
 
 
 class Link:
-    """One peer: its own frame sequence, and how often it wants which stream (message id -> ticks, 0: never)."""
+    """One peer: its own frame sequence, and how often it wants which stream (message id -> ticks, 0: never).
+
+    `met` is whether it has been told anything yet: who is met is told everything at once.
+    """
 
     def __init__(self, peer: Peer, system_id: int, now_us: int, *, forever: bool) -> None:
         self.peer, self.heard_us, self._forever = peer, now_us, forever
         self.ticks: dict[int, int] = {}
+        self.met = False
         self._mav = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=COMPONENT)
 
     def is_forgotten(self, now_us: int) -> bool:

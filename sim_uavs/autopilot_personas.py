@@ -93,6 +93,7 @@ ARDUPILOT = Persona(
         Mode.LOITER: 5,
         Mode.RTL: 6,
         Mode.LAND: 9,
+        Mode.BRAKE: 17,
     },
     standard=_STANDARD,
     parameters=(

@@ -237,6 +237,8 @@ def mission_current(s: Snapshot) -> Message:
     if s.has_mission:
         active = flight.mode is Mode.AUTO and flight.armed
         state = mavlink.MISSION_STATE_ACTIVE if active else mavlink.MISSION_STATE_NOT_STARTED
+        if flight.progress.complete:
+            state = mavlink.MISSION_STATE_COMPLETE
     return mavlink.MAVLink_mission_current_message(flight.progress.item, s.has_mission, state)
 
 

@@ -26,8 +26,11 @@ _FARTHEST_M = 50_000.0
 
 
 class Mode(StrEnum):
+    """Without a pilot's sticks STABILIZE, LOITER and BRAKE all mean: stop and stay."""
+
     STABILIZE = "STABILIZE"
     LOITER = "LOITER"
+    BRAKE = "BRAKE"
     GUIDED = "GUIDED"
     OFFBOARD = "OFFBOARD"
     AUTO = "AUTO"
@@ -156,7 +159,9 @@ class Flight:
         self.mode = mode
         self.speed_m_s = None
         self.target = GoingTo(self._stop_point()) if self.armed and self.airborne else None
-        self.progress = Progress(max(self.first_item, self.progress.item)) if mode is Mode.AUTO else self.progress
+        if mode is Mode.AUTO:
+            begin = self.progress.complete or self.progress.item < self.first_item
+            self.progress = Progress(self.first_item if begin else self.progress.item)
         return Answer.ACCEPTED
 
     def take_off(self, height_m: float) -> Answer:
@@ -209,7 +214,7 @@ class Flight:
     def set_item(self, index: int) -> Answer:
         if not 0 <= index < len(self.items):
             return Answer.OUT_OF_RANGE
-        if index != self.progress.item:
+        if index != self.progress.item or self.progress.complete:
             self.progress = Progress(index)
         return Answer.ACCEPTED
 
@@ -300,12 +305,14 @@ class Flight:
             return self._follow(GoingTo(self._stop_point()))
         if item.action is Action.SET_SPEED:
             self.change_speed(item.speed_m_s)
+            self.events.append(Reached(self.progress.item))
             return self._item_done()
         here = self.body.position
         if item.action is Action.LAND and item.point and here.minus(item.point).horizontal > item.within_m:
             return self._follow(GoingTo(Vector(item.point.north, item.point.east, here.down)))
         if item.action in {Action.LAND, Action.RETURN}:
             self.events.append(Reached(self.progress.item))
+            self.progress = self.progress._replace(complete=True)
             self.set_mode(Mode.LAND if item.action is Action.LAND else Mode.RTL)
             return self._demand()
         point = item.point or here
@@ -323,8 +330,9 @@ class Flight:
     def _item_done(self) -> tuple[Vector, float]:
         following = next_index(self.items, self.progress.item)
         if following is None:
+            self.progress = self.progress._replace(complete=True)
             self.events.append(Said(6, "Mission complete"))
-            self.mode, self.target = Mode.GUIDED, GoingTo(self._stop_point())
+            self.set_mode(Mode.GUIDED)
         else:
             self.progress = Progress(following)
         return ZERO if not self.airborne else self.body.velocity, self.body.yaw_rad

@@ -25,10 +25,11 @@ class Item(NamedTuple):
 
 
 class Progress(NamedTuple):
-    """Which item (by its number) is being flown and, once it was reached, since when."""
+    """Which item (by its number) is being flown and, once it was reached, since when; `complete` after the last."""
 
     item: int = 0
     reached_us: int | None = None
+    complete: bool = False
 
 
 def next_index(items: tuple[Item, ...], index: int) -> int | None:

@@ -12,8 +12,11 @@ from statistics import median
 
 from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
 from mavsdk.asyncio.plugins.action import ActionAsync
+from mavsdk.asyncio.plugins.mission import MissionAsync
+from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from mavsdk.exceptions import MavsdkError
+from mavsdk.plugins.mission import MissionItem, MissionPlan
 
 ATTEMPTS = 6
 ARRIVED_M = 2.0
@@ -84,7 +87,40 @@ async def fly(system, take_off_m, seconds, north_deg, speed):
     return report
 
 
-async def main(port, count, take_off_m, seconds, north_deg, speed):
+async def fly_mission(system, take_off_m, seconds, north_deg, speed):
+    """Upload two places, read them back, fly them, hold, come home."""
+    action, telemetry, mission = ActionAsync(system), TelemetryAsync(system), MissionAsync(system)
+    await until(telemetry.subscribe_health_all_ok(), bool)
+    start = await until(telemetry.subscribe_position(), lambda p: p.latitude_deg == p.latitude_deg)
+    report = {"system": await system.get_system_id(), "parameters": len(await float_parameters(system))}
+    items = [
+        MissionItem(start.latitude_deg + north_deg * leg, start.longitude_deg, take_off_m, 5.0, is_fly_through=True)
+        for leg in (1, 2)
+    ]
+    await mission.upload_mission(MissionPlan(items))
+    report["items"] = len((await mission.download_mission()).mission_items)
+    await insist(action.set_takeoff_altitude, take_off_m)
+    await action.arm()
+    await action.takeoff()
+    await until(telemetry.subscribe_position(), lambda p: p.relative_altitude_m > take_off_m - 1.0)
+    await mission.start_mission()
+    await until(mission.subscribe_mission_progress(), lambda progress: progress.current == progress.total == 2)
+    await action.hold()
+    end = await until(telemetry.subscribe_position(), bool)
+    report["north_deg"] = end.latitude_deg - start.latitude_deg
+    await action.return_to_launch()
+    await until(telemetry.subscribe_armed(), lambda armed: not armed)
+    return report
+
+
+async def float_parameters(system):
+    return (await ParamAsync(system).get_all_params()).float_params
+
+
+TASKS = {"fly": fly, "mission": fly_mission}
+
+
+async def main(task, port, count, take_off_m, seconds, north_deg, speed):
     async with Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION)) as mavsdk:
         appearing = mavsdk.on_new_system()
         first = asyncio.ensure_future(anext(appearing))  # subscribes before anything can appear
@@ -92,7 +128,7 @@ async def main(port, count, take_off_m, seconds, north_deg, speed):
         await first
         while len(systems := [s for s in await mavsdk.get_systems() if await s.has_autopilot()]) < count:
             await anext(appearing)
-        reports = await asyncio.gather(*(fly(s, take_off_m, seconds, north_deg, speed) for s in systems))
+        reports = await asyncio.gather(*(TASKS[task](s, take_off_m, seconds, north_deg, speed) for s in systems))
     sys.stdout.write(json.dumps(sorted(reports, key=lambda report: report["system"])) + "\n")
 
 

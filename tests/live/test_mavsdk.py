@@ -2,15 +2,16 @@
 
 import contextlib
 import json
-import os
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from federation.clock import FederationClock
+from sim_uavs.autopilot import Truth
 from sim_uavs.autopilot_server import AutopilotServer
 from sim_uavs.faults import Fault
 from sim_uavs.settings import Place, VehicleConfig
@@ -19,6 +20,7 @@ pytestmark = pytest.mark.live
 
 PROGRAM = Path(__file__).with_name("mavsdk_mission.py")
 HOME = Place(55.7240, 13.4600, 20.0)
+NORTH_DEG = 2e-4  # 22 m
 FULL = pytest.param(1.0, 10.0, marks=pytest.mark.full, id="as written")
 BRIEF = pytest.param(2.0, 1.0, id="brief")
 
@@ -29,9 +31,12 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
-def fly_three(persona: str, loss: float, speed: float, seconds: float) -> list[dict]:
+def flown_by_mavsdk(
+    task: str, persona: str, loss: float, speed: float, seconds: float
+) -> tuple[list[dict], list[Truth]]:
+    """What MAVSDK says of three vehicles that it flew at once, and where they really ended."""
     port = free_port()
-    clock = FederationClock(speed=speed)
+    clock = FederationClock(epoch_us=time.time_ns() // 1000, speed=speed)
     with contextlib.ExitStack() as stack:
         servers = []
         for unit in (1, 2, 3):
@@ -40,31 +45,36 @@ def fly_three(persona: str, loss: float, speed: float, seconds: float) -> list[d
             servers.append(stack.enter_context(AutopilotServer(config, clock=clock)))
             if loss:
                 servers[-1].inject(Fault("packet-loss", loss))
-        plan = {"port": port, "count": 3, "take_off_m": 5.0, "seconds": seconds, "north_deg": 2e-4, "speed": speed}
+        plan = {"task": task, "port": port, "count": 3, "take_off_m": 5.0}
+        plan |= {"seconds": seconds, "north_deg": NORTH_DEG, "speed": speed}
         flown = subprocess.run(
-            [sys.executable, str(PROGRAM), json.dumps(plan)],
-            capture_output=True,
-            text=True,
-            timeout=180,
-            check=False,
-            env=os.environ | {"PYTHONUNBUFFERED": "1"},
+            [sys.executable, str(PROGRAM), json.dumps(plan)], capture_output=True, text=True, timeout=180, check=False
         )
         assert flown.returncode == 0, f"{flown.stdout[-3000:]}\n{flown.stderr[-3000:]}"
-        for server in servers:
-            truth = server.truth()
-            assert not truth.armed
-            assert not truth.airborne
-            north_m = (truth.place.latitude_deg - HOME.latitude_deg) * 111_000
-            assert abs(north_m - 22.2) < 3.0, "landed where it was sent"
-    return json.loads(flown.stdout.splitlines()[-1])
+        return json.loads(flown.stdout.splitlines()[-1]), [server.truth() for server in servers]
 
 
 @pytest.mark.parametrize("persona", ["ardupilot", "px4"])
 @pytest.mark.parametrize("loss", [0.0, 30.0], ids=["no loss", "30 % lost each way"])
 @pytest.mark.parametrize(("speed", "seconds"), [BRIEF, FULL])
 def test_mavsdk_arms_flies_and_lands_three_vehicles_on_one_port(persona, loss, speed, seconds) -> None:
-    reports = fly_three(persona, loss, speed, seconds)
+    reports, truths = flown_by_mavsdk("fly", persona, loss, speed, seconds)
     assert [report["system"] for report in reports] == [1, 2, 3]
     assert all(report["rate_hz"] >= 5.0 for report in reports), reports
     if not loss:
         assert all(report[order] == 1 for report in reports for order in ("arm", "take_off", "go_to", "land")), reports
+    for truth in truths:
+        assert not truth.armed
+        assert not truth.airborne
+        assert truth.place.latitude_deg == pytest.approx(HOME.latitude_deg + NORTH_DEG, abs=3e-5), "where it was sent"
+
+
+@pytest.mark.parametrize("persona", ["ardupilot", "px4"])
+def test_mavsdk_uploads_a_mission_that_three_vehicles_fly_and_come_home_from(persona) -> None:
+    reports, truths = flown_by_mavsdk("mission", persona, loss=0.0, speed=4.0, seconds=0.0)
+    for report, truth in zip(reports, truths, strict=True):
+        assert report["items"] == 2
+        assert report["parameters"] >= 7
+        assert report["north_deg"] == pytest.approx(2 * NORTH_DEG, abs=5e-5)
+        assert not truth.armed
+        assert truth.place.latitude_deg == pytest.approx(HOME.latitude_deg, abs=2e-5)

@@ -105,7 +105,7 @@ def test_gusts_come_from_the_seed_and_have_the_stated_spread() -> None:
     assert np.std(gusts(7)) == pytest.approx(2.0, rel=0.1)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     st.floats(-300, 300),
     st.floats(-300, 300),
