@@ -21,7 +21,8 @@ from runtime.config import (
     WireConfig,
 )
 
-DEFAULT_UNITS = 3
+COMMAND_CENTRE = "cc"
+"""The member of a roster as which the commands of `dyknow` speak; each process adds its number."""
 _NOTHING = UnitFile()
 
 

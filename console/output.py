@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +13,6 @@ if TYPE_CHECKING:
 def unit_json(unit: str) -> int | str:
     """A unit as JSON shows it: a number where it is one."""
     return int(unit) if unit.isdigit() else unit
-
-
-def in_order(units: Iterable[str]) -> list[str]:
-    """Units as people count them: numbers by size, then names."""
-    return sorted(units, key=lambda unit: (not unit.isdigit(), int(unit) if unit.isdigit() else 0, unit))
 
 
 class Output:

@@ -1,6 +1,6 @@
 """`dyknow roster`: the file of platforms and keys with which acts are signed, and what belongs to it.
 
-Beside `roster.toml`: `keys/<unit>.key` (Ed25519, mode 0600), `pki/` (a certificate per platform and the authority that
+Beside `roster.toml`: `keys/<unit>.key` (Ed25519 seed in hexadecimal, mode 0600), `pki/` (a certificate per platform and the authority that
 signed them), and `<unit>.wire.json`, the mTLS and access-control settings of each platform's Zenoh session. A platform
 needs the roster, its own key, its own certificate and `pki/ca.pem`; the authority's key stays with whoever adds units.
 """
@@ -9,12 +9,12 @@ import json
 import os
 import secrets
 import time
-from base64 import b64encode
 from collections.abc import Sequence
 from pathlib import Path
 
 from console.command import Call
 from console.errors import DONE, WrongCall
+from console.launch import COMMAND_CENTRE
 from console.output import unit_json
 from dyknow.errors import RosterError
 from federation.keys import unit as unit_name
@@ -22,8 +22,6 @@ from federation.security import Paths, authority_certificate, platform_certifica
 from federation.trust import KEY_BYTES, Member, Role, Roster, Signer
 
 DEFAULT_FILE = Path("roster.toml")
-COMMAND_CENTRE = "cc"
-"""The member as which the commands of `dyknow` speak."""
 
 
 def init(call: Call, units: Sequence[str], hosts: Sequence[str]) -> int:
@@ -99,7 +97,7 @@ def _member(path: Path, call: Call, unit: str, role: Role, hosts: Sequence[str])
     for directory in (keys, pki):
         directory.mkdir(mode=0o700, exist_ok=True)
     seed = secrets.token_bytes(KEY_BYTES)
-    write_private(keys / f"{unit}.key", f"ed25519:{b64encode(seed).decode()}\n".encode())
+    write_private(keys / f"{unit}.key", f"{seed.hex()}\n".encode())
     _certify(pki, unit, f"dyknow {call.settings.federation}", hosts)
     return Member(unit, Signer(seed, call.settings.federation).public_key, role)
 

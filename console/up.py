@@ -9,8 +9,8 @@ import psutil
 from console.command import Call
 from console.errors import DONE, FAILED, INTERRUPTED, NO, FederationFailed, WrongCall, did_you_mean
 from console.instants import duration_us
-from console.launch import fleet_of
-from console.output import in_order, unit_json
+from console.launch import clock_of, fleet_of
+from console.output import unit_json
 from console.processes import (
     STATE_FILE,
     Fleet,
@@ -22,9 +22,13 @@ from console.processes import (
     uninterrupted,
     write_state,
 )
+from federation.clock import FederationClock
+from federation.directory import unit_order
 from runtime.config import NodeConfig
 
 READY_S = 20.0
+_LEAD_US = 3_000_000
+_LEAD_PER_UNIT_US = 200_000
 
 
 class Gathering:
@@ -65,6 +69,7 @@ def up(call: Call, *, detach: bool, **chosen: Any) -> int:
     now_us = time.time_ns() // 1000
     duration = chosen.pop("duration")
     chosen["duration_us"] = duration_us(duration, option="--duration") if duration else None
+    chosen["start_us"] = None if chosen["only"] else _start_us(call, chosen, now_us)
     directory = _vacant(call)
     configs = fleet_of(call, chosen, now_us)
     if not configs:
@@ -82,7 +87,14 @@ def up(call: Call, *, detach: bool, **chosen: Any) -> int:
             _ended(fleet)
             raise
         _say_ready(call, fleet, gathering)
-        return DONE if detach else _stay(call, fleet, in_order(gathering.units))
+        return DONE if detach else _stay(call, fleet, sorted(gathering.units, key=unit_order))
+
+
+def _start_us(call: Call, chosen: dict[str, Any], now_us: int) -> int:
+    """When routes begin, for all at once: as soon as everybody can be expected to be there (federation time)."""
+    clock = clock_of(call.file, chosen["speed"], now_us)
+    running = FederationClock(now_us if clock.epoch_us is None else clock.epoch_us, clock.speed)
+    return running.federation_us(now_us + _LEAD_US + _LEAD_PER_UNIT_US * int(chosen["units"]))
 
 
 def _scenario_known(name: str) -> None:
@@ -119,7 +131,7 @@ def _gathered(call: Call, fleet: Fleet, configs: list[NodeConfig]) -> Gathering:
 
 
 def _say_ready(call: Call, fleet: Fleet, gathering: Gathering) -> None:
-    units = in_order(gathering.units)
+    units = sorted(gathering.units, key=unit_order)
     call.out.say(
         f"[green]ready[/green]: platforms {', '.join(units)} found each other in {gathering.discovery_ms} ms",
         event="ready",
@@ -166,6 +178,6 @@ def down(call: Call) -> int:
     end([found for found in running if not found.unit] or platforms)
     end(platforms)
     (directory / STATE_FILE).unlink(missing_ok=True)
-    units = in_order(found.unit for found in platforms)
+    units = sorted((found.unit for found in platforms), key=unit_order)
     call.out.say(f"stopped: platforms {', '.join(units)}", event="stopped", units=[unit_json(unit) for unit in units])
     return DONE

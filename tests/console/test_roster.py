@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from cryptography import x509
 
-from federation.trust import Roster, Signer, parse_key
+from federation.trust import Roster, Signer
 from tests.console.conftest import Run
 
 
@@ -30,7 +30,7 @@ def test_each_private_key_belongs_to_its_member_and_is_its_owners_alone(path: Pa
     for unit, member in Roster.parse(path.read_text()).members.items():
         key = path.parent / "keys" / f"{unit}.key"
         assert stat.S_IMODE(key.stat().st_mode) == 0o600
-        assert Signer(parse_key(key.read_text().strip()), "alpha").public_key == member.key
+        assert Signer(bytes.fromhex(key.read_text()), "alpha").public_key == member.key
         assert stat.S_IMODE((path.parent / "pki" / f"{unit}.key").stat().st_mode) == 0o600
 
 

@@ -1,0 +1,67 @@
+"""`dyknow check`: a formula over a recorded trace, or over the live states of a platform."""
+
+from pathlib import Path
+from typing import Any
+
+from console.command import Call
+from console.errors import DONE, NO, FederationFailed, WrongCall, did_you_mean
+from console.instants import clock_time, duration_us
+
+
+def check(call: Call, formula: str, *, trace: Path | None, unit: str | None, timeout: str) -> int:
+    """1 if the formula is violated, 0 if it holds or nothing is decided."""
+    if (trace is None) == (unit is None):
+        raise WrongCall(
+            "say over what: --trace FILE for recorded states, or --unit U for the live states of a platform."
+        )
+    if trace is not None:
+        return _told(call, *_over_trace(call, formula, trace))
+    return _live(call, formula, str(unit), duration_us(timeout, option="--timeout") / 1e6)
+
+
+def _over_trace(call: Call, text: str, path: Path) -> tuple[str, float | None, int | None]:
+    from kpl import read_formula
+    from reasoning import check_trace, read_trace, required_labels, trace_domains
+
+    formula = read_formula(text)
+    try:
+        with path.open(encoding="utf-8") as lines:
+            trace = read_trace(lines, str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise WrongCall(f"--trace: {path} cannot be read ({error}); a trace is a text of JSON lines.") from None
+    domains = trace_domains(formula, trace)
+    for label in sorted(str(label) for label in required_labels(formula, domains)):
+        if label not in trace.labels:
+            call.out.note(f"note: {label} has no value anywhere in {path}.{did_you_mean(label, trace.labels)}")
+    return check_trace(formula, trace.states, domains)
+
+
+def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:
+    from console.client import connected
+    from federation.acts import Performative
+    from federation.contents import CheckFormula, Verdict
+    from kpl import read_formula
+
+    read_formula(text)
+    with connected(call) as client:
+        client.chosen(unit)
+        content = CheckFormula(text=text, timeout_s=timeout_s)
+        dialogue = client.say(unit, Performative.REQUEST, content, standing=True)
+        with call.out.waiting(f"platform {unit} is watching its states"):
+            client.wait_for(lambda: bool(dialogue.trouble or dialogue.results), timeout_s + 3.0)
+        found = next((said for said in dialogue.results if isinstance(said, Verdict)), None)
+        if found is None:
+            raise FederationFailed(f"platform {unit}: {dialogue.trouble or 'no verdict came in time'}")
+    t_ms = None if found.valid_us is None else found.valid_us / 1000
+    return _told(call, found.verdict, t_ms, found.index, is_live=True)
+
+
+def _told(call: Call, verdict: str, t_ms: float | None, index: int | None, *, is_live: bool = False) -> int:
+    record: dict[str, Any] = {"verdict": verdict, "t_ms": t_ms, "index": index}
+    colour = {"true": "green", "false": "red"}.get(verdict, "yellow")
+    when = ""
+    if t_ms is not None:
+        shown = clock_time(round(t_ms * 1000)) if is_live else f"t = {t_ms:g} ms"
+        when = f", decided by state {index} ({shown})" if index is not None else f", decided at {shown}"
+    call.out.say(f"[{colour}]{verdict}[/{colour}]{when}", **record)
+    return NO if verdict == "false" else DONE

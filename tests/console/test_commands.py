@@ -1,0 +1,286 @@
+"""The commands against real platforms on a fake wire: what is printed, and with which code they end."""
+
+import json
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from console import client
+from console.command import Call
+from console.errors import DONE, NO, NothingFound, WrongCall
+from console.output import Output
+from console.settings import Settings
+from tests.console.world import START_US, World
+
+Lines = Callable[[], list[dict[str, Any]]]
+
+
+@pytest.fixture
+def call(monkeypatch: pytest.MonkeyPatch) -> Call:
+    return Call(Settings(federation="test", dyknow_json=True), None, Output(json_lines=True))
+
+
+@pytest.fixture
+def world(monkeypatch: pytest.MonkeyPatch) -> World:
+    found = World()
+    for number in range(3):
+        found.add(str(number), 0.0, 200.0 * number, 2.0)
+    monkeypatch.setattr(client, "_surroundings", lambda _call: found.surroundings())
+    found.run(2.0)
+    return found
+
+
+@pytest.fixture
+def lines(capsys: pytest.CaptureFixture[str]) -> Lines:
+    return lambda: [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_ls_shows_platforms_with_services_labels_ages_and_clock(world: World, call: Call, lines: Lines) -> None:
+    from console.ls import ls
+
+    assert ls(call, all_kinds=False) == DONE
+    shown = lines()
+    assert [entry["unit"] for entry in shown] == [0, 1, 2]
+    assert {entry["state"] for entry in shown} == {"alive"}
+    services = {entry["service"]: entry["visibility"] for entry in shown[0]["services"]}
+    assert services["dyknow-federation"] == "protected"
+    assert "private" not in services.values(), "what is private is no one else's business"
+    ages = {entry["label"]: entry["age_ms"] for entry in shown[0]["labels"]}
+    assert 0 <= ages["heli-position"] <= 200
+    assert abs(shown[0]["offset_us"]) <= shown[0]["bound_us"] <= 1000
+
+
+def test_ls_finds_nobody_in_an_empty_federation(call: Call, lines: Lines, monkeypatch: pytest.MonkeyPatch) -> None:
+    from console.ls import ls
+
+    monkeypatch.setattr(client, "_surroundings", lambda _call: World().surroundings())
+    assert ls(call, all_kinds=False) == NO
+    assert lines() == []
+
+
+def _query(call: Call, **given: Any) -> int:
+    from console.query import query
+
+    options: dict[str, Any] = {
+        "unit": None,
+        "at": None,
+        "between": None,
+        "timeout": "2s",
+        "select": None,
+        "merge": None,
+    }
+    return query(call, given.pop("label", "heli-position"), **{**options, **given})
+
+
+def test_the_latest_value_comes_from_all_platforms(world: World, call: Call, lines: Lines) -> None:
+    assert _query(call) == DONE
+    shown = lines()
+    assert sorted(entry["unit"] for entry in shown) == [0, 1, 2]
+    assert set(shown[0]["value"]) == {"latitude_deg", "longitude_deg"}
+    assert all(world.now_us - entry["valid_us"] < 1_000_000 for entry in shown)
+
+
+def test_a_value_at_a_time_is_the_most_recent_one_then(world: World, call: Call, lines: Lines) -> None:
+    at_us = START_US + 1_234_567
+    assert _query(call, unit="1", at=str(at_us)) == DONE
+    [shown] = lines()
+    assert at_us - 100_000 < shown["valid_us"] <= at_us
+
+
+def test_between_two_times_gives_all_values_in_order_also_over_several_pages(
+    world: World, call: Call, lines: Lines
+) -> None:
+    world.run(60.0)
+    assert _query(call, unit="0", between=("-50s", "-1s")) == DONE
+    times = [entry["valid_us"] for entry in lines()]
+    assert times == sorted(times)
+    assert len(times) in {490, 491}
+
+
+def test_a_frozen_platform_is_named_and_the_others_answers_are_there(world: World, call: Call, lines: Lines) -> None:
+    world.freeze("1")
+    world.run(0.5)
+    assert _query(call) == DONE
+    shown = lines()
+    assert sorted(entry["unit"] for entry in shown if "value" in entry) == [0, 2]
+    [missing] = [entry for entry in shown if "error" in entry]
+    assert missing["unit"] == 1
+    assert shown[-1] is missing, "who does not answer keeps nobody waiting"
+
+
+def test_one_value_is_selected_or_made_of_all(world: World, call: Call, lines: Lines) -> None:
+    assert _query(call, label="heli-altitude", merge="mean") == DONE
+    [merged] = lines()
+    assert (merged["unit"], merged["units"], merged["merge"]) == (None, [0, 1, 2], "mean")
+    assert merged["value"]["altitude_m"] == pytest.approx(60.0, abs=1.0)
+    assert _query(call, label="heli-altitude", select="newest") == DONE
+    [chosen] = lines()
+    assert chosen["unit"] in {0, 1, 2}
+
+
+def test_a_time_to_come_is_refused_and_nobody_answered(world: World, call: Call, lines: Lines) -> None:
+    assert _query(call, unit="0", at="+10s") == NO
+    [refused] = lines()
+    assert "error" in refused
+
+
+def test_an_unknown_label_is_answered_with_the_nearest_known(world: World, call: Call) -> None:
+    with pytest.raises(NothingFound, match="Did you mean 'heli-position'"):
+        _query(call, label="heli-positon")
+
+
+def test_an_unknown_unit_is_told(world: World, call: Call) -> None:
+    with pytest.raises(NothingFound, match="no platform '9' is there"):
+        _query(call, unit="9")
+
+
+def test_times_in_the_wrong_order_are_a_wrong_call(world: World, call: Call) -> None:
+    with pytest.raises(WrongCall, match="--between"):
+        _query(call, between=("-1s", "-5s"))
+
+
+def test_watch_prints_a_federated_stream_and_takes_it_down(world: World, call: Call, lines: Lines) -> None:
+    from console.watch import watch
+
+    assert watch(call, "heli-position", unit=None, every="200ms", max_delay="1s", count=9) == DONE
+    shown = lines()
+    assert len(shown) == 9
+    assert {entry["unit"] for entry in shown} == {0, 1, 2}
+    for unit in range(3):
+        times = [entry["valid_us"] for entry in shown if entry["unit"] == unit]
+        assert all(later - earlier == 200_000 for earlier, later in pairwise(times))
+    world.run(1.0)
+    assert not any(platform.tasks.all() for platform, _ in world.platforms.values())
+
+
+def _delegated(call: Call, lines: Lines) -> str:
+    from console.delegate import delegate
+
+    assert delegate(call, "monitor-proximity", [], to="0", wait=False) == DONE
+    said = lines()
+    assert said[0]["performative"] == "agree"
+    assert said[0]["unit"] == 0
+    return str(said[0]["conversation"])
+
+
+def test_a_delegated_task_lives_on_is_listed_and_is_cancelled_by_another_command(
+    world: World, call: Call, lines: Lines
+) -> None:
+    from console.delegate import cancel, tasks
+    from console.follow import monitors
+
+    conversation = _delegated(call, lines)
+    world.run(3.0)
+    assert tasks(call) == DONE
+    listed = [(entry["conversation"], entry["task"], entry["unit"]) for entry in lines()]
+    assert (conversation, "monitor-proximity", 0) in listed
+    assert monitors(call) == DONE
+    shown = lines()
+    pairs = {(entry["by"], tuple(entry["units"])) for entry in shown if entry["monitor"] == "proximity"}
+    assert {by for by, _ in pairs} == {0, 1, 2}
+    assert {entry["inputs"] for entry in shown} == {"fresh"}
+    assert {entry["shows"] for entry in shown} == {"ok"}
+    assert cancel(call, conversation[:-1]) == DONE
+    world.run(2.0)
+    lines()
+    assert tasks(call) == NO
+    assert monitors(call) == NO
+
+
+def test_an_unknown_task_and_an_unknown_conversation_are_told(world: World, call: Call) -> None:
+    from console.delegate import cancel, delegate
+
+    with pytest.raises(WrongCall, match="Did you mean 'monitor-proximity'"):
+        delegate(call, "monitor-proximty", [], to=None, wait=False)
+    with pytest.raises(NothingFound, match="dyknow tasks"):
+        cancel(call, "cc-1-1")
+
+
+def test_a_task_for_one_platform_needs_its_name(world: World, call: Call) -> None:
+    from console.delegate import delegate
+
+    with pytest.raises(WrongCall, match="there are 0, 1, 2"):
+        delegate(call, "hold", [], to=None, wait=False)
+
+
+def test_a_refusal_is_an_answer_of_no(world: World, call: Call, lines: Lines) -> None:
+    from console.delegate import delegate
+
+    pairs = ["semantic-labels=max-speed", "sample-period=1s", "delay=1s", "to-units=0"]
+    assert delegate(call, "create-multicast", pairs, to="1", wait=True) == NO
+    assert lines()[-1]["performative"] == "refuse"
+
+
+def test_alarms_are_told_as_they_happen_and_remembered(
+    monkeypatch: pytest.MonkeyPatch, call: Call, lines: Lines
+) -> None:
+    from console.follow import alarms
+
+    world = World()
+    world.add("0", -60.0, 0.0, 5.0)
+    world.add("1", 60.0, 3.0, -5.0)
+    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    world.run(1.5)
+    _delegated(call, lines)
+    assert alarms(call, follow=True, count=4) == DONE
+    followed = lines()
+    assert {entry["event"] for entry in followed} >= {"opened"}
+    assert {tuple(sorted(entry["units"])) for entry in followed} == {(0, 1)}
+    world.run(20.0)
+    assert alarms(call, follow=False, count=None) == DONE
+    remembered = lines()
+    assert {entry["id"] for entry in followed} <= {entry["id"] for entry in remembered}
+    assert {"opened", "closed"} == {entry["event"] for entry in remembered}
+    assert [entry["detected_us"] for entry in remembered] == sorted(entry["detected_us"] for entry in remembered)
+    assert {entry["monitor"] for entry in remembered} >= {"proximity", "proximity-warn"}
+
+
+def test_acts_are_told_in_s_expressions(world: World, call: Call, lines: Lines) -> None:
+    from console.follow import acts
+
+    _delegated(call, lines)
+    assert acts(call, follow=False) == DONE
+    said = [entry["act"] for entry in lines() if entry["act"]]
+    assert any("(monitor-proximity)" in act for act in said)
+    assert any("(create-monitor name: proximity" in act for act in said)
+
+
+def test_a_fault_reaches_the_simulated_vehicle(world: World, call: Call, lines: Lines) -> None:
+    from console.delegate import fault
+
+    assert fault(call, "1", "packet-loss=30", "5s") == DONE
+    [told] = lines()
+    assert (told["unit"], told["fault"]) == (1, "packet-loss=30")
+    assert told["until_us"] == pytest.approx(world.now_us + 5_000_000, abs=1_000_000)
+    [injected] = world.injected
+    assert (injected.kind, str(injected.value)) == ("packet-loss", "30")
+
+
+def test_a_formula_is_checked_over_live_states(world: World, call: Call, lines: Lines) -> None:
+    from console.check import check
+
+    assert check(call, "always height[self] < 20", trace=None, unit="0", timeout="3s") == NO
+    [told] = lines()
+    assert told["verdict"] == "false"
+    assert check(call, "always height[self] > 20", trace=None, unit="0", timeout="2s") == DONE
+    assert lines() == [{"verdict": "undecided", "t_ms": None, "index": None}]
+
+
+def test_a_federation_with_a_faster_clock_is_understood(
+    monkeypatch: pytest.MonkeyPatch, call: Call, lines: Lines
+) -> None:
+    from console.ls import ls
+    from federation.clock import FederationClock
+
+    world = World(FederationClock(START_US - 5_000_000, 10.0))
+    world.add("0", 0.0, 0.0)
+    world.add("1", 0.0, 300.0)
+    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    world.run(2.0)
+    assert ls(call, all_kinds=False) == DONE
+    assert [entry["state"] for entry in lines()] == ["alive", "alive"]
+    assert _query(call, unit="0", at="-5s") == DONE
+    [told] = lines()
+    assert told["valid_us"] == pytest.approx(world.clock.federation_us(world.now_us) - 5_000_000, abs=4_000_000)
