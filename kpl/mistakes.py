@@ -4,6 +4,7 @@ Each sample is parsed once, at the first error anybody makes; where the parser s
 mark by which the same mistake is recognised elsewhere. Spellings of other languages are recognised by themselves.
 """
 
+import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
@@ -12,6 +13,9 @@ from dyknow.labels import RESERVED
 
 if TYPE_CHECKING:
     from lark.exceptions import UnexpectedInput
+
+
+_LOOK_BACK: Final = 64
 
 
 class Mistake(NamedTuple):
@@ -31,7 +35,6 @@ FOREIGN: Final[dict[str, str]] = {
     "/\\": "and",
     "\\/": "or",
     "~=": "!=",
-    "[]": "always",
     "&": "and",
     "|": "or",
     "!": "not",
@@ -80,6 +83,11 @@ MISTAKES: Final = (
             "forall u in uavs p",
             "forall u in uavs. p",
             "forall u in {a, b} p",
+            "forall u in {a}. p",
+            "forall u in {a}, p",
+            "forall u in {a} (p)",
+            "forall u in d - {a} p",
+            "forall u in d - e p",
             "forall u in uavs, p",
             "forall u in uavs (p)",
         ),
@@ -99,7 +107,7 @@ MISTAKES: Final = (
     Mistake(
         "the bounds of an interval are parted by a comma",
         "[0, 5s]",
-        ("always[0 5] p", "always[5] p", "always[0; 5] p", "always[5s] p", "always[a b] p", "always[a] p"),
+        ("always[0 5] p", "always[5] p", "always[5s] p", "always[a b] p", "always[a] p"),
     ),
     Mistake(
         "an interval stands in brackets, directly after always, eventually or until",
@@ -174,31 +182,55 @@ def _found(error: "UnexpectedInput") -> str:
     return "" if token.type == "$END" else str(token)
 
 
+class _Said(NamedTuple):
+    message: str
+    repair: str
+    offset: int
+    width: int
+
+
 def _say(
     error: "UnexpectedInput", text: str, offset: int, found: str, marks: Callable[[], Mapping[Mark, Mistake]]
-) -> tuple[str, str, int, int]:
-    """(message, repair, offset, width)."""
+) -> _Said:
     if not text.strip():
-        return "there is no formula", "always speed[uav1] <= 30", 0, 1
-    foreign = _foreign(text, offset)
-    if foreign:
-        start, spelling = foreign
-        return f"`{spelling}` is not written here", FOREIGN[spelling], start, len(spelling)
-    if (ours := _word(found)) is not None:
-        return f"`{found}` is not written here", ours, offset, len(found)
-    if found == "" and (opened := _unclosed(text)) is not None:
-        closing = {"(": ")", "[": "]", "{": "}"}[text[opened]]
-        return f"this `{text[opened]}` is never closed", f"{closing} where it ends", opened, 1
-    if found == '"':
-        return "this string is never closed", '"text" on one line', offset, 1
+        return _Said("there is no formula", "always speed[uav1] <= 30", 0, 1)
+    said = _spelling(text, offset, found) or _unfinished(text, offset, found)
+    if said is not None:
+        return said
+    if getattr(error, "token", None) is None:
+        return _Said(f"`{found}` has no meaning here", "", offset, len(found))
     mistake = marks().get(_mark(error))
     if mistake is not None:
-        return mistake.message, mistake.repair, offset, len(found)
+        return _Said(mistake.message, mistake.repair, offset, len(found))
     wanted = _wanted(error)
     if found in RESERVED and "NAME" in wanted and found.upper() not in _LOGIC:
-        return f"`{found}` is a reserved word and cannot be a name", f"{found}_", offset, len(found)
+        return _Said(f"`{found}` is a reserved word and cannot be a name", f"{found}_", offset, len(found))
     what = f"found {_short(found)}" if found else "the text ends"
-    return f"expected {', '.join(_expected(wanted)) or 'something else'}; {what}", "", offset, len(found)
+    return _Said(f"expected {', '.join(_expected(wanted)) or 'something else'}; {what}", "", offset, len(found))
+
+
+def _spelling(text: str, offset: int, found: str) -> _Said | None:
+    """An operator or a word of another language, here or just before."""
+    foreign = _foreign(text, offset)
+    if foreign is not None:
+        start, spelling = foreign
+        return _Said(f"`{spelling}` is not written here", FOREIGN[spelling], start, len(spelling))
+    before = re.search(r"([A-Za-z_]+)\s*\Z", text[max(0, offset - _LOOK_BACK) : offset])
+    for word, start in ((found, offset), (before[1], offset - len(before[0])) if before else ("", 0)):
+        if (ours := _word(word)) is not None:
+            return _Said(f"`{word}` is not written here", ours, start, len(word))
+    return None
+
+
+def _unfinished(text: str, offset: int, found: str) -> _Said | None:
+    """A bracket or a string that is never closed."""
+    if found == '"':
+        return _Said("this string is never closed", '"text" on one line', offset, 1)
+    opened = _unclosed(text) if found == "" else None
+    if opened is None:
+        return None
+    closing = {"(": ")", "[": "]", "{": "}"}[text[opened]]
+    return _Said(f"this `{text[opened]}` is never closed", f"{closing} where it ends", opened, 1)
 
 
 def _short(found: str) -> str:

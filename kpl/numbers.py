@@ -7,7 +7,7 @@ from typing import Final
 from dyknow.errors import TextError
 from dyknow.instants import parse_duration
 
-_NUMBER = re.compile(r"(?P<number>[0-9]{1,40}(?:\.[0-9]{1,40})?(?:[eE][+-]?[0-9]{1,2})?)(?P<suffix>us|ms|s|min|h)?")
+_NUMBER = re.compile(r"(?P<number>[0-9]{1,40}(?:\.[0-9]{1,40})?(?:[eE][+-]?[0-9]{1,3})?)(?P<suffix>us|ms|s|min|h)?")
 _LARGEST: Final = Decimal(2) ** 63
 
 

@@ -131,23 +131,21 @@ class Monitor:
         no_values = tuple(label for label in self._labels if values.get(label, NO_VALUE) is NO_VALUE)
         lacks = no_values if lacks is None else lacks
         self._inputs.on_state(valid_us, now_us, lacks)
-        found = self._take(valid_us, values, domains, events, bool(lacks or no_values))
+        if self._inputs.marked:
+            values, no_values = {}, self._labels
+        if no_values and self.no_value == "skip":
+            found = None
+        else:
+            found = self._take(Moment(valid_us, values, domains, events, self._changes.after(valid_us, values)))
+            self._doubtful = self._watch is not None and self._watch.doubtful and not lacks
         self.on_time(now_us)
         return [self._event(found, now_us)] if found else []
 
-    def _take(
-        self, valid_us: int, values: Mapping[str, Value], domains: Domains, events: Collection[str], incomplete: bool
-    ) -> Change | None:
-        if self._inputs.marked:
-            values, incomplete = {}, True
-        if incomplete and self.no_value == "skip":
-            return None
+    def _take(self, moment: Moment) -> Change | None:
         watch = self._watch
         if watch is None:
-            watch = self._watch = self._activate(domains)
-        moment = Moment(valid_us, values, domains, events, self._changes.after(valid_us, values))
+            watch = self._watch = self._activate(moment.domains)
         change = watch.on_moment(moment)
-        self._doubtful = watch.doubtful and not incomplete
         if self._inputs.state != "fresh" and isinstance(watch, Watch):
             watch.forget_clean()
         return change

@@ -161,8 +161,10 @@ class _Line:
         return {self._label(key): self._value(key, value) for key, value in self.record.items() if key != "t_ms"}
 
     def _label(self, text: Any) -> str:
+        if not isinstance(text, str):
+            raise self.error("a message is a label", '{"t_ms": 100, "message": "landed[uav1]"}')
         try:
-            return str(Label.parse(text)) if isinstance(text, str) else ""
+            return str(Label.parse(text))
         except TextError as error:
             raise self.error(error.message, '"speed[uav1]": 31.2') from None
 
