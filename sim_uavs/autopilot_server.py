@@ -5,6 +5,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Self
 
 from federation.clock import FederationClock
@@ -16,6 +17,10 @@ _LARGEST = 65_535
 _LONGEST_WAIT_S = 0.5
 
 
+def _is_here(address: str) -> bool:
+    return address.startswith("127.")
+
+
 def utc_clock() -> Callable[[], int]:
     """UTC when called, then as many microseconds on as the monotonic clock: never set back."""
     started_us, since_ns = time.time_ns() // 1000, time.monotonic_ns()
@@ -25,24 +30,32 @@ def utc_clock() -> Callable[[], int]:
 class AutopilotServer:
     """Runs an `Autopilot` from `start` to `stop` on `host`, on `port` (0: any free one; then `port` says which).
 
+    Names of given peers are resolved once, here. Without a `host` the vehicle is on loopback only, unless it is given
+    a peer elsewhere: then that host, and no other, may speak to it as well.
+
     Attributes:
         clock: how the vehicle's time follows `wall_us`; at speed 10 it flies ten times as fast.
+
+    Raises:
+        OSError: a given peer's name cannot be resolved, or the port is taken.
     """
 
     def __init__(
         self,
         config: VehicleConfig,
         *,
-        host: str = "127.0.0.1",
+        host: str | None = None,
         port: int = 0,
         clock: FederationClock | None = None,
         wall_us: Callable[[], int] | None = None,
     ) -> None:
-        self.config, self.clock = config, clock or FederationClock()
+        peers = tuple((socket.gethostbyname(name), number) for name, number in config.peers)
+        self.config, self.clock = replace(config, peers=peers), clock or FederationClock()
+        self._elsewhere = frozenset(address for address, _ in peers if not _is_here(address))
         self._wall_us = wall_us or utc_clock()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind((host, port))
-        self._autopilot = Autopilot(config, self.now_us())
+        self._socket.bind((host or ("0.0.0.0" if self._elsewhere else "127.0.0.1"), port))  # noqa: S104  asked for
+        self._autopilot = Autopilot(self.config, self.now_us())
         self._lock, self._stopping = threading.Lock(), threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"autopilot-{config.system_id}", daemon=True)
 
@@ -96,6 +109,8 @@ class AutopilotServer:
             except TimeoutError:
                 data, peer = b"", ("", 0)
             except OSError:  # a peer's closed port, told by ICMP: it may come back
+                continue
+            if data and not (_is_here(peer[0]) or peer[0] in self._elsewhere):
                 continue
             with self._lock:
                 now_us = self.now_us()

@@ -89,3 +89,25 @@ def test_stopping_twice_and_never_starting_are_harmless() -> None:
     server.stop()
     with AutopilotServer(VehicleConfig(1, HOME)) as running:
         running.stop()
+
+
+def test_given_peers_may_have_names_and_are_told_once(ear) -> None:
+    config = VehicleConfig(1, HOME, peers=(("localhost", ear.getsockname()[1]),))
+    with AutopilotServer(config) as server:
+        assert server.config.peers == (ear.getsockname(),)
+        hello = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
+        ear.sendto(hello.pack(mavlink.MAVLink(None, srcSystem=255)), ("127.0.0.1", server.port))
+        stamps = [heard(ear, "GLOBAL_POSITION_INT").time_boot_ms for _ in range(8)]
+    assert len(set(stamps)) == 8
+
+
+def test_it_is_on_loopback_only_unless_a_peer_is_elsewhere() -> None:
+    here = AutopilotServer(VehicleConfig(1, HOME))
+    there = AutopilotServer(VehicleConfig(1, HOME, peers=(("192.0.2.7", 14550),)))  # never started: nothing is sent
+    try:
+        assert here._socket.getsockname()[0] == "127.0.0.1"
+        assert there._socket.getsockname()[0] == "0.0.0.0"
+        assert there._elsewhere == {"192.0.2.7"}
+    finally:
+        here.stop()
+        there.stop()
