@@ -93,6 +93,10 @@ class PlanBook:
         split = split_growing(formula)
         return MonitorPlan(profile, formula, None) if split is None else MonitorPlan(profile, split[2], split[0])
 
+    def prepare(self) -> None:
+        """Read what tasks usually take, so that the first one is not slowed by it."""
+        self.for_task(None)
+
     def for_task(
         self, profile: str | None, period_us: int | None = None, delay_us: int | None = None
     ) -> tuple[MonitorPlan, ...]:

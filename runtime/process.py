@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from agents.effects import Event, Halt, InjectFault, Leave, Note, Reported
 from agents.interface import Trust
+from agents.plans import PlanBook
 from agents.platform import Platform, PlatformConfig
 from dyknow.errors import DyknowError, RosterError
+from federation import contents
 from federation.clock import FederationClock
 from federation.ontology import Translation, default_ontology
 from federation.transport import Put
@@ -84,6 +86,8 @@ class Process:
         """Join, step until stopped, leave; the exit code."""
         fitted = self._make_vehicle(self.config, self._federation_clock, self.clock, self._reported, self.stop)
         self._vehicle = fitted.edge
+        contents.prepare()
+        PlanBook(self.config.unit, builtin_profiles()).prepare()
         self._edge.open()
         try:
             self._serve(fitted)

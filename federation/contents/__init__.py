@@ -15,7 +15,7 @@ from federation.contents.monitors import (
     RemoveMonitor,
     Verdict,
 )
-from federation.contents.parts import MAX_LIST, Content, Part, heads, read
+from federation.contents.parts import MAX_LIST, Content, Part, heads, prepare, read
 from federation.contents.platform import (
     ActList,
     ActLog,
@@ -98,5 +98,6 @@ __all__ = [
     "Tasks",
     "Verdict",
     "heads",
+    "prepare",
     "read",
 ]

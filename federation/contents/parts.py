@@ -139,6 +139,12 @@ _WORDS: dict[str, Callable[[str], ExprValue]] = {**dict.fromkeys(_UNIT_FIELDS, _
 """Fields whose strings are printed as something else."""
 
 
+def prepare() -> None:
+    """Build all models now; else each is built when its head is first read, which takes a few milliseconds."""
+    for kind in _CONTENTS.values():
+        kind.model_rebuild()
+
+
 def heads() -> tuple[str, ...]:
     """Every head that `read` understands."""
     return tuple(_CONTENTS)
