@@ -60,7 +60,7 @@ class Conversations:
         self._due_us: int | None = None
         self._opened = 0
         self._prefix = f"{unit}-{boot:x}-"
-        self._dropped: dict[str, tuple[int, list[Act]]] = {}
+        self._dropped: dict[str, tuple[int | None, list[Act]]] = {}
 
     def new_conversation(self) -> str:
         """An id that no other platform and no other life of this one uses."""
@@ -183,7 +183,7 @@ class Conversations:
 
     def peer_gone(self, unit: str) -> list[Outcome]:
         """The directory calls a platform gone: everything that is open with it has failed."""
-        self.delivery.forget(unit)
+        self.delivery.peer_gone(unit)
         events: list[Outcome] = []
         dropped: list[Act] = []
         for name in [name for name in self._open if name[1] == unit]:
@@ -192,18 +192,19 @@ class Conversations:
             if found.standing and found.phase is not Phase.CANCELLING:
                 mine = _cancel(found.opening) if found.ours else self._no(found.opening, P.FAILURE, f"{unit} was gone")
                 dropped.append(mine)
-        boot = self.delivery.boot_of(unit)
-        if dropped and boot is not None:
-            self._dropped[unit] = (boot, dropped)
+        if dropped:
+            self._dropped[unit] = (self.delivery.boot_of(unit), dropped)
             while len(self._dropped) > PEERS:
                 del self._dropped[next(iter(self._dropped))]
         return events
 
     def peer_appeared(self, unit: str, boot: int, now_us: int) -> list[Outcome]:
-        """A platform is there (again): the same incarnation is told what was dropped while it was gone."""
-        self.delivery.meet(unit, boot)
-        known, dropped = self._dropped.pop(unit, (boot, []))
-        return [self.delivery.send(act, now_us)[1] for act in dropped if known == boot]
+        """A platform is there (again): the same incarnation is told what it missed, and what was dropped meanwhile."""
+        outcome: list[Outcome] = [*self.delivery.peer_appeared(unit, boot, now_us)]
+        went, dropped = self._dropped.pop(unit, (boot, []))
+        if went in (None, boot):
+            outcome += [self.delivery.send(act, now_us)[1] for act in dropped]
+        return outcome
 
     @property
     def deadline_us(self) -> int | None:

@@ -18,11 +18,12 @@ from federation.transport import Put, Urgency
 
 RETRANSMIT_US = 200_000
 RETRANSMISSIONS = 3
-PATIENT_US = 1_000_000
-PATIENT_RETRANSMISSIONS = 10
+SLOW_US = 1_000_000
+SLOW_RETRANSMISSIONS = 10
 UNACKNOWLEDGED = 4096
 WINDOW = 1024
 SENDERS = 512
+SUSPENDED = 256
 
 _MASK = (1 << WINDOW) - 1
 
@@ -58,15 +59,16 @@ class _Pending:
     act: Act
     put: Put
     due_us: int
+    is_patient: bool
     quick: int = RETRANSMISSIONS
-    patient: int = 0
+    slow: int = SLOW_RETRANSMISSIONS
 
     def again(self, now_us: int) -> bool:
         """Whether it is put again; then it is due later."""
         if self.quick:
             self.quick, self.due_us = self.quick - 1, now_us + RETRANSMIT_US
-        elif self.patient:
-            self.patient, self.due_us = self.patient - 1, now_us + PATIENT_US
+        elif self.slow and self.is_patient:
+            self.slow, self.due_us = self.slow - 1, now_us + SLOW_US
         else:
             return False
         return True
@@ -84,6 +86,7 @@ class Delivery:
         self._due_us: int | None = None
         self._seen: dict[str, Seen] = {}
         self._owed: dict[str, tuple[int, list[int]]] = {}
+        self._suspended: dict[str, tuple[int | None, list[Act]]] = {}
 
     @property
     def next_seq(self) -> int:
@@ -97,21 +100,22 @@ class Delivery:
     def send(self, act: Act, now_us: int, *, patient: bool = True) -> tuple[Act, Put]:
         """The act as it is said, numbered, and its first put. Raises ContentError when it cannot be encoded."""
         receiver = act.receiver.unit
-        numbered = replace(
-            act, boot=self.boot, seq=self._seq + 1, created_us=now_us, acks=tuple(self._owed.get(receiver, (0, ()))[1])
-        )
-        put = Put(numbered.key, self._encode(numbered), Urgency.ACT)
+        acks = tuple(self._owed.get(receiver, (0, ()))[1])
+        numbered = replace(act, boot=self.boot, seq=self._seq + 1, created_us=now_us, acks=acks)
+        put = self._put(numbered, now_us, patient=patient)
         self._seq += 1
         self._owed.pop(receiver, None)
         self.counts["sent"] += 1
-        if receiver != keys.EVERYBODY:
+        return numbered, put
+
+    def _put(self, act: Act, now_us: int, *, patient: bool) -> Put:
+        put = Put(act.key, self._encode(act), Urgency.ACT)
+        if act.receiver.unit != keys.EVERYBODY:
             if len(self._pending) >= UNACKNOWLEDGED:
                 self._give_up(now_us)
-            pending = _Pending(numbered, put, now_us + RETRANSMIT_US)
-            pending.patient = PATIENT_RETRANSMISSIONS if patient else 0
-            self._pending[receiver, numbered.seq] = pending
+            self._pending[act.receiver.unit, act.seq] = _Pending(act, put, now_us + RETRANSMIT_US, patient)
             self._wake(now_us + RETRANSMIT_US)
-        return numbered, put
+        return put
 
     def on_act(self, act: Act) -> bool:
         """Note an act that arrived and the acknowledgements it carries; False if it was seen before."""
@@ -161,20 +165,31 @@ class Delivery:
         self.counts["undelivered"] += len(undelivered)
         return puts, undelivered
 
-    def forget(self, unit: str) -> None:
-        """The platform is gone: nothing more is put to it."""
+    def peer_gone(self, unit: str) -> None:
+        """Nothing more is put to it; answers and ends that it may have missed wait for its return."""
         self._owed.pop(unit, None)
-        for name in [name for name in self._pending if name[0] == unit]:
-            del self._pending[name]
+        waiting = [name for name in self._pending if name[0] == unit]
+        acts = [pending.act for name in waiting if (pending := self._pending.pop(name)).is_patient]
+        if acts:
+            self._suspended[unit] = (self.boot_of(unit), acts[-SUSPENDED:])
+            while len(self._suspended) > SENDERS:
+                del self._suspended[next(iter(self._suspended))]
 
-    def meet(self, unit: str, boot: int) -> None:
-        """The directory says which life of `unit` is there, should its number be less than that of the last."""
+    def peer_appeared(self, unit: str, boot: int, now_us: int) -> list[Put]:
+        """Life `boot` of a platform is there: if it is the one that went, what it may have missed is put again.
+
+        The directory knows which life is there, should its number be less than that of the last.
+        """
         seen = self._seen.get(unit)
         if seen is not None and seen.boot != boot:
             self._seen[unit] = Seen(boot)
+        went, acts = self._suspended.pop(unit, (boot, []))
+        return [
+            self._put(replace(act, created_us=now_us, acks=()), now_us, patient=True) for act in acts if went == boot
+        ]
 
     def boot_of(self, unit: str) -> int | None:
-        """Which life of `unit` spoke last, if it spoke lately."""
+        """Which life of `unit` spoke last, if any was heard."""
         seen = self._seen.get(unit)
         return None if seen is None else seen.boot
 
@@ -184,9 +199,9 @@ class Delivery:
 
     def _give_up(self, now_us: int) -> None:
         """Too much is unacknowledged: the oldest act is not put again, and told to be undelivered."""
-        oldest = next((pending for pending in self._pending.values() if pending.quick or pending.patient), None)
+        oldest = next((pending for pending in self._pending.values() if pending.quick or pending.slow), None)
         if oldest is not None:
-            oldest.quick, oldest.patient, oldest.due_us = 0, 0, now_us
+            oldest.quick, oldest.slow, oldest.due_us = 0, 0, now_us
             self._wake(now_us)
 
     def _acknowledged(self, sender: str, seqs: Iterable[int]) -> None:

@@ -342,6 +342,8 @@ def test_the_loss_of_a_platform_ends_everything_with_it_and_nothing_else() -> No
 def test_who_was_thought_gone_is_told_what_was_dropped_meanwhile() -> None:
     a, b, said = opened(P.SUBSCRIBE)
     hear(a, b.answer(said, P.AGREE, GOTO, 0)[0])
+    for receipt in a.flush():
+        hear(b, receipt)
     b.peer_gone("a")  # a stood still and noticed nothing
     (failure,) = b.peer_appeared("a", 1, 5)
     reply = only_reply(hear(a, failure))
@@ -407,7 +409,7 @@ class Talk:
         self.incoming: Counter[tuple[str, int, str]] = Counter()
         self.ended: Counter[str] = Counter()
         self.openings: set[str] = set()
-        self.standing: dict[tuple[str, str], Act] = {}
+        self.blind: set[tuple[str, str]] = set()
 
     def say(self) -> None:
         unit, peer = self.random.sample(sorted(self.nodes), 2)
@@ -441,6 +443,20 @@ class Talk:
                         self.take(unit, self.nodes[unit].cancel(conversation, opening.receiver.unit, self.now_us))
                 case TimedOut(conversation):
                     self.ended[conversation] += 1
+                case PeerLost(conversation, _, _, ours):
+                    self.ended[conversation] += ours
+
+    def lose_sight(self, unit: str, peer: str) -> None:
+        """`unit` thinks that `peer` is gone, which may be so or not; or sees it again."""
+        if (unit, peer) in self.blind:
+            self.see_again(unit, peer)
+        else:
+            self.blind.add((unit, peer))
+            self.take(unit, self.nodes[unit].peer_gone(peer))
+
+    def see_again(self, unit: str, peer: str) -> None:
+        self.blind.discard((unit, peer))
+        self.take(unit, self.nodes[unit].peer_appeared(peer, self.nodes[peer].boot, self.now_us))
 
     def agent(self, unit: str, said: Act) -> None:
         node = self.nodes[unit]
@@ -474,14 +490,20 @@ class Talk:
 
 
 @settings(max_examples=80, deadline=None)
-@given(st.integers(0, 2**32), st.sampled_from([0.0, 0.1, 0.4]))
-def test_on_any_wire_acts_are_heard_once_and_conversations_end_once_on_both_sides(seed: int, loss: float) -> None:
+@given(st.integers(0, 2**32), st.sampled_from([0.0, 0.1, 0.4]), st.booleans())
+def test_on_any_wire_acts_are_heard_once_and_conversations_end_once_on_both_sides(
+    seed: int, loss: float, losing_sight: bool
+) -> None:
     talk = Talk(seed, loss)
     for _ in range(30):
         talk.say()
         talk.cut = talk.random.random() < 0.2
+        if losing_sight and talk.random.random() < 0.2:
+            talk.lose_sight(*talk.random.sample(sorted(talk.nodes), 2))
         talk.run(talk.random.random() * 0.8)
     talk.cut, talk.loss = False, 0.0
+    for unit, peer in sorted(talk.blind):
+        talk.see_again(unit, peer)
     talk.run(30)
     assert set(talk.incoming.values()) <= {1}, "no act is taken twice"
     assert set(talk.ended.values()) <= {0, 1}, "no conversation ends twice"
