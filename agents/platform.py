@@ -277,7 +277,7 @@ class Platform:
                 if not (self.clocks.on_ask_ended(event) or self.importer.on_ask_ended(event)):
                     self.directory.on_ask_ended(event)
             case Conflated():
-                self.refused["conflated"] += event.count
+                self.refused["conflated"] += event.lost
             case HandlerFailed():
                 self._out.append(Note(event.at_us, f"{event.where}: {event.error}"))
             case Leave():

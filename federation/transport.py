@@ -59,11 +59,11 @@ class AskEnded(NamedTuple):
 
 
 class Conflated(NamedTuple):
-    """The mailbox replaced or refused `count` events of `key` since the last one."""
+    """The mailbox replaced or refused `lost` events of `key` since the last one."""
 
     key: str
     at_us: int
-    count: int
+    lost: int
 
 
 class HandlerFailed(NamedTuple):
