@@ -182,21 +182,25 @@ class PositionFilter:
             self._refuse(reason)
             return []
         motion = self._motion
-        if motion is None or self._begins(report, motion):
+        if motion is None:
+            self._start(report)
+            return self._accepted(report, now_us)
+        measured = self._measured(report)
+        if self._begins(report, measured, motion):
             self._start(report)
         elif report.valid_us < motion.oldest_us:
             return self._on_disagreement(report, faults.TOO_LATE, now_us)
-        elif not self._agrees(report, motion):
+        elif not self._agrees(measured, motion):
             return self._on_disagreement(report, faults.TELEPORT, now_us)
         else:
-            motion.fuse(self._measured(report))
+            motion.fuse(measured)
         return self._accepted(report, now_us)
 
-    def _begins(self, report: PositionReport, motion: Motion) -> bool:
+    def _begins(self, report: PositionReport, measured: Measurement, motion: Motion) -> bool:
         """Nothing of the past helps: the first altitude, or a long silence after which the place is still credible."""
         first_altitude = self._altitude_us == 0 and report.altitude_m is not None
         long_silent = report.valid_us > self._position_us + _LONGEST_SILENCE_US
-        return (first_altitude or long_silent) and self._reachable(report, motion)
+        return (first_altitude or long_silent) and self._reachable(measured, motion)
 
     def _accepted(self, report: PositionReport, now_us: int) -> list[Sample]:
         self._candidate, self._reason = None, faults.SILENT
@@ -237,23 +241,23 @@ class PositionFilter:
         self._position_us = report.valid_us
         self._altitude_us = report.valid_us if report.altitude_m is not None else 0
 
-    def _agrees(self, report: PositionReport, motion: Motion) -> bool:
-        """Innovation gate, one for the level rows and one for the altitude, and nothing faster than `speed_m_s`."""
-        measured = self._measured(report)
-        state = motion.at(report.valid_us)
-        spread = state.covariance.diagonal()
-        squares = [
-            (value - float(state.mean[row])) ** 2 / (float(spread[row]) + variance + self._limits.allowance_m**2)
-            for row, (value, variance) in enumerate(zip(measured.values, measured.variances, strict=True))
-        ]
-        return sum(squares) <= self._limits.gate and self._reachable(report, motion)
+    def _agrees(self, measured: Measurement, motion: Motion) -> bool:
+        """Innovation gate, with what sources may honestly disagree by; and nothing is faster than `speed_m_s`."""
+        state = motion.at(measured.valid_us)
+        mean, spread = state.mean.tolist(), state.covariance.diagonal().tolist()
+        squares = (
+            (value - there) ** 2 / (predicted + variance + self._limits.allowance_m**2)
+            for value, variance, there, predicted in zip(
+                measured.values, measured.variances, mean, spread, strict=False
+            )
+        )
+        return sum(squares) <= self._limits.gate and self._reachable(measured, motion)
 
-    def _reachable(self, report: PositionReport, motion: Motion) -> bool:
-        measured = self._measured(report)
-        there = motion.latest.mean
-        moved = math.hypot(measured.values[0] - float(there[0]), measured.values[1] - float(there[1]))
-        seconds = abs(report.valid_us - motion.latest.valid_us) / 1e6
-        spread = math.sqrt(float(motion.latest.covariance[0, 0]) + measured.variances[0])
+    def _reachable(self, measured: Measurement, motion: Motion) -> bool:
+        latest = motion.latest
+        moved = math.dist(measured.values[:2], latest.mean[:2].tolist())
+        seconds = abs(measured.valid_us - latest.valid_us) / 1e6
+        spread = math.sqrt(float(latest.covariance[0, 0]) + measured.variances[0])
         return moved <= self._limits.speed_m_s * seconds + 5 * spread + 3 * self._limits.allowance_m
 
     def _on_disagreement(self, report: PositionReport, reason: str, now_us: int) -> list[Sample]:
@@ -285,7 +289,7 @@ class PositionFilter:
         if reason is None and report.valid_us > now_us + self._limits.ahead_us:
             reason = faults.AHEAD
         if reason is not None:
-            self._refuse(reason)
+            self.rejected[reason] += 1
             return
         stated = report.sd_m_s if isinstance(report, VelocityReport) else None
         variance = max(stated or self._accuracy.velocity_m_s, 0.01) ** 2

@@ -23,6 +23,10 @@ HISTORY_US = 1_000_000
 HISTORY_STATES = 128
 _UNKNOWN_SPEED_VARIANCE = 100.0
 _IDENTITY = np.eye(6)
+_PUSH_PLACE, _PUSH_SPEED = _IDENTITY[:, :3], _IDENTITY[:, 3:]
+_SHIFT = np.eye(6, k=3)
+_BETWEEN = _SHIFT + _SHIFT.T
+_PLACES, _SPEEDS = np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]), np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
 _OBSERVE = {"position": (0, 1, 2), "level": (0, 1), "velocity": (3, 4, 5), "level velocity": (3, 4)}
 _MATRICES = {kind: _IDENTITY[list(rows)] for kind, rows in _OBSERVE.items()}
 
@@ -112,16 +116,15 @@ class Motion:
         dt = (valid_us - state.valid_us) / 1e6
         measured = self._acceleration(state.valid_us, valid_us)
         density = self._densities[measured is not None]
-        transition, noise, push = _IDENTITY.copy(), np.zeros((6, 6)), np.zeros((6, 3))
-        for axis in range(3):
-            transition[axis, axis + 3] = push[axis + 3, axis] = dt
-            push[axis, axis] = dt * dt / 2
-            noise[axis, axis] = density * dt**3 / 3
-            noise[axis, axis + 3] = noise[axis + 3, axis] = density * dt * dt / 2
-            noise[axis + 3, axis + 3] = density * dt
+        transition = _IDENTITY + dt * _SHIFT
+        noise = density * (dt**3 / 3 * _PLACES + dt * dt / 2 * _BETWEEN + dt * _SPEEDS)
         kalman = self._filter
         kalman.x, kalman.P = state.mean, state.covariance
-        kalman.predict(u=np.array(measured or (0.0, 0.0, 0.0)), B=push, F=transition, Q=noise)
+        if measured is None:
+            kalman.predict(F=transition, Q=noise)
+        else:
+            push = dt * dt / 2 * _PUSH_PLACE + dt * _PUSH_SPEED
+            kalman.predict(u=np.array(measured), B=push, F=transition, Q=noise)
         return State(valid_us, kalman.x, kalman.P)
 
     def _updated(self, state: State, measurement: Measurement) -> State:

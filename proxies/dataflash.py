@@ -9,10 +9,7 @@ import math
 import mmap
 import struct
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
-
-from pymavlink.DFReader import DFFormat, DFMessage
+from typing import Any, NamedTuple
 
 from navigation.vehicle import (
     AccelerationReport,
@@ -36,57 +33,98 @@ _LEAPS = ((1_025_136_016, 16), (1_119_744_017, 17), (1_167_264_018, 18))
 _PADDING = 528
 _WANTED = frozenset({"GPS", "GPA", "UBX3", "ATT", "IMU", "CURR", "BAT", "PARM", "MODE", "EV", "CMD", "ORGN"})
 _COPTER, _ARDUPILOT = 2, 3
+_SOLID_FIX = 3
+_SHORTEST = 3
 _ARMED, _DISARMED, _LANDED, _IN_AIR = 10, 11, 18, 28
+
+
+_CODES: dict[str, tuple[str, float | None]] = {
+    "a": ("64s", None), "b": ("b", 1), "B": ("B", 1), "h": ("h", 1), "H": ("H", 1), "i": ("i", 1), "I": ("I", 1),
+    "f": ("f", 1), "d": ("d", 1), "n": ("4s", None), "N": ("16s", None), "Z": ("64s", None), "c": ("h", 0.01),
+    "C": ("H", 0.01), "e": ("i", 0.01), "E": ("I", 0.01), "L": ("i", 1e-7), "M": ("B", 1), "q": ("q", 1), "Q": ("Q", 1),
+}  # fmt: skip
+"""Format character of a column: its struct, and what its number is multiplied with (None: text)."""
+
+Row = dict[str, Any]
+
+
+class _Layout(NamedTuple):
+    """`name` is empty for records that can only be passed over."""
+
+    name: str
+    length: int
+    body: struct.Struct
+    columns: tuple[str, ...]
+    factors: tuple[float | None, ...]
+
+    def row(self, body: bytes) -> Row:
+        values = zip(self.columns, self.body.unpack(body), self.factors, strict=True)
+        return {name: _text(value) if factor is None else value * factor for name, value, factor in values}
+
+
+def _text(value: bytes) -> str:
+    return value.split(b"\0", 1)[0].decode("ascii", "replace")
+
+
+def _layout(name: str, length: int, codes: str, columns: str) -> _Layout | None:
+    """None where the declaration contradicts itself."""
+    names = tuple(filter(None, columns.split(",")))
+    if len(names) != len(codes) or not all(code in _CODES for code in codes):
+        return None
+    body = struct.Struct("<" + "".join(_CODES[code][0] for code in codes))
+    factors = tuple(_CODES[code][1] for code in codes)
+    return _Layout(name, length, body, names, factors) if body.size + _SHORTEST == length else None
+
+
+_FORMATS = _Layout(
+    "FMT", 89, struct.Struct("<BB4s16s64s"), ("Type", "Length", "Name", "Format", "Columns"), (1, 1, None, None, None)
+)
 
 
 class DataflashRecording(Recording):
     reference = "GPS"
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-
     def reports(self) -> Iterator[tuple[int, Report]]:
         rows = _Rows()
-        for row in self._records():
-            for report in rows.on_row(row):
+        for name, row in self._records():
+            for report in rows.on_row(name, row):
                 yield report.valid_us, report
 
-    def _records(self) -> Iterator[Any]:
-        formats: dict[int, Any] = {_FMT: DFFormat(_FMT, "FMT", 89, "BBnNZ", "Type,Length,Name,Format,Columns")}
+    def _records(self) -> Iterator[tuple[str, Row]]:
+        layouts = {_FMT: _FORMATS}
         with self.bytes() as data:
             if data[:2] != _HEAD:
                 raise self.damage(0, "not an ArduPilot dataflash log", "a .bin file begins with the bytes A3 95")
             offset, size = 0, len(data)
             while offset < size:
-                layout = (
-                    formats.get(data[offset + 2]) if data[offset : offset + 2] == _HEAD and offset + 2 < size else None
-                )
+                layout = None
+                if offset + 2 < size and data[offset : offset + 2] == _HEAD:
+                    layout = layouts.get(data[offset + 2])
                 if layout is None:
-                    offset = self._passed_over(data, offset, formats)
+                    offset = self._passed_over(data, offset, layouts)
                     continue
-                if offset + layout.len > size:
+                if offset + layout.length > size:
                     self.note(offset, f"the last record ({layout.name}) is cut off")
                     return
-                if layout.type == _FMT or layout.name in _WANTED:
-                    row = _row(layout, data[offset + 3 : offset + layout.len])
-                    if row is None:
-                        self.note(offset, f"a {layout.name} record that its layout does not fit")
-                    elif layout.type == _FMT:
-                        self._declare(formats, row, offset)
-                    else:
-                        yield row
-                offset += layout.len
+                if layout is _FORMATS:
+                    self._declare(layouts, layout.row(data[offset + 3 : offset + layout.length]), offset)
+                elif layout.name in _WANTED:
+                    yield layout.name, layout.row(data[offset + 3 : offset + layout.length])
+                offset += layout.length
 
-    def _declare(self, formats: dict[int, Any], row: Any, offset: int) -> None:
-        try:
-            formats[row.Type] = DFFormat(row.Type, row.Name, row.Length, row.Format, row.Columns)
-        except (KeyError, ValueError, IndexError, struct.error) as error:
-            self.note(offset, f"an FMT record that declares nothing readable ({error})")
+    def _declare(self, layouts: dict[int, _Layout], row: Row, offset: int) -> None:
+        kind, length = row["Type"], row["Length"]
+        layout = _layout(row["Name"], length, row["Format"], row["Columns"])
+        if layout is None:
+            self.note(offset, f"a declaration of {row['Name']!r} that contradicts itself")
+            layout = _Layout("", length, struct.Struct(""), (), ())
+        if kind != _FMT and length >= _SHORTEST:
+            layouts[kind] = layout
 
-    def _passed_over(self, data: mmap.mmap, offset: int, formats: dict[int, Any]) -> int:
+    def _passed_over(self, data: mmap.mmap, offset: int, layouts: dict[int, _Layout]) -> int:
         """Where the next record begins. Blocks of flash end in padding, which is no damage."""
         at = data.find(_HEAD, offset + 1)
-        while at != -1 and (at + 2 >= len(data) or data[at + 2] not in formats):
+        while at != -1 and (at + 2 >= len(data) or data[at + 2] not in layouts):
             at = data.find(_HEAD, at + 1)
         if at == -1:
             if len(data) - offset >= _PADDING:
@@ -94,13 +132,6 @@ class DataflashRecording(Recording):
             return len(data)
         self.note(offset, f"{at - offset} bytes that are no records")
         return at
-
-
-def _row(layout: Any, body: bytes) -> Any | None:
-    try:
-        return DFMessage(layout, list(struct.unpack(layout.msg_struct, body)), True, None)
-    except (struct.error, UnicodeDecodeError):
-        return None
 
 
 def utc_us(week: int, milliseconds: float) -> int:
@@ -122,90 +153,92 @@ class _Rows:
         self._mode = ("", False)
         self._now_us = 0
 
-    def on_row(self, row: Any) -> tuple[Report, ...]:
-        name = row.fmt.name
-        if name == "GPS":
-            self._tie(row)
-        boot_us = _boot_us(row)
-        if boot_us is not None and self._offset_us is not None:
-            self._now_us = boot_us + self._offset_us
-        made = self._made(name, row)
+    def on_row(self, name: str, row: Row) -> tuple[Report, ...]:
+        """What a row reports; nothing for a version of it without the columns we read."""
+        try:
+            if name == "GPS":
+                self._tie(row)
+            boot_us = _boot_us(name, row)
+            if boot_us is not None and self._offset_us is not None:
+                self._now_us = boot_us + self._offset_us
+            made = self._made(name, row)
+        except KeyError:
+            return ()
         return made if self._offset_us is not None else ()
 
-    def _made(self, name: str, row: Any) -> tuple[Report, ...]:
+    def _made(self, name: str, row: Row) -> tuple[Report, ...]:
         match name:
             case "GPS":
                 return self._on_fix(row)
             case "GPA":
-                self._accuracy = (row.HAcc, row.VAcc, row.SAcc)
+                self._accuracy = (row["HAcc"], row["VAcc"], row["SAcc"])
             case "UBX3":
-                self._accuracy = (row.hAcc, row.vAcc, row.sAcc)
+                self._accuracy = (row["hAcc"], row["vAcc"], row["sAcc"])
             case "ATT":
-                angles = (math.radians(each) for each in (row.Roll, row.Pitch, row.Yaw))
+                angles = (math.radians(row[each]) for each in ("Roll", "Pitch", "Yaw"))
                 return (AttitudeReport(self._now_us, "ATT", *angles),)
-            case "IMU" if getattr(row, "I", 0) == 0:
-                return (AccelerationReport(self._now_us, "IMU", row.AccX, row.AccY, row.AccZ),)
+            case "IMU" if row.get("I", 0) == 0:
+                return (AccelerationReport(self._now_us, "IMU", row["AccX"], row["AccY"], row["AccZ"]),)
             case "CURR" | "BAT":
-                return self._on_battery(row)
-            case "PARM" if row.Name == "BATT_CAPACITY":
-                self._capacity_mah = row.Value
+                return self._on_battery(name, row)
+            case "PARM" if row["Name"] == "BATT_CAPACITY":
+                self._capacity_mah = row["Value"]
             case "MODE" | "EV":
                 return self._on_event(name, row)
             case "CMD" | "ORGN":
                 return self._on_home(name, row)
         return ()
 
-    def _tie(self, row: Any) -> None:
-        if self._offset_us is not None or row.Status < 3:
+    def _tie(self, row: Row) -> None:
+        if self._offset_us is not None or row["Status"] < _SOLID_FIX:
             return
-        week, in_week_ms = (row.GWk, row.GMS) if hasattr(row, "GWk") else (row.Week, row.TimeMS)
-        boot_us = _boot_us(row)
+        week, in_week_ms = (row["GWk"], row["GMS"]) if "GWk" in row else (row["Week"], row["TimeMS"])
+        boot_us = _boot_us("GPS", row)
         if boot_us is not None:
             self._offset_us = utc_us(week, in_week_ms) - boot_us
 
-    def _on_fix(self, row: Any) -> tuple[Report, ...]:
-        if row.Status < 3 or getattr(row, "I", 0) != 0:
+    def _on_fix(self, row: Row) -> tuple[Report, ...]:
+        if row["Status"] < _SOLID_FIX or row.get("I", 0) != 0:
             return ()
         level_m, steep_m, speed_m_s = (each if each and each > 0 else None for each in self._accuracy)
-        course = math.radians(row.GCrs)
-        north, east = row.Spd * math.cos(course), row.Spd * math.sin(course)
+        course = math.radians(row["GCrs"]) if math.isfinite(row["GCrs"]) else 0.0
+        north, east = row["Spd"] * math.cos(course), row["Spd"] * math.sin(course)
+        at = row["Lat"], row["Lng"], row["Alt"]
         return (
-            VelocityReport(self._now_us, "GPS", north, east, row.VZ, speed_m_s or 0.5),
-            PositionReport(
-                self._now_us, "GPS", row.Lat, row.Lng, row.Alt, level_m or max(1.0, row.HDop), steep_m or 3.0
-            ),
+            VelocityReport(self._now_us, "GPS", north, east, row["VZ"], speed_m_s or 0.5),
+            PositionReport(self._now_us, "GPS", *at, level_m or max(1.0, row["HDop"]), steep_m or 3.0),
         )
 
-    def _on_battery(self, row: Any) -> tuple[Report, ...]:
-        if self._capacity_mah <= 0 or getattr(row, "Instance", 0) != 0:
+    def _on_battery(self, name: str, row: Row) -> tuple[Report, ...]:
+        left = 1 - row["CurrTot"] / self._capacity_mah if self._capacity_mah > 0 else math.nan
+        if not math.isfinite(left) or row.get("Instance", 0) != 0:
             return ()
-        current_a = row.Curr if row.fmt.name == "BAT" else row.Curr / 100
-        left = min(1.0, max(0.0, 1 - row.CurrTot / self._capacity_mah))
-        return (BatteryReport(self._now_us, left, current_a),)
+        current_a = row["Curr"] if name == "BAT" else row["Curr"] / 100
+        return (BatteryReport(self._now_us, min(1.0, max(0.0, left)), current_a),)
 
-    def _on_event(self, name: str, row: Any) -> tuple[Report, ...]:
+    def _on_event(self, name: str, row: Row) -> tuple[Report, ...]:
         if name == "MODE":
-            self._mode = flight_mode(_ARDUPILOT, _COPTER, int(row.ModeNum if hasattr(row, "ModeNum") else row.Mode))
-        elif row.Id in {_ARMED, _DISARMED}:
-            self._armed = row.Id == _ARMED
-        elif row.Id in {_LANDED, _IN_AIR}:
-            self._airborne = row.Id == _IN_AIR
+            number = row["ModeNum"] if "ModeNum" in row else row["Mode"]
+            self._mode = flight_mode(_ARDUPILOT, _COPTER, int(number))
+        elif row["Id"] in {_ARMED, _DISARMED}:
+            self._armed = row["Id"] == _ARMED
+        elif row["Id"] in {_LANDED, _IN_AIR}:
+            self._airborne = row["Id"] == _IN_AIR
         else:
             return ()
         return (StatusReport(self._now_us, self._armed, self._mode[1], self._airborne, self._mode[0]),)
 
-    def _on_home(self, name: str, row: Any) -> tuple[Report, ...]:
-        is_home = row.CNum == 0 if name == "CMD" else row.Type == 1
-        if not is_home or (row.Lat == 0 and row.Lng == 0):
+    def _on_home(self, name: str, row: Row) -> tuple[Report, ...]:
+        is_home = row["CNum"] == 0 if name == "CMD" else row["Type"] == 1
+        if not is_home or (row["Lat"] == 0 and row["Lng"] == 0):
             return ()
-        return (HomeReport(self._now_us, row.Lat, row.Lng, row.Alt),)
+        return (HomeReport(self._now_us, row["Lat"], row["Lng"], row["Alt"]),)
 
 
-def _boot_us(row: Any) -> int | None:
+def _boot_us(name: str, row: Row) -> int | None:
     """Time since boot. In older logs a GPS row's TimeMS is the satellites' and T the time since boot."""
-    names = row.fmt.columns
-    if "TimeUS" in names:
-        return int(row.TimeUS)
-    if row.fmt.name == "GPS" and "T" in names:
-        return int(row.T) * 1000
-    return int(row.TimeMS) * 1000 if "TimeMS" in names else None
+    if "TimeUS" in row:
+        return int(row["TimeUS"])
+    if name == "GPS" and "T" in row:
+        return int(row["T"]) * 1000
+    return int(row["TimeMS"]) * 1000 if "TimeMS" in row else None

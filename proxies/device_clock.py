@@ -34,8 +34,12 @@ class DeviceClock:
         if unix_us > _EPOCH_STAMP_US:
             self._unix_us = unix_us - boot_us
 
-    def valid_us(self, device_us: int | None, arrival_us: int) -> int | None:
-        """Our time of a device stamp that arrived at `arrival_us`; the arrival where there is none; None: disbelieved."""
+    def valid_us(self, device_us: int | None, arrival_us: int, *, witness: bool = True) -> int | None:
+        """Our time of a device stamp that arrived at `arrival_us`; the arrival where there is none; None: disbelieved.
+
+        `witness`: the stamp is the moment of sending, so the clock can be learned from it; one that is not is only
+        translated.
+        """
         if device_us is None:
             return arrival_us
         if device_us > _EPOCH_STAMP_US:
@@ -44,6 +48,8 @@ class DeviceClock:
             if self._unix_us is None:
                 return arrival_us
             device_us -= self._unix_us
+        if not witness:
+            return arrival_us if self._offset_us is None else min(arrival_us, device_us + self._ahead_us)
         found_us = arrival_us - device_us
         if self._offset_us is None:
             self._restart(device_us, found_us, arrival_us)
@@ -55,9 +61,12 @@ class DeviceClock:
             self._before_us, self._offset_us, self._window_from_us = self._offset_us, found_us, arrival_us
         elif self._offset_us is None or found_us < self._offset_us:
             self._offset_us = found_us
-        if self._driven and self._unix_us is not None:
-            return device_us + self._unix_us
-        return device_us + self._best_us
+        return device_us + self._ahead_us
+
+    @property
+    def _ahead_us(self) -> int:
+        """How far our clock is ahead of the device's."""
+        return self._unix_us if self._driven and self._unix_us is not None else self._best_us
 
     @property
     def _best_us(self) -> int:

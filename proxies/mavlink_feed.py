@@ -13,7 +13,7 @@ from navigation.vehicle import Command, CommandResult, HomeReport, PositionRepor
 from proxies.device_clock import DeviceClock
 from proxies.mavlink_orders import Errands, Outcome, Target, home_request, subscriptions
 from proxies.mavlink_port import MavlinkPort
-from proxies.mavlink_reports import VehicleReports, device_us, is_autopilot
+from proxies.mavlink_reports import VehicleReports, device_us, is_autopilot, tells_time
 
 _ASK_AGAIN_US = 2_000_000
 _SILENT_US = 3_000_000
@@ -87,7 +87,7 @@ class MavlinkFeed:
             with self._lock:
                 outcome = self._errands.on_ack(message, _wall_us())
             self._perform(outcome)
-        valid_us = self.clock.valid_us(device_us(message), arrival_us)
+        valid_us = self.clock.valid_us(device_us(message), arrival_us, witness=tells_time(message))
         if self.clock.reboots != self._reboots:
             self._reboots = self.clock.reboots
             self.known.on_reboot()

@@ -63,12 +63,20 @@ _NO_POSITION_MASK = 0b111
 
 
 def device_us(message: Any) -> int | None:
-    """When the message held by the vehicle's own clock, in microseconds since it booted or since 1970; None if unsaid."""
+    """When the message held by the vehicle's own clock, in microseconds since it booted or since 1970; None if unsaid.
+
+    HOME_POSITION carries a time as well, that at which home was set: it holds now.
+    """
     boot_ms = getattr(message, "time_boot_ms", None)
     if boot_ms is not None:
         return int(boot_ms) * 1000
     usec = getattr(message, "time_usec", None)
-    return int(usec) if usec else None
+    return int(usec) if usec and message.get_type() != "HOME_POSITION" else None
+
+
+def tells_time(message: Any) -> bool:
+    """Whether the stamp is the moment of sending. That of GPS_RAW_INT is the last fix, which may be long ago."""
+    return bool(message.get_type() != "GPS_RAW_INT")
 
 
 def is_autopilot(heartbeat: Any) -> bool:

@@ -13,12 +13,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from navigation.vehicle import Report
 from proxies.mavlink_frames import Frame, decoded, frame_at
-from proxies.mavlink_reports import VehicleReports, device_us, is_autopilot
+from proxies.mavlink_reports import VehicleReports, device_us, is_autopilot, tells_time
 from proxies.recordings import Recording
 
 _STAMP = struct.Struct(">Q")
 _EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # the years 2000 and 2100
 _REBOOT_US = 1_000_000
+_LONGEST = 8 + 12 + 255 + 13
 
 
 class TelemetryRecording(Recording):
@@ -43,7 +44,7 @@ class TelemetryRecording(Recording):
                 if message.get_type() != "HEARTBEAT" or not is_autopilot(message):
                     continue
                 system = frame.system
-            since_boot_us = device_us(message)
+            since_boot_us = device_us(message) if tells_time(message) else None
             if since_boot_us is not None:
                 if since_boot_us < booted_us - _REBOOT_US:
                     known.on_reboot()
@@ -58,7 +59,7 @@ class TelemetryRecording(Recording):
                 record = _record_at(data, offset)
                 if record is None or not record[1].whole:
                     found = _resumed(data, offset + 1)
-                    if found is None and record is None:
+                    if found is None and record is None and size - offset > _LONGEST:
                         raise self.damage(offset, "no records from here to the end")
                     if found is None:
                         self.note(offset, "the last record is cut off")

@@ -42,6 +42,7 @@ _CODES = {
     "bool": "?",
     "char": "c",
 }
+_LARGEST_ARRAY = 10_000
 _IMU_PERIOD_US = 20_000
 _HOLD_STATES = {4: "AUTO.LOITER", 14: "OFFBOARD"}
 _ARMED_STATE = 2
@@ -138,7 +139,10 @@ def _layout(name: str, definitions: dict[str, str], depth: int = 0) -> _Layout |
     for declared in filter(None, text.split(";")):
         kind, _, field = declared.partition(" ")
         kind, _, many = kind.partition("[")
-        count = int(many.rstrip("]")) if many else 1
+        number = many.rstrip("]") if many else "1"
+        if not number.isdecimal() or not 0 < int(number) <= _LARGEST_ARRAY:
+            return None
+        count = int(number)
         code = _CODES.get(kind)
         if code is None:
             nested = _layout(kind, definitions, depth + 1)

@@ -247,3 +247,55 @@ def test_a_port_in_use_is_named_with_its_remedy() -> None:
     held = MavlinkPort("udpin:127.0.0.1:0")
     with pytest.raises(OSError, match="another ground station"):
         MavlinkPort(f"udpin:127.0.0.1:{held.address[1]}")
+
+
+def test_a_vehicle_that_waits_to_be_spoken_to_is_called_and_heard() -> None:
+    """`udpout`: ours is the first word, a heartbeat."""
+    listening = Wire(("127.0.0.1", 1))
+    posted = Posted()
+    host, port = listening.socket.getsockname()
+    feed = MavlinkFeed(f"udpout:{host}:{port}", 1, posted.queue.put, now_us)
+    feed.start()
+    _, sender = listening.socket.recvfrom(1000)
+    listening.to = ("127.0.0.1", sender[1])
+    listening.send(heartbeat(), position(1000, lat=3.0))
+    assert posted.next(PositionReport).latitude_deg == 3.0
+    feed.stop()
+    listening.close()
+
+
+def test_a_handler_that_raises_does_not_end_the_hearing(wire: Wire, feed: MavlinkFeed, posted: Posted) -> None:
+    honest, feed._post = feed._post, lambda _report: 1 / 0
+    wire.send(heartbeat())
+    deadline = time.monotonic() + 5
+    while not feed.port.counts["failed: ZeroDivisionError"] and time.monotonic() < deadline:
+        wire.send(heartbeat())
+        wire.receive("HEARTBEAT", "COMMAND_LONG")
+    feed._post = honest
+    wire.send(position(1000, lat=4.0))
+    assert posted.next(PositionReport).latitude_deg == 4.0
+
+
+def test_after_a_reboot_the_vehicle_is_asked_again(wire: Wire, feed: MavlinkFeed, posted: Posted) -> None:
+    home = mavlink.MAVLink_home_position_message(470000000, 80000000, 500000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
+    wire.send(heartbeat(), position(600_000), home)
+    posted.next(HomeReport)
+    assert feed.known.home is not None
+    wire.send(*(position(1000 + k, lat=5.0) for k in range(3)), heartbeat())
+    assert posted.next(PositionReport).latitude_deg in {47.0, 5.0}
+    posted.next(StatusReport)
+    assert feed.clock.reboots == 1
+    assert feed.known.home is None
+    while wire.receive("COMMAND_LONG").command != mavlink.MAV_CMD_REQUEST_MESSAGE:
+        pass
+
+
+def test_a_home_that_was_set_long_ago_holds_now(wire: Wire, posted: Posted) -> None:
+    """PX4 stamps HOME_POSITION with the time at which home was set."""
+    wire.send(heartbeat(autopilot=mavlink.MAV_AUTOPILOT_PX4), position(600_000))
+    posted.next(PositionReport)
+    before = now_us()
+    wire.send(
+        mavlink.MAVLink_home_position_message(470000000, 80000000, 500000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0, 3_000_000)
+    )
+    assert before <= posted.next(HomeReport).valid_us <= now_us()
