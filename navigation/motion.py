@@ -53,19 +53,27 @@ class _Kept(NamedTuple):
     measurement: Measurement | None
 
 
+def kalman_filter() -> Any:
+    """A filterpy filter of six states. The first call imports scipy, half a second: make it before flying."""
+    from filterpy.kalman import KalmanFilter
+
+    return KalmanFilter(dim_x=6, dim_z=3)
+
+
 class Motion:
     """A filterpy `KalmanFilter` with a memory.
 
     Args:
         start: the first position measurement; its rows set the first state, velocity is unknown (10 m/s).
+        kalman: from `kalman_filter`; its state is set before each use, so it may be used again.
         acceleration: mean of the measured acceleration (NED, m/s^2) between two instants, or None where there is none.
         densities: acceleration noise density in m^2/s^3 without and with measured acceleration.
     """
 
-    def __init__(self, start: Measurement, acceleration: Acceleration, densities: tuple[float, float]) -> None:
-        from filterpy.kalman import KalmanFilter  # half a second to import: only where a filter starts
-
-        self._filter: Any = KalmanFilter(dim_x=6, dim_z=3)
+    def __init__(
+        self, start: Measurement, kalman: Any, acceleration: Acceleration, densities: tuple[float, float]
+    ) -> None:
+        self._filter = kalman
         self._acceleration, self._densities = acceleration, densities
         mean = np.zeros(6)
         mean[: len(start.values)] = start.values

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from navigation import faults
 from navigation.fusion import Accuracy, PositionFilter, run_filter
-from navigation.motion import Measurement, Motion
+from navigation.motion import Measurement, Motion, kalman_filter
 from navigation.vehicle import PositionReport, VelocityReport
 from tests.navigation.flights import HOME, START_US, position_at, straight, wandering
 
@@ -234,7 +234,7 @@ def test_when_only_the_altitude_goes_the_reason_says_so() -> None:
 def test_a_late_report_is_fused_where_it_belongs() -> None:
     def fused(order: list[int]) -> Motion:
         start = Measurement(0, "position", (0.0, 0.0, 0.0), (0.1, 0.1, 0.1))
-        motion = Motion(start, lambda _a, _b: None, (8.0, 4.0))
+        motion = Motion(start, kalman_filter(), lambda _a, _b: None, (8.0, 4.0))
         for k in order:
             motion.fuse(Measurement(k * 50_000, "position", (k * 0.3, -k * 0.1, 0.0), (0.1, 0.1, 0.1)))
         return motion
