@@ -60,6 +60,7 @@ class FederationAgent:
         """
         owner = act.conversation_id or ""
         hashes = self.export(content, owner, now_us)
+        asker = self._c.directory.entry(act.sender.unit)
         self._c.tasks.add(
             Task(
                 owner,
@@ -67,6 +68,7 @@ class FederationAgent:
                 "create-multicast",
                 lambda at_us: self.end_exports(hashes, at_us),
                 since_us=now_us,
+                is_part=asker is not None and asker.kind == "uav",
             )
         )
         self._c.desk.answer(act, Performative.AGREE, None, now_us)

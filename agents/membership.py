@@ -59,7 +59,7 @@ class Membership:
             case NameConflict():
                 self._p.halt(f"another platform is called {change.unit} already; choose another --unit")
             case PlatformRefused():
-                self._p.note(f"{change.unit} cannot federate with this platform: {change.why}")
+                self._refused(change)
             case PlatformSuspected() | ServiceGone() | LabelGone():
                 pass
             case _:
@@ -104,6 +104,14 @@ class Membership:
             self._departed.set(unit, now_us + FORGOTTEN_US)
         self._p.coordination.on_gone(unit, now_us)
         self._p.giving_way.on_gone(unit, now_us)
+
+    def _refused(self, change: PlatformRefused) -> None:
+        """Two platforms that cannot federate: of two clocks the one that was there first stays."""
+        entry = self._p.directory.entry(change.unit)
+        if "clock" in change.why and entry is not None and entry.kind == "uav" and change.boot < self._p.config.boot:
+            self._p.halt(f"{change.unit} is in this federation already and {change.why}: join with the same clock")
+        else:
+            self._p.note(f"{change.unit} cannot federate with this platform: {change.why}")
 
     # -- clocks ------------------------------------------------------------------------------------------------
 

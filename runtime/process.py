@@ -12,17 +12,19 @@ import sys
 import threading
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from queue import Empty
 from typing import TYPE_CHECKING, Any, Protocol
 
 from agents.effects import Event, Halt, InjectFault, Leave, Note, Reported
 from agents.interface import Trust
 from agents.plans import PlanBook
 from agents.platform import Platform, PlatformConfig
-from dyknow.errors import DyknowError, RosterError
+from dyknow.errors import DecodeError, DyknowError, RosterError
 from federation import contents
 from federation.clock import FederationClock
+from federation.codec import decode_description
 from federation.ontology import Translation, default_ontology
-from federation.transport import Put
+from federation.transport import Answered, Ask, AskEnded, Put
 from federation.trust import Roster, Signer, Verifier
 from navigation.vehicle import Command, Report
 from proxies.zenoh_config import ZenohOptions
@@ -35,6 +37,10 @@ from runtime.mailbox import Mailbox
 
 if TYPE_CHECKING:
     from runtime.journal import Journal
+
+
+ASK_US = 500_000
+"""How long a process that joins a faster federation waits to be told its epoch."""
 
 
 class VehicleEdge(Protocol):
@@ -84,12 +90,14 @@ class Process:
 
     def run(self) -> int:
         """Join, step until stopped, leave; the exit code."""
-        fitted = self._make_vehicle(self.config, self._federation_clock, self.clock, self._reported, self.stop)
-        self._vehicle = fitted.edge
         contents.prepare()
         PlanBook(self.config.unit, builtin_profiles()).prepare()
         self._edge.open()
         try:
+            if self.config.clock.epoch_us is None and self.config.clock.speed != 1.0:
+                self._adopt_epoch()
+            fitted = self._make_vehicle(self.config, self._federation_clock, self.clock, self._reported, self.stop)
+            self._vehicle = fitted.edge
             self._serve(fitted)
         finally:
             if self._vehicle is not None:
@@ -119,6 +127,23 @@ class Process:
                 break
         self._perform_all(platform.on_event(Leave(self.clock.now_us()), self.clock.now_us()))
         self._say({"event": "ended", "unit": self.config.unit, "at_us": self.clock.now_us()})
+
+    def _adopt_epoch(self) -> None:
+        """Take over the epoch of a federation that is there and runs at our speed, so that all clocks agree."""
+        self._edge.perform(Ask(0, "*/df", b"", ASK_US))
+        until_us = self.clock.now_us() + 2 * ASK_US
+        while (left_us := until_us - self.clock.now_us()) > 0:
+            try:
+                event = self.mailbox.get(left_us / 1e6)
+            except Empty:
+                return
+            if isinstance(event, AskEnded):
+                return
+            if isinstance(event, Answered):
+                with contextlib.suppress(DecodeError):
+                    found = decode_description(event.payload)
+                    if found.kind == "uav" and found.clock_speed == self.config.clock.speed:
+                        self._federation_clock = FederationClock(found.clock_epoch_us, found.clock_speed)
 
     def stop(self) -> None:
         """End the process; from any thread, or a signal."""

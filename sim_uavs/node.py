@@ -102,8 +102,6 @@ def make_vehicle(
     def now_us() -> int:
         return clock.federation_us(node_clock.now_us())
 
-    import filterpy.kalman  # noqa: F401  half a second: before the session opens, not while others wait for us
-
     limits = FlightLimits(config.floor_m, config.ceiling_m)
     vehicle = config.vehicle
     match vehicle:
@@ -185,6 +183,8 @@ def main() -> int:
         config = NodeConfig.model_validate_json(path.read_bytes())
     except (OSError, ValidationError) as wrong:
         parser.error(f"{path}: {wrong}")
+    if config.vehicle.kind != "none":
+        import filterpy.kalman  # noqa: F401  half a second: before the session opens, not while others wait for us
     return serve(config, make_vehicle)
 
 
