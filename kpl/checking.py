@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from typing import Any, Final, Literal, TypeAlias
 
-from dyknow.errors import TextError, TextErrors
+from dyknow.errors import TextError
 from kpl.numbers import number_time_us
-from kpl.parsing import parse_formula
+from kpl.parsing import raise_all, read_tree
 from reasoning.formulas import (
     TEMPORAL,
     Abs,
@@ -73,7 +73,11 @@ class Vocabulary:
 
 def read_formula(text: str, vocabulary: Vocabulary | None = None, file: str = "") -> Formula:
     """Parse and check in one go; raises TextError with everything that is wrong."""
-    return check(parse_formula(text, file), vocabulary or Vocabulary(), text, file)
+    formula, errors = read_tree(text, file)
+    checker = _Checker(vocabulary or Vocabulary(), text, file)
+    found = checker.resolve(formula)
+    raise_all(errors + checker.errors)
+    return found
 
 
 def check(formula: Formula, vocabulary: Vocabulary, text: str = "", file: str = "") -> Formula:
@@ -83,9 +87,8 @@ def check(formula: Formula, vocabulary: Vocabulary, text: str = "", file: str = 
         TextErrors: with every error, in the order of the text.
     """
     checker = _Checker(vocabulary, text, file)
-    found = checker.truth(formula)
-    if checker.errors:
-        raise TextErrors(tuple(sorted(checker.errors, key=lambda error: (error.line, error.column))))
+    found = checker.resolve(formula)
+    raise_all(checker.errors)
     return found
 
 
@@ -99,6 +102,13 @@ class _Checker:
         self.errors.append(
             TextError(message, text=self._text, line=line, column=column, width=width, repair=repair, file=self._file)
         )
+
+    def resolve(self, formula: Formula) -> Formula:
+        """The whole formula; the errors met are in `errors`."""
+        try:
+            return self.truth(formula)
+        except RecursionError:
+            raise TextError("nested too deep for where this is checked", file=self._file, repair="nest less") from None
 
     def truth(self, node: Formula) -> Formula:
         """A node where a truth value is wanted."""

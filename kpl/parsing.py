@@ -55,12 +55,25 @@ def parse_formula(text: str, file: str = "") -> Formula:
         TextError: at the first place where the text leaves the grammar or a limit.
         TextErrors: with everything else that is wrong: ambiguous readings, numbers, intervals.
     """
+    found, errors = read_tree(text, file)
+    raise_all(errors)
+    return found
+
+
+def read_tree(text: str, file: str = "") -> tuple[Formula, list[TextError]]:
+    """One formula, and what is wrong with it beyond the grammar; raises TextError where it leaves the grammar."""
     tree = parse_tree(text, "formula_only", file)
     reader = _Reader(text, file)
-    found = reader.read(tree.children[0], frozenset())
-    if reader.errors:
-        raise TextErrors(tuple(sorted(reader.errors, key=lambda error: (error.line, error.column))))
-    return found
+    try:
+        return reader.read(tree.children[0], frozenset()), reader.errors
+    except RecursionError:
+        raise TextError("nested too deep for where this is read", file=file, repair="nest less") from None
+
+
+def raise_all(errors: list[TextError]) -> None:
+    """Raise TextErrors with all of them, in the order of the text, if there are any."""
+    if errors:
+        raise TextErrors(tuple(sorted(errors, key=lambda error: (error.line, error.column))))
 
 
 def place_of(node: "Tree[Token] | Token", text: str) -> Place:

@@ -14,6 +14,7 @@ from dyknow.errors import TextError
 from dyknow.sample import Value
 from dyknow.values import NO_VALUE
 from reasoning.formulas import (
+    LIMIT_NODES,
     Abs,
     And,
     Arithmetic,
@@ -34,15 +35,13 @@ from reasoning.formulas import (
     Since,
     domain_members,
     instantiate,
+    too_large,
 )
 
 Truth: TypeAlias = bool | None
 NoValuePolicy: TypeAlias = Literal["undecided", "false", "true", "skip"]
 UNKNOWN: Final[dict[str, Truth]] = {"undecided": None, "false": False, "true": True, "skip": None}
 """What an atom over `no_value` is under each policy; `skip` never comes to evaluating one."""
-
-LIMIT_NODES = 200_000
-"""A formula that expands to more nodes than this over its domains is refused."""
 
 
 class Moment(NamedTuple):
@@ -90,10 +89,7 @@ class Compiler:
         """One more node; raises TextError when the formula has grown too large."""
         self._nodes_left -= 1
         if self._nodes_left < 0:
-            raise TextError(
-                f"the formula expands to more than {LIMIT_NODES} parts over its domains",
-                repair="quantify over fewer objects, or nest fewer quantifiers",
-            )
+            raise too_large()
 
     def test(self, formula: Formula) -> Test:
         """The truth of a formula without temporal operators.
@@ -163,7 +159,7 @@ class Compiler:
         variable, body = formula.variable, formula.body
         if not formula.growing:
             members = domain_members(formula.domain, self.domains)
-            return join(self._tests(tuple(instantiate(body, variable, one) for one in members)))
+            return join(tuple([self.test(instantiate(body, variable, one)) for one in members]))
         compiled: dict[str, Test] = {}
         domain = formula.domain
 

@@ -5,11 +5,15 @@ compared. Times are microseconds. A formula has no free variables once it is rea
 or a `Variable` bound by a quantifier further up.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, NamedTuple, TypeAlias
+from functools import cache, partial
+from typing import Any, Final, NamedTuple, TypeAlias
 
-from dyknow.errors import UnknownLabel
+from dyknow.errors import TextError, UnknownLabel
+
+LIMIT_NODES: Final = 50_000
+"""A formula that expands to more nodes than this over its domains is refused."""
 
 
 class Place(NamedTuple):
@@ -238,12 +242,18 @@ Domains: TypeAlias = Mapping[str, Iterable[str]]
 
 def children(node: Any) -> Iterator[Any]:
     """The nodes directly inside `node`."""
-    for each in fields(node):
-        inside = getattr(node, each.name)
+    for name in _parts(node.__class__):
+        inside = getattr(node, name)
         if isinstance(inside, Node):
             yield inside
-        elif isinstance(inside, tuple) and not isinstance(inside, Place):
+        elif isinstance(inside, tuple):
             yield from (one for one in inside if isinstance(one, Node))
+
+
+@cache
+def _parts(kind: type) -> tuple[str, ...]:
+    """Names of the fields that make a node, its place left out."""
+    return tuple(each.name for each in fields(kind) if each.name != "place")
 
 
 def walk(formula: Any) -> Iterator[Any]:
@@ -271,18 +281,18 @@ def _put(node: Any, variable: str, member: str) -> Any:
         return Const(member, place=node.place) if node.name == variable else node
     changed: dict[str, Any] = {}
     shadowed = isinstance(node, Forall | Exists) and node.variable == variable
-    for each in fields(node):
-        inside = getattr(node, each.name)
-        if shadowed and each.name == "body":
+    for name in _parts(node.__class__):
+        inside = getattr(node, name)
+        if shadowed and name == "body":
             continue
         if isinstance(inside, Node):
             new: Any = _put(inside, variable, member)
-        elif isinstance(inside, tuple) and each.name != "place":
+        elif isinstance(inside, tuple):
             new = _put_each(inside, variable, member)
         else:
             continue
         if new is not inside:
-            changed[each.name] = new
+            changed[name] = new
     return replace(node, **changed) if changed else node
 
 
@@ -335,17 +345,41 @@ def split_growing(formula: Formula) -> tuple[str, Domain, Formula] | None:
 
 
 def required_labels(formula: Formula, domains: Domains | None = None) -> tuple[str, ...]:
-    """Labels of every feature the formula reads, quantifiers expanded over `domains`; events are not features."""
-    found: dict[str, None] = {}
-    waiting: list[Any] = [formula]
+    """Labels of every feature the formula reads, quantifiers expanded over `domains`; events are not features.
+
+    Raises:
+        UnknownLabel: if a quantifier ranges over a domain that `domains` lacks.
+        TextError: if the formula expands to more than `LIMIT_NODES` nodes.
+    """
+    found: set[str] = set()
+    waiting: list[Callable[[], Any]] = [lambda: formula]
+    left = LIMIT_NODES
+    while waiting:
+        for node in _unquantified(waiting.pop()()):
+            left -= 1
+            if left < 0:
+                raise too_large()
+            if isinstance(node, Feature):
+                found.add(node.label)
+            elif isinstance(node, Forall | Exists):
+                members = domain_members(node.domain, domains or {})
+                waiting += [partial(instantiate, node.body, node.variable, one) for one in members]
+    return tuple(sorted(found))
+
+
+def _unquantified(formula: Any) -> Iterator[Any]:
+    """Every node outside the bodies of quantifiers, and outside events."""
+    waiting = [formula]
     while waiting:
         node = waiting.pop()
-        if isinstance(node, Feature):
-            found[node.label] = None
-        elif isinstance(node, Forall | Exists):
-            waiting += [
-                instantiate(node.body, node.variable, one) for one in domain_members(node.domain, domains or {})
-            ]
-        elif not isinstance(node, Occurred):
+        yield node
+        if not isinstance(node, Forall | Exists | Occurred):
             waiting.extend(children(node))
-    return tuple(sorted(found))
+
+
+def too_large() -> TextError:
+    """The error for a formula that grows beyond `LIMIT_NODES` over its domains."""
+    return TextError(
+        f"the formula expands to more than {LIMIT_NODES} parts over its domains",
+        repair="quantify over fewer objects, or nest fewer quantifiers",
+    )

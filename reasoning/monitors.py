@@ -59,6 +59,7 @@ class Monitor:
         self._close_after = close_after
         self._domains: Domains = domains or {}
         self._quantified = any(isinstance(node, Forall | Exists) for node in walk(formula))
+        self._seen: dict[str, tuple[str, ...]] | None = None
         self._labels = () if self._quantified else required_labels(formula)
         self._inputs = Inputs(self._labels if inputs is None else inputs, period_us, max_delay_us, since_us)
         self._changes = Changes(formula)
@@ -127,7 +128,7 @@ class Monitor:
         self._valid_us = valid_us
         domains = self._domains if domains is None else domains
         if self._quantified:
-            self._labels = required_labels(self.formula, domains)
+            self._read_domains(domains)
         no_values = tuple(label for label in self._labels if values.get(label, NO_VALUE) is NO_VALUE)
         lacks = no_values if lacks is None else lacks
         self._inputs.on_state(valid_us, now_us, lacks)
@@ -140,6 +141,12 @@ class Monitor:
             self._doubtful = self._watch is not None and self._watch.doubtful and not lacks
         self.on_time(now_us)
         return [self._event(found, now_us)] if found else []
+
+    def _read_domains(self, domains: Domains) -> None:
+        """Quantifiers that grow need other labels when a domain has changed."""
+        seen = {name: tuple(members) for name, members in domains.items()}
+        if seen != self._seen:
+            self._seen, self._labels = seen, required_labels(self.formula, seen)
 
     def _take(self, moment: Moment) -> Change | None:
         watch = self._watch

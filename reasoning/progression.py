@@ -267,7 +267,7 @@ class _Builder:
                 if growing:
                     return _Growing(self, universal, variable, domain, body, {})
                 members = domain_members(domain, self._compiler.domains)
-                instances = self._each(tuple(instantiate(body, variable, one) for one in members))
+                instances = tuple([self.build(instantiate(body, variable, one)) for one in members])
                 return _And(instances) if universal else _Or(instances)
         raise TextError(
             "a temporal operator stands inside a comparison or a calculation",

@@ -106,6 +106,11 @@ def test_every_error_of_a_formula_is_reported_with_its_caret():
     assert str(error).count("^^^") >= 3
 
 
+def test_errors_of_reading_and_of_checking_are_reported_together():
+    error = wrong("always EXEC -> sped[uav1] < 3 and always[5, 3] FLAG")
+    assert [one.column for one in error.errors] == [1, 16, 41]
+
+
 def test_a_number_beside_a_numbered_object_is_that_object():
     known = Vocabulary(domains=("units",), constants={"self": "0"})
     formula = read_formula("exists u in units: u != 0 and d[self, u] < 3", known)

@@ -31,7 +31,7 @@ from reasoning.formulas import (
 from tests.kpl.strategies import formulas
 
 P, Q, R = Feature("p"), Feature("q"), Feature("r")
-MODERATE = settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+MODERATE = settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
 def error_of(text):

@@ -3,7 +3,7 @@ from hypothesis import given
 
 import reasoning
 from dyknow import Label
-from dyknow.errors import UnknownLabel
+from dyknow.errors import TextError, UnknownLabel
 from kpl import parse_formula, print_formula
 from reasoning import domain_members, instantiate, label_text, required_labels, split_growing
 from reasoning.formulas import Domain, Forall, is_temporal, walk
@@ -64,6 +64,20 @@ def test_domains_are_sets_without_sets_in_the_order_given():
 def test_required_labels_expand_quantifiers_and_leave_events_out():
     inner = parse_formula("(forall u in d: s[u] -> since(t[u]) > 1s) and occurred(e) and cars.link[a] < 3")
     assert required_labels(inner, {"d": ("x", "y")}) == ("cars.link[a]", "s[x]", "s[y]", "t[x]", "t[y]")
+
+
+def test_labels_over_other_members_leave_the_member_itself_out():
+    formula = parse_formula("forall u in d: forall v in d - {u}: near[u, v]")
+    assert required_labels(formula, {"d": ("x", "y")}) == ("near[x, y]", "near[y, x]")
+
+
+def test_a_formula_that_explodes_over_its_domains_is_refused_before_it_does():
+    formula = parse_formula("".join(f"forall v{n} in d: " for n in range(150)) + "p")
+    with pytest.raises(TextError, match="expands"):
+        required_labels(formula, {"d": tuple(map(str, range(50)))})
+    wide = parse_formula("forall v in d: " + " and ".join(["s[v]"] * 5_000))
+    with pytest.raises(TextError, match="expands"):
+        required_labels(wide, {"d": tuple(map(str, range(100_000)))})
 
 
 def test_temporal_formulas_are_told_from_formulas_about_one_state():
