@@ -9,8 +9,8 @@ from reasoning.proximity import horizontal_miss_m
 
 LATITUDES = st.floats(-60, 60)
 OFFSETS = st.floats(-0.006, 0.006)
-METRES = st.floats(-2_000, 2_000)
-SPEEDS = st.floats(-50, 50)
+METRES = st.integers(-200_000, 200_000).map(lambda cm: cm / 100)
+SPEEDS = st.integers(-5_000, 5_000).map(lambda cm_s: cm_s / 100)
 VECTORS = st.tuples(METRES, METRES, METRES)
 VELOCITIES = st.tuples(SPEEDS, SPEEDS, SPEEDS)
 E2 = 6.694379990141316e-3
