@@ -50,11 +50,13 @@ Post: TypeAlias = Callable[[WireEvent], None]
 _MAX_PUBLISHERS = 512
 _LOOK_S = 1.0
 
-_QOS: dict[Urgency, tuple[zenoh.Priority, bool]] = {  # priority, express (sent at once, by itself)
-    Urgency.ACT: (zenoh.Priority.INTERACTIVE_HIGH, True),
-    Urgency.CONTROL: (zenoh.Priority.INTERACTIVE_HIGH, False),
-    Urgency.STREAM: (zenoh.Priority.DATA, False),
-    Urgency.BULK: (zenoh.Priority.DATA_LOW, False),
+# All DROP, and none express: an express put costs its caller 25 us instead of 1, and a ping-pong of acts is not faster
+# for it (`python -m bench express`).
+_PRIORITY = {
+    Urgency.ACT: zenoh.Priority.INTERACTIVE_HIGH,
+    Urgency.CONTROL: zenoh.Priority.INTERACTIVE_HIGH,
+    Urgency.STREAM: zenoh.Priority.DATA,
+    Urgency.BULK: zenoh.Priority.DATA_LOW,
 }
 
 
@@ -140,9 +142,8 @@ class ZenohEdge:
         """Declared once per key: its puts cost half of the session's. The oldest of too many gives way."""
         if len(self._publishers) >= _MAX_PUBLISHERS:
             _end(self._publishers.popitem(last=False)[1].undeclare)
-        priority, express = _QOS[urgency]
         publisher = self._publishers[key, urgency] = self._opened.declare_publisher(
-            key, congestion_control=zenoh.CongestionControl.DROP, priority=priority, express=express
+            key, congestion_control=zenoh.CongestionControl.DROP, priority=_PRIORITY[urgency]
         )
         return publisher
 

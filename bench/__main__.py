@@ -1,0 +1,81 @@
+"""`python -m bench [ROW ...]`: measure rows against their peers, print the table, keep the JSON.
+
+A row is a module of this package (b01, b02, ...); `callbacks` and `express` measure what the edge chose between. Nothing here is a timed test: a bar that is not met is said so.
+"""
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from datetime import UTC, datetime
+from importlib import import_module
+from pathlib import Path
+from typing import Any, cast
+
+from bench.compare import interleave, judge, medians
+from bench.machine import machine
+from bench.rows import Options, Row
+
+_HERE = Path(__file__).parent
+
+
+def rows() -> list[str]:
+    return sorted(path.stem for path in _HERE.glob("b[0-9][0-9].py"))
+
+
+def measured(name: str, options: Options) -> dict[str, Any]:
+    row = cast("Row", import_module(f"bench.{name}"))
+    print(f"{name}  {row.TITLE}", flush=True)
+    with row.sides(options) as sides:
+        found = interleave({side: run for side, run in sides.items() if options.wants(side)}, options.rounds)
+    middle = medians(found)
+    judged = [verdict for bar in row.BARS if (verdict := judge(bar, found)) is not None]
+    _show(middle, judged)
+    return {
+        "row": name,
+        "title": row.TITLE,
+        "rounds": options.rounds,
+        "medians": middle,
+        "bars": [verdict._asdict() for verdict in judged],
+        "figures": found,
+    }
+
+
+def _show(middle: dict[str, dict[str, float]], judged: list[Any]) -> None:
+    metrics = sorted({metric for figures in middle.values() for metric in figures})
+    width = max((len(side) for side in middle), default=4)
+    print(f"  {'':{width}}  " + "  ".join(f"{metric:>14}" for metric in metrics))
+    for side, figures in middle.items():
+        cells = (f"{figures[metric]:>14,.2f}" if metric in figures else f"{'':>14}" for metric in metrics)
+        print(f"  {side:{width}}  " + "  ".join(cells))
+    for verdict in judged:
+        interval = f"[{verdict.low:.2f}, {verdict.high:.2f}]"
+        print(f"  {'met    ' if verdict.met else 'NOT met'}  {verdict.what}: {verdict.value:.2f} {interval}")
+    print(flush=True)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m bench", description=__doc__.partition("\n")[0])
+    parser.add_argument("rows", nargs="*", metavar="ROW", help=f"of {', '.join(rows())}; default: all")
+    parser.add_argument("--rounds", type=int, default=15, help="rounds of every side (15)")
+    parser.add_argument("--effort", type=float, default=1.0, help="length of a round as a multiple of the usual")
+    parser.add_argument("--side", action="append", default=[], help="measure this side only; repeatable")
+    parser.add_argument("--out", type=Path, default=_HERE / "results", help="directory for the JSON")
+    asked = parser.parse_args()
+    options = Options(asked.rounds, asked.effort, frozenset(asked.side))
+    report = {
+        "taken": datetime.now(UTC).isoformat(timespec="seconds"),
+        "machine": machine(),
+        "options": {**asdict(options), "sides": sorted(options.sides)},
+        "rows": [measured(name, options) for name in asked.rows or rows()],
+    }
+    asked.out.mkdir(parents=True, exist_ok=True)
+    names = "-".join(row["row"] for row in report["rows"]) if asked.rows else "all"
+    path = asked.out / f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{names}.json"
+    path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    print(f"kept in {path}")
+    return 0 if all(bar["met"] for row in report["rows"] for bar in row["bars"]) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,43 @@
+"""A sending and a receiving process for each side, all alive during the row, one pair at work at a time."""
+
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import NamedTuple
+
+from bench.workers import Worker
+
+
+class Pair(NamedTuple):
+    sender: Worker
+    receiver: Worker
+
+    def paced(self, count: int, period_us: int, **collecting: int) -> dict[str, float]:
+        self.receiver.begin("collect", count=count, **collecting)
+        self.sender.call("pace", count=count, period_us=period_us)
+        return dict(self.receiver.end())
+
+    def flooded(self, seconds: float) -> dict[str, float]:
+        self.receiver.begin("collect", count=10**9)
+        sent = self.sender.call("flood", seconds=seconds)
+        return {**self.receiver.end(), **sent}
+
+
+RAW = ("bench.raw:Sender", "bench.raw:Receiver")
+EDGE = ("bench.pipeline:EdgeSender", "bench.pipeline:EdgeReceiver")
+OURS = ("bench.pipeline:Exporter", "bench.pipeline:Importer")
+
+
+@contextmanager
+def pairs(row: str, kinds: dict[str, tuple[str, str]], **arguments: dict[str, object]) -> Iterator[dict[str, Pair]]:
+    """Start every pair in a federation of its own, and wait until each is linked."""
+    with ExitStack() as stack:
+        found = {}
+        for side, (sender, receiver) in kinds.items():
+            federation = f"bench-{row}-{os.getpid()}-{side}"
+            taking = stack.enter_context(Worker(receiver, {"federation": federation, **arguments.get(side, {})}))
+            sending = stack.enter_context(Worker(sender, {"federation": federation}))
+            taking.call("ready")
+            sending.call("ready")
+            found[side] = Pair(sending, taking)
+        yield found
