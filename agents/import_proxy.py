@@ -74,6 +74,13 @@ class ImportProxy:
         if not any(name[1:] == (semantic_label, policy_hash) for name in self.imports):
             self._emit(Unsubscribe(keys.stream_expr(semantic_label, policy_hash)))
 
+    def on_owner(self, owner: str, boot: int) -> None:
+        """The directory says which life of `owner` is there: what an older one numbered counts no more."""
+        for found in self.imports.values():
+            if found.stream.owner == owner:
+                found.stream.on_owner(boot)
+                self._wake(found)
+
     def heard_us(self, owner: str, semantic_label: str) -> int | None:
         """When a stream of that label was last heard of, or None when none is expected."""
         return max(

@@ -1,5 +1,6 @@
 """Who comes and goes, and what each part of a platform makes of it. Times are the node clock."""
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from agents.bulletin import alarm_content
@@ -8,6 +9,7 @@ from agents.services import FEDERATION
 from federation.acts import Act
 from federation.clock import Standing
 from federation.directory import Outcome
+from federation.exports import ExportEvent
 from federation.liveness import NameConflict, PlatformAppeared, PlatformGone, PlatformReturned, PlatformSuspected
 from federation.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone
 from federation.replicas import PlatformRefused
@@ -31,6 +33,7 @@ class Membership:
         self._orphans: Deadlines[str] = Deadlines()
         self._departed: Deadlines[str] = Deadlines()
         self._found: tuple[str, ...] = ()
+        self._standing: dict[str, Standing] = {}
 
     # -- the directory -----------------------------------------------------------------------------------------
 
@@ -72,8 +75,9 @@ class Membership:
 
     def _appeared(self, change: PlatformAppeared, now_us: int) -> None:
         unit = change.unit
-        self._p.exports.receiver_back(unit)
-        self._p.clocks.meet(unit, now_us)
+        self._end_exports(self._p.exports.receiver_appeared(unit, change.boot, now_us), now_us)
+        self._p.importer.on_owner(unit, change.boot)
+        self._p.emit(self._p.clocks.on_appeared(unit, change.boot, now_us))
         self._p.interface.peer_appeared(unit, change.boot, now_us)
 
     def _present(self, unit: str, now_us: int) -> None:
@@ -83,20 +87,20 @@ class Membership:
         if entry is None or entry.kind != "uav":
             return
         self._p.monitors.join(unit, self._federation_us(now_us))
-        self.on_standing(unit, now_us)
+        self._judge_clock(unit, now_us)
         self._p.supply.wake(now_us)
         self._p.coordination.on_present(unit, now_us)
 
     def _gone(self, change: PlatformGone, now_us: int) -> None:
         unit = change.unit
         if change.why == "restarted":
-            ended = self._p.exports.receiver_restarted(unit, now_us)
-            self._p.federation.on_contracts_ended(self._p.gateway.exporter.on_events(ended), now_us)
+            self._end_exports(self._p.exports.receiver_restarted(unit, now_us), now_us)
         else:
-            self._p.exports.receiver_gone(unit, now_us)
+            self._p.exports.receiver_gone(unit, now_us, change.boot)
         self._p.supply.forget(unit)
         self._p.interface.peer_gone(unit, now_us)
-        self._p.clocks.forget(unit)
+        self._p.clocks.on_gone(unit)
+        self._standing.pop(unit, None)
         if change.why == "left":
             self._p.monitors.leave(unit)
         else:
@@ -115,14 +119,21 @@ class Membership:
 
     # -- clocks ------------------------------------------------------------------------------------------------
 
-    def on_standing(self, unit: str, now_us: int) -> None:
-        """What a peer's clock allows has changed: monitors over a skewed one count its inputs as missing."""
-        standing = self._p.clocks.standing(unit)
-        federation_us = self._federation_us(now_us)
-        if standing is Standing.SKEWED or standing is Standing.UNKNOWN:
-            self._p.monitors.doubt(unit, f"clock {standing.value}", federation_us)
-        elif unit in self._p.monitors.members and self._p.directory.is_present(unit):
-            self._p.monitors.join(unit, federation_us)
+    def on_clocks(self, now_us: int) -> None:
+        """A clock was compared: monitors over a peer whose clock is skewed, or not known yet, count it as missing."""
+        for unit in self._p.monitors.members:
+            if self._standing.get(unit) is not self._p.clocks.standing(unit) and self._p.directory.is_present(unit):
+                self._judge_clock(unit, now_us)
+
+    def _judge_clock(self, unit: str, now_us: int) -> None:
+        standing = self._standing[unit] = self._p.clocks.standing(unit)
+        if standing in {Standing.SKEWED, Standing.UNKNOWN}:
+            self._p.monitors.doubt(unit, f"clock {standing.value}", self._federation_us(now_us))
+        else:
+            self._p.monitors.join(unit, self._federation_us(now_us))
+
+    def _end_exports(self, events: Iterable[ExportEvent], now_us: int) -> None:
+        self._p.federation.on_contracts_ended(self._p.gateway.exporter.on_events(events), now_us)
 
     # -- lost conversations ------------------------------------------------------------------------------------
 

@@ -13,7 +13,6 @@ from agents.account import Account
 from agents.alarm_book import AlarmBook
 from agents.bulletin import Bulletin
 from agents.checks import Checks
-from agents.clocks import Clocks
 from agents.context import Context
 from agents.coordination import Coordination
 from agents.effects import Effect, Event, Halt, InjectFault, Leave, Note, Reported
@@ -40,6 +39,7 @@ from federation.clock import FederationClock
 from federation.codec import decode_heartbeat
 from federation.directory import Directory, Kind, Outcome
 from federation.exports import Exports
+from federation.offsets import ClockOffsets
 from federation.ontology import Convert, Ontology, Translation, default_ontology
 from federation.transport import (
     Answered,
@@ -121,7 +121,7 @@ class Platform:
             clock=config.clock,
             roster=roster,
         )
-        self.clocks = Clocks(config.boot, self._questions, emit, self._on_standing)
+        self.clocks = ClockOffsets(config.boot, self._questions)
         self.exports = Exports(config.unit, config.boot, config.clock)
         self.account, self.tasks, self.alarms = Account(), TaskBook(), AlarmBook()
         self.monitors = Monitors(config.unit, self.network, self._source, self._on_alarm)
@@ -130,7 +130,7 @@ class Platform:
             config.ontology,
             translation,
             config.clock,
-            self.clocks.offset,
+            self.clocks.of,
             self._questions,
             emit,
             self._source,
@@ -154,7 +154,7 @@ class Platform:
             account=self.account,
             limits=Limits(rate_per_s=config.acts_per_s, burst=config.acts_burst),
             trust=config.trust,
-            offset_us_of=self.clocks.offset_us,
+            offset_us_of=self._offset_us_of,
         )
         self.pilot = Pilot(config.control, config.plan, config.limits)
         self.context = Context(
@@ -218,7 +218,7 @@ class Platform:
         self.network.on_time(federation_us)
         self.monitors.on_time(federation_us)
         self._take(self.directory.on_time(now_us, self.exports.tails()))
-        self.clocks.on_time(now_us)
+        self._out += self.clocks.on_time(now_us)
         self.interface.on_time(now_us)
         self.importer.on_time(now_us)
         self.federation.on_contracts_ended(self.gateway.exporter.on_events(self.exports.on_time(now_us)), now_us)
@@ -271,7 +271,9 @@ class Platform:
             case Asked():
                 self._on_asked(event)
             case Answered():
-                if not (self.clocks.on_answered(event) or self.importer.on_answered(event)):
+                if self.clocks.on_answered(event):
+                    self.membership.on_clocks(self._now_us)
+                elif not self.importer.on_answered(event):
                     self._take(self.directory.on_answered(event))
             case AskEnded():
                 if not (self.clocks.on_ask_ended(event) or self.importer.on_ask_ended(event)):
@@ -307,7 +309,7 @@ class Platform:
         key = keys.parse_key(event.key)
         match key:
             case keys.ClockKey(unit) if unit == self.unit:
-                self.clocks.on_asked(event, self._now_us)
+                self._out += self.clocks.on_asked(event, self._now_us)
             case keys.DescribeKey(unit) if unit == self.unit:
                 self._take(self.directory.on_asked(event))
             case keys.HistoryKey(owner, label) if owner == self.unit:
@@ -337,8 +339,10 @@ class Platform:
     def _on_alarm(self, event: AlarmEvent) -> None:
         self.membership.on_alarm(event, self._now_us)
 
-    def _on_standing(self, unit: str, now_us: int) -> None:
-        self.membership.on_standing(unit, now_us)
+    def _offset_us_of(self, unit: str) -> int:
+        """A peer's node clock minus ours; 0 while it is not known."""
+        offset = self.clocks.of(unit)
+        return 0 if offset is None else offset.offset_us
 
     def _on_cancel(self, conversation: str, now_us: int) -> bool:
         return self.bulletin.unsubscribe(conversation) or self.tasks.cancel(conversation, now_us)
@@ -377,6 +381,9 @@ class Platform:
 
     def rejoin(self, now_us: int) -> None:
         self._take(self.directory.start(now_us, self.exports.tails()))
+
+    def emit(self, effects: Iterable[Effect]) -> None:
+        self._out += effects
 
     def inject(self, fault: InjectFault) -> None:
         self._out.append(fault)
