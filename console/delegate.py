@@ -142,8 +142,18 @@ def tasks(call: Call) -> int:
                 }
             )
     elif found:
-        rows = [(t.task, t.unit, t.state, t.conversation, clock_time(t.since_us) if t.since_us else "") for t in found]
-        call.out.table("", ("task", "unit", "state", "conversation", "since"), rows)
+        rows = [
+            (
+                t.task,
+                t.unit,
+                (t.delegator or "").partition("@")[2],
+                t.state,
+                clock_time(t.since_us or 0),
+                t.conversation,
+            )
+            for t in sorted(found, key=lambda task: not (task.delegator or "").partition("@")[2].startswith("cc"))
+        ]
+        call.out.table("", ("task", "on", "for", "state", "since", "conversation"), rows)
     else:
         call.out.note("no task is delegated; begin one with dyknow delegate monitor-proximity.")
     return DONE if found else NO

@@ -1,6 +1,7 @@
 """`dyknow alarms`, `monitors` and `acts`: what platforms tell of themselves, once or as it happens."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 from console.client import Client, connected
@@ -8,7 +9,8 @@ from console.command import Call
 from console.errors import DONE, NO
 from console.instants import clock_time, span
 from console.output import unit_json
-from federation.acts import Performative
+from dyknow.errors import TextError
+from federation.acts import Performative, parse_act
 from federation.contents import ActList, ActLog, Acts, Alarm, AlarmList, Alarms, Content, Monitor, MonitorList, Monitors
 
 P = Performative
@@ -88,16 +90,27 @@ def _tell_alarm(call: Call, alarm: Alarm) -> None:
         call.out.line(alarm_json(alarm))
         return
     colour = "red" if alarm.event == "opened" else "green"
-    values = "  ".join(f"{name} {value:.1f}" for name, value in alarm.values.items() if isinstance(value, float))
     delay = span(alarm.detected_us - alarm.valid_us)
     call.out.console.print(
-        f"[dim]{clock_time(alarm.valid_us)} + {delay}[/dim]  [{colour}]{alarm.event}[/{colour}]  "
-        f"[bold]{alarm.monitor}[/bold] {', '.join(alarm.units)} (by {alarm.by})  {values}"
+        f"[dim]{clock_time(alarm.valid_us)}[/dim]  [{colour}]{alarm.event}[/{colour}]  [bold]{alarm.monitor}[/bold] "
+        f"{', '.join(alarm.units)}  [dim]by {alarm.by}, {delay} after the sample[/dim]"
     )
+    values = ", ".join(_quantity(name, value) for name, value in alarm.values.items())
+    if values:
+        call.out.console.print(f"              [dim]{values}[/dim]")
+
+
+def _quantity(name: str, value: Any) -> str:
+    """A feature for people; the units are said already, and a duration is not read as microseconds."""
+    feature = name.partition("[")[0]
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return f"{feature} {span(value) if feature.endswith('_time') else f'{value:.1f}'}"
+    return f"{feature} {value}"
 
 
 def alarm_json(alarm: Alarm) -> dict[str, Any]:
     """An alarm as a JSON line has it."""
+    values = {name.replace(", ", ","): v for name, v in alarm.values.items() if isinstance(v, bool | int | float | str)}
     return {
         "id": alarm.id,
         "event": alarm.event,
@@ -106,7 +119,7 @@ def alarm_json(alarm: Alarm) -> dict[str, Any]:
         "units": [unit_json(unit) for unit in alarm.units],
         "valid_us": alarm.valid_us,
         "detected_us": alarm.detected_us,
-        "values": {name: value for name, value in alarm.values.items() if isinstance(value, bool | int | float | str)},
+        "values": values,
     }
 
 
@@ -203,4 +216,12 @@ def _tell_act(call: Call, unit: str, log: ActLog) -> None:
     outcome = log.outcome if good else f"[yellow]{log.outcome}[/yellow]"
     call.out.console.print(f"[dim]{clock_time(log.at_us)}[/dim]  [bold]{unit}[/bold] {arrow} {log.peer}  {outcome}")
     if log.act is not None:
-        call.out.console.print(f"    {log.act}", markup=False)
+        call.out.console.print(_spoken(log.act), markup=False, style="dim")
+
+
+def _spoken(text: str) -> str:
+    """The act as FIPA has it, without what only its delivery needs."""
+    try:
+        return str(replace(parse_act(text), boot=0, seq=0, created_us=0, acks=()))
+    except TextError:
+        return text

@@ -305,6 +305,16 @@ def fault(
     return run(call, unit, kind, duration)
 
 
+@command(app, example="dyknow demo")
+def demo(
+    call: Call, seed: Annotated[int, typer.Option(metavar="K", min=0, help="Wind and noise follow from it.")] = 1
+) -> int:
+    """The main job end to end, in under a minute; exit 0 only if every step happened."""
+    from console.demo import demo as run
+
+    return run(call, seed=seed)
+
+
 # The machine
 
 

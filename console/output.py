@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -53,6 +53,19 @@ class Output:
         else:
             self.console.print(text)
 
+    def item(self, cells: tuple[str, str, str], **record: Any) -> None:
+        """One event with a mark and a name; what is said of it stays beside them when it needs several lines."""
+        if self.json_lines:
+            self.line(record)
+            return
+        from rich.table import Table
+
+        grid = Table.grid(padding=(0, 2))
+        for width in (6, 10, None):
+            grid.add_column(min_width=width, overflow="fold")
+        grid.add_row(*cells)
+        self.console.print(grid)
+
     def table(
         self, title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, right: Sequence[str] = ()
     ) -> None:
@@ -74,10 +87,10 @@ class Output:
         self.terminal.print(text)
 
     @contextmanager
-    def waiting(self, text: str) -> Iterator[None]:
-        """A spinner while something is awaited, on a terminal only."""
+    def waiting(self, text: str) -> Iterator[Callable[[str], None]]:
+        """A spinner while something is awaited, on a terminal only; yields a function that changes its text."""
         if self.json_lines or not self.terminal.is_terminal:
-            yield
+            yield lambda _text: None
             return
-        with self.terminal.status(text):
-            yield
+        with self.terminal.status(text) as status:
+            yield status.update

@@ -65,29 +65,53 @@ class Gathering:
 
 def up(call: Call, *, detach: bool, **chosen: Any) -> int:
     """Start the platforms, wait until they have found each other, and stay with them unless detached."""
-    _scenario_known(chosen["scenario"])
-    now_us = time.time_ns() // 1000
-    duration = chosen.pop("duration")
-    chosen["duration_us"] = duration_us(duration, option="--duration") if duration else None
-    chosen["start_us"] = None if chosen["only"] else _start_us(call, chosen, now_us)
+    configs = planned(call, **chosen)
     directory = _vacant(call)
-    configs = fleet_of(call, chosen, now_us)
-    if not configs:
-        raise WrongCall("N: there is no platform to start; give a number of at least 1.")
     fleet = Fleet(directory, lifeline=not detach)
     with interruptible():
         try:
-            gathering = _gathered(call, fleet, configs)
+            gathering = gathered(call, fleet, configs)
             running = [*fleet.running.values()]
             if not detach:
                 mine = psutil.Process()
                 running.append(Running("", mine.pid, mine.create_time()))
             write_state(directory, running)
         except BaseException:
-            _ended(fleet)
+            ended(fleet)
             raise
         _say_ready(call, fleet, gathering)
         return DONE if detach else _stay(call, fleet, sorted(gathering.units, key=unit_order))
+
+
+def planned(
+    call: Call,
+    *,
+    units: int,
+    scenario: str,
+    seed: int,
+    duration: str | None = None,
+    gcs: str | None = None,
+    persona: str = "ardupilot",
+    avoidance: bool = True,
+    speed: float = 1.0,
+    only: list[str] | None = None,
+) -> list[NodeConfig]:
+    """The configurations of the platforms to start; raises WrongCall."""
+    _scenario_known(scenario)
+    now_us = time.time_ns() // 1000
+    chosen: dict[str, Any] = {
+        "units": units,
+        "scenario": scenario,
+        "seed": seed,
+        "gcs": gcs,
+        "persona": persona,
+        "avoidance": avoidance,
+        "speed": speed,
+        "only": only,
+        "duration_us": duration_us(duration, option="--duration") if duration else None,
+    }
+    chosen["start_us"] = None if only else _start_us(call, chosen, now_us)
+    return fleet_of(call, chosen, now_us)
 
 
 def _start_us(call: Call, chosen: dict[str, Any], now_us: int) -> int:
@@ -116,7 +140,8 @@ def _vacant(call: Call) -> Path:
     return directory
 
 
-def _gathered(call: Call, fleet: Fleet, configs: list[NodeConfig]) -> Gathering:
+def gathered(call: Call, fleet: Fleet, configs: list[NodeConfig]) -> Gathering:
+    """Start them and wait until each has found all others; raises FederationFailed."""
     gathering = Gathering([config.unit for config in configs])
     for config in configs:
         fleet.start(config.unit, config.model_dump_json())
@@ -154,11 +179,12 @@ def _stay(call: Call, fleet: Fleet, units: list[str]) -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     finally:
-        _ended(fleet)
+        ended(fleet)
         call.out.say("stopped", event="stopped", units=[unit_json(unit) for unit in units])
 
 
-def _ended(fleet: Fleet) -> None:
+def ended(fleet: Fleet) -> None:
+    """End the fleet, whatever is pressed meanwhile."""
     with uninterrupted():
         fleet.end()
         (fleet.directory / STATE_FILE).unlink(missing_ok=True)
