@@ -1,0 +1,82 @@
+from dataclasses import dataclass, field
+from queue import Empty
+
+from runtime.loop import BATCH, run, step
+from tests.fakes import FakeClock
+
+
+@dataclass
+class Waiting:
+    """A mailbox on the fake clock: waiting moves the clock to the next event or to the end of the timeout."""
+
+    clock: FakeClock
+    events: list[tuple[int, str]] = field(default_factory=list)
+    waits_s: list[float | None] = field(default_factory=list)
+
+    def get(self, timeout: float | None) -> str:
+        self.waits_s.append(timeout)
+        until_us = None if timeout is None else self.clock.now_us() + round(timeout * 1e6)
+        if self.events and (until_us is None or self.events[0][0] <= until_us):
+            at_us, event = self.events.pop(0)
+            self.clock.advance_us(max(0, at_us - self.clock.now_us()))
+            return event
+        assert until_us is not None, "a node without a deadline would sleep for ever"
+        self.clock.advance_us(until_us - self.clock.now_us())
+        raise Empty
+
+
+@dataclass
+class Metronome:
+    """Beats every 100 us, and repeats what it hears."""
+
+    deadline_us: int | None = 100
+    period_us: int | None = 100
+
+    def on_event(self, event: str, now_us: int) -> list[str]:
+        return [f"{event} at {now_us}"]
+
+    def on_time(self, now_us: int) -> list[str]:
+        self.deadline_us = None if self.period_us is None else now_us + self.period_us
+        return [f"beat at {now_us}"]
+
+
+def test_a_deadline_ends_the_wait() -> None:
+    clock, done = FakeClock(), list[str]()
+    step(Metronome(), Waiting(clock), clock.now_us, done.append)
+    assert done == ["beat at 100"]
+
+
+def test_at_one_instant_inputs_come_before_timers() -> None:
+    clock, done = FakeClock(), list[str]()
+    step(Metronome(), Waiting(clock, [(100, "a"), (100, "b")]), clock.now_us, done.append)
+    assert done == ["a at 100", "b at 100", "beat at 100"]
+
+
+def test_timers_come_even_when_events_never_pause() -> None:
+    clock, done = FakeClock(), list[str]()
+    box = Waiting(clock, [(100, str(number)) for number in range(10 * BATCH)])
+    step(Metronome(), box, clock.now_us, done.append)
+    assert len(done) == BATCH + 1
+    assert done[-1] == "beat at 100"
+
+
+def test_without_a_deadline_the_wait_has_no_end_but_an_event() -> None:
+    clock, done = FakeClock(), list[str]()
+    box = Waiting(clock, [(5_000_000, "late")])
+    step(Metronome(deadline_us=None), box, clock.now_us, done.append)
+    assert done == ["late at 5000000"]
+    assert box.waits_s[0] is None
+
+
+def test_an_effect_is_performed_before_the_next_event_is_taken() -> None:
+    clock = FakeClock()
+    box = Waiting(clock, [(0, "a"), (0, "b")])
+    left: list[int] = []
+    step(Metronome(), box, clock.now_us, lambda _effect: left.append(len(box.events)))
+    assert left[:2] == [1, 0]
+
+
+def test_run_goes_on_until_it_is_told_not_to() -> None:
+    clock, done = FakeClock(), list[str]()
+    run(Metronome(), Waiting(clock), clock.now_us, done.append, lambda: len(done) < 5)
+    assert done == [f"beat at {100 * n}" for n in range(1, 6)]
