@@ -4,6 +4,7 @@ Times are the node clock, but for those of samples and alarms.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from typing import TypeVar
 
 from agents.account import Account, Entry
@@ -18,6 +19,8 @@ from federation.contents import (
     Content,
     DirectoryEvent,
     Found,
+    ImportAccount,
+    ImportList,
     MonitorList,
     Search,
     TaskList,
@@ -35,6 +38,8 @@ P = Performative
 T = TypeVar("T")
 ALARMS_A_PAGE = 100
 ACTS_A_PAGE = 25
+MONITORS_A_PAGE = 100
+IMPORTS_A_PAGE = 200
 TEXT = 2000
 
 
@@ -74,7 +79,7 @@ class Bulletin:
             self._c.desk.answer(act, P.INFORM, ActList(acts=tuple(page), more=more), now_us)
 
     def on_monitors(self, act: Act, _content: Content, now_us: int) -> None:
-        found = tuple(
+        found = [
             MonitorEntry(
                 by=self._c.unit,
                 name=named.plan.name,
@@ -87,8 +92,24 @@ class Bulletin:
             )
             for named in self._c.gateway.monitors.named.values()
             for instance in named.instances.values()
-        )
-        self._c.desk.answer(act, P.INFORM, MonitorList(monitors=found[:500]), now_us)
+        ]
+        for page, more in _pages(found, MONITORS_A_PAGE):
+            self._c.desk.answer(act, P.INFORM, MonitorList(monitors=tuple(page), more=more), now_us)
+
+    def on_import_list(self, act: Act, _content: Content, now_us: int) -> None:
+        """Which streams come in, and what became of their samples: gaps show here."""
+        found = [
+            ImportAccount(
+                owner=stream.owner,
+                semantic_label=stream.label,
+                hash=stream.policy_hash,
+                missing=stream.missing,
+                **asdict(stream.account),
+            )
+            for stream in (found.stream for found in self._c.gateway.importer.imports.values())
+        ]
+        for page, more in _pages(found, IMPORTS_A_PAGE):
+            self._c.desk.answer(act, P.INFORM, ImportList(imports=tuple(page), more=more), now_us)
 
     def on_tasks(self, act: Act, _content: Content, now_us: int) -> None:
         found = tuple(

@@ -52,6 +52,7 @@ def handlers_of(platform: "Platform") -> dict[str, Handler]:
         "query": p.federation.on_query,
         "stream": p.federation.on_stream,
         "end-stream": lambda act, content, _now_us: p.federation.on_end_stream(act, content),
+        "import-list": p.bulletin.on_import_list,
         "monitor-proximity": p.coordination.on_monitor_proximity,
         "create-monitor": _then_supply(p, p.coordination.on_create_monitor),
         "alarm": p.coordination.on_told,

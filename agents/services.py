@@ -29,6 +29,7 @@ FEDERATION = _offer(
     "query",
     "stream",
     "end-stream",
+    "import-list",
 )
 COORDINATION = _offer(
     "monitor-coordination",

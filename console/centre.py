@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from itertools import count
 from typing import Any, TypeAlias
 
-from console.dialogue import Dialogue, Keyring, Seen
+from console.dialogue import Dialogue, Keyring, Seen, is_paged
 from dyknow.errors import ContentError, DecodeError
 from federation import keys
 from federation.acts import Act, AgentName, Performative
@@ -23,7 +23,7 @@ from federation.codec import (
     decode_samples,
     encode_act,
 )
-from federation.contents import ActList, AlarmList, Cancel, Content, Query, Reason, Stream, read
+from federation.contents import Cancel, Content, Reason, Stream, read
 from federation.conversations import Conversations
 from federation.directory import Directory, Kind, unit_order
 from federation.liveness import PlatformAppeared, PlatformGone, PlatformReturned, State
@@ -129,7 +129,7 @@ class CommandCentre:
             ontology=ONTOLOGY,
             reply_by_us=now_us + within_us,
         )
-        paged = isinstance(content, AlarmList | ActList) or (isinstance(content, Query) and content.op == "between")
+        paged = is_paged(content)
         said, outcome = self.conversations.send(act, now_us, standing=standing or paged)
         dialogue = Dialogue(said.conversation_id or "", unit, paged=paged)
         self.dialogues[dialogue.conversation] = dialogue

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from federation.acts import Act, Performative
-from federation.contents import Content, Reason
+from federation.contents import ActList, AlarmList, Content, ImportList, Monitors, Query, Reason
 from federation.directory import Entry
 from federation.trust import Roster, Signer
 
@@ -60,3 +60,10 @@ class Keyring:
 
     roster: Roster
     signer: Signer
+
+
+def is_paged(content: Content) -> bool:
+    """Whether what answers it may come in several acts."""
+    if isinstance(content, Query):
+        return content.op == "between"
+    return isinstance(content, AlarmList | ActList | ImportList | Monitors)

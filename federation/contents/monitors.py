@@ -71,6 +71,7 @@ class Monitor(Part):
 
 class MonitorList(Content):
     monitors: Annotated[tuple[Monitor, ...], Field(max_length=MAX_LIST)]
+    more: bool = False
 
 
 class Alarms(Content):

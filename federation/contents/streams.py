@@ -20,7 +20,7 @@ from federation.contents.parts import (
     Units,
     Values,
 )
-from federation.wire import Hash, SemanticLabel
+from federation.wire import Count, Hash, SemanticLabel
 
 
 class CreateMulticast(Content):
@@ -124,3 +124,27 @@ class Answers(Content):
     answers: Annotated[tuple[Samples, ...], Field(max_length=MAX_LIST)]
     missing: Annotated[tuple[Missing, ...], Field(max_length=MAX_LIST)] = ()
     merged: Reading | None = None
+
+
+class ImportAccount(Part):
+    """What became of the samples of one imported stream, by number (`federation.streams.StreamAccount`).
+
+    `missing` are known to exist and asked for, `lost` are held by nobody any more; both 0: no gap.
+    """
+
+    owner: Unit
+    semantic_label: SemanticLabel
+    hash: Hash
+    received: Count
+    recovered: Count = 0
+    duplicates: Count = 0
+    stale: Count = 0
+    lost: Count = 0
+    missing: Count = 0
+
+
+class ImportList(Content):
+    """The streams a platform imports: asked without `imports`, answered with them."""
+
+    imports: Annotated[tuple[ImportAccount, ...], Field(max_length=MAX_LIST)] | None = None
+    more: bool = False

@@ -19,6 +19,8 @@ TEXTS = [
     "(stop-multicast semantic-labels: (sequence battery) to-units: (sequence 0))",
     '(stream owner: 1 semantic-labels: (sequence battery) policy: "sample every 100" hash: ab12cd34)',
     "(end-stream owner: 1 semantic-labels: (sequence battery) hash: ab12cd34)",
+    "(import-list)",
+    "(import-list imports: (sequence (import-account owner: 1 semantic-label: battery hash: ab12cd34 received: 7)))",
     "(query semantic-label: heli-position)",
     "(query semantic-label: heli-position op: at at: 5 scope: global select: best)",
     "(query semantic-label: heli-position op: between from: 5 to: 6 merge: inverse-variance)",
@@ -79,7 +81,10 @@ def test_a_content_is_understood_after_its_journey(text: str) -> None:
 
 def test_every_head_is_tried_above() -> None:
     tried = {parse_expr(text).head for text in TEXTS}
-    assert set(contents.heads()) - tried == {"label-list", "latest"}
+    offered = [getattr(contents, name) for name in contents.__all__]
+    kinds = [kind for kind in offered if isinstance(kind, type) and issubclass(kind, contents.Content)]
+    assert {kind.head for kind in kinds if kind is not contents.Content} - tried == {"label-list", "latest"}
+    assert tried <= set(contents.heads())
 
 
 def test_units_are_names_however_they_are_written() -> None:
