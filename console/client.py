@@ -12,7 +12,7 @@ from console.centre import CommandCentre
 from console.command import Call
 from console.dialogue import Dialogue, Keyring, Seen
 from console.errors import NothingFound, WrongCall, did_you_mean
-from console.launch import COMMAND_CENTRE, trust_of, wire_of
+from console.launch import COMMAND_CENTRE, commands_wire, trust_of
 from federation.acts import Performative
 from federation.contents import Content
 from federation.transport import WireEffect, WireEvent
@@ -193,7 +193,7 @@ def _surroundings(call: Call) -> Surroundings:
     from proxies.zenoh_config import ZenohOptions
     from proxies.zenoh_edge import ZenohEdge
 
-    wire = wire_of(call, COMMAND_CENTRE)
+    wire = commands_wire(call)
     security = json.loads(wire.security.read_text(encoding="utf-8")) if wire.security else None
     options = ZenohOptions(
         wire.federation, wire.listen, wire.connect, wire.discover, wire.interface, wire.lease_ms, security=security

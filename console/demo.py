@@ -37,7 +37,7 @@ SAFE_M = 10.0
 MOVING_M_S = 2.0
 VELOCITY = "heli-velocity"
 MEET_S = 45.0
-PART_S = 30.0
+PART_S = 40.0
 _ANSWER_S = 3.0
 _STEP_S = 0.1
 
@@ -131,7 +131,7 @@ class Demo:
 
     # The steps that wait
 
-    def encounter(self, client: Client) -> tuple[str, dict[str, Any]]:
+    def encounter(self) -> tuple[str, dict[str, Any]]:
         """Both of the pair warn of each other."""
         self._until(lambda: self._warned() >= set(PAIR), MEET_S, "0 and 1 fly towards each other")
         if not self._warned() >= set(PAIR):
@@ -162,9 +162,10 @@ class Demo:
         climber = self._agreed(client)
         if climber is None:
             raise FederationFailed("the two have not agreed on who climbs")
-        said = (
-            f"they agreed that {climber} climbs; the smallest separation was {smallest_m:.1f} m; all alarms are closed"
-        )
+        self._until(lambda: self._flies_on(client), PART_S, "0 and 1 fly on")
+        if not self._flies_on(client):
+            raise FederationFailed("0 and 1 have not resumed their routes")
+        said = f"they agreed that {climber} climbs, stayed {smallest_m:.1f} m apart or more, and fly on"
         return said, {"climber": climber, "smallest_separation_m": round(smallest_m, 2)}
 
     def _passed(self) -> bool:
@@ -278,7 +279,7 @@ def _play(shown: Demo, fleet: Fleet) -> None:
     with connected(shown.call) as client:
         if not (shown.step("ls", lambda: shown.ls(client)) and shown.step("delegate", lambda: shown.delegate(client))):
             return
-        if shown.step("encounter", lambda: shown.encounter(client)):
+        if shown.step("encounter", shown.encounter):
             shown.step("avoidance", lambda: shown.avoidance(client))
         shown.step("queries", lambda: shown.queries(client))
         shown.step("cancel", lambda: shown.cancel(client))

@@ -1,6 +1,9 @@
 """From what a person asked to what each platform process is configured with."""
 
-from collections.abc import Mapping
+import socket
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +13,7 @@ from console.command import Call
 from console.errors import WrongCall, did_you_mean
 from console.federations import FederationFile, UnitFile
 from console.instants import duration_us, instant_us
+from console.processes import read_state, run_directory
 from federation.keys import unit as unit_name
 from runtime.config import (
     ClockConfig,
@@ -27,10 +31,24 @@ _NOTHING = UnitFile()
 
 
 def wire_of(call: Call, unit: str, special: UnitFile = _NOTHING) -> WireConfig:
-    """How the process of `unit` finds the others. With endpoints to connect to there is no multicast."""
+    """How the process of `unit` finds the others. With endpoints to connect to there is no multicast.
+
+    Where an endpoint begins with `tls/`, both sides show the certificates that belong to the roster.
+
+    Raises:
+        WrongCall: such an endpoint without a roster, or without a certificate for `unit`.
+    """
     settings = call.settings
     connect = special.connect if special.connect is not None else settings.connect or ()
     listen = special.listen if special.listen is not None else settings.listen or ()
+    security = None
+    if any(endpoint.startswith("tls/") for endpoint in (*connect, *listen)):
+        security = _of_roster(settings.roster, f"{unit}.wire.json")
+        if security is None:
+            raise WrongCall(
+                f"endpoints that begin with tls/ need a roster with a certificate for {unit}; "
+                f"make one with dyknow roster init (or add {unit}), and name it with --roster."
+            )
     return WireConfig.model_validate(
         {
             "federation": settings.federation,
@@ -38,9 +56,43 @@ def wire_of(call: Call, unit: str, special: UnitFile = _NOTHING) -> WireConfig:
             "connect": connect,
             "discover": settings.discover or ("none" if connect else "multicast"),
             "interface": settings.interface or "lo",
-            "security": _of_roster(settings.roster, f"{unit}.wire.json"),
+            "security": security,
         }
     )
+
+
+def commands_wire(call: Call) -> WireConfig:
+    """How a command finds the platforms: as they find each other, or where `dyknow up` noted that they listen."""
+    noted = read_state(run_directory(call.settings.federation)).endpoints
+    if noted and not call.settings.connect:
+        settings = call.settings.model_copy(update={"connect": noted, "listen": None, "discover": "none"})
+        call = replace(call, settings=settings)
+    return wire_of(call, COMMAND_CENTRE)
+
+
+def _meshed(call: Call, names: Sequence[str], special: Mapping[str, UnitFile]) -> Mapping[str, UnitFile]:
+    """Without multicast and without endpoints every platform gets a port of its own, and dials those before it."""
+    settings = call.settings
+    told = settings.listen or settings.connect or any(own.listen or own.connect for own in special.values())
+    if settings.discover != "none" or told:
+        return special
+    protocol = "tls" if settings.roster else "tcp"
+    endpoints = [f"{protocol}/127.0.0.1:{port}" for port in free_ports(len(names))]
+    return {
+        name: special.get(name, _NOTHING).model_copy(
+            update={"listen": (endpoints[at],), "connect": tuple(endpoints[:at])}
+        )
+        for at, name in enumerate(names)
+    }
+
+
+def free_ports(count: int) -> list[int]:
+    """Ports of this machine that nobody listens on just now."""
+    with ExitStack() as kept:
+        probes = [kept.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM)) for _ in range(count)]
+        for probe in probes:
+            probe.bind(("127.0.0.1", 0))
+        return [int(probe.getsockname()[1]) for probe in probes]
 
 
 def trust_of(call: Call, unit: str) -> TrustConfig:
@@ -96,6 +148,7 @@ def fleet_of(call: Call, chosen: Mapping[str, Any], now_us: int) -> list[NodeCon
     special = dict(call.file.unit) if call.file else {}
     names = [str(number) for number in range(chosen["units"])]
     names += [name for name in special if name not in names]
+    special = dict(_meshed(call, names, special))
     simulated = [name for name in names if not (s := special.get(name, _NOTHING)).mavlink and not s.replay]
     clock = clock_of(call.file, chosen["speed"], now_us)
     duration = chosen["duration_us"]

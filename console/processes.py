@@ -43,31 +43,39 @@ class Running(NamedTuple):
         return found if alive else None
 
 
+class State(NamedTuple):
+    """What is noted of a federation on this machine: who runs (unit "" is the supervisor), and where to reach them."""
+
+    running: tuple[Running, ...] = ()
+    endpoints: tuple[str, ...] = ()
+
+
 def run_directory(federation: str) -> Path:
-    """The run directory of a federation, made if need be; nobody else may look in."""
+    """Where the run directory of a federation is, or would be."""
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     base = Path(runtime) if runtime and Path(runtime).is_dir() else Path.home() / ".cache"
-    found = base / "dyknow" / federation
-    found.mkdir(mode=0o700, parents=True, exist_ok=True)
-    return found
+    return base / "dyknow" / federation
 
 
-def read_state(directory: Path) -> tuple[Running, ...]:
-    """The processes of this federation that still run, the supervisor (unit "") among them."""
+def read_state(directory: Path) -> State:
+    """The processes of this federation that still run; the endpoints only if any does."""
     try:
         noted = json.loads((directory / STATE_FILE).read_text(encoding="utf-8"))
-        running = [
+        running = tuple(
             Running(str(entry["unit"]), int(entry["pid"]), float(entry["started"])) for entry in noted["running"]
-        ]
+        )
+        endpoints = tuple(str(endpoint) for endpoint in noted["endpoints"])
     except (OSError, ValueError, KeyError, TypeError):
-        return ()
-    return tuple(found for found in running if found.process() is not None)
+        return State()
+    alive = tuple(found for found in running if found.process() is not None)
+    return State(alive, endpoints if alive else ())
 
 
-def write_state(directory: Path, running: Iterable[Running]) -> None:
+def write_state(directory: Path, state: State) -> None:
     """Note who runs, whole or not at all."""
+    noted = {"running": [found._asdict() for found in state.running], "endpoints": state.endpoints}
     new = directory / f"{STATE_FILE}.new"
-    new.write_text(json.dumps({"running": [found._asdict() for found in running]}), encoding="utf-8")
+    new.write_text(json.dumps(noted), encoding="utf-8")
     new.replace(directory / STATE_FILE)
 
 
@@ -96,6 +104,7 @@ class Fleet:
 
     def __init__(self, directory: Path, *, lifeline: bool) -> None:
         """With `lifeline` a platform's standard input stays open until this process ends, however it ends."""
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
         self.directory, self._lifeline = directory, lifeline
         self._children: dict[str, subprocess.Popen[bytes]] = {}
         self._heard: dict[str, int] = {}

@@ -15,6 +15,7 @@ from console.processes import (
     STATE_FILE,
     Fleet,
     Running,
+    State,
     end,
     interruptible,
     read_state,
@@ -75,7 +76,8 @@ def up(call: Call, *, detach: bool, **chosen: Any) -> int:
             if not detach:
                 mine = psutil.Process()
                 running.append(Running("", mine.pid, mine.create_time()))
-            write_state(directory, running)
+            endpoints = [endpoint for config in configs for endpoint in config.wire.listen]
+            write_state(directory, State(tuple(running), tuple(endpoints)))
         except BaseException:
             ended(fleet)
             raise
@@ -131,7 +133,7 @@ def _scenario_known(name: str) -> None:
 def _vacant(call: Call) -> Path:
     """The run directory, if no platforms of this federation run here already."""
     directory = run_directory(call.settings.federation)
-    if running := read_state(directory):
+    if running := read_state(directory).running:
         units = ", ".join(found.unit for found in running if found.unit)
         raise WrongCall(
             f"--federation {call.settings.federation}: its platforms {units} are running on this machine already; "
@@ -193,7 +195,7 @@ def ended(fleet: Fleet) -> None:
 def down(call: Call) -> int:
     """End the platforms of this federation that `up` started on this machine, by their ids."""
     directory = run_directory(call.settings.federation)
-    running = read_state(directory)
+    running = read_state(directory).running
     platforms = [found for found in running if found.unit]
     if not running:
         call.out.say(

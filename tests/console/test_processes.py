@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 from console.errors import FederationFailed
-from console.processes import Fleet, Running, end, read_state, run_directory, write_state
+from console.processes import Fleet, Running, State, end, read_state, run_directory, write_state
 
 SPEAKS = """
 import json, sys, time
@@ -60,16 +60,20 @@ def test_one_that_fails_to_start_is_told_with_its_last_words(fleet: Fleet) -> No
 
 def test_a_process_whose_id_is_used_again_is_not_ours(tmp_path: Path) -> None:
     mine = psutil.Process(os.getpid())
-    write_state(
-        tmp_path, [Running("0", mine.pid, mine.create_time() - 100.0), Running("1", mine.pid, mine.create_time())]
-    )
-    assert [found.unit for found in read_state(tmp_path)] == ["1"]
+    ended, running = Running("0", mine.pid, mine.create_time() - 100.0), Running("1", mine.pid, mine.create_time())
+    write_state(tmp_path, State((ended, running), ("tcp/127.0.0.1:7447",)))
+    assert read_state(tmp_path) == State((running,), ("tcp/127.0.0.1:7447",))
+
+
+def test_nobody_is_to_be_reached_where_nobody_runs(tmp_path: Path) -> None:
+    write_state(tmp_path, State((Running("0", os.getpid(), 1.0),), ("tcp/127.0.0.1:7447",)))
+    assert read_state(tmp_path) == State()
 
 
 def test_a_state_file_that_is_torn_or_missing_means_nobody_runs(tmp_path: Path) -> None:
-    assert read_state(tmp_path) == ()
+    assert read_state(tmp_path) == State()
     (tmp_path / "state.json").write_text('{"running": [{"unit"')
-    assert read_state(tmp_path) == ()
+    assert read_state(tmp_path) == State()
 
 
 def test_a_stopped_process_ends_too(tmp_path: Path) -> None:
@@ -84,4 +88,5 @@ def test_the_run_directory_is_the_owners_alone(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     found = run_directory("alpha")
     assert found == tmp_path / "dyknow" / "alpha"
+    Fleet(found, lifeline=False)
     assert found.stat().st_mode & 0o077 == 0
