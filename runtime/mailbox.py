@@ -21,6 +21,7 @@ from functools import partial
 from queue import SimpleQueue
 from typing import Any, NamedTuple
 
+from agents.effects import Reported
 from federation.transport import Answered, Arrived, Asked, AskEnded, Conflated, HandlerFailed, TokenChanged
 
 LIMIT = 50_000
@@ -146,6 +147,8 @@ def _place(event: Any) -> tuple[Hashable, str, Rule]:
             return (Answered, question), key, ANSWERS
         case AskEnded():
             return AskEnded, AskEnded.__name__, ENDS
+        case Reported(report=report):
+            return (Reported, type(report)), type(report).__name__, REPORTS
         case HandlerFailed(where=where):
             return (HandlerFailed, where), where, FAILURES
         case _:

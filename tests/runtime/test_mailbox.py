@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from agents.effects import Reported
 from federation.transport import (
     Answered,
     Arrived,
@@ -16,7 +17,7 @@ from federation.transport import (
     HandlerFailed,
     TokenChanged,
 )
-from navigation.vehicle import BatteryReport
+from navigation.vehicle import BatteryReport, PositionReport
 from runtime import mailbox
 from runtime.mailbox import Mailbox
 
@@ -105,10 +106,11 @@ def test_answers_questions_failures_and_reports_are_bounded_by_question_key_plac
         box.post(Answered(7, f"q/{number}/heli-position", number, b""))
         box.post(Asked(number, "q/0/heli-position", number, b""))
         box.post(HandlerFailed("sample", number, "boom"))
-        box.post(BatteryReport(number, 0.5))
+        box.post(Reported(number, BatteryReport(number, 0.5)))
+        box.post(Reported(number, PositionReport(number, "GPS_RAW_INT", 58.4, 15.6, 20.0)))
     found = Counter(type(event) for event in emptied(box))
-    assert (found[Answered], found[Asked], found[HandlerFailed], found[BatteryReport]) == (1024, 64, 16, 256)
-    assert found[Conflated] == 4
+    assert (found[Answered], found[Asked], found[HandlerFailed], found[Reported]) == (1024, 64, 16, 2 * 256)
+    assert found[Conflated] == 5
 
 
 def test_when_all_is_full_only_the_end_of_a_question_gets_in(monkeypatch: pytest.MonkeyPatch) -> None:
