@@ -1,0 +1,338 @@
+"""A wire in a box: what Zenoh does for platforms, in one process, on a fake clock, from one seed.
+
+Sessions put, subscribe, declare tokens and queryables and ask, as `federation.transport` says. Between each two of
+them lies a transport with two directions, each with a delay, jitter, loss, duplication and reordering of its own.
+What Zenoh does under faults (measured) is kept:
+
+* a killed process resets its connections: its tokens go within milliseconds; behind a cut only with the lease;
+* a direction that is cut, or a process that stands still, ends the transport with the lease, both ways; it comes back
+  some time after the last obstacle went, and tokens are told anew;
+* a deaf direction loses what is put while tokens stay; only a new session at either end mends it.
+"""
+
+from collections.abc import Callable
+from random import Random
+from typing import Any
+
+from federation import keys
+from federation.transport import (
+    Answer,
+    AnswerEnd,
+    Arrived,
+    Ask,
+    DeclareQueryable,
+    DeclareToken,
+    Put,
+    Reopen,
+    Subscribe,
+    TokenChanged,
+    UndeclareToken,
+    Unsubscribe,
+    WatchTokens,
+    WireEffect,
+    WireEvent,
+)
+from sim_uavs.agenda import Agenda
+from sim_uavs.wire_questions import Questions
+from sim_uavs.wire_sessions import Direction, Link, Session, Transport
+
+LEASE_US = 2_000_000
+CONNECT_US = (5_000, 30_000)
+RECONNECT_US = (50_000, 1_000_000)
+REOPEN_US = (20_000, 500_000)
+RESET_US = (500, 10_000)
+
+Post = Callable[[WireEvent], None]
+
+
+class Wire:
+    """All sessions and what connects them.
+
+    Args:
+        agenda: the world's time.
+        random: the one generator of everything that is by chance here.
+        link: what every direction is like until `set_link` says otherwise.
+        reach: whether two units are in radio range of each other, either way round; everybody is by default.
+    """
+
+    def __init__(
+        self,
+        agenda: Agenda,
+        random: Random,
+        link: Link | None = None,
+        *,
+        lease_us: int = LEASE_US,
+        reach: Callable[[str, str], bool] = lambda _one, _other: True,
+    ) -> None:
+        self.link = link or Link()
+        self._agenda, self._random, self._lease_us, self._reach = agenda, random, lease_us, reach
+        self._sessions: dict[str, Session] = {}
+        self._dying: dict[int, Session] = {}
+        self._links: dict[tuple[str, str], Link] = {}
+        self._cut: set[tuple[str, str]] = set()
+        self._numbers = 0
+        self._questions = Questions(agenda, self._pass)
+        self._perform: dict[type, Callable[[Session, Any], None]] = {
+            Put: self._put,
+            Subscribe: self._subscribe,
+            Unsubscribe: self._unsubscribe,
+            DeclareToken: self._declare_token,
+            UndeclareToken: self._undeclare_token,
+            WatchTokens: self._watch,
+            DeclareQueryable: lambda session, effect: session.queryables.setdefault(effect.key_expr),
+            Ask: self._questions.ask,
+            Answer: self._questions.answer,
+            AnswerEnd: self._questions.answer_end,
+            Reopen: lambda session, _effect: self._reopen(session),
+        }
+
+    # -- who is there -------------------------------------------------------------------------------------------
+
+    def open(self, unit: str, zid: str, post: Post, now_us: Callable[[], int]) -> None:
+        """A process opens its session. Events are stamped with its clock when they reach it, and posted."""
+        if unit in self._sessions:
+            raise ValueError(f"{unit} has a session already")
+        self._numbers += 1
+        session = self._sessions[unit] = Session(self._numbers, unit, zid, post, now_us)
+        self._connect_all(session)
+
+    def kill(self, unit: str) -> None:
+        """The process is gone, at once and without a word; what stood in its connections is lost."""
+        session = self._sessions.pop(unit)
+        session.alive = False
+        self._questions.forget(session)
+        self._dying[session.number] = session
+        for transport in list(session.transports.values()):
+            outgoing = transport.direction(session)
+            if not outgoing.is_cut:
+                self._agenda.at(self._soon(RESET_US), self._end, transport)
+            elif not transport.up:
+                self._end(transport)
+            else:
+                self._silence(transport, outgoing)
+        self._bury(session)
+
+    def freeze(self, unit: str) -> None:
+        """The process stands still, its kernel goes on: what is sent to it waits, nothing is sent by it."""
+        session = self._sessions[unit]
+        session.frozen = True
+        for transport in session.transports.values():
+            self._silence(transport, transport.direction(session))
+
+    def thaw(self, unit: str) -> None:
+        session = self._sessions[unit]
+        session.frozen = False
+        for transport in session.transports.values():
+            self._reconnect(transport)
+
+    # -- obstacles ----------------------------------------------------------------------------------------------
+
+    def set_link(self, sender: str, receiver: str, link: Link) -> None:
+        """What the direction from `sender` to `receiver` is like from now on."""
+        self._links[sender, receiver] = link
+        transport = self._between(sender, receiver)
+        if transport is not None:
+            transport.direction(self._sessions[sender]).link = link
+
+    def cut(self, sender: str, receiver: str) -> None:
+        """Nothing of `sender` reaches `receiver` any more."""
+        self._cut.add((sender, receiver))
+        transport = self._between(sender, receiver)
+        if transport is not None:
+            direction = transport.direction(self._sessions[sender])
+            direction.is_cut = True
+            transport.settle()
+            self._silence(transport, direction)
+
+    def mend(self, sender: str, receiver: str) -> None:
+        """The cut in that direction is over."""
+        self._cut.discard((sender, receiver))
+        transport = self._between(sender, receiver)
+        if transport is not None:
+            transport.direction(self._sessions[sender]).is_cut = False
+            transport.settle()
+            self._reconnect(transport)
+        for session in list(self._dying.values()):
+            for dead in list(session.transports.values()):
+                if {sender, receiver} == {dead.one.unit, dead.other.unit}:
+                    self._agenda.at(self._soon(RESET_US), self._end, dead)
+
+    def deafen(self, sender: str, receiver: str) -> None:
+        """`receiver` hears no more puts of `sender`, though both sessions believe in each other."""
+        transport = self._between(sender, receiver)
+        if transport is not None:
+            transport.direction(self._sessions[sender]).is_deaf = True
+            transport.settle()
+
+    @property
+    def standing(self) -> dict[str, int]:
+        """How much is kept, for those who look for leaks: sessions, transports, tokens told, open questions."""
+        sessions = [*self._sessions.values(), *self._dying.values()]
+        transports = {id(t): t for session in sessions for t in session.transports.values()}.values()
+        return {
+            "sessions": len(sessions),
+            "transports": len(transports),
+            "told": sum(len(direction.told) for t in transports for direction in (t.there, t.back)),
+            "questions": len(self._questions),
+        }
+
+    # -- effects ------------------------------------------------------------------------------------------------
+
+    def perform(self, unit: str, effect: WireEffect) -> None:
+        """Do what a platform asks of its wire."""
+        session = self._sessions[unit]
+        self._perform[type(effect)](session, effect)
+
+    def _put(self, session: Session, effect: Put) -> None:
+        key, payload = effect.key, effect.payload
+        for direction in session.outgoing:
+            if direction.passes and direction.to.wants(key):
+                self._pass(direction, 0, direction.to.take, Arrived, payload, key)
+
+    def _pass(self, direction: Direction, not_before_us: int, arrive: Callable[..., None], *what: Any) -> int:
+        """Send one message on its way: `arrive(*what)` when it is there. Returns when that is, or 0 if it is lost."""
+        link, random, agenda = direction.link, self._random.random, self._agenda
+        if link.loss and random() < link.loss:
+            return 0
+        delay_us = link.delay_us + int(random() * link.jitter_us)
+        if link.reordering and random() < link.reordering:
+            delay_us += int(random() * link.late_us)
+        at_us = max(agenda.now_us + delay_us, not_before_us)
+        agenda.at(at_us, arrive, *what)
+        if link.duplication and random() < link.duplication:
+            agenda.at(at_us + int(random() * link.late_us), arrive, *what)
+        return at_us
+
+    @staticmethod
+    def _subscribe(session: Session, effect: Subscribe) -> None:
+        session.subscriptions.setdefault(effect.key_expr)
+        session.forget_wants()
+
+    @staticmethod
+    def _unsubscribe(session: Session, effect: Unsubscribe) -> None:
+        session.subscriptions.pop(effect.key_expr, None)
+        session.forget_wants()
+
+    # -- tokens -------------------------------------------------------------------------------------------------
+
+    def _declare_token(self, session: Session, effect: DeclareToken) -> None:
+        session.tokens.setdefault(effect.key)
+        for direction in session.outgoing:
+            if direction.is_up:
+                self._tell(direction, effect.key)
+
+    def _undeclare_token(self, session: Session, effect: UndeclareToken) -> None:
+        session.tokens.pop(effect.key, None)
+        for direction in session.outgoing:
+            self._untell(direction, session.named(effect.key))
+
+    def _watch(self, session: Session, effect: WatchTokens) -> None:
+        session.watches.setdefault(effect.key_expr)
+        for direction in session.incoming:
+            if direction.is_up:
+                for key in direction.by.tokens:
+                    self._tell(direction, key)
+
+    def _tell(self, direction: Direction, declared: str) -> None:
+        key = direction.by.named(declared)
+        if key not in direction.told and any(keys.matches(expr, key) for expr in direction.to.watches):
+            direction.told[key] = None
+            self._control(direction, key, alive=True)
+
+    def _untell(self, direction: Direction, key: str) -> None:
+        if key in direction.told:
+            del direction.told[key]
+            self._control(direction, key, alive=False)
+
+    def _control(self, direction: Direction, key: str, *, alive: bool) -> None:
+        """Tokens are never lost nor overtaken."""
+        link = direction.link
+        at_us = self._agenda.now_us + link.delay_us + int(self._random.random() * link.jitter_us)
+        direction.control_us = max(at_us, direction.control_us)
+        self._agenda.at(direction.control_us, direction.to.take, TokenChanged, alive, key)
+
+    # -- transports ---------------------------------------------------------------------------------------------
+
+    def _between(self, one: str, other: str) -> Transport | None:
+        session, peer = self._sessions.get(one), self._sessions.get(other)
+        return None if session is None or peer is None else session.transports.get(peer.number)
+
+    def _soon(self, within_us: tuple[int, int]) -> int:
+        return self._agenda.now_us + self._random.randint(*within_us)
+
+    def _connect_all(self, session: Session) -> None:
+        for other in self._sessions.values():
+            if other is session or not self._reach(session.unit, other.unit):
+                continue
+            transport = Transport(session, other)
+            for direction in (transport.there, transport.back):
+                ends = (direction.by.unit, direction.to.unit)
+                direction.link = self._links.get(ends, self.link)
+                direction.is_cut = ends in self._cut
+            self._reconnect(transport, CONNECT_US)
+
+    def _silence(self, transport: Transport, direction: Direction) -> None:
+        """Nothing comes in that direction from now on; the lease runs."""
+        if transport.up and direction.silent_since_us is None:
+            direction.silent_since_us = self._agenda.now_us
+            self._agenda.at(self._agenda.now_us + self._lease_us, self._lease_over, transport, direction)
+
+    def _lease_over(self, transport: Transport, direction: Direction) -> None:
+        since_us = direction.silent_since_us
+        if since_us is None or not transport.up or self._agenda.now_us < since_us + self._lease_us:
+            return
+        if direction.is_silent:
+            self._end(transport)
+
+    def _end(self, transport: Transport) -> None:
+        """The transport is down: its tokens are gone, what was asked over it is over."""
+        if transport.up:
+            transport.up = False
+            transport.settle()
+            for direction in (transport.there, transport.back):
+                for key in list(direction.told):
+                    self._untell(direction, key)
+            self._questions.down(transport)
+        for direction in (transport.there, transport.back):
+            direction.silent_since_us = None
+        for session in (transport.one, transport.other):
+            if not session.alive:
+                transport.part()
+                self._bury(session)
+
+    def _bury(self, session: Session) -> None:
+        if not session.transports:
+            self._dying.pop(session.number, None)
+
+    def _reconnect(self, transport: Transport, within_us: tuple[int, int] = RECONNECT_US) -> None:
+        """An obstacle went: if it was the last, the transport stays, or comes up again."""
+        for direction in (transport.there, transport.back):
+            if not direction.is_silent:
+                direction.silent_since_us = None
+        if not transport.up and transport.is_clear:
+            self._agenda.at(self._soon(within_us), self._up, transport)
+
+    def _up(self, transport: Transport) -> None:
+        if transport.up or not transport.is_clear:
+            return
+        transport.up = True
+        transport.settle()
+        for direction in (transport.there, transport.back):
+            for key in direction.by.tokens:
+                self._tell(direction, key)
+
+    def _reopen(self, session: Session) -> None:
+        """Close the session and open a new one, which declares everything again under an identity of its own."""
+        unit = session.unit
+        for question in self._questions.of(session):
+            self._questions.end(question)
+        self.kill(unit)
+        self._numbers += 1
+        again = Session(self._numbers, unit, session.zid, session.post, session.now_us)
+        again.take_over(session)
+        self._sessions[unit] = again
+        self._agenda.at(self._soon(REOPEN_US), self._opened, again)
+
+    def _opened(self, session: Session) -> None:
+        if self._sessions.get(session.unit) is session:
+            self._connect_all(session)

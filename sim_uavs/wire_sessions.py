@@ -1,0 +1,146 @@
+"""The parts of the wire in a box: sessions, the transports between them, and their two directions."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from federation import keys
+from federation.transport import WireEvent
+
+
+class Link(NamedTuple):
+    """How one direction treats what passes. Times in microseconds, shares 0..1.
+
+    Attributes:
+        delay_us: what everything takes; jitter_us: what it takes more, at most.
+        loss, duplication: shares of messages.
+        reordering: share that takes up to `late_us` longer, and is so overtaken.
+    """
+
+    delay_us: int = 300
+    jitter_us: int = 400
+    loss: float = 0.0
+    duplication: float = 0.0
+    reordering: float = 0.0
+    late_us: int = 60_000
+
+
+class Session:
+    """What one process has declared, and how it is reached.
+
+    Declarations are dictionaries without values: sets that keep their order.
+    """
+
+    def __init__(
+        self, number: int, unit: str, zid: str, post: Callable[[WireEvent], None], now_us: Callable[[], int]
+    ) -> None:
+        self.number, self.unit, self.zid, self.post, self.now_us = number, unit, zid, post, now_us
+        self.alive, self.frozen = True, False
+        self.reopened = 0
+        self.subscriptions: dict[str, None] = {}
+        self.queryables: dict[str, None] = {}
+        self.tokens: dict[str, None] = {}
+        self.watches: dict[str, None] = {}
+        self.transports: dict[int, Transport] = {}
+        self.outgoing: list[Direction] = []
+        self.incoming: list[Direction] = []
+        self._wants: dict[str, bool] = {}
+
+    def wants(self, key: str) -> bool:
+        """Whether it subscribes what is put on `key`."""
+        found = self._wants.get(key)
+        if found is None:
+            found = self._wants[key] = any(keys.matches(expr, key) for expr in self.subscriptions)
+        return found
+
+    def forget_wants(self) -> None:
+        self._wants.clear()
+
+    def answers(self, key: str) -> bool:
+        return any(keys.matches(expr, key) for expr in self.queryables)
+
+    def named(self, token: str) -> str:
+        """The token as others see it: a session that was opened again has another identity."""
+        return token.replace(f"/{self.zid}/", f"/{self.zid}{self.reopened:x}/", 1) if self.reopened else token
+
+    def take(self, kind: Callable[..., WireEvent], last: Any, *first: Any) -> None:
+        """An event reached the process, unless that is no more: its fields around the stamp, which is made here."""
+        if self.alive:
+            self.post(kind(*first, self.now_us(), last))
+
+    def take_over(self, closed: "Session") -> None:
+        """Declare what the session before did."""
+        self.subscriptions, self.queryables = closed.subscriptions, closed.queryables
+        self.tokens, self.watches = closed.tokens, closed.watches
+        self.reopened = closed.reopened + 1
+
+
+class Direction:
+    """From one session to another.
+
+    Attributes:
+        passes: whether a put gets through now.
+        told: tokens of `by` that `to` was told are alive.
+        control_us: when the last token arrives.
+        silent_since_us: since when the lease runs.
+    """
+
+    __slots__ = (
+        "by",
+        "control_us",
+        "is_cut",
+        "is_deaf",
+        "is_up",
+        "link",
+        "passes",
+        "silent_since_us",
+        "to",
+        "told",
+    )
+
+    def __init__(self, by: Session, to: Session) -> None:
+        self.by, self.to, self.link = by, to, Link()
+        self.is_up = self.is_cut = self.is_deaf = self.passes = False
+        self.told: dict[str, None] = {}
+        self.control_us = 0
+        self.silent_since_us: int | None = None
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether not even keep-alives come."""
+        return self.is_cut or self.by.frozen or not self.by.alive
+
+
+class Transport:
+    """What connects two sessions."""
+
+    def __init__(self, one: Session, other: Session) -> None:
+        self.one, self.other = one, other
+        self.there, self.back = Direction(one, other), Direction(other, one)
+        self.up = False
+        one.transports[other.number] = other.transports[one.number] = self
+        for direction in (self.there, self.back):
+            direction.by.outgoing.append(direction)
+            direction.to.incoming.append(direction)
+
+    def direction(self, by: Session) -> Direction:
+        return self.there if by is self.one else self.back
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether nothing keeps it from coming up."""
+        return not (self.there.is_silent or self.back.is_silent)
+
+    def settle(self) -> None:
+        """What may pass after a change."""
+        for direction in (self.there, self.back):
+            direction.is_up = self.up
+            direction.passes = self.up and not direction.is_cut and not direction.is_deaf
+
+    def part(self) -> None:
+        """One of the sessions is no more: both forget the transport."""
+        if self.one.transports.pop(self.other.number, None) is None:
+            return
+        del self.other.transports[self.one.number]
+        for direction in (self.there, self.back):
+            direction.by.outgoing.remove(direction)
+            direction.to.incoming.remove(direction)

@@ -1,0 +1,406 @@
+"""The simulated world: many platforms in one process, on a fake clock and a fake wire, all by chance from one seed.
+
+The platforms are those that fly for real; only clock, wire and vehicles are simulated. Every node has a clock of its
+own, which may be wrong and drift. Nothing here reads the time: a minute takes what its events take, and the same
+seed gives the same events. Times are the world's, in microseconds since the epoch, unless they are called a node's.
+"""
+
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from queue import Empty
+from random import Random
+from typing import Any
+
+from agents.effects import Effect, Event, Halt, InjectFault, Leave, Note, Reported
+from agents.platform import Platform, PlatformConfig
+from dyknow.errors import TextError
+from federation.acts import Act, Performative
+from federation.contents import Content
+from federation.transport import Conflated
+from navigation.vehicle import Command, Report
+from runtime.mailbox import Mailbox
+from sim_uavs.agenda import Agenda
+from sim_uavs.faults import Fault, parse_fault
+from sim_uavs.vehicles import SimulatedVehicle, Truth
+from sim_uavs.wire import LEASE_US, Wire
+from sim_uavs.wire_sessions import Link
+
+START_US = 1_700_000_000_000_000
+TRUTH_US = 100_000
+
+
+class DriftingClock:
+    """A node's clock: UTC at its start, `offset_us` off, and from then on `drift_ppm` too fast; never set back."""
+
+    def __init__(self, now_us: int, offset_us: int = 0, drift_ppm: float = 0.0) -> None:
+        self._since_us, self._offset_us, self._ppb = now_us, offset_us, round(drift_ppm * 1000)
+
+    def node_us(self, now_us: int) -> int:
+        """What it shows at an instant of the world."""
+        return now_us + self._offset_us + (now_us - self._since_us) * self._ppb // 1_000_000_000
+
+    def world_us(self, node_us: int) -> int:
+        """The first instant of the world at which it shows that."""
+        elapsed_us = node_us - self._offset_us - self._since_us
+        found = self._since_us + elapsed_us * 1_000_000_000 // (1_000_000_000 + self._ppb) - 2
+        while self.node_us(found) < node_us:
+            found += 1
+        return found
+
+    def drift(self, now_us: int, drift_ppm: float) -> None:
+        """Run at another rate from now on."""
+        self._offset_us, self._since_us, self._ppb = self.node_us(now_us) - now_us, now_us, round(drift_ppm * 1000)
+
+
+@dataclass(slots=True)
+class Node:
+    """One unit: its process, while it runs, and its vehicle, which flies whatever becomes of the process.
+
+    Attributes:
+        lives: all platforms that have run under this name, the present one last.
+        halted: why a process of it ended by itself.
+        notes: what its processes told people.
+    """
+
+    config: PlatformConfig
+    vehicle: SimulatedVehicle | None
+    clock: DriftingClock
+    platform: Platform | None = None
+    frozen: bool = False
+    offset_us: int = 0
+    drift_ppm: float = 0.0
+    lives: list[Platform] = field(default_factory=list)
+    halted: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    truth: list[Truth] = field(default_factory=list)
+    due_us: int | None = None
+    mailbox: Mailbox | None = None
+
+
+@dataclass(slots=True)
+class Dialogue:
+    """What somebody asked, and what came back: (world time, act, content), or why nothing did."""
+
+    by: str
+    to: str
+    conversation: str = ""
+    replies: list[tuple[int, Act, Content | None]] = field(default_factory=list)
+    silence: str | None = None
+
+    def contents(self, kind: type[Any]) -> list[Any]:
+        """The contents of one kind, in order."""
+        return [content for _, _, content in self.replies if isinstance(content, kind)]
+
+
+class World:
+    """Units, their clocks and vehicles, and the wire between them.
+
+    Args:
+        seed: of everything that is by chance.
+        link, lease_us, reach: of the wire.
+        trace: told one line per event and effect, with its time.
+        truth_us: how often true positions are noted; None: never.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        *,
+        start_us: int = START_US,
+        link: Link | None = None,
+        lease_us: int = LEASE_US,
+        reach: Callable[[str, str], bool] = lambda _one, _other: True,
+        trace: Callable[[str], None] | None = None,
+        truth_us: int | None = TRUTH_US,
+    ) -> None:
+        self.agenda = Agenda(start_us)
+        self.random = Random(seed)
+        self.wire = Wire(self.agenda, Random(self.random.getrandbits(64)), link, lease_us=lease_us, reach=reach)
+        self.nodes: dict[str, Node] = {}
+        self.start_us = start_us
+        self._trace = trace
+        if truth_us is not None:
+            self.agenda.at(start_us, self._note_truth, truth_us)
+
+    @property
+    def now_us(self) -> int:
+        return self.agenda.now_us
+
+    def platform(self, unit: str) -> Platform:
+        """The running process of `unit`. Raises LookupError when it does not run."""
+        platform = self.nodes[unit].platform
+        if platform is None:
+            raise LookupError(f"{unit} does not run")
+        return platform
+
+    def run_until(self, at_us: int) -> None:
+        self.agenda.run_until(at_us)
+
+    def run_for(self, seconds: float) -> None:
+        self.agenda.run_until(self.agenda.now_us + round(seconds * 1e6))
+
+    def at(self, at_us: int, do: Callable[..., Any], *arguments: Any) -> None:
+        """Have something done in the course of the run, e.g. `world.at(t, world.kill, "1")`."""
+        self.agenda.at(at_us, do, *arguments)
+
+    # -- units --------------------------------------------------------------------------------------------------
+
+    def add(
+        self,
+        unit: str,
+        config: PlatformConfig | None = None,
+        vehicle: SimulatedVehicle | None = None,
+        *,
+        offset_us: int = 0,
+        drift_ppm: float = 0.0,
+    ) -> Node:
+        """A unit joins: its process starts, with a clock that is off by `offset_us`."""
+        config = replace(config or PlatformConfig(unit, 0), unit=unit, vehicle=vehicle is not None)
+        clock = DriftingClock(self.now_us, offset_us, drift_ppm)
+        node = self.nodes[unit] = Node(config, vehicle, clock, offset_us=offset_us, drift_ppm=drift_ppm)
+        self._boot(node)
+        if vehicle is not None:
+            self.agenda.at(vehicle.deadline_us, self._fly, node, vehicle)
+        return node
+
+    def add_command_centre(self, unit: str = "cc") -> Node:
+        """Somebody who delegates and asks, and flies nothing."""
+        return self.add(unit, PlatformConfig(unit, 0, kind="command-centre"))
+
+    def kill(self, unit: str) -> None:
+        """End its process without a word; the vehicle flies on as it was told last."""
+        node = self.nodes[unit]
+        if node.platform is not None:
+            self.wire.kill(unit)
+            node.platform, node.due_us, node.frozen, node.mailbox = None, None, False, None
+            self._say(unit, "killed")
+
+    def restart(self, unit: str) -> None:
+        """Start the process anew, under a new boot."""
+        self.kill(unit)
+        node = self.nodes[unit]
+        node.clock = DriftingClock(self.now_us, node.offset_us, node.drift_ppm)
+        self._boot(node)
+
+    def freeze(self, unit: str) -> None:
+        """Stop the process (SIGSTOP): what is sent to it waits in its sockets."""
+        node = self.nodes[unit]
+        if node.platform is not None and not node.frozen:
+            node.frozen, node.mailbox = True, Mailbox(lambda: node.clock.node_us(self.now_us))
+            self.wire.freeze(unit)
+            self._say(unit, "frozen")
+
+    def thaw(self, unit: str) -> None:
+        """Let the process go on: it finds in its mailbox what the mailbox kept of all that came."""
+        node = self.nodes[unit]
+        if not node.frozen:
+            return
+        mailbox, node.frozen, node.mailbox = node.mailbox, False, None
+        self.wire.thaw(unit)
+        self._say(unit, "thawed")
+        now_us = node.clock.node_us(self.now_us)
+        with suppress(Empty):
+            while mailbox is not None and node.platform is not None:
+                event = mailbox.get(0)
+                self._step(node, event._replace(at_us=now_us) if hasattr(event, "at_us") else event)
+        self._wake(node)
+
+    def set_clock(self, unit: str, offset_us: int = 0, drift_ppm: float = 0.0) -> None:
+        """The rate counts at once, the offset from the next start: a running clock is UTC at start plus what passed."""
+        node = self.nodes[unit]
+        node.offset_us, node.drift_ppm = offset_us, drift_ppm
+        node.clock.drift(self.now_us, drift_ppm)
+        self._wake(node)
+
+    def partition(self, one: Iterable[str], other: Iterable[str]) -> None:
+        """Nothing passes between the two groups, either way."""
+        others = list(other)
+        for a in one:
+            for b in others:
+                self.wire.cut(a, b)
+                self.wire.cut(b, a)
+
+    def heal(self, one: Iterable[str], other: Iterable[str]) -> None:
+        others = list(other)
+        for a in one:
+            for b in others:
+                self.wire.mend(a, b)
+                self.wire.mend(b, a)
+
+    def inject(self, unit: str, fault: Fault | str, duration_us: int | None = None) -> None:
+        """Make the vehicle of `unit` fail, for a while or for good."""
+        vehicle = self.nodes[unit].vehicle
+        if vehicle is not None:
+            until_us = None if duration_us is None else self.now_us + duration_us
+            vehicle.inject(parse_fault(fault) if isinstance(fault, str) else fault, self.now_us, until_us)
+
+    def leave(self, unit: str) -> None:
+        """Its person takes it out of the federation; the process goes on."""
+        node = self.nodes[unit]
+        if node.platform is not None:
+            self._reach(node, Leave(node.clock.node_us(self.now_us)))
+
+    def rejoin(self, unit: str) -> None:
+        self.call(unit, lambda platform, now_us: platform.rejoin(now_us))
+
+    # -- what people do -----------------------------------------------------------------------------------------
+
+    def call(self, unit: str, do: Callable[[Platform, int], Any]) -> Any:
+        """Have a running platform do something, and carry out what follows from it."""
+        node = self.nodes[unit]
+        platform = self.platform(unit)
+        node_us = node.clock.node_us(self.now_us)
+        result = do(platform, node_us)
+        self._perform(node, platform.on_time(node_us))
+        self._wake(node)
+        return result
+
+    def ask(
+        self,
+        by: str,
+        to: str,
+        content: Content,
+        performative: Performative = Performative.REQUEST,
+        within_us: int = 2_000_000,
+    ) -> Dialogue:
+        """`by` says something to the Interface Agent of `to`; the answers are collected as they come."""
+        dialogue = Dialogue(by, to)
+
+        def on_reply(act: Act, said: Content | None, _now_us: int) -> None:
+            dialogue.replies.append((self.now_us, act, said))
+
+        def on_silence(why: str, _now_us: int) -> None:
+            dialogue.silence = why
+
+        dialogue.conversation = self.call(
+            by,
+            lambda platform, now_us: platform.interface.delegate(
+                to,
+                content,
+                now_us,
+                performative=performative,
+                on_reply=on_reply,
+                on_silence=on_silence,
+                reply_within_us=within_us,
+            ),
+        )
+        return dialogue
+
+    def cancel(self, dialogue: Dialogue) -> None:
+        """End what was asked."""
+        self.call(
+            dialogue.by,
+            lambda platform, now_us: platform.interface.cancel(dialogue.to, dialogue.conversation, now_us),
+        )
+
+    # -- inside -------------------------------------------------------------------------------------------------
+
+    def _boot(self, node: Node) -> None:
+        unit = node.config.unit
+        node_us = node.clock.node_us(self.now_us)
+        zid = f"{self.random.getrandbits(64) | 1:x}"
+        platform = Platform(replace(node.config, boot=node_us // 1000, zid=zid), node_us)
+        node.platform, node.due_us = platform, None
+        node.lives.append(platform)
+        self._say(unit, "booted")
+
+        def node_now_us() -> int:
+            return node.clock.node_us(self.agenda.now_us)
+
+        def post(event: Event) -> None:
+            if node.platform is platform:
+                self._reach(node, event)
+
+        self.wire.open(unit, zid, post, node_now_us)
+        self._perform(node, platform.start(node_us))
+        self._wake(node)
+
+    def _reach(self, node: Node, event: Event) -> None:
+        """An event reached a process: taken at once, or found in the mailbox when the process goes on."""
+        if node.mailbox is not None:
+            node.mailbox.post(event)
+        else:
+            self._step(node, event)
+            self._wake(node)
+
+    def _step(self, node: Node, event: Event | Conflated) -> None:
+        platform = node.platform
+        if platform is not None:
+            if self._trace is not None:
+                self._say(node.config.unit, f"< {event!r}")
+            self._perform(node, platform.on_event(event, node.clock.node_us(self.agenda.now_us)))
+
+    def _wake(self, node: Node) -> None:
+        """See to it that the process is stepped when it is due."""
+        platform = node.platform
+        if platform is None or node.frozen:
+            return
+        due_us = node.clock.world_us(platform.deadline_us)
+        if node.due_us is None or due_us < node.due_us:
+            node.due_us = due_us
+            self.agenda.at(due_us, self._on_time, node, due_us)
+
+    def _on_time(self, node: Node, due_us: int) -> None:
+        """The process is due; an appointment that an earlier one replaced is passed over."""
+        platform = node.platform
+        if platform is None or node.frozen or node.due_us != due_us:
+            return
+        node.due_us = None
+        node_us = node.clock.node_us(self.agenda.now_us)
+        if platform.deadline_us <= node_us:
+            self._perform(node, platform.on_time(node_us))
+        self._wake(node)
+
+    def _fly(self, node: Node, vehicle: SimulatedVehicle) -> None:
+        stamp_us = node.config.clock.federation_us(node.clock.node_us(self.now_us))
+        for report in vehicle.on_time(self.now_us, stamp_us):
+            self._report(node, report)
+        self.agenda.at(vehicle.deadline_us, self._fly, node, vehicle)
+
+    def _report(self, node: Node, report: Report) -> None:
+        if node.platform is not None:
+            self._reach(node, Reported(node.clock.node_us(self.now_us), report))
+
+    def _perform(self, node: Node, effects: Iterable[Effect]) -> None:
+        for effect in effects:
+            if self._trace is not None:
+                self._say(node.config.unit, f"> {effect!r}")
+            match effect:
+                case Command():
+                    self._command(node, effect)
+                case InjectFault():
+                    self._injected(node, effect)
+                case Note():
+                    node.notes.append(effect.text)
+                case Halt():
+                    node.halted.append(effect.reason)
+                    self.agenda.at(self.now_us, self.kill, node.config.unit)
+                case _:
+                    self.wire.perform(node.config.unit, effect)
+
+    def _command(self, node: Node, command: Command) -> None:
+        if node.vehicle is not None:
+            stamp_us = node.config.clock.federation_us(node.clock.node_us(self.now_us))
+            result = node.vehicle.on_command(command, self.now_us, stamp_us)
+            self.agenda.at(self.now_us, self._report, node, result)
+
+    def _injected(self, node: Node, effect: InjectFault) -> None:
+        text = effect.kind if effect.value is None else f"{effect.kind}={effect.value}"
+        duration_us = None
+        if effect.until_us is not None:
+            duration_us = effect.until_us - node.config.clock.federation_us(node.clock.node_us(self.now_us))
+        try:
+            self.inject(node.config.unit, text, duration_us)
+        except TextError as wrong:
+            node.notes.append(str(wrong))
+
+    def _note_truth(self, period_us: int) -> None:
+        for node in self.nodes.values():
+            if node.vehicle is not None:
+                node.truth.append(node.vehicle.truth(self.now_us))
+        self.agenda.at(self.now_us + period_us, self._note_truth, period_us)
+
+    def _say(self, unit: str, text: str) -> None:
+        if self._trace is not None:
+            self._trace(f"{self.agenda.now_us} {unit} {text}")
