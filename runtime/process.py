@@ -13,12 +13,14 @@ import threading
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from queue import Empty
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from agents.effects import Event, Halt, InjectFault, Leave, Note, Reported
 from agents.interface import Trust
+from agents.own_streams import ESTIMATE
 from agents.plans import PlanBook
 from agents.platform import Platform, PlatformConfig
+from dyknow import Policy
 from dyknow.errors import DecodeError, DyknowError, RosterError
 from federation import contents
 from federation.clock import FederationClock
@@ -32,12 +34,9 @@ from proxies.zenoh_edge import ZenohEdge
 from reasoning import builtin_profiles, parse_profiles
 from runtime.clock import NodeClock
 from runtime.config import NodeConfig
-from runtime.loop import step
+from runtime.journal import Journal, Journalled
+from runtime.loop import Node, step
 from runtime.mailbox import Mailbox
-
-if TYPE_CHECKING:
-    from runtime.journal import Journal
-
 
 ASK_US = 500_000
 """How long a process that joins a faster federation waits to be told its epoch."""
@@ -78,7 +77,9 @@ class Process:
         self.mailbox = Mailbox(self.clock.now_us)
         self._going = True
         self._code = 0
-        self._journal = _journal(config)
+        self._journal = (
+            None if config.journal is None else Journal(config.journal, {"config": config.model_dump_json()})
+        )
         self._edge = ZenohEdge(wire_options(config), self.mailbox.post, self.clock.now_us)
         self._make_vehicle = make_vehicle
         epoch_us = config.clock.epoch_us
@@ -119,7 +120,9 @@ class Process:
         if self._vehicle is not None:
             self._vehicle.start()
         ends_us = None if self.config.duration_s is None else started_us + round(self.config.duration_s * 1e6)
-        node = _Journaled(platform, self._journal, ends_us)
+        node = self._journalled(platform)
+        if ends_us is not None:
+            node = _Until(node, ends_us)
         while self._going:
             step(node, self.mailbox, self.clock.now_us, self._perform)
             self._tell_directory(platform)
@@ -127,6 +130,16 @@ class Process:
                 break
         self._perform_all(platform.on_event(Leave(self.clock.now_us()), self.clock.now_us()))
         self._say({"event": "ended", "unit": self.config.unit, "at_us": self.clock.now_us()})
+
+    def _journalled(self, platform: Platform) -> Node[Event, Any]:
+        """The platform, or the platform with its journal: events, timers, and what was estimated."""
+        journal = self._journal
+        if journal is None:
+            return platform
+        if platform.own is not None:
+            label, fields = str(platform.own.estimate), [field.name for field in ESTIMATE.fields]
+            platform.network.subscribe(platform.own.estimate, Policy(), lambda s: journal.on_sample(label, fields, s))
+        return Journalled(platform, journal)
 
     def _adopt_epoch(self) -> None:
         """Take over the epoch of a federation that is there and runs at our speed, so that all clocks agree."""
@@ -204,32 +217,17 @@ class Process:
             )
 
 
-class _Journaled:
-    """The platform with its journal: what reaches it is recorded before it is taken."""
+class _Until:
+    """A node that is looked at again when its time is over, at the latest."""
 
-    def __init__(self, platform: Platform, journal: "Journal | None", ends_us: int | None) -> None:
-        self._platform, self._journal, self._ends_us = platform, journal, ends_us
+    def __init__(self, node: Node[Event, Any], ends_us: int) -> None:
+        self._node, self._ends_us = node, ends_us
+        self.on_event, self.on_time = node.on_event, node.on_time
 
     @property
     def deadline_us(self) -> int:
-        due_us = self._platform.deadline_us
-        return due_us if self._ends_us is None else min(due_us, self._ends_us)
-
-    def on_event(self, event: Event, now_us: int) -> Iterable[Any]:
-        if self._journal is not None:
-            self._journal.record(event, now_us)
-        return self._platform.on_event(event, now_us)
-
-    def on_time(self, now_us: int) -> Iterable[Any]:
-        return self._platform.on_time(now_us)
-
-
-def _journal(config: NodeConfig) -> "Journal | None":
-    if config.journal is None:
-        return None
-    from runtime.journal import Journal
-
-    return Journal(config.journal, config.unit)
+        due_us = self._node.deadline_us
+        return self._ends_us if due_us is None else min(due_us, self._ends_us)
 
 
 def wire_options(config: NodeConfig) -> ZenohOptions:
