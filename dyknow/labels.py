@@ -85,7 +85,9 @@ class Label(NamedTuple):
             objects.append(_name(text, part, start, _OBJECT, "an object name or an integer"))
             start += len(part) + 1
         if tail.strip():
-            raise _wrong(text, start, len(tail), f"nothing may follow `]`, found {tail.strip()!r}", text[:start].strip())
+            raise _wrong(
+                text, start, len(tail), f"nothing may follow `]`, found {tail.strip()!r}", text[:start].strip()
+            )
         return cls(feature, tuple(objects))
 
     def __str__(self) -> str:

@@ -84,8 +84,7 @@ class PolicyAdapter:
         if now_us - valid_us > self._max_delay_us:
             self._late += 1
             return []
-        period_us, last, available_us = self._period_us, self._last, sample.available_us
-        available_us = max(available_us, now_us)
+        period_us, last = self._period_us, self._last
         if last is not None:
             step_us = valid_us - last.valid_us
             if period_us and step_us != period_us:
@@ -99,13 +98,12 @@ class PolicyAdapter:
             if self._changes and step_us == 0 and sample.value == last.value:
                 self._no_change += 1
                 return []
-            if available_us <= last.available_us:
-                available_us = last.available_us + 1
         elif period_us and self._anchor_us is not None and (valid_us - self._anchor_us) % period_us:
             self._off_grid += 1
             return []
-        if available_us != sample.available_us:
-            sample = Sample(available_us, valid_us, sample.value)
+        if sample.available_us < now_us or (last is not None and sample.available_us <= last.available_us):
+            earliest_us = now_us if last is None else max(now_us, last.available_us + 1)
+            sample = Sample(max(earliest_us, sample.available_us), valid_us, sample.value)
         self._last = sample
         return [sample]
 

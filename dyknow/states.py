@@ -144,8 +144,8 @@ class Synchronizer:
     """
 
     __slots__ = (
-        "_approximate_us", "_delays", "_due_us", "_inputs", "_last_us", "_listening", "_open", "_policy", "_sync_us", "_to_us",
-        "names", "period_us", "skipped",
+        "_approximate_us", "_delay_before_us", "_delays", "_due_us", "_inputs", "_last_us", "_lead_us", "_listening",
+        "_max_delay_us", "_open", "_refused", "_sync_us", "_to_us", "names", "period_us", "skipped",
     )  # fmt: skip
 
     def __init__(self, inputs: Sequence[StateInput], policy: StatePolicy) -> None:
@@ -154,19 +154,21 @@ class Synchronizer:
         policies = [i.policy for i in inputs]
         self.names = tuple(i.name for i in inputs)
         self.period_us = policy.sample_us or _common_period_us(policies)
-        self._policy = policy
+        self._max_delay_us = policy.max_delay_us
+        self._delay_before_us = policy.max_delay_us if policy.delay_before_us is None else policy.delay_before_us
         self._inputs = tuple(
             _Input(p, policy.approximation if p.approximation == "none" else p.approximation) for p in policies
         )
-        delays = [policy.max_delay_us, *([] if policy.delay_before_us is None else [policy.delay_before_us])]
-        delays += [i.delay_us for i in self._inputs]
-        self._delays = tuple(sorted({d for d in delays if d <= policy.max_delay_us}))  # the timers of each point
+        delays = {self._max_delay_us, self._delay_before_us, *(i.delay_us for i in self._inputs)}
+        self._delays = tuple(sorted(d for d in delays if d <= policy.max_delay_us))  # the timers of each point
         from_us = _latest(p.from_us for p in policies) if policy.from_us is None else policy.from_us
         to_us = _latest(p.to_us for p in policies) if policy.to_us is None else policy.to_us
         self._sync_us = _NEVER_US if from_us is None else from_us
         self._to_us = _NEVER_US - 1 if to_us is None else to_us
         self._approximate_us = self._sync_us
         self._due_us = -_NEVER_US  # the first call looks where it is
+        self._lead_us = CATCH_UP * self.period_us
+        self._refused = 0
         self._last_us = -_NEVER_US
         self._listening = False
         self._open = len(inputs)
@@ -175,10 +177,12 @@ class Synchronizer:
     def on_sample(self, i: int, sample: Sample, now_us: int) -> list[State]:
         """A sample of input `i`, counted from 0, became available at `now_us`."""
         valid_us = sample.valid_us
+        if valid_us > now_us + self._lead_us:
+            self._refused += 1
+            return []
         if self._due_us < now_us:
             if self._sync_us == _NEVER_US:
-                # Only so far into the future: one wrong clock must not keep the stream from starting.
-                self._sync_us = -(-min(valid_us, now_us + self._policy.max_delay_us) // self.period_us) * self.period_us
+                self._sync_us = -(-valid_us // self.period_us) * self.period_us
             states = self._settle(now_us, now_us - 1)  # what was due before this sample came
         else:
             states = []
@@ -217,31 +221,44 @@ class Synchronizer:
         """What is known about each input at the synchronisation point, as of the last call."""
         return tuple(i.category(self._sync_us) for i in self._inputs)
 
+    @property
+    def refused(self) -> int:
+        """Samples too far ahead: valid more than `CATCH_UP` periods from now, or too many to be kept.
+
+        In an ordered stream one sample from the far future would say that all before it is known.
+        """
+        return self._refused + sum(i.buffer.refused for i in self._inputs)
+
     def _settle(self, now_us: int, clock_us: int) -> list[State]:
         """Compute the states that are ready when every timer up to `clock_us` has gone off."""
         states: list[State] = []
-        self._skip(now_us)
+        if now_us > self._sync_us + self._max_delay_us or not self._listening:
+            self._skip(now_us)
         while self._sync_us <= self._to_us and self._ready(clock_us):
-            self._last_us = now_us if now_us > self._last_us else self._last_us + 1
             sync_us = self._sync_us
+            self._last_us = now_us if now_us > self._last_us else self._last_us + 1
             states.append(State(self._last_us, sync_us, tuple([i.value_at(sync_us) for i in self._inputs])))
             self._move(sync_us + self.period_us, clock_us)
         sync_us = self._sync_us
         self._approximate_us = sync_us + self._delay_before_us
-        self._due_us = next((sync_us + d for d in self._delays if sync_us + d > clock_us), _NEVER_US)
-        if sync_us > self._to_us:
-            self._due_us = _NEVER_US
+        self._due_us = _NEVER_US
+        if sync_us <= self._to_us:
+            for delay_us in self._delays:
+                if sync_us + delay_us > clock_us:
+                    self._due_us = sync_us + delay_us
+                    break
         return states
 
     def _ready(self, clock_us: int) -> bool:
         """`synchronized(now)` of 7.8.2."""
+        if not self._open:
+            return True
         sync_us = self._sync_us
-        if self._open and clock_us >= self._due_us:
-            for found in self._inputs:
-                if not found.final and clock_us >= sync_us + found.delay_us:
-                    found.final = True
-                    self._open -= 1
-        if not self._open or clock_us >= sync_us + self._policy.max_delay_us:
+        for found in self._inputs:
+            if not found.final and clock_us >= sync_us + found.delay_us:
+                found.final = True
+                self._open -= 1
+        if not self._open or clock_us >= sync_us + self._max_delay_us:
             return True
         return clock_us >= sync_us + self._delay_before_us and all(
             i.final or i.has_approximation() for i in self._inputs
@@ -254,23 +271,23 @@ class Synchronizer:
         for found in self._inputs:
             if found.buffer.later:
                 found.buffer.advance(sync_us)
-            found.final = found.known_us >= sync_us or found.is_exact(sync_us) or clock_us >= sync_us + found.delay_us
-            self._open += not found.final
+                found.final = found.known_us >= sync_us or found.is_exact(sync_us)
+            else:
+                found.final = found.known_us >= sync_us
+            if not found.final and clock_us < sync_us + found.delay_us:
+                self._open += 1
+            else:
+                found.final = True
 
     def _skip(self, now_us: int) -> None:
         """Leave out what was due before anybody listened, and all but the last points after a silence of the caller."""
-        overdue = -((self._sync_us + self._policy.max_delay_us - now_us) // self.period_us)
+        overdue = -((self._sync_us + self._max_delay_us - now_us) // self.period_us)
         spared = CATCH_UP if self._listening else 0
         self._listening = True
         count = min(overdue - spared, (self._to_us - self._sync_us) // self.period_us + 1)
         if count > 0:
             self.skipped += count
             self._move(self._sync_us + count * self.period_us, now_us - 1)
-
-    @property
-    def _delay_before_us(self) -> int:
-        delay_us = self._policy.delay_before_us
-        return self._policy.max_delay_us if delay_us is None else delay_us
 
 
 def _common_period_us(policies: Sequence[Policy]) -> int:

@@ -9,7 +9,9 @@ from dyknow.labels import RESERVED
 
 times_us = st.integers(min_value=0, max_value=400)
 values = st.sampled_from(["a", "b", "c"])
-names = st.from_regex(r"[a-zA-Z_][a-zA-Z0-9_]{0,4}(-[a-zA-Z0-9_]{1,3})?", fullmatch=True).filter(lambda n: n not in RESERVED)
+names = st.from_regex(r"[a-zA-Z_][a-zA-Z0-9_]{0,4}(-[a-zA-Z0-9_]{1,3})?", fullmatch=True).filter(
+    lambda n: n not in RESERVED
+)
 labels = st.builds(Label, names, st.lists(names | st.integers(0, 99).map(str), max_size=3).map(tuple))
 
 

@@ -46,7 +46,9 @@ def test_sampled_streams_keep_to_their_grid(arrived: list[Sample], period_us: in
 def test_any_change_drops_only_repetitions_of_value_and_valid_time(arrived: list[Sample]) -> None:
     kept = list(restrict(arrived, any_change))
     assert all(a[1:] != b[1:] for a, b in pairwise(kept))
-    assert [s[1:] for s in kept] == [s[1:] for before, s in pairwise([None, *arrived]) if before is None or before[1:] != s[1:]]
+    assert [s[1:] for s in kept] == [
+        s[1:] for before, s in pairwise([None, *arrived]) if before is None or before[1:] != s[1:]
+    ]
 
 
 @given(streams(), st.integers(0, 300), st.integers(0, 300))
@@ -61,7 +63,9 @@ def test_strict_order_refuses_equal_times_and_monotone_order_does_not() -> None:
     assert list(restrict([a, b], monotone_order)) == [a, b]
 
 
-@pytest.mark.parametrize("wrong", [lambda: sample_every(0), lambda: sample_every(-1), lambda: max_delay(-1), lambda: duration(2, 1)])
+@pytest.mark.parametrize(
+    "wrong", [lambda: sample_every(0), lambda: sample_every(-1), lambda: max_delay(-1), lambda: duration(2, 1)]
+)
 def test_constraints_no_stream_can_satisfy_are_refused(wrong: object) -> None:
     with pytest.raises(PolicyError):
         wrong()  # type: ignore[operator]

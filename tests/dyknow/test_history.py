@@ -25,7 +25,8 @@ def or_none(ask: object) -> Sample | None:
 
 long_streams = st.lists(st.tuples(st.integers(1, 5), st.integers(-10, 60)), max_size=200).map(
     lambda steps: [
-        Sample(at, at - delay, n) for n, (at, delay) in enumerate(zip(accumulate(s for s, _ in steps), (d for _, d in steps), strict=True))
+        Sample(at, at - delay, n)
+        for n, (at, delay) in enumerate(zip(accumulate(s for s, _ in steps), (d for _, d in steps), strict=True))
     ]
 )
 
@@ -41,7 +42,9 @@ def test_the_cache_is_the_tail_of_the_stream(f: list[Sample], capacity: int) -> 
 
 
 @given(long_streams, st.integers(1, 30), st.integers(0, 600), st.integers(0, 600))
-def test_queries_by_valid_time_say_what_the_definitions_say_of_the_cache(f: list[Sample], capacity: int, t: int, length: int) -> None:
+def test_queries_by_valid_time_say_what_the_definitions_say_of_the_cache(
+    f: list[Sample], capacity: int, t: int, length: int
+) -> None:
     history, tail = filled(capacity, f), f[-capacity:]
     assert or_none(lambda: history.get_closest_at_or_before(t)) == most_recent_at(tail, t, 10**9)
     expected = sorted((s for s in tail if t <= s.valid_us <= t + length), key=lambda s: (s.valid_us, s.available_us))
@@ -50,7 +53,9 @@ def test_queries_by_valid_time_say_what_the_definitions_say_of_the_cache(f: list
 
 
 @given(long_streams, st.integers(1, 30), st.integers(0, 600), st.integers(0, 600))
-def test_most_recent_at_is_that_of_the_whole_stream_or_is_not_available(f: list[Sample], capacity: int, t: int, tq: int) -> None:
+def test_most_recent_at_is_that_of_the_whole_stream_or_is_not_available(
+    f: list[Sample], capacity: int, t: int, tq: int
+) -> None:
     history = filled(capacity, f)
     found, whole = or_none(lambda: history.most_recent_at(t, tq)), most_recent_at(f, t, tq)
     assert found in (whole, None)
@@ -77,7 +82,9 @@ def test_a_history_can_be_asked_while_it_grows(f: list[Sample], capacity: int, e
         history.add(s)
         if n % (every + 1) == 0:
             tail = f[max(0, n + 1 - capacity) : n + 1]
-            assert history.get_between(0, 10**9) == sorted((x for x in tail if x.valid_us >= 0), key=lambda x: (x.valid_us, x.available_us))
+            assert history.get_between(0, 10**9) == sorted(
+                (x for x in tail if x.valid_us >= 0), key=lambda x: (x.valid_us, x.available_us)
+            )
 
 
 def test_one_valid_time_from_the_future_does_not_disorder_what_follows_for_ever() -> None:

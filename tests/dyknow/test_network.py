@@ -34,7 +34,9 @@ def network() -> Network:
 
 
 def test_samples_flow_from_sources_through_units_to_consumers(network: Network) -> None:
-    network.add_unit(OVER, Sort("truth"), of_values(lambda speed, limit: speed > limit), [(SPEED, Policy()), (LIMIT, Policy())])
+    network.add_unit(
+        OVER, Sort("truth"), of_values(lambda speed, limit: speed > limit), [(SPEED, Policy()), (LIMIT, Policy())]
+    )
     got: list[Sample] = []
     network.subscribe(OVER, Policy(change="any change"), got.append)
     network.push(LIMIT, 0, 10, now_us=1)

@@ -44,7 +44,9 @@ def test_a_stream_without_constraints_passes_as_it_is(arrived: list[Sample]) -> 
 
 
 @given(policies(), streams(), st.integers(1, 50))
-def test_available_times_increase_strictly_however_coarse_the_clock(policy: Policy, arrived: list[Sample], tick_us: int) -> None:
+def test_available_times_increase_strictly_however_coarse_the_clock(
+    policy: Policy, arrived: list[Sample], tick_us: int
+) -> None:
     adapter, out = PolicyAdapter(policy), []
     for s in arrived:
         now_us = s.available_us // tick_us * tick_us
@@ -92,7 +94,10 @@ def test_a_missing_sample_is_approximated_when_its_delay_is_over() -> None:
     assert adapter.deadline_us == 350
     clock.advance_us(50)
     assert adapter.on_time(clock.now_us()) == [Sample(350, 100, NO_VALUE)]
-    assert adapter.on_sample(Sample(420, 200, "late but in time"), 420) == [Sample(420, 200, "late but in time"), Sample(421, 300, "a")]
+    assert adapter.on_sample(Sample(420, 200, "late but in time"), 420) == [
+        Sample(420, 200, "late but in time"),
+        Sample(421, 300, "a"),
+    ]
     assert adapter.on_sample(Sample(430, 430, "off grid"), 430) == []
     assert adapter.on_time(650) == [Sample(650, 400, "a")]
     assert adapter.on_time(750) == [Sample(750, 500, "off grid")]
@@ -105,6 +110,13 @@ def test_at_one_instant_the_sample_comes_before_the_timer() -> None:
     assert adapter.on_sample(Sample(250, 0, "just in time"), 250) == [Sample(250, 0, "just in time")]
     assert adapter.on_sample(Sample(351, 100, "a moment late"), 351) == [Sample(351, 100, "just in time")]
     assert adapter.dropped == {"late": 1}
+
+
+def test_at_one_instant_all_samples_come_before_the_timer() -> None:
+    adapter = PolicyAdapter(MOST_RECENT)
+    adapter.on_time(0)
+    assert adapter.on_sample(Sample(250, 100, "next"), 250) == []
+    assert adapter.on_sample(Sample(250, 0, "now"), 250) == [Sample(250, 0, "now"), Sample(251, 100, "next")]
 
 
 def test_points_that_were_due_before_anybody_listened_are_not_made_up() -> None:
@@ -140,7 +152,9 @@ def test_samples_from_the_far_future_fill_no_memory() -> None:
     for n in range(3 * MAX_AHEAD):
         adapter.on_sample(Sample(n % 200, 10**12 + 100 * n, "far"), n % 200)
     assert adapter.dropped["overflow"] == 2 * MAX_AHEAD
-    assert adapter.on_sample(Sample(200, 0, "now"), 200) == [Sample(200, 0, "now")], "and keep nothing near from coming through"
+    assert adapter.on_sample(Sample(200, 0, "now"), 200) == [Sample(200, 0, "now")], (
+        "and keep nothing near from coming through"
+    )
 
 
 # use linear
@@ -149,8 +163,13 @@ def test_samples_from_the_far_future_fill_no_memory() -> None:
 def test_a_missing_point_is_interpolated_when_the_sample_after_it_arrives() -> None:
     adapter = PolicyAdapter(Policy.parse("sample every 100us, use linear, from 0"))
     assert adapter.on_sample(Sample(60, 50, (0.0, 1)), 60) == []
-    assert adapter.on_sample(Sample(260, 250, (2.0, 5)), 260) == [Sample(260, 100, (0.5, 2.0)), Sample(261, 200, (1.5, 4.0))]
-    assert adapter.on_sample(Sample(300, 300, (9.0, 9)), 300) == [Sample(300, 300, (9.0, 9))], "an exact value is not touched"
+    assert adapter.on_sample(Sample(260, 250, (2.0, 5)), 260) == [
+        Sample(260, 100, (0.5, 2.0)),
+        Sample(261, 200, (1.5, 4.0)),
+    ]
+    assert adapter.on_sample(Sample(300, 300, (9.0, 9)), 300) == [Sample(300, 300, (9.0, 9))], (
+        "an exact value is not touched"
+    )
     assert adapter.deadline_us is None
     assert adapter.on_time(10**9) == []
 
@@ -173,9 +192,20 @@ def test_interpolation_stays_between_its_ends(a: float, b: float, length_us: int
     at_us = min(at_us, length_us)
     value = interpolate(Sample(0, 0, a), Sample(0, length_us, b), at_us)
     assert min(a, b) - 1e-6 <= value <= max(a, b) + 1e-6
-    assert value == pytest.approx(a + (b - a) * at_us / length_us)
+    assert value == pytest.approx(a + (b - a) * at_us / length_us, abs=1e-6)
 
 
-@pytest.mark.parametrize(("a", "b"), [("x", "y"), (True, False), ((1.0,), (1.0, 2.0)), ((1.0,), 1.0), (1.0, (1.0,)), (NO_VALUE, 1.0), ((1.0, "x"), (2.0, "y"))])
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        ("x", "y"),
+        (True, False),
+        ((1.0,), (1.0, 2.0)),
+        ((1.0,), 1.0),
+        (1.0, (1.0,)),
+        (NO_VALUE, 1.0),
+        ((1.0, "x"), (2.0, "y")),
+    ],
+)
 def test_values_without_a_line_have_no_value_between_them(a: object, b: object) -> None:
     assert interpolate(Sample(0, 0, a), Sample(0, 10, b), 5) is NO_VALUE

@@ -61,7 +61,9 @@ def test_a_sort_without_fields_holds_simple_values() -> None:
             speed.check(wrong)
 
 
-@pytest.mark.parametrize("record", [{}, {"latitude_deg": 1.0}, {"latitude_deg": 1.0, "longitude_deg": 2.0, "alt": 3.0}, {"x": 1, "y": 2}])
+@pytest.mark.parametrize(
+    "record", [{}, {"latitude_deg": 1.0}, {"latitude_deg": 1.0, "longitude_deg": 2.0, "alt": 3.0}, {"x": 1, "y": 2}]
+)
 def test_a_record_has_exactly_the_fields_of_its_sort(record: dict[str, float]) -> None:
     with pytest.raises(SortError, match="latitude_deg, longitude_deg"):
         POSITION.from_record(record)

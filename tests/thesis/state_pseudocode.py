@@ -58,7 +58,9 @@ def synchronized(categories: Sequence[Category], sync_us: int, clock_us: int, wa
     return sync_us + wanted.max_delay_us <= clock_us
 
 
-def events(arrivals: Sequence[tuple[int, Sample]], sync_us: int, policies: Sequence[Policy], wanted: Wanted) -> Iterator[int]:
+def events(
+    arrivals: Sequence[tuple[int, Sample]], sync_us: int, policies: Sequence[Policy], wanted: Wanted
+) -> Iterator[int]:
     """When anything can change: arrivals, and the timers of one synchronisation point."""
     yield from (s.available_us for _, s in arrivals)
     yield from (sync_us + wanted.delay_before_us, sync_us + wanted.max_delay_us)

@@ -41,7 +41,8 @@ def most_recent_at(f: Sequence[Sample], t: int, tq: int) -> Sample | None:
 def is_substream(part: Iterable[Sample], f: Sequence[Sample]) -> bool:
     """Definition 4.5.9, with `available` where the text around it says `valid`."""
     return all(
-        any(o.available_us <= s.available_us and (o.valid_us, o.value) == (s.valid_us, s.value) for o in f) for s in part
+        any(o.available_us <= s.available_us and (o.valid_us, o.value) == (s.valid_us, s.value) for o in f)
+        for s in part
     )
 
 

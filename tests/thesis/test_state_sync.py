@@ -17,11 +17,15 @@ Arrivals = list[tuple[int, Sample]]
 
 
 def in_order(fs: list[list[Sample]]) -> Arrivals:
-    return sorted(((i, s) for i, f in enumerate(fs) for s in f), key=lambda arrival: (arrival[1].available_us, arrival[0]))
+    return sorted(
+        ((i, s) for i, f in enumerate(fs) for s in f), key=lambda arrival: (arrival[1].available_us, arrival[0])
+    )
 
 
 def synchronizer(policies: list[Policy], wanted: Wanted) -> Synchronizer:
-    state_policy = StatePolicy(wanted.sample_us, wanted.max_delay_us, wanted.delay_before_us, wanted.from_us, wanted.to_us)
+    state_policy = StatePolicy(
+        wanted.sample_us, wanted.max_delay_us, wanted.delay_before_us, wanted.from_us, wanted.to_us
+    )
     return Synchronizer([StateInput(f"input {i}", p) for i, p in enumerate(policies)], state_policy)
 
 
@@ -53,7 +57,9 @@ def worked(case: dict[str, Any]) -> tuple[list[Policy], Arrivals, Wanted]:
 
 
 def shown(states: list[State]) -> list[list[Any]]:
-    return [[s.available_us / 1_000, s.valid_us / 1_000, [None if v is NO_VALUE else v for v in s.values]] for s in states]
+    return [
+        [s.available_us / 1_000, s.valid_us / 1_000, [None if v is NO_VALUE else v for v in s.values]] for s in states
+    ]
 
 
 def rows(steps: list[tuple[Any, ...]]) -> list[list[Any]]:
@@ -104,12 +110,16 @@ def situations(draw: st.DrawFn) -> tuple[list[Policy], Arrivals, Wanted]:
         fs.append(kept)
     from_us = draw(st.integers(0, 100))
     delays = st.integers(0, 120)
-    wanted = Wanted(from_us, from_us + draw(st.integers(0, 200)), draw(st.sampled_from([10, 20, 25])), draw(delays), draw(delays))
+    wanted = Wanted(
+        from_us, from_us + draw(st.integers(0, 200)), draw(st.sampled_from([10, 20, 25])), draw(delays), draw(delays)
+    )
     return policies, in_order(fs), wanted
 
 
 @given(situations())
-def test_section_7_8_2_the_states_are_those_of_the_pseudo_code(situation: tuple[list[Policy], Arrivals, Wanted]) -> None:
+def test_section_7_8_2_the_states_are_those_of_the_pseudo_code(
+    situation: tuple[list[Policy], Arrivals, Wanted],
+) -> None:
     policies, arrivals, wanted = situation
     expected, _ = sampled_synchronized_state_stream(policies, arrivals, wanted, 0)
     states, _ = run(synchronizer(policies, wanted), arrivals)
@@ -121,7 +131,9 @@ def test_section_7_8_2_the_states_are_those_of_the_pseudo_code(situation: tuple[
 
 
 @given(situations())
-def test_section_7_8_2_categories_are_those_of_the_pseudo_code(situation: tuple[list[Policy], Arrivals, Wanted]) -> None:
+def test_section_7_8_2_categories_are_those_of_the_pseudo_code(
+    situation: tuple[list[Policy], Arrivals, Wanted],
+) -> None:
     policies, arrivals, wanted = situation
     _, steps = sampled_synchronized_state_stream(policies, arrivals, wanted, 0)
     _, known = run(synchronizer(policies, wanted), arrivals)
@@ -132,7 +144,9 @@ def test_section_7_8_2_categories_are_those_of_the_pseudo_code(situation: tuple[
 
 
 @given(st.lists(streams(max_delay_us=60), min_size=1, max_size=3))
-def test_section_7_8_1_the_improved_algorithm_computes_the_states_of_the_basic_one_and_never_later(fs: list[list[Sample]]) -> None:
+def test_section_7_8_1_the_improved_algorithm_computes_the_states_of_the_basic_one_and_never_later(
+    fs: list[list[Sample]],
+) -> None:
     """Basic: the state at t is most_recent_at(f_i, t, t + d), where d is the maximum delay of every input."""
     wanted = Wanted(from_us=60, to_us=200, sample_us=20, delay_before_us=60, max_delay_us=60)
     kept = [[s for s in f if s.delay_us <= 60] for f in fs]

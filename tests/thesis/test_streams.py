@@ -80,7 +80,9 @@ def test_definitions_4_3_7_and_4_3_8_available_and_last_available(f: list[Sample
     assert {s for s in f if s.available_us <= t} == set(available(f, t))
     last = last_available(f, t)
     assert (last is None) == (not available(f, t))
-    assert last is None or (last in available(f, t) and all(s.available_us <= last.available_us for s in available(f, t)))
+    assert last is None or (
+        last in available(f, t) and all(s.available_us <= last.available_us for s in available(f, t))
+    )
 
 
 @given(streams(), times_us, times_us)
@@ -141,7 +143,9 @@ def test_example_4_3_10_addition_is_a_computational_unit() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(0, 2), times_us), max_size=30))
-def test_definition_4_3_15_a_unit_maps_time_inputs_and_state_to_output_and_state(arrivals: list[tuple[int, int]]) -> None:
+def test_definition_4_3_15_a_unit_maps_time_inputs_and_state_to_output_and_state(
+    arrivals: list[tuple[int, int]],
+) -> None:
     calls: list[tuple[int, tuple[Sample | None, ...], object]] = []
 
     def count(now_us: int, inputs: tuple[Sample | None, ...], state: object) -> tuple[Sample | None, object]:
@@ -153,7 +157,9 @@ def test_definition_4_3_15_a_unit_maps_time_inputs_and_state_to_output_and_state
     for now_us, (i, valid_us) in enumerate(arrivals):
         last[i] = Sample(now_us, valid_us, i)
         output = unit.on_sample(i, Sample(now_us, valid_us, i), now_us)
-        assert calls[-1] == (now_us, tuple(last), now_us or NO_VALUE), "the state is what the call before returned, first no_value"
+        assert calls[-1] == (now_us, tuple(last), now_us or NO_VALUE), (
+            "the state is what the call before returned, first no_value"
+        )
         assert output == (None if now_us % 2 else Sample(now_us, now_us, now_us + 1))
 
 
@@ -170,5 +176,7 @@ def test_definition_4_3_16_join_step_by_step_is_the_join_of_the_whole(fs: list[l
 def test_example_4_3_11_join() -> None:
     for case in WORKED["joins"]:
         joined = join(*map(stream, case["streams"]))
-        expected = [(at * 1_000, valid * 1_000, tuple(s and sample(s) for s in pair)) for at, valid, pair in case["joined"]]
+        expected = [
+            (at * 1_000, valid * 1_000, tuple(s and sample(s) for s in pair)) for at, valid, pair in case["joined"]
+        ]
         assert joined == expected

@@ -33,7 +33,9 @@ def shown(samples: list[Sample]) -> list[list[Any]]:
 @given(gridded_streams())
 def test_definition_4_4_9_change_constraints(f: list[Sample]) -> None:
     assert Policy(change="any update").satisfied_by(f)
-    assert Policy(change="any change").satisfied_by(f) == all((a.valid_us, a.value) != (b.valid_us, b.value) for a, b in pairwise(f))
+    assert Policy(change="any change").satisfied_by(f) == all(
+        (a.valid_us, a.value) != (b.valid_us, b.value) for a, b in pairwise(f)
+    )
     steps = [b.valid_us - a.valid_us for a, b in pairwise(f)]
     assert Policy(change="sample", sample_us=20).satisfied_by(f) == all(d > 0 and d % 20 == 0 for d in steps)
 
@@ -86,7 +88,9 @@ def test_definition_4_4_13_use_most_recent_needs_to_know_what_is_missing_and_whe
 
 
 @given(exact_policies, gridded_streams())
-def test_definition_4_5_10_what_is_delivered_is_a_substream_that_satisfies_the_policy(policy: Policy, f: list[Sample]) -> None:
+def test_definition_4_5_10_what_is_delivered_is_a_substream_that_satisfies_the_policy(
+    policy: Policy, f: list[Sample]
+) -> None:
     kept, adapter = run(f, policy)
     assert policy.satisfied_by(kept)
     assert is_substream(kept, f)
@@ -99,7 +103,11 @@ def test_definition_4_5_10_what_is_delivered_is_maximal(policy: Policy, f: list[
     kept, adapter = run(f, policy)
     for dropped in (s for s in f if s not in kept):
         until_then = [s for s in kept if s.available_us < dropped.available_us]
-        on_grid = policy.sample_us is None or policy.from_us is None or (dropped.valid_us - policy.from_us) % policy.sample_us == 0
+        on_grid = (
+            policy.sample_us is None
+            or policy.from_us is None
+            or (dropped.valid_us - policy.from_us) % policy.sample_us == 0
+        )
         assert not (on_grid and policy.satisfied_by([*until_then, dropped])), adapter.dropped
 
 
@@ -124,7 +132,9 @@ def most_recent_policies(draw: st.DrawFn) -> Policy:
 
 
 @given(most_recent_policies(), gridded_streams())
-def test_definition_4_5_10_use_most_recent_gives_every_point_its_literal_value_and_never_later(policy: Policy, f: list[Sample]) -> None:
+def test_definition_4_5_10_use_most_recent_gives_every_point_its_literal_value_and_never_later(
+    policy: Policy, f: list[Sample]
+) -> None:
     got, _ = run(f, policy)
     literal = literal_extension(f, policy)
     assert [s.valid_us for s in got] == [s.valid_us for s in literal]
@@ -139,7 +149,9 @@ def test_definition_4_5_10_use_most_recent_gives_every_point_its_literal_value_a
 
 
 @given(most_recent_policies(), gridded_streams())
-def test_an_exact_sample_leaves_when_it_arrives_unless_an_earlier_point_is_still_open(policy: Policy, f: list[Sample]) -> None:
+def test_an_exact_sample_leaves_when_it_arrives_unless_an_earlier_point_is_still_open(
+    policy: Policy, f: list[Sample]
+) -> None:
     assert policy.max_delay_us is not None
     got, _ = run(f, policy)
     settled_us = 0
@@ -152,9 +164,13 @@ def test_an_exact_sample_leaves_when_it_arrives_unless_an_earlier_point_is_still
 
 
 @given(gridded_streams(), st.none() | st.integers(0, 60), st.integers(0, 40))
-def test_use_linear_puts_missing_points_on_the_line_between_their_neighbours(f: list[Sample], limit_us: int | None, from_us: int) -> None:
+def test_use_linear_puts_missing_points_on_the_line_between_their_neighbours(
+    f: list[Sample], limit_us: int | None, from_us: int
+) -> None:
     rising = [s._replace(value=(3.0 * s.valid_us, -1.0 * s.valid_us)) for s in f]
-    got, _ = run(rising, Policy(change="sample", sample_us=20, from_us=from_us, max_delay_us=limit_us, approximation="linear"))
+    got, _ = run(
+        rising, Policy(change="sample", sample_us=20, from_us=from_us, max_delay_us=limit_us, approximation="linear")
+    )
     heard = []
     for s in rising:
         if not heard or s.valid_us > heard[-1].valid_us:
@@ -163,7 +179,11 @@ def test_use_linear_puts_missing_points_on_the_line_between_their_neighbours(f: 
     for before, after in pairwise([None, *heard]):
         assert after is not None
         first_us = after.valid_us if before is None else before.valid_us + 1
-        expected += [(g, after.available_us) for g in range(first_us, after.valid_us + 1) if g >= from_us and (g - from_us) % 20 == 0]
+        expected += [
+            (g, after.available_us)
+            for g in range(first_us, after.valid_us + 1)
+            if g >= from_us and (g - from_us) % 20 == 0
+        ]
     assert [s.valid_us for s in got] == [g for g, at in expected if limit_us is None or at - g <= limit_us]
     for s in got:
         assert s.value == pytest.approx((3.0 * s.valid_us, -1.0 * s.valid_us))
@@ -234,7 +254,9 @@ def test_examples_4_4_13_4_4_14_and_4_5_3_terms_and_streams_of_a_generator() -> 
         network.push(car1, s.valid_us, s.value, s.available_us)
     assert [s.value for s in sampled] == ["p1", "p3"]
     assert [s.value for s in speed_car1] == ["p2", "p3"]
-    assert network.generator(car1).history.get_between(0, 500_000) == P1, "Definition 4.5.7: the label denotes the source's samples"
+    assert network.generator(car1).history.get_between(0, 500_000) == P1, (
+        "Definition 4.5.7: the label denotes the source's samples"
+    )
 
 
 @given(streams())
@@ -242,7 +264,10 @@ def test_definition_4_5_8_a_unit_computes_from_the_join_of_its_adapted_inputs(f:
     network, pos, speed = Network(), Label("pos"), Label("speed")
     network.add_source(pos, Sort("pos"))
     network.add_unit(
-        speed, Sort("speed"), lambda now, inputs, state: (Sample(now, now, inputs[0]), state), [(pos, Policy(order="monotone"))]
+        speed,
+        Sort("speed"),
+        lambda now, inputs, state: (Sample(now, now, inputs[0]), state),
+        [(pos, Policy(order="monotone"))],
     )
     for s in f:
         network.push(pos, s.valid_us, s.value, s.available_us)
