@@ -80,8 +80,9 @@ class Pilot:
     fix: Fix | None = None
     _target: TargetReport | None = None
     _leg: int = 0
-    _diverted: bool = False
+    _diversion: Order | None = None
     _raised_to_m: float | None = None
+    _lowered_to_m: float | None = None
     _goal: Order | None = None
     _standing: Order | None = None
     _number: int = 0
@@ -93,7 +94,7 @@ class Pilot:
             self.status = report
         elif isinstance(report, HomeReport):
             self.home = report
-        elif isinstance(report, TargetReport) and not self._diverted:
+        elif isinstance(report, TargetReport) and self._diversion is None:
             self._target = report
         elif isinstance(report, CommandResult) and report.number == self._number and not report.accepted:
             self._again_us = now_us + RETRY_US
@@ -108,8 +109,10 @@ class Pilot:
     def _fly(self, now_us: int) -> Iterator[Command]:
         if self._again_us is not None and now_us >= self._again_us:
             self._goal, self._again_us = None, None
-        if self.plan is None or self._diverted or self._standing is not None or now_us < self.plan.start_us:
-            wanted = self._standing if not self._diverted else None
+        if self._diversion is not None:
+            wanted: Order | None = self._diversion
+        elif self.plan is None or self._standing is not None or now_us < self.plan.start_us:
+            wanted = self._standing
         else:
             wanted = self._next_leg(self.plan)
         if wanted is None or wanted == self._goal or self.refusal(wanted) is not None:
@@ -131,6 +134,8 @@ class Pilot:
                 return Hold()
             there = plan.waypoints[self._leg]
         altitude_m = there.altitude_m if self._raised_to_m is None else max(there.altitude_m, self._raised_to_m)
+        if self._lowered_to_m is not None:
+            altitude_m = min(altitude_m, self._lowered_to_m)
         return GoTo(there.latitude_deg, there.longitude_deg, altitude_m, plan.speed_m_s)
 
     def _command(self, order: Order) -> Command:
@@ -171,8 +176,11 @@ class Pilot:
             Refused: naming the rule.
         """
         reason = self.refusal(order)
+        if reason is None and self._diversion is not None and isinstance(order, GoTo | Hold):
+            reason = "the vehicle is giving way to another; ask again when it flies on"
         if reason is not None:
             raise Refused(reason)
+        self._diversion = None
         self._standing = self._goal = order
         return [self._command(order)]
 
@@ -190,14 +198,17 @@ class Pilot:
         reason = self.refusal(order)
         if reason is not None:
             raise Refused(reason)
-        self._diverted, self._goal = True, order
+        self._diversion = self._goal = order
         return [self._command(order)]
 
-    def resume(self, raised_to_m: float | None = None) -> list[Command]:
-        """Fly on as before the diversion or the order, not lower than `raised_to_m` while that is given."""
-        was_diverted, self._diverted, self._raised_to_m, self._goal = self._diverted, False, raised_to_m, None
+    def resume(self, raised_to_m: float | None = None, lowered_to_m: float | None = None) -> list[Command]:
+        """Fly on as before the diversion or the order, not below the one or above the other while they are given."""
+        was_diverted, self._diversion, self._goal = self._diversion is not None, None, None
+        self._raised_to_m, self._lowered_to_m = raised_to_m, lowered_to_m
         if not was_diverted:
             self._standing = None
+        elif self.plan is not None:
+            self._leg = min(self._leg, len(self.plan.waypoints) - 1)  # who had arrived returns to where it was
         if self.plan is None and self._standing is None and self._target is not None:
             there = self._target
             self._standing = GoTo(there.latitude_deg, there.longitude_deg, there.altitude_m)
@@ -208,7 +219,7 @@ class Pilot:
         """What the vehicle is doing for us, in a word: `watching`, `diverted`, `order`, `plan` or `holding`."""
         if not self.control:
             return "watching"
-        if self._diverted:
+        if self._diversion is not None:
             return "diverted"
         if isinstance(self._standing, Hold | Land | ReturnHome | GoTo):
             return "order"

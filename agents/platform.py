@@ -318,7 +318,7 @@ class Platform:
                 self.refused["key"] += 1
 
     def _on_reported(self, event: Reported) -> None:
-        federation_us = self.clock.federation_us(event.at_us)
+        federation_us = self.clock.federation_us(self._now_us)  # not when it was posted: timers may have gone since
         self.fly(self.pilot.on_report(event.report, federation_us))
         if self.own is not None:
             self.own.on_report(event.report, federation_us)
@@ -371,7 +371,15 @@ class Platform:
             return None
         if NO_VALUE in (position.value, altitude.value):
             return None
-        return Fix(position.valid_us, *position.value, *altitude.value)
+        return Fix(position.valid_us, *position.value, *altitude.value, *self._velocity_of(unit))
+
+    def _velocity_of(self, unit: str) -> tuple[float, ...]:
+        """North, east, down in m/s, or nothing where it is not known."""
+        try:
+            value = self.gateway.latest("heli-velocity", unit).value
+        except (ValueNotAvailable, LookupError):
+            return ()
+        return () if value is NO_VALUE else tuple(value)
 
     # -- leaving -----------------------------------------------------------------------------------------------
 

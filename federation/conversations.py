@@ -39,6 +39,7 @@ REPLY_BY_MOST_US = 600_000_000
 RESULT_WITHIN_US = 10_000_000
 OPEN_PER_PEER = 64
 PEERS = 512
+ANSWERED = 1024
 
 Outcome: TypeAlias = Put | ConversationEvent
 """What a step returns: puts for the wire and events for the agents, in order."""
@@ -61,6 +62,7 @@ class Conversations:
         self._opened = 0
         self._prefix = f"{unit}-{boot:x}-"
         self._dropped: dict[str, tuple[int | None, list[Act]]] = {}
+        self._answered: dict[str, None] = {}
 
     def new_conversation(self) -> str:
         """An id that no other platform and no other life of this one uses."""
@@ -242,14 +244,20 @@ class Conversations:
         closed = found.peer != keys.EVERYBODY and found.heard(act, now_us)
         if closed:
             del self._open[conversation, found.peer, True]
+            self._answered[conversation] = None
+            while len(self._answered) > ANSWERED:
+                del self._answered[next(iter(self._answered))]
         else:
             self._wake(found.due_us)
         return [Reply(conversation, act, found.opening, closed)]
 
     def _late(self, act: Act, now_us: int) -> list[Outcome]:
-        """An answer in a conversation that we have closed. Who agrees now is told that it is not wanted any more."""
+        """An answer in a conversation that we have closed. Who agrees now is told that it is not wanted any more.
+
+        But an agree that its own result overtook only comes late.
+        """
         self.delivery.counts["late"] += 1
-        if act.performative is not P.AGREE:
+        if act.performative is not P.AGREE or act.conversation_id in self._answered:
             return []
         mine = AgentName(act.receiver.agent, self.unit)
         cancel = Act(P.CANCEL, mine, act.sender, Expr("cancel"), act.conversation_id, act.protocol)

@@ -194,10 +194,11 @@ class Wire:
         link, random, agenda = direction.link, self._random.random, self._agenda
         if link.loss and random() < link.loss:
             return 0
-        delay_us = link.delay_us + int(random() * link.jitter_us)
+        at_us = max(agenda.now_us + link.delay_us + int(random() * link.jitter_us), direction.last_us, not_before_us)
         if link.reordering and random() < link.reordering:
-            delay_us += int(random() * link.late_us)
-        at_us = max(agenda.now_us + delay_us, not_before_us)
+            at_us += int(random() * link.late_us)
+        else:
+            direction.last_us = at_us
         agenda.at(at_us, arrive, *what)
         if link.duplication and random() < link.duplication:
             agenda.at(at_us + int(random() * link.late_us), arrive, *what)
@@ -245,11 +246,11 @@ class Wire:
             self._control(direction, key, alive=False)
 
     def _control(self, direction: Direction, key: str, *, alive: bool) -> None:
-        """Tokens are never lost nor overtaken."""
+        """Tokens are never lost, and overtake each other never."""
         link = direction.link
         at_us = self._agenda.now_us + link.delay_us + int(self._random.random() * link.jitter_us)
-        direction.control_us = max(at_us, direction.control_us)
-        self._agenda.at(direction.control_us, direction.to.take, TokenChanged, alive, key)
+        direction.last_us = max(at_us, direction.last_us)
+        self._agenda.at(direction.last_us, direction.to.take, TokenChanged, alive, key)
 
     # -- transports ---------------------------------------------------------------------------------------------
 

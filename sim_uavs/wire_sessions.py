@@ -80,16 +80,16 @@ class Direction:
     Attributes:
         passes: whether a put gets through now.
         told: tokens of `by` that `to` was told are alive.
-        control_us: when the last token arrives.
+        last_us: when the last message arrives: what is not reordered keeps its order.
         silent_since_us: since when the lease runs.
     """
 
     __slots__ = (
         "by",
-        "control_us",
         "is_cut",
         "is_deaf",
         "is_up",
+        "last_us",
         "link",
         "passes",
         "silent_since_us",
@@ -101,7 +101,7 @@ class Direction:
         self.by, self.to, self.link = by, to, Link()
         self.is_up = self.is_cut = self.is_deaf = self.passes = False
         self.told: dict[str, None] = {}
-        self.control_us = 0
+        self.last_us = 0
         self.silent_since_us: int | None = None
 
     @property
