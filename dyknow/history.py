@@ -17,7 +17,17 @@ class History:
         ValueError: if `capacity` is not positive.
     """
 
-    __slots__ = ("_base", "_disorder", "_dropped_us", "_highest_us", "_limit", "_samples", "_sorted", "capacity")
+    __slots__ = (
+        "_base",
+        "_counted",
+        "_disorder",
+        "_dropped_us",
+        "_highest_us",
+        "_limit",
+        "_samples",
+        "_sorted",
+        "capacity",
+    )
 
     def __init__(self, capacity: int) -> None:
         if capacity < 1:
@@ -29,7 +39,8 @@ class History:
         self._base = 0  # samples forgotten
         self._disorder = 0  # the last sample out of order is the so-maniest of all
         self._highest_us = -_EVER_US
-        self._dropped_us: int | None = None  # highest valid time among the forgotten
+        self._dropped_us: int | None = None  # highest valid time among the forgotten, of which
+        self._counted = 0  # so many still stand at the front of the list and were looked at
 
     def add(self, sample: Sample) -> None:
         """Remember `sample`, which became available after all others."""
@@ -82,7 +93,7 @@ class History:
         """Forget every sample, and that there were any."""
         self._samples.clear()
         self._sorted = self._dropped_us = None
-        self._base = self._disorder = 0
+        self._base = self._disorder = self._counted = 0
         self._highest_us = -_EVER_US
 
     def get_latest_vtime(self) -> Sample:
@@ -159,8 +170,9 @@ class History:
     def _forget(self) -> None:
         """Drop what is over capacity, in one go for many samples."""
         excess = self._start
-        self._dropped_us = self._dropped()
+        self._dropped()
         del self._samples[:excess]
+        self._counted = 0
         self._base += excess
         if self._disorder > self._base:  # a single valid time from the future must not disorder all that follow
             self._highest_us = -_EVER_US
@@ -171,9 +183,13 @@ class History:
                     self._disorder = at
 
     def _dropped(self) -> int | None:
-        """The highest valid time among the samples no longer held."""
-        forgotten = [s.valid_us for s in self._samples[: self._start]]
-        return max(forgotten + ([] if self._dropped_us is None else [self._dropped_us]), default=None)
+        """The highest valid time among the samples no longer held; each is looked at once."""
+        start = self._start
+        for sample in self._samples[self._counted : start]:
+            if self._dropped_us is None or sample.valid_us > self._dropped_us:
+                self._dropped_us = sample.valid_us
+        self._counted = start
+        return self._dropped_us
 
 
 def _valid_us(sample: Sample) -> int:
