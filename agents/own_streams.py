@@ -31,7 +31,8 @@ VARIANCES = {"heli-position": (6, 7), "heli-altitude": (8,), "heli-height": (8,)
 class OwnStreams:
     """The streams a platform produces about itself.
 
-    `on_estimate` is told every fused estimate after it went through the network.
+    `on_estimate` is told every fused estimate after it went through the network, `on_health` in words whenever the
+    estimates stop or come again, and why.
     """
 
     def __init__(
@@ -41,11 +42,13 @@ class OwnStreams:
         translation: Translation,
         period_us: int,
         on_estimate: Callable[[Sample], None],
+        on_health: Callable[[str], None] = lambda _text: None,
     ) -> None:
         self.filter = PositionFilter(period_us)
         self.period_us = period_us
         self.estimate = Label.parse(f"estimate[{unit}]")
         self._network, self._translation, self._unit, self._on_estimate = network, translation, unit, on_estimate
+        self._on_health, self._health = on_health, self.filter.health.state
         self._home: HomeReport | None = None
         self._battery: BatteryReport | None = None
         self._pushed: OrderedDict[str, tuple[Label, Callable[[Value], Value]]] = OrderedDict()
@@ -97,6 +100,10 @@ class OwnStreams:
         return self.filter.deadline_us
 
     def _push(self, samples: Iterable[Sample], now_us: int) -> None:
+        health = self.filter.health
+        if health.state != self._health:
+            self._health = health.state
+            self._on_health(f"position {health.state}" + (f": {health.reason}" if health.reason else ""))
         for sample in samples:
             self._network.push(self.estimate, sample.valid_us, sample.value, now_us)
             self._beside(sample, now_us)

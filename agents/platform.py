@@ -106,7 +106,7 @@ class Platform:
         translation = config.translation or Translation(config.ontology)
         self._translation = translation
         self.own = (
-            OwnStreams(config.unit, self.network, translation, config.period_us, self._on_estimate)
+            OwnStreams(config.unit, self.network, translation, config.period_us, self._on_estimate, self.note)
             if config.vehicle
             else None
         )
