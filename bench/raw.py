@@ -54,17 +54,27 @@ class Receiver:
     def ready(self) -> bool:
         return True
 
-    def collect(self, count: int, idle_s: float = IDLE_S) -> dict[str, float]:
-        """What arrives until `count` samples did, or none for `idle_s`."""
+    def collect(self, count: int, streams: int = 1, idle_s: float = IDLE_S) -> dict[str, float]:
+        """What the last of `streams` consumers gets, until it has `count` samples or none came for `idle_s`."""
         found: list[int] = []
         first = last = 0
         wait_s = PATIENCE_S
+
+        def ignore(payload: bytes) -> None:
+            pass
+
+        def keep(payload: bytes) -> None:
+            nonlocal first, last
+            last = time.monotonic_ns()
+            first = first or last
+            found.append(last - STAMP.unpack_from(payload)[1])
+
+        consumers = [ignore] * (streams - 1) + [keep]
         try:
             while len(found) < count:
                 _, payload = self._queue.get(timeout=wait_s)
-                last = time.monotonic_ns()
-                first = first or last
-                found.append(last - STAMP.unpack_from(payload)[1])
+                for consumer in consumers:
+                    consumer(payload)
                 wait_s = idle_s
         except Empty:
             pass
