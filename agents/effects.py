@@ -7,7 +7,7 @@ from navigation.vehicle import Command, Report
 
 
 class Reported(NamedTuple):
-    """The vehicle said something; `at_us` is when this node could first use it (node clock)."""
+    """The vehicle said something; it came to this node at `at_us`, and is available once the node takes it (node clock)."""
 
     at_us: int
     report: Report

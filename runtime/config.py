@@ -44,6 +44,8 @@ class SimulatedVehicle(Strict):
     seed: int = 0
     persona: Literal["ardupilot", "px4"] = "ardupilot"
     gcs: str | None = None
+    origin: tuple[float, float, float] | None = None
+    """Where the scenario takes place: latitude and longitude in degrees, metres above mean sea level of the ground."""
     start_us: int | None = None
     """Federation time at which routes begin; None: when the process starts."""
 

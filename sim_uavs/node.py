@@ -20,8 +20,8 @@ from runtime.config import MavlinkVehicle, NodeConfig, ReplayedVehicle, Simulate
 from runtime.process import Fitted, serve
 from sim_uavs.autopilot_server import AutopilotServer
 from sim_uavs.faults import Fault, parse_fault
-from sim_uavs.scenarios import Unit, scenario
-from sim_uavs.settings import Peer
+from sim_uavs.scenarios import ORIGIN, Unit, scenario
+from sim_uavs.settings import Peer, Place
 
 SETTLE_US = 3_000_000
 """How long after the start routes begin, unless the configuration says when."""
@@ -124,7 +124,8 @@ def _simulated(
     post: Callable[[Report], None],
     limits: FlightLimits,
 ) -> Fitted:
-    unit = scenario(vehicle.scenario, vehicle.count, vehicle.seed).units[vehicle.index]
+    origin = ORIGIN if vehicle.origin is None else Place(*vehicle.origin)
+    unit = scenario(vehicle.scenario, vehicle.count, vehicle.seed, origin).units[vehicle.index]
     flown = unit.vehicle(vehicle.index % 254 + 1, persona=vehicle.persona, airborne=True)
     if vehicle.gcs is not None:
         flown = _with_peer(flown, _address(vehicle.gcs))

@@ -57,8 +57,8 @@ _FRAME = LocalFrame(*ORIGIN)
 _UP = Vector(0.0, 0.0, -HEIGHT_M)
 
 
-def scenario(name: str, count: int | None = None, seed: int = 0) -> Scenario:
-    """The situation called `name` with `count` vehicles (None: as many as it is usual with).
+def scenario(name: str, count: int | None = None, seed: int = 0, origin: Place = ORIGIN) -> Scenario:
+    """The situation called `name` with `count` vehicles (None: as many as it is usual with), about `origin`.
 
     Raises:
         TextError: there is none of that name, or it needs more vehicles.
@@ -70,7 +70,26 @@ def scenario(name: str, count: int | None = None, seed: int = 0) -> Scenario:
     wanted = usual if count is None else count
     if wanted < least:
         raise TextError(f"{name} needs {least} vehicles or more, got {wanted}", text=name, width=len(name))
-    return build(name, wanted, seed)
+    return _moved(build(name, wanted, seed), origin)
+
+
+def _moved(found: Scenario, origin: Place) -> Scenario:
+    """The same situation elsewhere: every place as far north, east and up of `origin` as it was of ours."""
+    if origin == ORIGIN:
+        return found
+    there = LocalFrame(*origin)
+
+    def moved(place: Place) -> Place:
+        return Place(*there.from_ned(*_FRAME.to_ned(*place)))
+
+    units = []
+    for unit in found.units:
+        route = unit.route._replace(waypoints=tuple(map(moved, unit.route.waypoints)))
+        first = route.waypoints[0]
+        home = Place(first.latitude_deg, first.longitude_deg, origin.altitude_m)
+        units.append(unit._replace(home=home, route=route, height_m=first.altitude_m - origin.altitude_m))
+    meetings = tuple(meeting._replace(place=moved(meeting.place)) for meeting in found.meetings)
+    return Scenario(found.name, tuple(units), meetings)
 
 
 def _unit(index: int, route: Route, seed: int) -> Unit:

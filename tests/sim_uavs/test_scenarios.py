@@ -8,6 +8,7 @@ from sim_uavs.dynamics import Vector
 from sim_uavs.flight import Answer, Flight
 from sim_uavs.routes import circle, hover, patrol
 from sim_uavs.scenarios import NAMES, ORIGIN, scenario
+from sim_uavs.settings import Place
 
 S = 1_000_000
 FRAME = LocalFrame(*ORIGIN)
@@ -107,3 +108,17 @@ def test_routes_are_where_they_say() -> None:
     assert sides == pytest.approx([80.0, 60.0, 80.0], abs=0.01)
     ring = circle(FRAME, UP, 40.0, 5.0, corners=8, from_rad=1.0)
     assert [distance_m(*p[:2], *ORIGIN[:2]) for p in ring.waypoints] == pytest.approx([40.0] * 8, abs=0.01)
+
+
+def test_a_scenario_takes_place_where_it_is_told_to() -> None:
+    here, there = scenario("crossing"), scenario("crossing", origin=Place(-35.36, 149.16, 580.0))
+    (meeting,) = there.meetings
+    assert meeting.place == pytest.approx((-35.36, 149.16, 620.0))
+    for ours, theirs in zip(here.units, there.units, strict=True):
+        assert theirs.home.altitude_m == 580.0
+        assert theirs.height_m == pytest.approx(ours.height_m, abs=0.1)
+        first, last = theirs.route.waypoints[0], theirs.route.waypoints[-1]
+        legs = [
+            distance_m(*a[:2], *b[:2]) for a, b in ((first, last), (ours.route.waypoints[0], ours.route.waypoints[-1]))
+        ]
+        assert legs[0] == pytest.approx(legs[1], abs=0.05)
