@@ -3,6 +3,7 @@
 import time
 from typing import Any
 
+from console.client import connected
 from console.command import Call
 from console.errors import DONE, INTERRUPTED, FederationFailed, WrongCall
 from console.instants import duration_us, instant_us
@@ -13,11 +14,14 @@ from console.up import READY_S, Gathering
 from federation.keys import unit as unit_name
 from runtime.config import ClockConfig, MavlinkVehicle, NodeConfig, ReplayedVehicle
 
+_LOOK_S = 0.7
+
 
 def join(call: Call, *, unit: str, duration: str | None, **chosen: Any) -> int:
     """Run the platform until its duration is over, it fails, or somebody interrupts."""
     unit_name(unit)
     config = _config(call, unit, duration, chosen)
+    _name_is_free(call, unit)
     fleet = Fleet(run_directory(call.settings.federation), lifeline=True)
     gathering = Gathering([unit])
     with interruptible():
@@ -44,6 +48,15 @@ def join(call: Call, *, unit: str, duration: str | None, **chosen: Any) -> int:
     if code:
         raise FederationFailed(f"platform {unit} ended with code {code}.\n{fleet.last_words(unit)}")
     return DONE
+
+
+def _name_is_free(call: Call, unit: str) -> None:
+    """Two platforms of one name would be taken for one; raises WrongCall."""
+    with connected(call) as client:
+        if unit in {seen.unit for seen in client.settle(_LOOK_S)}:
+            raise WrongCall(
+                f"--unit: there is a platform {unit} in federation {call.settings.federation} already; choose another name."
+            )
 
 
 def _config(call: Call, unit: str, duration: str | None, chosen: dict[str, Any]) -> NodeConfig:

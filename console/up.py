@@ -27,7 +27,7 @@ from federation.clock import FederationClock
 from federation.directory import unit_order
 from runtime.config import NodeConfig
 
-READY_S = 20.0
+READY_S = 60.0
 _LEAD_US = 3_000_000
 _LEAD_PER_UNIT_US = 200_000
 
