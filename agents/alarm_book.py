@@ -1,11 +1,14 @@
-"""The alarms of a platform: the last thousand, which are open, and who wants to hear of them."""
+"""The alarms of a platform: the last thousand, and who wants to hear of them."""
 
 from collections import deque
 from collections.abc import Callable
+from typing import TypeAlias
 
 from reasoning import AlarmEvent
 
 KEPT = 1000
+Subscriber: TypeAlias = tuple[str, str]
+"""A unit, and the conversation in which it subscribed."""
 
 
 class AlarmBook:
@@ -13,15 +16,10 @@ class AlarmBook:
 
     def __init__(self) -> None:
         self.events: deque[AlarmEvent] = deque(maxlen=KEPT)
-        self.open: dict[str, AlarmEvent] = {}
-        self.listeners: dict[str, Callable[[AlarmEvent, int], None]] = {}
+        self.listeners: dict[Subscriber, Callable[[AlarmEvent, int], None]] = {}
 
     def raise_(self, event: AlarmEvent, now_us: int) -> None:
         """Note one opening or closing and tell the listeners (`now_us`: node clock)."""
         self.events.append(event)
-        if event.event == "opened":
-            self.open[event.id] = event
-        else:
-            self.open.pop(event.id, None)
         for listener in list(self.listeners.values()):
             listener(event, now_us)

@@ -8,9 +8,11 @@ from dataclasses import asdict
 from typing import TypeVar
 
 from agents.account import Account, Entry
+from agents.alarm_book import Subscriber
 from agents.context import Context
 from federation.acts import Act, AgentName, Performative
 from federation.contents import (
+    MAX_LIST,
     ActList,
     ActLog,
     Acts,
@@ -21,6 +23,7 @@ from federation.contents import (
     Found,
     ImportAccount,
     ImportList,
+    LabelList,
     MonitorList,
     Search,
     TaskList,
@@ -62,8 +65,8 @@ class Bulletin:
 
     def __init__(self, context: Context, account: Account) -> None:
         self._c, self._account = context, account
-        self._followers: dict[str, Act] = {}
-        self._watchers: dict[str, Act] = {}
+        self._followers: dict[Subscriber, Act] = {}
+        self._watchers: dict[Subscriber, Act] = {}
         account.on_entry = self._on_entry
 
     # -- questions ---------------------------------------------------------------------------------------------
@@ -111,6 +114,11 @@ class Bulletin:
         for page, more in _pages(found, IMPORTS_A_PAGE):
             self._c.desk.answer(act, P.INFORM, ImportList(imports=tuple(page), more=more), now_us)
 
+    def on_labels(self, act: Act, _content: Content, now_us: int) -> None:
+        """Which streams the local instance has, under its own names: only agents of this platform get here."""
+        labels = tuple(map(str, self._c.gateway.network.labels()))[:MAX_LIST]
+        self._c.desk.answer(act, P.INFORM, LabelList(labels=labels), now_us)
+
     def on_tasks(self, act: Act, _content: Content, now_us: int) -> None:
         found = tuple(
             TaskEntry(
@@ -128,34 +136,41 @@ class Bulletin:
 
     def on_search(self, act: Act, content: Search, now_us: int) -> None:
         found = self._c.directory.search(service=content.service, label=content.semantic_label, outside=True)
-        agents = tuple(str(AgentName("interface", entry.unit)) for entry in found)
+        agents = tuple(str(AgentName("interface", entry.unit)) for entry in found)[:MAX_LIST]
         self._c.desk.answer(act, P.INFORM, Found(agents=agents), now_us)
 
     # -- subscriptions -----------------------------------------------------------------------------------------
 
     def on_alarms(self, act: Act, _content: Content, now_us: int) -> None:
-        conversation = act.conversation_id or ""
-
         def tell(event: AlarmEvent, at_us: int) -> None:
             self._c.desk.answer(act, P.INFORM, alarm_content(event, self._c.unit), at_us)
 
-        self._c.alarms.listeners[conversation] = tell
+        self._c.alarms.listeners[self._subscriber(act)] = tell
         self._c.desk.answer(act, P.AGREE, None, now_us)
 
     def on_acts(self, act: Act, _content: Acts, now_us: int) -> None:
-        self._followers[act.conversation_id or ""] = act
+        self._followers[self._subscriber(act)] = act
         self._c.desk.answer(act, P.AGREE, None, now_us)
 
     def on_directory(self, act: Act, _content: Content, now_us: int) -> None:
-        self._watchers[act.conversation_id or ""] = act
+        self._watchers[self._subscriber(act)] = act
         self._c.desk.answer(act, P.AGREE, None, now_us)
 
-    def unsubscribe(self, conversation: str) -> bool:
-        """End a subscription; whether there was one."""
+    def _subscriber(self, act: Act) -> Subscriber:
+        """Who subscribes, and in which conversation.
+
+        Raises:
+            ContentError: in none. Refused: one that is about a task.
+        """
+        return act.sender.unit, self._c.tasks.check_free(act.conversation_id)
+
+    def unsubscribe(self, unit: str, conversation: str) -> bool:
+        """End a subscription of that unit; whether there was one."""
+        name = unit, conversation
         found = (
-            self._c.alarms.listeners.pop(conversation, None)
-            or self._followers.pop(conversation, None)
-            or self._watchers.pop(conversation, None)
+            self._c.alarms.listeners.pop(name, None)
+            or self._followers.pop(name, None)
+            or self._watchers.pop(name, None)
         )
         return found is not None
 
@@ -168,7 +183,9 @@ class Bulletin:
 
     def _on_entry(self, entry: Entry) -> None:
         """Tell those who follow the acts, but not of what is told to them, nor of their own questions about it."""
-        if not self._followers or (entry.act is not None and entry.act.conversation_id in self._followers):
+        if not self._followers:
+            return
+        if entry.act is not None and (entry.peer, entry.act.conversation_id) in self._followers:
             return
         said = self._log(entry)
         for act in list(self._followers.values()):

@@ -48,6 +48,9 @@ class Checks:
             UnknownLabel: it speaks of a feature that nothing here gives.
             Refused: too many formulas are under check, or it is about streams this platform does not have.
         """
+        conversation = self._c.tasks.check_free(act.conversation_id)
+        if conversation in self._open:
+            raise Refused(f"conversation {conversation} is about another formula")
         if len(self._open) >= MOST:
             raise Refused(f"{MOST} formulas are under check here already; wait for one to end")
         formula = read_formula(content.text, unit_vocabulary(self._c.unit))
@@ -60,7 +63,8 @@ class Checks:
             StatePolicy(PERIOD_US, MAX_DELAY_US, approximation="none"),
         )
         timeout_us = round((content.timeout_s or TIMEOUT_S) * US_PER_S)
-        conversation = act.conversation_id or ""
+        for label, unit in derivation.inputs:
+            self._c.gateway.local(label, unit)
         check = Check(act, Progression(formula, PERIOD_US), derivation, synchronizer, domains, [], now_us + timeout_us)
         check.subscriptions = [self._subscribe(conversation, check, at) for at in range(len(derivation.inputs))]
         self._open[conversation] = check
@@ -98,6 +102,14 @@ class Checks:
             due_us = min(due_us, self._c.clock.wall_us(states_us))
         self._deadlines.set(conversation, due_us)
 
+    def cancel(self, conversation: str, by: str) -> bool:
+        """Whoever asked does not want to know any more; whether there was such a check."""
+        check = self._open.get(conversation)
+        if check is None or check.act.sender.unit != by:
+            return False
+        self._drop(conversation)
+        return True
+
     @property
     def deadline_us(self) -> int | None:
         return self._deadlines.next_us
@@ -113,13 +125,17 @@ class Checks:
                 self._end(conversation, now_us)
 
     def _end(self, conversation: str, now_us: int) -> None:
-        check = self._open.pop(conversation)
-        self._deadlines.set(conversation, None)
-        for subscription in check.subscriptions:
-            subscription.cancel()
+        check = self._drop(conversation)
         verdict = check.progression.verdict
         decided = verdict != "undecided"
         said = Verdict(
             verdict=verdict, valid_us=check.valid_us if decided else None, index=check.states if decided else None
         )
         self._c.desk.answer(check.act, Performative.INFORM, said, now_us)
+
+    def _drop(self, conversation: str) -> Check:
+        check = self._open.pop(conversation)
+        self._deadlines.set(conversation, None)
+        for subscription in check.subscriptions:
+            subscription.cancel()
+        return check

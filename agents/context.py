@@ -40,6 +40,9 @@ class Desk(Protocol):
     def answer(self, act: Act, performative: Performative, content: Content | None, now_us: int) -> None:
         """Answer an act that came in."""
 
+    def end(self, conversation: str, unit: str, reason: str, now_us: int) -> None:
+        """Tell `unit` that what it asked for in `conversation` has ended here, if it still stands."""
+
     def cancel(self, unit: str, conversation: str, now_us: int) -> None:
         """End what was asked of `unit` in `conversation`."""
 

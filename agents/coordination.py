@@ -23,6 +23,8 @@ from federation.directory import unit_order
 from reasoning import AlarmEvent
 
 HEIR_STEP_US = 1_000_000
+AGAIN_US = 1_000_000
+"""How long after a failure or silence a platform is asked again for its part of a task."""
 
 
 @dataclass(slots=True)
@@ -31,10 +33,12 @@ class Led:
 
     Attributes:
         task: the conversation in which the delegator asked for it: its name everywhere.
-        delegation: that act, where this platform received it.
         plans: what is monitored.
-        members: what was asked of each platform, as (unit, conversation); kept by the leader.
+        leader_boot: which life of the leader that is: one that was restarted knows nothing of the task.
+        members: what was asked of each platform, as (unit, conversations); kept by the leader.
+        former: the same, of a leader that stepped down: it goes when the task ends.
         own: by name, the act with which the leader asked this platform for a monitor.
+        again_us: when a platform that failed or was silent is asked again.
         heir_at_us: when this platform leads on if no other does.
     """
 
@@ -44,10 +48,12 @@ class Led:
     avoidance: bool
     leader: str
     generation: int
-    delegation: Act | None = None
+    leader_boot: int = 0
     members: dict[str, list[str]] = field(default_factory=dict)
+    former: dict[str, list[str]] = field(default_factory=dict)
     own: dict[str, Act] = field(default_factory=dict)
     exports: list[str] = field(default_factory=list)
+    again_us: dict[str, int] = field(default_factory=dict)
     heir_at_us: int | None = None
 
 
@@ -64,18 +70,32 @@ class Coordination:
         """`(monitor-proximity)`: lead the task.
 
         Raises:
-            Refused: an unknown profile, or one that cannot be monitored.
+            Refused: an unknown profile, or one that cannot be monitored; nothing is set up then.
         """
-        conversation = act.conversation_id or ""
+        conversation = self._c.tasks.check_free(act.conversation_id)
+        if conversation in self.led:
+            raise Refused(f"conversation {conversation} is about a task that {self.led[conversation].leader} leads")
         period_us = None if content.sample_period_s is None else round(content.sample_period_s * US_PER_S)
         delay_us = None if content.delay_s is None else round(content.delay_s * US_PER_S)
         plans = self._plans.for_task(content.profile, period_us, delay_us)
-        avoidance = content.avoidance is not False
-        led = Led(conversation, act.sender.unit, plans, avoidance, self._c.unit, 1, delegation=act)
+        self._monitor(plans, conversation, now_us)
         self._c.desk.answer(act, Performative.AGREE, None, now_us)
-        self._lead(led, now_us)
+        avoidance = content.avoidance is not False
+        self._lead(Led(conversation, act.sender.unit, plans, avoidance, self._c.unit, 1, self._c.boot), now_us)
+
+    def _monitor(self, plans: Iterable[MonitorPlan], owner: str, now_us: int) -> None:
+        """Set up these monitors here, all or, if one is refused, none."""
+        federation_us = self._c.clock.federation_us(now_us)
+        try:
+            for plan in plans:
+                self._c.gateway.monitors.create(plan, owner, federation_us)
+        except DyknowError:
+            for plan in plans:
+                self._c.gateway.monitors.remove(plan.name, owner)
+            raise
 
     def _lead(self, led: Led, now_us: int) -> None:
+        """Lead a task whose monitors are set up here."""
         self.led[led.task] = led
         self._c.tasks.add(
             Task(
@@ -86,7 +106,7 @@ class Coordination:
                 since_us=now_us,
             )
         )
-        self._join_self(led, now_us)
+        self._progress(led, "monitors set up", self._c.unit, now_us)
         for unit in self._participants():
             self._take_in(led, unit, now_us)
 
@@ -96,12 +116,6 @@ class Coordination:
         return sorted(
             {entry.unit for entry in found if entry.unit != self._c.unit and entry.kind == "uav"}, key=unit_order
         )
-
-    def _join_self(self, led: Led, now_us: int) -> None:
-        federation_us = self._c.clock.federation_us(now_us)
-        for plan in led.plans:
-            self._c.gateway.monitors.create(plan, led.task, federation_us)
-        self._progress(led, "monitors set up", self._c.unit, now_us)
 
     def _take_in(self, led: Led, unit: str, now_us: int) -> None:
         """Steps 2-3 of figures 9.5 and 9.6 for one platform."""
@@ -126,6 +140,7 @@ class Coordination:
                 sample_period_s=plan.period_us / US_PER_S,
                 delay_s=plan.max_delay_us / US_PER_S,
                 avoidance=led.avoidance,
+                delegator=led.delegator or None,
             )
             asked.append(self._ask(led, unit, content_of, f"monitor {plan.name}", now_us))
         self._export_to(led, unit, now_us)
@@ -145,30 +160,59 @@ class Coordination:
                 self._progress(led, f"no export of ours: {refused}", self._c.unit, now_us)
 
     def _ask(self, led: Led, unit: str, content: Content, what: str, now_us: int) -> str:
+        """Ask one platform for a part of the task; what fails in silence is asked again while it is there."""
+        asked: list[str] = []
+
+        def is_over() -> bool:
+            return bool(asked) and asked[0] not in led.members.get(unit, ())
+
         def on_reply(reply: Act, said: Content | None, at_us: int) -> None:
+            if is_over():
+                return
+            reason = said.text if isinstance(said, Reason) else "no reason given"
             if reply.performative is Performative.INFORM and isinstance(said, Done):
                 self._progress(led, what, unit, at_us)
-            elif reply.performative in {Performative.REFUSE, Performative.FAILURE, Performative.NOT_UNDERSTOOD}:
-                reason = said.text if isinstance(said, Reason) else "no reason given"
+            elif reply.performative is Performative.FAILURE:
+                on_silence(reason, at_us)
+            elif reply.performative in {Performative.REFUSE, Performative.NOT_UNDERSTOOD}:
                 self._declined(led, unit, what, reason, at_us)
 
         def on_silence(why: str, at_us: int) -> None:
-            led.members.pop(unit, None)
-            self._progress(led, f"{what}: {why}", unit, at_us)
+            if not is_over():
+                led.again_us[unit] = at_us + AGAIN_US
+                self._progress(led, f"{what}: {why}", unit, at_us)
 
-        return self._c.desk.delegate(unit, content, now_us, on_reply=on_reply, on_silence=on_silence)
+        asked.append(self._c.desk.delegate(unit, content, now_us, on_reply=on_reply, on_silence=on_silence))
+        return asked[0]
+
+    def _ask_again(self, led: Led, unit: str, now_us: int) -> None:
+        """Ask for all of it anew; only then end what stood, so that no stream ends in between."""
+        before = led.members.pop(unit, [])
+        if unit in self._participants():
+            self._take_in(led, unit, now_us)
+        self._cancel_all({unit: before}, now_us)
+
+    def _cancel_all(self, members: dict[str, list[str]], now_us: int) -> None:
+        for unit, conversations in members.items():
+            for conversation in conversations:
+                self._c.desk.cancel(unit, conversation, now_us)
 
     def _declined(self, led: Led, unit: str, what: str, reason: str, now_us: int) -> None:
         self._progress(led, f"{what}: refused, {reason}", unit, now_us)
         if reason.startswith("led by "):
-            self._step_down(led, reason.removeprefix("led by ").split(" ", 1)[0])
+            leader = reason.removeprefix("led by ").split(" ", 1)[0]
+            if leader in self._participants():
+                self._step_down(led, leader)
         elif reason.startswith("cancelled"):
             self._c.tasks.cancel(led.task, now_us)
 
     def _step_down(self, led: Led, leader: str) -> None:
-        """Somebody leads the task after us: stay a participant."""
+        """Somebody leads the task after us: stay a participant. What we had asked for goes with the task."""
         led.leader = leader
+        for unit, conversations in led.members.items():
+            led.former.setdefault(unit, []).extend(conversations)
         led.members.clear()
+        led.again_us.clear()
         self._c.tasks.forget(led.task)
 
     def _progress(self, led: Led, step: str, unit: str, now_us: int) -> None:
@@ -183,11 +227,10 @@ class Coordination:
         led = self.led.pop(task, None)
         if led is None:
             return
-        for unit, conversations in led.members.items():
-            for conversation in conversations:
-                self._c.desk.cancel(unit, conversation, now_us)
         for plan in led.plans:
             self._c.gateway.monitors.remove(plan.name, task)
+        self._cancel_all(led.members, now_us)
+        self._cancel_all(led.former, now_us)
         self._federation.end_exports(led.exports, now_us)
 
     # -- a leader asks this platform for a monitor --------------------------------------------------------------
@@ -198,46 +241,54 @@ class Coordination:
         Raises:
             Refused: unknown name, a task that was cancelled here, or one that somebody else leads.
         """
+        if content.profile is not None or content.parameters is not None:
+            raise Refused("a monitor is created by its name alone, without profile or parameters")
         period_us = None if content.sample_period_s is None else round(content.sample_period_s * US_PER_S)
         delay_us = None if content.delay_s is None else round(content.delay_s * US_PER_S)
         plan = self._plans.named(content.name, period_us, delay_us)
-        conversation = act.conversation_id or ""
-        owner = conversation
+        owner = conversation = self._c.tasks.check_free(act.conversation_id)
+        asker, is_part, name = act.sender.unit, content.task is not None, content.name
         if content.task is not None:
             owner = content.task
+            self._check_leader(content.task, asker, content)
+        self._monitor([plan], owner, now_us)
+        if is_part:
             self._follow(act, content, plan)
-        self._c.gateway.monitors.create(plan, owner, self._c.clock.federation_us(now_us))
-        name = content.name
-
-        def take_down(_at_us: int) -> None:
-            self._leave(owner, name)
-
-        is_part = content.task is not None
         self._c.tasks.add(
-            Task(conversation, act.sender.unit, "create-monitor", take_down, since_us=now_us, is_part=is_part)
+            Task(
+                conversation,
+                asker,
+                "create-monitor",
+                lambda at_us: self._leave(owner, name, asker, at_us),
+                since_us=now_us,
+                is_part=is_part,
+            )
         )
         self._c.desk.answer(act, Performative.AGREE, None, now_us)
         self._c.desk.answer(act, Performative.INFORM, Done(), now_us)
 
-    def _follow(self, act: Act, content: CreateMonitor, plan: MonitorPlan) -> None:
-        task, leader = content.task or "", content.coordinator or act.sender.unit
-        generation = content.generation or 1
-        if self._c.tasks.was_cancelled(task):
+    def _check_leader(self, task: str, asker: str, content: CreateMonitor) -> None:
+        if content.coordinator not in {None, asker}:
+            raise Refused(f"the monitors of a task are set up by who leads it: {content.coordinator}, not {asker}")
+        if self._c.tasks.was_cancelled(task, asker):
             raise Refused("cancelled: the task was cancelled here")
         led = self.led.get(task)
+        if led is None or led.leader == asker:
+            return
+        generation = content.generation or 1
+        if (-generation, unit_order(asker)) > (-led.generation, unit_order(led.leader)):
+            raise Refused(f"led by {led.leader} in generation {led.generation}")
+
+    def _follow(self, act: Act, content: CreateMonitor, plan: MonitorPlan) -> None:
+        """Take part in a task: from now on its leader is who asked."""
+        task, leader, avoidance = content.task or "", act.sender.unit, content.avoidance is not False
+        led = self.led.get(task)
         if led is None:
-            led = self.led[task] = Led(task, "", (), content.avoidance is not False, leader, generation)
-        elif (led.generation, unit_order(leader)) != (generation, unit_order(led.leader)):
-            newer = generation > led.generation or (
-                generation == led.generation and unit_order(leader) < unit_order(led.leader)
-            )
-            if not newer:
-                raise Refused(f"led by {led.leader} in generation {led.generation}")
-            if led.leader == self._c.unit:
-                self._step_down(led, leader)
-            led.leader, led.generation = leader, generation
-        led.heir_at_us = None
-        led.avoidance = content.avoidance is not False
+            led = self.led[task] = Led(task, content.delegator or "", (), avoidance, leader, content.generation or 1)
+        elif led.leader == self._c.unit:
+            self._step_down(led, leader)
+        led.leader, led.generation, led.leader_boot = leader, content.generation or 1, act.boot
+        led.heir_at_us, led.avoidance = None, avoidance
         if plan not in led.plans:
             led.plans = (*led.plans, plan)
         earlier = led.own.get(plan.name)
@@ -245,7 +296,8 @@ class Coordination:
             self._c.tasks.forget(earlier.conversation_id)
         led.own[plan.name] = act
 
-    def _leave(self, task: str, name: str) -> None:
+    def _leave(self, task: str, name: str, asker: str, now_us: int) -> None:
+        """The monitor `name` that `asker` wanted for the task is needed no more."""
         self._c.gateway.monitors.remove(name, task)
         led = self.led.get(task)
         if led is None or led.leader == self._c.unit:
@@ -254,7 +306,9 @@ class Coordination:
         led.plans = tuple(plan for plan in led.plans if plan.name != name)
         if not led.plans:
             del self.led[task]
-            self._c.tasks.bury(task)
+            self._c.tasks.bury(task, asker)
+            self._cancel_all(led.former, now_us)
+            self._federation.end_exports(led.exports, now_us)
 
     # -- who comes and goes -------------------------------------------------------------------------------------
 
@@ -263,35 +317,48 @@ class Coordination:
         for led in list(self.led.values()):
             if led.leader == self._c.unit:
                 self._take_in(led, unit, now_us)
-            elif led.leader == unit:
+            elif self._is_back(led):
                 led.heir_at_us = None
+
+    def _is_back(self, led: Led) -> bool:
+        """Whether the leader is there, in the life in which it leads."""
+        entry = self._c.directory.entry(led.leader)
+        return entry is not None and entry.boot == led.leader_boot and self._c.directory.is_present(led.leader)
 
     def on_gone(self, unit: str, now_us: int) -> None:
         """A platform is gone: forget what was asked of it; the first of the others inherits what it led."""
         for led in self.led.values():
             led.members.pop(unit, None)
+            led.former.pop(unit, None)
+            led.again_us.pop(unit, None)
             if led.leader == unit:
                 rank = sorted([self._c.unit, *self._participants()], key=unit_order).index(self._c.unit)
                 led.heir_at_us = now_us + (1 + rank) * HEIR_STEP_US
 
     def on_time(self, now_us: int) -> None:
-        """Lead on where the leader died and nobody before us did."""
+        """Ask again who failed, and lead on where the leader died and nobody before us did."""
         for led in list(self.led.values()):
-            if led.heir_at_us is None or led.heir_at_us > now_us:
-                continue
-            led.heir_at_us = None
-            if self._c.directory.is_present(led.leader):
-                continue
-            led.leader, led.generation = self._c.unit, led.generation + 1
-            for act in led.own.values():
-                if act.conversation_id is not None:
-                    self._c.tasks.forget(act.conversation_id)
-            led.own.clear()
-            self._lead(led, now_us)
+            for unit in [unit for unit, due_us in led.again_us.items() if due_us <= now_us]:
+                del led.again_us[unit]
+                self._ask_again(led, unit, now_us)
+            if led.heir_at_us is not None and led.heir_at_us <= now_us:
+                led.heir_at_us = None
+                if not self._is_back(led):
+                    self._inherit(led, now_us)
+
+    def _inherit(self, led: Led, now_us: int) -> None:
+        """The monitors stay as they are; who leads, and in whose conversations, changes."""
+        led.leader, led.generation, led.leader_boot = self._c.unit, led.generation + 1, self._c.boot
+        for act in led.own.values():
+            if act.conversation_id is not None:
+                self._c.tasks.forget(act.conversation_id)
+        led.own.clear()
+        self._lead(led, now_us)
 
     @property
     def deadline_us(self) -> int | None:
-        return min((led.heir_at_us for led in self.led.values() if led.heir_at_us is not None), default=None)
+        due = [led.heir_at_us for led in self.led.values() if led.heir_at_us is not None]
+        return min([*due, *(at_us for led in self.led.values() for at_us in led.again_us.values())], default=None)
 
     # -- alarms ------------------------------------------------------------------------------------------------
 
@@ -310,7 +377,9 @@ class Coordination:
                 self._c.desk.tell(led.leader, said, now_us, conversation=led.task)
 
     def on_told(self, act: Act, said: Content, now_us: int) -> None:
-        """A participant of a task we lead tells of an alarm."""
+        """A participant of a task we lead tells of an alarm of its own; what others tell us is in our monitors, too."""
+        if getattr(said, "by", None) != act.sender.unit:
+            raise Refused(f"{act.sender.unit} tells of an alarm of another platform")
         led = self.led.get(act.conversation_id or "")
         if led is not None and led.leader == self._c.unit:
             self._pass_on(led, said, now_us)

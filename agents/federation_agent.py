@@ -10,12 +10,14 @@ from typing import Any
 from agents import readings
 from agents.context import Context
 from agents.gateway import PAGE, stream_policy
+from agents.limits import STREAMS_PER_PEER
 from agents.services import FEDERATION
 from agents.tasks import Task
 from dyknow import NO_VALUE, Policy, Sample
 from dyknow.errors import DyknowError, Refused, ValueNotAvailable
 from federation.acts import Act, Performative
 from federation.contents import (
+    MAX_LIST,
     Answers,
     Content,
     CreateMulticast,
@@ -28,7 +30,7 @@ from federation.contents import (
     Samples,
     Stream,
 )
-from federation.exports import ContractEnded
+from federation.exports import ContractEnded, Why
 
 GLOBAL_WITHIN_US = 1_500_000
 
@@ -58,17 +60,22 @@ class FederationAgent:
         Raises:
             UnknownLabel, Refused, PolicyError
         """
-        owner = act.conversation_id or ""
-        hashes = self.export(content, owner, now_us)
-        asker = self._c.directory.entry(act.sender.unit)
+        owner = self._c.tasks.check_free(act.conversation_id)
+        asker = act.sender.unit
+        held = sum(task.streams for task in self._c.tasks.of(asker))
+        if held + len(content.semantic_labels) > STREAMS_PER_PEER:
+            raise Refused(f"this platform exports {held} streams for {asker}; {STREAMS_PER_PEER} are the most")
+        contracts = self.export(content, owner, now_us)
+        entry = self._c.directory.entry(asker)
         self._c.tasks.add(
             Task(
                 owner,
-                act.sender.unit,
+                asker,
                 "create-multicast",
-                lambda at_us: self.end_exports(hashes, at_us),
+                lambda at_us: self.end_exports(contracts, at_us),
                 since_us=now_us,
-                is_part=asker is not None and asker.kind == "uav",
+                is_part=entry is not None and entry.kind == "uav",
+                streams=len(contracts),
             )
         )
         self._c.desk.answer(act, Performative.AGREE, None, now_us)
@@ -78,36 +85,37 @@ class FederationAgent:
         """Export the labels to the units, for `owner`, and tell each receiver; returns the contracts.
 
         Raises:
-            UnknownLabel, Refused, PolicyError: before anything was set up.
+            UnknownLabel, Refused, PolicyError: nothing is set up then.
         """
         policy = stream_policy(content.sample_period_s, content.delay_s, content.from_us, content.to_us)
-        for label in content.semantic_labels:
-            self._c.gateway.local(label)
+        labels = tuple(dict.fromkeys(content.semantic_labels))
         receivers = [unit for unit in content.to_units if unit != self._c.unit]
-        if not receivers:
-            return []
-        contracts: list[str] = []
-        policy_hash = policy.content_hash()
-        for label in content.semantic_labels:
-            contract = f"{owner}.{label}.{policy_hash}"[-64:].lstrip("-.")
-            policy_hash = self._c.gateway.create_stream_multicast(label, policy, receivers, contract)
-            contracts.append(contract)
-        told = Stream(owner=self._c.unit, semantic_labels=content.semantic_labels, policy=str(policy), hash=policy_hash)
+        contracts = [f"{owner}.{label}.{policy.content_hash()}" for label in labels]
+        try:
+            for label, contract in zip(labels, contracts, strict=True):
+                self._c.gateway.create_stream_multicast(label, policy, receivers, contract)
+        except DyknowError:
+            self.end_exports(contracts, now_us, is_told=False)
+            raise
+        told = Stream(owner=self._c.unit, semantic_labels=labels, policy=str(policy), hash=policy.content_hash())
         for unit in receivers:
             self._c.desk.tell(unit, told, now_us)
         return contracts
 
-    def end_exports(self, contracts: Iterable[str], now_us: int) -> None:
-        """These contracts are needed no more."""
+    def end_exports(self, contracts: Iterable[str], now_us: int, *, is_told: bool = True) -> None:
+        """These contracts are needed no more; their receivers know nothing of them yet if that is not `is_told`."""
+        exporter = self._c.gateway.exporter
         for contract in contracts:
-            self.on_contracts_ended(
-                self._c.gateway.exporter.on_events(self._c.gateway.exporter.exports.stop(contract, now_us)), now_us
-            )
+            ended = exporter.on_events(exporter.exports.stop(contract, now_us))
+            if is_told:
+                self.on_contracts_ended(ended, now_us)
 
     def on_contracts_ended(self, ended: Iterable[ContractEnded], now_us: int) -> None:
-        """Tell the receivers of streams that no longer exist that no more samples will come."""
+        """Tell the receivers of streams that no longer exist, and who asked for what is over by itself."""
+        exports = self._c.gateway.exporter.exports
         for contract in ended:
-            exports = self._c.gateway.exporter.exports
+            if contract.why is not Why.STOPPED:
+                self._run_out(contract, now_us)
             if exports.stream(contract.label, contract.policy_hash) is not None:
                 continue
             told = EndStream(
@@ -120,20 +128,38 @@ class FederationAgent:
                 if self._c.directory.is_present(unit):
                     self._c.desk.tell(unit, told, now_us)
 
+    def _run_out(self, contract: ContractEnded, now_us: int) -> None:
+        """One stream of a task is over without having been cancelled: the task is, when its last one is."""
+        task = self._c.tasks.get(contract.contract.removesuffix(f".{contract.label}.{contract.policy_hash}"))
+        if task is None or task.name != "create-multicast":
+            return
+        task.streams -= 1
+        if task.streams <= 0:
+            self._c.tasks.forget(task.conversation)
+            self._c.desk.end(task.conversation, task.initiator, contract.why, now_us)
+
     # -- imports -----------------------------------------------------------------------------------------------
 
     def on_stream(self, act: Act, content: Stream, now_us: int) -> None:
-        """A platform announces a stream of its own to us."""
+        """A platform announces a stream of its own to us.
+
+        Raises:
+            Refused: it is not its own, or not what its hash says. PolicyError, TextError
+        """
         if content.owner != act.sender.unit:
-            return
+            raise Refused(f"{act.sender.unit} announces a stream of {content.owner}")
         policy = Policy.parse(content.policy)
+        if policy.content_hash() != content.hash:
+            raise Refused(f"the hash of {content.policy!r} is {policy.content_hash()}, not {content.hash}")
         for label in content.semantic_labels:
             self._c.gateway.importer.expect(content.owner, label, content.hash, policy, now_us)
 
-    def on_end_stream(self, act: Act, content: EndStream) -> None:
-        if content.owner == act.sender.unit:
-            for label in content.semantic_labels:
-                self._c.gateway.importer.end(content.owner, label, content.hash)
+    def on_end_stream(self, act: Act, content: EndStream, _now_us: int) -> None:
+        """A platform ends a stream of its own; raises Refused if it is another's."""
+        if content.owner != act.sender.unit:
+            raise Refused(f"{act.sender.unit} ends a stream of {content.owner}")
+        for label in content.semantic_labels:
+            self._c.gateway.importer.end(content.owner, label, content.hash)
 
     # -- queries -----------------------------------------------------------------------------------------------
 
@@ -224,19 +250,37 @@ class FederationAgent:
         )
 
     def _conclude(self, gathering: Gathering, now_us: int) -> None:
+        """When nobody owes an answer: everything that came, a page of readings an act; the last names who is missing."""
         if gathering.waiting:
             return
         query = gathering.query
-        answers = tuple(
-            page.model_copy(update={"unit": unit, "more": False})
-            for unit, found in gathering.answers.items()
-            for page in self._pages(query, found)[:1]
-        )
-        everything = [reading for found in gathering.answers.values() for reading in found]
-        merged = merged_reading(query, everything)
+        merged = merged_reading(query, [reading for found in gathering.answers.values() for reading in found])
         missing = tuple(Missing(unit=unit, reason=reason[:200]) for unit, reason in gathering.missing.items())
-        content = Answers(semantic_label=query.semantic_label, answers=answers, missing=missing, merged=merged)
+        pages = _answer_pages(query.semantic_label, gathering.answers)
+        for page in pages[:-1]:
+            content = Answers(semantic_label=query.semantic_label, answers=page, more=True)
+            self._c.desk.answer(gathering.act, Performative.INFORM, content, now_us)
+        content = Answers(
+            semantic_label=query.semantic_label, answers=pages[-1], missing=missing[:MAX_LIST], merged=merged
+        )
         self._c.desk.answer(gathering.act, Performative.INFORM, content, now_us)
+
+
+def _answer_pages(label: str, answers: dict[str, list[Reading]]) -> list[tuple[Samples, ...]]:
+    """What each platform said, at most PAGE readings to a page; a platform continued on the next says `more`."""
+    pages: list[list[Samples]] = [[]]
+    room = PAGE
+    for unit, found in answers.items():
+        at = 0
+        while at < len(found) or at == 0:
+            if room == 0:
+                pages.append([])
+                room = PAGE
+            part = tuple(found[at : at + room])
+            at += max(1, len(part))
+            room -= max(1, len(part))
+            pages[-1].append(Samples(unit=unit, semantic_label=label, samples=part, more=at < len(found)))
+    return [tuple(page) for page in pages]
 
 
 def merged_reading(query: Query, found: list[Reading]) -> Reading | None:

@@ -17,14 +17,6 @@ if TYPE_CHECKING:
 P = Performative
 
 
-class LocalLabels(contents.Content):
-    """Which streams does the local instance have? Asked of the gateway, by agents of its own platform."""
-
-
-class LabelList(contents.Content):
-    labels: tuple[str, ...]
-
-
 def offers_of(config: "PlatformConfig") -> tuple[Offer, ...]:
     """The services of a platform of that kind."""
     if config.kind != "uav":
@@ -51,7 +43,7 @@ def handlers_of(platform: "Platform") -> dict[str, Handler]:
         "create-multicast": p.federation.on_create_multicast,
         "query": p.federation.on_query,
         "stream": p.federation.on_stream,
-        "end-stream": lambda act, content, _now_us: p.federation.on_end_stream(act, content),
+        "end-stream": p.federation.on_end_stream,
         "import-list": p.bulletin.on_import_list,
         "monitor-proximity": p.coordination.on_monitor_proximity,
         "create-monitor": _then_supply(p, p.coordination.on_create_monitor),
@@ -69,9 +61,7 @@ def handlers_of(platform: "Platform") -> dict[str, Handler]:
         "act-list": p.bulletin.on_act_list,
         "leave": _doing(p, p.leave),
         "rejoin": _doing(p, p.rejoin),
-        "local-labels": lambda act, _content, now_us: p.interface.answer(
-            act, P.INFORM, LabelList(labels=tuple(map(str, p.network.labels()))), now_us
-        ),
+        "labels": p.bulletin.on_labels,
         "goto": lambda act, c, now_us: _fly(p, act, GoTo(c.latitude_deg, c.longitude_deg, c.altitude_m), now_us),
         "hold": lambda act, _c, now_us: _fly(p, act, Hold(), now_us),
         "land": lambda act, _c, now_us: _fly(p, act, Land(), now_us),

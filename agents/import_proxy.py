@@ -1,10 +1,12 @@
 """The import proxy of a platform: remote streams come in as local sources (thesis 9.3.3)."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from agents.deadlines import Deadlines
 from dyknow import Label, Network, Policy, PolicyAdapter, Sample
+from dyknow.errors import SortError
 from federation import keys
 from federation.clock import FederationClock, Offset, Standing
 from federation.codec import StreamSample, decode_recovered, decode_samples
@@ -13,6 +15,8 @@ from federation.streams import ImportStream
 from federation.transport import Answered, Arrived, AskEnded, Subscribe, Unsubscribe, WireEffect
 
 MAX_STREAMS = 4096
+AHEAD_US = 60_000_000
+"""How far in the future a sample may be valid: a prediction is legal, a sample that ends its stream is not."""
 
 
 @dataclass(slots=True)
@@ -28,7 +32,8 @@ class Import:
 class ImportProxy:
     """Takes samples off the wire, once each, and pushes them into the local instance.
 
-    Valid times of a peer whose clock is off by 50 ms to 1 s are shifted, and approximated linearly onto the grid of
+    What a peer sends whose clock is skewed, or not compared yet, is refused and counted: one valid time far ahead would
+    end an ordered stream. Valid times of a peer whose clock is off by 50 ms to 1 s are shifted, and approximated linearly onto the grid of
     the stream, since shifted samples lie on none (semantics of offsets between platforms). Times: node clock, but
     for valid times.
     """
@@ -56,7 +61,7 @@ class ImportProxy:
         self._asked: dict[int, Import] = {}
         self._sinks: dict[tuple[str, str], Callable[[int, object, int], None]] = {}
         self._due: Deadlines[tuple[str, str, str]] = Deadlines()
-        self.refused = 0
+        self.refused: Counter[str] = Counter()
 
     def expect(self, owner: str, semantic_label: str, policy_hash: str, policy: Policy, now_us: int) -> None:
         """`owner` announced a stream for us: listen to it. Saying it twice is saying it once."""
@@ -69,7 +74,8 @@ class ImportProxy:
 
     def end(self, owner: str, semantic_label: str, policy_hash: str) -> None:
         """The stream ended; its source and history stay for queries."""
-        self.imports.pop((owner, semantic_label, policy_hash), None)
+        if self.imports.pop((owner, semantic_label, policy_hash), None) is None:
+            return
         self._due.set((owner, semantic_label, policy_hash), None)
         if not any(name[1:] == (semantic_label, policy_hash) for name in self.imports):
             self._emit(Unsubscribe(keys.stream_expr(semantic_label, policy_hash)))
@@ -147,7 +153,14 @@ class ImportProxy:
         self._wake(found)
         now_us = self._clock.federation_us(at_us)
         offset = self._offset_of(owner)
-        if offset is None or offset.standing is not Standing.CORRECTED:
+        if offset is None or offset.standing is Standing.SKEWED:
+            self.refused["clock"] += len(entries)
+            return
+        beyond_us = now_us + AHEAD_US
+        if any(entry.valid_us > beyond_us for entry in entries):
+            self.refused["future"] += sum(entry.valid_us > beyond_us for entry in entries)
+            entries = [entry for entry in entries if entry.valid_us <= beyond_us]
+        if offset.standing is not Standing.CORRECTED:
             found.regrid = None
             for entry in entries:
                 self.push(owner, label, Sample(now_us, entry.valid_us, entry.value))
@@ -163,11 +176,17 @@ class ImportProxy:
                 self.push(owner, label, on_grid)
 
     def push(self, sender: str, semantic_label: str, sample: Sample) -> None:
-        """`push(m, s, v)` of 9.3.3: add the sample to the local source, made at the first sample of the label."""
+        """`push(m, s, v)` of 9.3.3: add the sample to the local source, made at the first sample of the label.
+
+        A value that is not of the label's sort is dropped and counted.
+        """
         sink = self._sinks.get((sender, semantic_label))
         if sink is None:
             sink = self._sinks[sender, semantic_label] = self._source(sender, semantic_label)
-        sink(sample.valid_us, sample.value, sample.available_us)
+        try:
+            sink(sample.valid_us, sample.value, sample.available_us)
+        except SortError:
+            self.refused["sort"] += 1
 
     def _source(self, sender: str, semantic_label: str) -> Callable[[int, object, int], None]:
         local, _ = self._declare(semantic_label, sender)

@@ -6,7 +6,7 @@ understands it. Times are the node clock.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from agents.account import Account
@@ -17,22 +17,30 @@ from dyknow.errors import ContentError, DecodeError, DyknowError, Refused, Value
 from federation import keys
 from federation.acts import Act, AgentName, Performative
 from federation.codec import decode_act, encode_act
-from federation.contents import Cancel, Content, Reason, read
+from federation.contents import Content, Done, Query, Reason, read
 from federation.conversations import Conversations, Outcome
-from federation.offers import Visibility
+from federation.offers import Service, Visibility
 from federation.protocols import OPENING, Incoming, Reply, TimedOut, Undelivered
 from federation.receipts import RECEIPT_AGENT, decode_receipt
 from federation.transport import Arrived, Put
-from federation.trust import Roster, Signer, Verifier
+from federation.trust import Role, Roster, Signer, Verifier
 
 P = Performative
 Handler: TypeAlias = Callable[[Act, Content, int], None]
 ONTOLOGY = "dyknow"
 LASTING = frozenset({"create-multicast", "create-monitor", "monitor-proximity"})
-"""Requests that are agreed to and live until they are cancelled."""
+"""Requests that are agreed to and live until they are cancelled. With a roster, observers may not ask for them."""
 
-COMMANDS = frozenset({"goto", "hold", "land", "return-home", "resume", "take-off", "fault", "leave", "rejoin"})
+COMMANDS = frozenset({"goto", "hold", "land", "return-home", "resume", "fault", "leave", "rejoin"})
 """What, with a roster, only a command centre may ask for."""
+
+
+class Denied(Refused):
+    """Refused at the door; `kind` is what the account counts it as."""
+
+    def __init__(self, kind: str, reason: str) -> None:
+        self.kind = kind
+        super().__init__(reason)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +54,10 @@ class Trust:
 
 @dataclass(slots=True)
 class _Waiting:
+    unit: str
     on_reply: OnReply | None
     on_silence: OnSilence | None
+    is_paged: bool = False
 
 
 class InterfaceAgent:
@@ -55,7 +65,7 @@ class InterfaceAgent:
 
     Args:
         handlers: by head of the content, what the platform's agents do with it.
-        on_cancel: told (conversation, time) when somebody ends a task; says whether there was one.
+        on_cancel: told (cancel, whether its sender may end what others asked for, time); says whether there was a task.
         on_lost: told (opening act, time) when the platform that asked for something is gone.
     """
 
@@ -73,7 +83,7 @@ class InterfaceAgent:
     ) -> None:
         self.unit, self.services, self.account = unit, services, account
         self.handlers: dict[str, Handler] = {}
-        self.on_cancel: Callable[[str, int], bool] = lambda _conversation, _now_us: False
+        self.on_cancel: Callable[[Act, bool, int], bool] = lambda _act, _of_others, _now_us: False
         self.on_lost: Callable[[Act, int], None] = lambda _act, _now_us: None
         self._emit, self._limits, self._trust, self._offset_us_of = emit, limits, trust, offset_us_of
         self._now_us = 0
@@ -115,9 +125,10 @@ class InterfaceAgent:
             ontology=ONTOLOGY,
         )
         conversation = act.conversation_id or ""
-        self._waiting[conversation] = _Waiting(on_reply, on_silence)
+        is_paged = isinstance(content, Query) and content.op == "between"
+        self._waiting[conversation] = _Waiting(unit, on_reply, on_silence, is_paged)
         try:
-            _, outcomes = self.conversations.send(act, now_us, standing=content.head in LASTING)
+            _, outcomes = self.conversations.send(act, now_us, standing=is_paged or content.head in LASTING)
         except Refused as refused:
             del self._waiting[conversation]
             if on_silence is not None:
@@ -151,6 +162,12 @@ class InterfaceAgent:
         standing = performative is P.AGREE and act.content is not None and act.content.head in LASTING
         self._handle(self.conversations.answer(act, performative, expr, now_us, standing=standing), now_us)
 
+    def end(self, conversation: str, unit: str, reason: str, now_us: int) -> None:
+        """Tell `unit` that what it asked for in `conversation` has ended here, if it still stands."""
+        for found in self.conversations.conversations():
+            if not found.ours and found.peer == unit and found.opening.conversation_id == conversation:
+                self.answer(found.opening, P.FAILURE, Reason(text=reason), now_us)
+
     def cancel(self, unit: str, conversation: str, now_us: int) -> None:
         """End what was asked of `unit` in `conversation`."""
         self._now_us = now_us
@@ -175,8 +192,10 @@ class InterfaceAgent:
         if self._trust is not None:
             offset_us = self._offset_us_of(act.sender.unit)
             reason = self._trust.verifier.check(act, signature, body, event.at_us, offset_us=offset_us)
-            if reason is not None and reason != "replayed":
+            if reason is not None:
                 self.account.enter(event.at_us, "in", key.sender, act, reason)
+                if reason == "replayed":
+                    self.conversations.delivery.on_act(act)
                 return
         self.on_act(act, event.at_us)
 
@@ -184,10 +203,9 @@ class InterfaceAgent:
         """An act whose sender is who it says."""
         before = self.conversations.delivery.counts["received"]
         outcomes = self.conversations.on_act(act, now_us)
-        if self.conversations.delivery.counts["received"] == before:
-            self.account.enter(now_us, "in", act.sender.unit, act, "duplicate")
-        elif not any(isinstance(outcome, Incoming) for outcome in outcomes):
-            self.account.enter(now_us, "in", act.sender.unit, act, "accepted")
+        if not any(isinstance(outcome, Incoming) for outcome in outcomes):
+            is_new = self.conversations.delivery.counts["received"] > before
+            self.account.enter(now_us, "in", act.sender.unit, act, _unheard(act, outcomes) if is_new else "duplicate")
         self._handle(outcomes, now_us)
 
     def ask_locally(
@@ -225,15 +243,18 @@ class InterfaceAgent:
 
     def _replied(self, reply: Reply, now_us: int) -> None:
         waiting = self._waiting.get(reply.conversation)
-        if reply.closed:
-            self._waiting.pop(reply.conversation, None)
-        if waiting is None or waiting.on_reply is None:
-            return
         try:
             content = None if reply.act.content is None else read(reply.act.content)
         except ContentError:
             content = None
-        waiting.on_reply(reply.act, content, now_us)
+        is_last = reply.closed
+        if waiting is not None and waiting.is_paged and not getattr(content, "more", False):
+            self.conversations.close(reply.conversation, waiting.unit)
+            is_last = True
+        if is_last:
+            self._waiting.pop(reply.conversation, None)
+        if waiting is not None and waiting.on_reply is not None:
+            waiting.on_reply(reply.act, content, now_us)
 
     def _silent(self, conversation: str, why: str, now_us: int) -> None:
         waiting = self._waiting.pop(conversation, None)
@@ -251,7 +272,7 @@ class InterfaceAgent:
         except ValueNotAvailable as wrong:
             self._say(act, P.FAILURE, str(wrong), now_us)
         except DyknowError as wrong:
-            outcome = f"refused: {wrong}"
+            outcome = f"{wrong.kind if isinstance(wrong, Denied) else 'refused'}: {wrong}"
             self._say(act, P.REFUSE, str(wrong), now_us)
         if act.sender.unit != self.unit:
             self.account.enter(now_us, "in", act.sender.unit, act, outcome)
@@ -259,41 +280,58 @@ class InterfaceAgent:
     def _say(self, act: Act, performative: Performative, reason: str, now_us: int) -> None:
         """Tell why not. Only what wants an answer gets one: no not-understood answers another."""
         if act.performative in OPENING or act.performative is P.CANCEL:
-            self.answer(act, performative, Reason(text=reason[:1000]), now_us)
+            self.answer(replace(act, reply_to=None), performative, Reason(text=reason[:1000]), now_us)
 
     def _admit(self, act: Act, now_us: int) -> None:
+        """Through the door, or not.
+
+        Raises:
+            Denied, ContentError, and what the agent that it is for raises.
+        """
         is_own = act.sender.unit == self.unit
         if not is_own and not self._limits.admit(act.sender.unit, now_us):
-            raise Refused(f"too many acts from {act.sender.unit}; ask more slowly")
+            raise Denied("too many acts", f"too many acts from {act.sender.unit}; ask more slowly")
+        if act.reply_to is not None and act.reply_to.unit != act.sender.unit:
+            raise Denied("reply to another", f"answers go to {act.sender.unit}, who asks, and to nobody else")
         if act.performative is P.CANCEL:
             self._cancelled(act, now_us)
             return
         if act.content is None:
             raise ContentError("an act without content says nothing")
         content = read(act.content)
-        service = self.services.of(act.content.head)
-        if service is None:
-            raise ContentError(f"no service of this platform understands ({act.content.head} ...)")
+        self._check_door(act, self.services.of(content.head, act.performative), is_own=is_own)
+        if not is_own:
+            self._check_role(act.sender.unit, content.head)
+        self.handlers[content.head](act, content, now_us)
+
+    def _check_door(self, act: Act, service: Service, *, is_own: bool) -> None:
+        """The rules of thesis 9.3.2: whether an agent of that platform reaches the service in that way."""
         through_interface = act.receiver.agent == INTERFACE
         if not through_interface and act.receiver.agent != service.agent:
-            raise ContentError(
-                f"{act.receiver.agent} does not understand ({act.content.head} ...): ask {service.agent}"
-            )
+            raise ContentError(f"{act.receiver.agent} does not understand this: ask {service.agent}")
         if not admitted(service.visibility, same_platform=is_own, through_interface=through_interface):
             remedy = f"; ask {INTERFACE}@{self.unit}" if service.visibility is Visibility.PROTECTED else ""
-            raise Refused(f"{service.service} is {service.visibility} on {self.unit}{remedy}")
-        if act.content.head in COMMANDS and self._trust is not None and not is_own:
-            member = self._trust.roster.member(act.sender.unit)
-            if member is None or member.role != "command-centre":
-                raise Refused(f"only a command centre may ask for ({act.content.head} ...)")
-        self.handlers[act.content.head](act, content, now_us)
+            raise Denied(service.visibility, f"{service.service} is {service.visibility} on {self.unit}{remedy}")
+
+    def _check_role(self, unit: str, head: str) -> None:
+        role = self._role_of(unit)
+        if head in COMMANDS and role != "command-centre":
+            raise Denied("role", f"only a command centre may ask for ({head} ...)")
+        if head in LASTING and role == "observer":
+            raise Denied("role", f"an observer may ask and subscribe, but not for ({head} ...)")
+
+    def _role_of(self, unit: str) -> Role:
+        """What the roster makes of a unit; without one, everybody may command."""
+        if self._trust is None:
+            return "command-centre"
+        member = self._trust.roster.member(unit)
+        return "observer" if member is None else member.role
 
     def _cancelled(self, act: Act, now_us: int) -> None:
-        conversation = act.conversation_id or ""
-        if self.on_cancel(conversation, now_us):
-            self.answer(act, P.INFORM, Cancel(), now_us)
+        if self.on_cancel(act, self._role_of(act.sender.unit) == "command-centre", now_us):
+            self.answer(act, P.INFORM, Done(), now_us)
         else:
-            self.answer(act, P.FAILURE, Reason(text=f"no task {conversation} on this platform"), now_us)
+            self.answer(act, P.FAILURE, Reason(text=f"no task {act.conversation_id} on this platform"), now_us)
 
     # -- peers and time ----------------------------------------------------------------------------------------
 
@@ -317,3 +355,10 @@ class InterfaceAgent:
         """Acknowledge what no act of this step did."""
         for put in self.conversations.flush():
             self._emit(put)
+
+
+def _unheard(act: Act, outcomes: list[Outcome]) -> str:
+    """What became of a new act that no agent is told of as a request."""
+    if any(isinstance(outcome, Reply) for outcome in outcomes):
+        return "accepted"
+    return "conversation refused" if act.performative in OPENING or act.performative is P.CANCEL else "late"

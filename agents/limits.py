@@ -5,7 +5,6 @@ from dataclasses import dataclass
 ACTS_PER_S = 20.0
 ACTS_BURST = 40.0
 STREAMS_PER_PEER = 64
-MONITORS = 32
 
 
 @dataclass(slots=True)

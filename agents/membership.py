@@ -9,7 +9,7 @@ from agents.services import FEDERATION
 from federation.acts import Act
 from federation.clock import Standing
 from federation.directory import Outcome
-from federation.exports import ExportEvent
+from federation.exports import LINGER_US, ExportEvent
 from federation.liveness import NameConflict, PlatformAppeared, PlatformGone, PlatformReturned, PlatformSuspected
 from federation.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone
 from federation.replicas import PlatformRefused
@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from agents.platform import Platform
 
 ORPHAN_US = 5_000_000
-"""How long an export outlives the platform that asked for it: a new leader takes it over meanwhile."""
+"""How long an export outlives the platform that asked for it: a new leader takes it over meanwhile.
+
+One that only left the federation keeps its streams longer (thesis 9.3.4): as long as a receiver that is out of reach.
+"""
 
 FORGOTTEN_US = 60_000_000
 """How long the monitors over a platform that died are kept, as missing."""
@@ -34,6 +37,7 @@ class Membership:
         self._departed: Deadlines[str] = Deadlines()
         self._found: tuple[str, ...] = ()
         self._standing: dict[str, Standing] = {}
+        self._grace_us = ORPHAN_US
 
     # -- the directory -----------------------------------------------------------------------------------------
 
@@ -98,6 +102,7 @@ class Membership:
         else:
             self._p.exports.receiver_gone(unit, now_us, change.boot)
         self._p.supply.forget(unit)
+        self._grace_us = LINGER_US if change.why == "left" else ORPHAN_US
         self._p.interface.peer_gone(unit, now_us)
         self._p.clocks.on_gone(unit)
         self._standing.pop(unit, None)
@@ -139,17 +144,17 @@ class Membership:
 
     def on_lost(self, act: Act, now_us: int) -> None:
         """Who asked for something is gone. What a person asked for stays; what a platform asked for is adopted or ends."""
-        conversation = act.conversation_id or ""
-        if self._p.bulletin.unsubscribe(conversation):
+        unit, conversation = act.sender.unit, act.conversation_id or ""
+        if self._p.bulletin.unsubscribe(unit, conversation) or self._p.checks.cancel(conversation, unit):
             return
-        entry = self._p.directory.entry(act.sender.unit)
+        entry = self._p.directory.entry(unit)
         if (
             act.content is not None
             and act.content.head == "create-multicast"
             and entry is not None
             and entry.kind == "uav"
         ):
-            self._orphans.set(conversation, now_us + ORPHAN_US)
+            self._orphans.set(conversation, now_us + self._grace_us)
 
     @property
     def deadline_us(self) -> int | None:

@@ -5,6 +5,7 @@ a state synchroniser of its own: a silent platform makes its own instance stale 
 """
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 from agents.deadlines import Deadlines
@@ -113,13 +114,17 @@ class Monitors:
             del self.named[name]
 
     def join(self, member: str, now_us: int) -> None:
-        """A platform is there: it gets its instances, or its inputs count again (F6 growing)."""
+        """A platform is there: it gets its instances, or its inputs count again (F6 growing).
+
+        Beyond MAX_INSTANCES it gets none: who floods a federation with platforms does not stop the others' monitors.
+        """
         self._members[member] = None
         for named in self.named.values():
             if not named.plan.grows:
                 continue
             if member not in named.instances:
-                self._begin(named, member, now_us)
+                with suppress(Refused):
+                    self._begin(named, member, now_us)
             else:
                 named.instances[member].monitor.mark_present(member, now_us)
                 self._schedule(named, member)

@@ -13,6 +13,9 @@ from reasoning.profiles import Profile
 DEFAULT_TASK = ("proximity", "proximity-warn")
 """What `monitor-proximity` monitors unless a profile is named: the violation, and what starts avoidance."""
 
+MAX_DELAY_US = 60_000_000
+"""A monitor keeps every state that is not complete yet, for as long as its delay."""
+
 
 @dataclass(frozen=True, slots=True)
 class MonitorPlan:
@@ -67,16 +70,16 @@ class StateMaker:
 
 
 class PlanBook:
-    """The monitors this platform knows by name."""
+    """The monitors this platform knows by name. `grid_us` is the period of its estimates: there are no states between."""
 
-    def __init__(self, unit: str, profiles: Mapping[str, Profile]) -> None:
-        self._unit, self._profiles = unit, profiles
+    def __init__(self, unit: str, profiles: Mapping[str, Profile], grid_us: int = 1) -> None:
+        self._unit, self._profiles, self._grid_us = unit, profiles, grid_us
 
     def named(self, name: str, period_us: int | None = None, delay_us: int | None = None) -> MonitorPlan:
         """The monitor `name`, with another period or delay if given.
 
         Raises:
-            Refused: there is no such monitor here, or its formula does not read.
+            Refused: there is no such monitor here, its formula does not read, or its period or delay cannot be kept.
         """
         profile = self._profiles.get(name)
         if profile is None:
@@ -86,12 +89,20 @@ class PlanBook:
             sample_us=profile.sample_us if period_us is None else period_us,
             max_delay_us=profile.max_delay_us if delay_us is None else delay_us,
         )
+        self._check(profile)
         try:
             formula = profile_formula(profile, self._unit)
         except DyknowError as wrong:
             raise Refused(f"the formula of {name} does not read: {wrong}") from None
         split = split_growing(formula)
         return MonitorPlan(profile, formula, None) if split is None else MonitorPlan(profile, split[2], split[0])
+
+    def _check(self, profile: Profile) -> None:
+        if profile.sample_us % self._grid_us or profile.sample_us <= 0:
+            period, grid = print_duration(profile.sample_us), print_duration(self._grid_us)
+            raise Refused(f"a period of {period} is no multiple of {grid}, the period of this platform's estimates")
+        if profile.max_delay_us > MAX_DELAY_US:
+            raise Refused(f"a monitor waits for late samples {print_duration(MAX_DELAY_US)} at most")
 
     def prepare(self) -> None:
         """Read what tasks usually take, so that the first one is not slowed by it."""

@@ -33,8 +33,9 @@ from agents.services import ServiceTable
 from agents.supply import Supply
 from agents.tasks import TaskBook
 from dyknow import NO_VALUE, Label, Network, Sample, ValueNotAvailable
-from dyknow.errors import DecodeError
+from dyknow.errors import DecodeError, Refused
 from federation import keys
+from federation.acts import Act
 from federation.clock import FederationClock
 from federation.codec import decode_heartbeat
 from federation.directory import Directory, Kind, Outcome
@@ -172,7 +173,9 @@ class Platform:
             config.avoidance,
         )
         self.federation = FederationAgent(self.context)
-        self.coordination = Coordination(self.context, PlanBook(config.unit, config.profiles), self.federation)
+        self.coordination = Coordination(
+            self.context, PlanBook(config.unit, config.profiles, config.period_us), self.federation
+        )
         self.giving_way = GivingWay(self.context)
         self.supply = Supply(self.context)
         self.bulletin = Bulletin(self.context, self.account)
@@ -300,7 +303,9 @@ class Platform:
                 if beat.tails:
                     self.importer.on_tails(beat.unit, beat.boot, beat.tails, event.at_us)
             case keys.ActKey():
-                if key.sender != self.unit:
+                if key.sender == self.unit:
+                    self.refused["our own name"] += 1
+                else:
                     self.interface.on_arrived(event, key)
             case _:
                 raise DecodeError("key")
@@ -344,8 +349,20 @@ class Platform:
         offset = self.clocks.of(unit)
         return 0 if offset is None else offset.offset_us
 
-    def _on_cancel(self, conversation: str, now_us: int) -> bool:
-        return self.bulletin.unsubscribe(conversation) or self.tasks.cancel(conversation, now_us)
+    def _on_cancel(self, act: Act, of_others: bool, now_us: int) -> bool:
+        """Somebody ends what was asked for in a conversation; raises Refused if it is another's and must not."""
+        unit, conversation = act.sender.unit, act.conversation_id or ""
+        if self.bulletin.unsubscribe(unit, conversation) or self.checks.cancel(conversation, unit):
+            return True
+        task = self.tasks.get(conversation)
+        if task is not None and task.initiator != unit:
+            if not of_others:
+                raise Refused(f"only {task.initiator}, who asked for it, or a command centre may end {conversation}")
+            self.interface.end(conversation, task.initiator, f"cancelled by {unit}", now_us)
+        led = self.coordination.led.get(conversation)
+        if led is not None and led.leader != self.unit:
+            raise Refused(f"the task is led by {led.leader} now: cancel it there")
+        return self.tasks.cancel(conversation, now_us)
 
     def fly(self, commands: Iterable[Command]) -> None:
         self._out += commands

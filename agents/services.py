@@ -4,55 +4,64 @@ A public service answers any agent on any platform. A protected one answers agen
 through the Interface Agent. A private one answers agents of its own platform only.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
+from dyknow.errors import ContentError
+from federation.acts import Performative
 from federation.offers import Service, Visibility
+
+P = Performative
 
 
 class Offer(NamedTuple):
-    """A service and the heads of the contents it understands."""
+    """A service, and the speech acts it supports: by head of the content, the performatives it comes with."""
 
     service: Service
-    heads: frozenset[str]
+    acts: Mapping[str, frozenset[Performative]]
 
 
-def _offer(name: str, agent: str, visibility: Visibility, *heads: str) -> Offer:
-    return Offer(Service(name, agent, visibility), frozenset(heads))
+_ASKED = frozenset({P.REQUEST})
+_QUESTION = frozenset({P.QUERY_REF, P.REQUEST})
+_FOLLOWED = frozenset({P.SUBSCRIBE})
+_TOLD = frozenset({P.INFORM})
+
+
+def _offer(
+    name: str, agent: str, visibility: Visibility, *given: tuple[frozenset[Performative], tuple[str, ...]]
+) -> Offer:
+    return Offer(Service(name, agent, visibility), {head: said for said, heads in given for head in heads})
 
 
 FEDERATION = _offer(
     "dyknow-federation",
     "federation",
     Visibility.PROTECTED,
-    "create-multicast",
-    "stop-multicast",
-    "query",
-    "stream",
-    "end-stream",
-    "import-list",
+    (_ASKED, ("create-multicast",)),
+    (_QUESTION, ("query", "import-list")),
+    (_TOLD, ("stream", "end-stream")),
 )
 COORDINATION = _offer(
     "monitor-coordination",
     "coordination",
     Visibility.PROTECTED,
-    *(
-        "monitor-proximity",
-        "create-monitor",
-        "remove-monitor",
-        "monitors",
-        "check-formula",
-        "avoid",
-        "alarm",
-        "progress",
-        "tasks",
-    ),
+    (_ASKED, ("monitor-proximity", "create-monitor", "avoid", "check-formula")),
+    (_QUESTION, ("monitors", "tasks")),
+    (_TOLD, ("alarm", "progress")),
 )
-FLIGHT = _offer("flight", "pilot", Visibility.PROTECTED, "goto", "hold", "land", "return-home", "resume", "take-off")
-ALARMS = _offer("alarms", "alarms", Visibility.PUBLIC, "alarms", "alarm-list")
-DIRECTORY = _offer("directory", "directory", Visibility.PUBLIC, "directory", "search")
-ACCOUNT = _offer("account", "account", Visibility.PROTECTED, "acts", "act-list", "leave", "rejoin")
-FAULTS = _offer("fault-injection", "simulator", Visibility.PROTECTED, "fault")
-INSTANCE = _offer("local-instance", "gateway", Visibility.PRIVATE, "local-labels")
+FLIGHT = _offer("flight", "pilot", Visibility.PROTECTED, (_ASKED, ("goto", "hold", "land", "return-home", "resume")))
+ALARMS = _offer("alarms", "alarms", Visibility.PUBLIC, (_FOLLOWED, ("alarms",)), (_QUESTION, ("alarm-list",)))
+DIRECTORY = _offer("directory", "directory", Visibility.PUBLIC, (_FOLLOWED, ("directory",)), (_QUESTION, ("search",)))
+ACCOUNT = _offer(
+    "account",
+    "account",
+    Visibility.PROTECTED,
+    (_FOLLOWED, ("acts",)),
+    (_QUESTION, ("act-list",)),
+    (_ASKED, ("leave", "rejoin")),
+)
+FAULTS = _offer("fault-injection", "simulator", Visibility.PROTECTED, (_ASKED, ("fault",)))
+INSTANCE = _offer("local-instance", "gateway", Visibility.PRIVATE, (_QUESTION, ("labels",)))
 
 INTERFACE = "interface"
 """The agent every platform is addressed by from outside."""
@@ -70,11 +79,18 @@ class ServiceTable:
 
     def __init__(self, offers: tuple[Offer, ...]) -> None:
         self.offers = offers
-        self._by_head = {head: offer.service for offer in offers for head in offer.heads}
+        self._by_head = {head: (offer.service, said) for offer in offers for head, said in offer.acts.items()}
 
-    def of(self, head: str) -> Service | None:
-        """The service that understands a content that begins with `head`."""
-        return self._by_head.get(head)
+    def of(self, head: str, performative: Performative) -> Service:
+        """The service that understands a content that begins with `head`, said with that performative.
 
-    def has_agent(self, agent: str) -> bool:
-        return agent == INTERFACE or any(offer.service.agent == agent for offer in self.offers)
+        Raises:
+            ContentError: there is none.
+        """
+        found = self._by_head.get(head)
+        if found is None:
+            raise ContentError(f"no service of this platform understands ({head} ...)")
+        service, said = found
+        if performative not in said:
+            raise ContentError(f"({head} ...) is understood as {' or '.join(sorted(said))}, not as {performative}")
+        return service

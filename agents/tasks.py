@@ -1,8 +1,9 @@
 """Lasting tasks a platform accepted: what each is, who asked for it, and how to take it down again."""
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+
+from dyknow.errors import ContentError, Refused
 
 TOMBSTONES = 1000
 
@@ -17,6 +18,7 @@ class Task:
         name: the head of the request, e.g. `monitor-proximity`.
         state: what a person sees: `running`, `led by 1`, ...
         is_part: whether it belongs to a larger task, which people see and cancel.
+        streams: how many streams it has this platform export.
         take_down: undoes everything the task set up; told the time (node clock).
     """
 
@@ -27,6 +29,7 @@ class Task:
     state: str = "running"
     since_us: int = 0
     is_part: bool = False
+    streams: int = 0
 
 
 class TaskBook:
@@ -34,7 +37,20 @@ class TaskBook:
 
     def __init__(self) -> None:
         self._tasks: dict[str, Task] = {}
-        self._ended: deque[str] = deque(maxlen=TOMBSTONES)
+        self._ended: dict[str, str] = {}
+
+    def check_free(self, conversation: str | None) -> str:
+        """A lasting task needs a conversation of its own, in which it can be cancelled; returns it.
+
+        Raises:
+            ContentError: there is none.
+            Refused: it is that of another task.
+        """
+        if not conversation:
+            raise ContentError("what lasts needs a :conversation-id, in which it can be cancelled")
+        if conversation in self._tasks:
+            raise Refused(f"conversation {conversation} is about another task; open one of your own")
+        return conversation
 
     def add(self, task: Task) -> None:
         self._tasks[task.conversation] = task
@@ -54,17 +70,20 @@ class TaskBook:
         task = self._tasks.pop(conversation, None)
         if task is None:
             return conversation in self._ended
-        self._ended.append(conversation)
+        self.bury(conversation, task.initiator)
         task.take_down(now_us)
         return True
 
     def forget(self, conversation: str) -> None:
-        """The task passed to somebody else: drop it without taking anything down."""
+        """The task is over, or passed to somebody else: drop it without taking anything down."""
         self._tasks.pop(conversation, None)
 
-    def was_cancelled(self, conversation: str) -> bool:
-        return conversation in self._ended
+    def bury(self, name: str, by: str) -> None:
+        """Remember that what went by `name` ended, and whose it was, so that nobody else sets it up again."""
+        self._ended[name] = by
+        if len(self._ended) > TOMBSTONES:
+            del self._ended[next(iter(self._ended))]
 
-    def bury(self, name: str) -> None:
-        """Remember that what went by `name` was cancelled, so that it is not set up again."""
-        self._ended.append(name)
+    def was_cancelled(self, name: str, asker: str) -> bool:
+        """Whether what goes by `name` ended here, on behalf of another than `asker`, who may set up anew what was its."""
+        return self._ended.get(name, asker) != asker

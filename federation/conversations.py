@@ -267,7 +267,10 @@ class Conversations:
         """Somebody wants an answer from this platform, and gets one by their reply-by in any case."""
         within_us = REPLY_BY_US if act.reply_by_us is None else max(0, act.reply_by_us - act.created_us)
         peer = act.sender.unit
-        if (conversation, peer, False) not in self._open and self._count(peer, ours=False) >= OPEN_PER_PEER:
+        known = self._open.get((conversation, peer, False))
+        if known is not None and known.phase in {Phase.AGREED, Phase.STANDING} and act.performative in OPENING:
+            return [self.delivery.send(self._no(act, P.REFUSE, "this conversation is about something else"), now_us)[1]]
+        if known is None and self._count(peer, ours=False) >= OPEN_PER_PEER:
             return [self.delivery.send(self._no(act, P.REFUSE, "too many open conversations"), now_us)[1]]
         phase = Phase.CANCELLING if act.performative is P.CANCEL else Phase.ASKED
         self._add(Conversation(act, peer, False, phase, now_us + min(within_us, REPLY_BY_MOST_US)))

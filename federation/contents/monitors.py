@@ -33,12 +33,13 @@ class MonitorProximity(Content):
 
 
 class CreateMonitor(Content):
-    """Set up a monitor by name, alone or as part of a task that `coordinator` leads."""
+    """Set up a monitor by name, alone or as part of a task that `coordinator` leads and `delegator` asked for."""
 
     name: Word
     profile: Word | None = None
     task: Conversation | None = None
     coordinator: Unit | None = None
+    delegator: Unit | None = None
     generation: Count | None = None
     sample_period_s: Period | None = None
     delay_s: Seconds | None = None

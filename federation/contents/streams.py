@@ -118,12 +118,16 @@ class Samples(Content):
 
 
 class Answers(Content):
-    """The answer to a global query: what each platform said, who did not, and the one value that was asked for."""
+    """The answer to a global query: what each platform said, who did not, and the one value that was asked for.
+
+    `more`: the rest follows in further acts; who is missing and the one value come with the last.
+    """
 
     semantic_label: SemanticLabel
     answers: Annotated[tuple[Samples, ...], Field(max_length=MAX_LIST)]
     missing: Annotated[tuple[Missing, ...], Field(max_length=MAX_LIST)] = ()
     merged: Reading | None = None
+    more: bool = False
 
 
 class ImportAccount(Part):
