@@ -17,12 +17,19 @@ class Pair(NamedTuple):
         self.sender.call("pace", count=count, period_us=period_us)
         return dict(self.receiver.end())
 
+    def linked(self) -> bool:
+        """Whether samples come through; what was on its way has arrived after it."""
+        self.receiver.begin("collect", count=10**9)
+        self.sender.call("pace", count=5, period_us=20_000)
+        return bool(self.receiver.end()["received"])
+
     def flooded(self, seconds: float) -> dict[str, float]:
         self.receiver.begin("collect", count=10**9)
         sent = self.sender.call("flood", seconds=seconds)
         return {**self.receiver.end(), **sent}
 
 
+ATTEMPTS = 5
 RAW = ("bench.raw:Sender", "bench.raw:Receiver")
 EDGE = ("bench.pipeline:EdgeSender", "bench.pipeline:EdgeReceiver")
 OURS = ("bench.pipeline:Exporter", "bench.pipeline:Importer")
@@ -39,5 +46,7 @@ def pairs(row: str, kinds: dict[str, tuple[str, str]], **arguments: dict[str, ob
             sending = stack.enter_context(Worker(sender, {"federation": federation}))
             taking.call("ready")
             sending.call("ready")
-            found[side] = Pair(sending, taking)
+            found[side] = pair = Pair(sending, taking)
+            if not any(pair.linked() for _ in range(ATTEMPTS)):
+                raise TimeoutError(f"{side}: no sample comes through")
         yield found

@@ -14,7 +14,7 @@ from agents.import_proxy import ImportProxy
 from bench.raw import IDLE_S, PATIENCE_S, latencies
 from dyknow import Label, Network, Policy, Sample
 from federation import keys
-from federation.clock import FederationClock
+from federation.clock import FederationClock, Offset
 from federation.exports import Exports
 from federation.ontology import Ontology, Translation
 from federation.transport import Answered, Arrived, Asked, AskEnded, DeclareQueryable, Put, Urgency, WireEffect
@@ -157,7 +157,7 @@ class _ImportingNode:
             ONTOLOGY,
             translation,
             FederationClock(),
-            lambda _owner: None,
+            lambda _owner: Offset(0, 100),
             itertools.count(1),
             self._effects.append,
             source,

@@ -32,6 +32,9 @@ def handler(callback: str, take: Callable[[Any], None]) -> Any:
 
 
 def latencies(found_ns: list[int]) -> dict[str, float]:
+    """Of nothing: zeros, and `received` says so."""
+    if not found_ns:
+        return {"p50_us": 0.0, "p99_us": 0.0, "received": 0.0}
     ordered = sorted(found_ns)
     return {
         "p50_us": median(ordered) / 1e3,

@@ -10,7 +10,6 @@ to a question direct ones, since a plain one would start a thread for every ques
 import contextlib
 import json
 import socket
-from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, TypeAlias, TypeVar
 
@@ -74,7 +73,7 @@ class ZenohEdge:
         self._post, self._now_us = post, now_us
         self._session: zenoh.Session | None = None
         self._zid = ""
-        self._publishers: OrderedDict[tuple[str, Urgency], zenoh.Publisher] = OrderedDict()
+        self._publishers: dict[str, tuple[Urgency, zenoh.Publisher]] = {}
         self._declared: dict[Declaration, Any] = {}
         self._watches: dict[WatchTokens, _TokenWatch] = {}
         self._asks: OpenAsks[zenoh.Query] = OpenAsks()
@@ -135,17 +134,23 @@ class ZenohEdge:
     # Samples out
 
     def _put(self, effect: Put) -> None:
-        publisher = self._publishers.get((effect.key, effect.urgency)) or self._publisher(effect.key, effect.urgency)
-        publisher.put(effect.payload)
+        key, payload, urgency = effect
+        found = self._publishers.get(key)
+        if found is None or found[0] is not urgency:
+            found = self._published(key, urgency)
+        found[1].put(payload)
 
-    def _publisher(self, key: str, urgency: Urgency) -> zenoh.Publisher:
+    def _published(self, key: str, urgency: Urgency) -> tuple[Urgency, zenoh.Publisher]:
         """Declared once per key: its puts cost half of the session's. The oldest of too many gives way."""
-        if len(self._publishers) >= _MAX_PUBLISHERS:
-            _end(self._publishers.popitem(last=False)[1].undeclare)
-        publisher = self._publishers[key, urgency] = self._opened.declare_publisher(
+        if key in self._publishers:
+            _end(self._publishers.pop(key)[1].undeclare)
+        elif len(self._publishers) >= _MAX_PUBLISHERS:
+            _end(self._publishers.pop(next(iter(self._publishers)))[1].undeclare)
+        publisher = self._opened.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.DROP, priority=_PRIORITY[urgency]
         )
-        return publisher
+        found = self._publishers[key] = (urgency, publisher)
+        return found
 
     # Questions
 
@@ -228,11 +233,11 @@ class ZenohEdge:
         session, self._session = self._session, None
         tokens = [made for effect, made in self._declared.items() if isinstance(effect, DeclareToken)]
         others = [made for effect, made in self._declared.items() if not isinstance(effect, DeclareToken)]
-        with contextlib.suppress(zenoh.ZError):  # a link may break meanwhile
-            for made in (*reversed(tokens), *reversed(others), *self._publishers.values()):
-                made.undeclare()
-            self._publishers.clear()
+        leaving = [*reversed(tokens), *reversed(others), *(publisher for _, publisher in self._publishers.values())]
         self._publishers.clear()
+        with contextlib.suppress(zenoh.ZError):  # a link may break meanwhile
+            for made in leaving:
+                made.undeclare()
         self._asks.end_all()
         _end(session.close)
 
