@@ -24,7 +24,7 @@ from runtime.config import NodeConfig
 
 JOIN_S = 40.0
 ANSWER_S = 5.0
-POSITION, ALTITUDE = "heli-position", "heli-altitude"
+POSITION, ALTITUDE, VELOCITY = "heli-position", "heli-altitude", "heli-velocity"
 _NUMBERS = count()
 Track = dict[int, tuple[float, float, float]]
 """(latitude_deg, longitude_deg, altitude_m) by valid time."""
@@ -35,7 +35,7 @@ class Federated:
 
     Attributes:
         positions: by unit, what its streams said, as this command centre imported them.
-        alarms: (alarm, node clock when it came here), by unit that raised it, in order of arrival.
+        alarms: (alarm, federation time when it came here), by unit that raised it, in order of arrival.
     """
 
     def __init__(self, fleet: Fleet, client: Client) -> None:
@@ -64,7 +64,7 @@ class Federated:
         self.said += self.fleet.heard()
         for unit, subscription in self._subscriptions.items():
             results = subscription.results
-            now_us = self.client.now_us()
+            now_us = self.client.federation_us()
             for said in results[self._told[unit] :]:
                 if isinstance(said, Alarm):
                     self.alarms.append((said, now_us))
@@ -73,16 +73,20 @@ class Federated:
     def _on_sample(self, owner: str, label: str, sample: Any, _at_us: int) -> None:
         self._parts.setdefault((owner, label), {})[sample.valid_us] = sample.value
 
+    def values(self, unit: str, label: str) -> dict[int, tuple[float, ...]]:
+        return self._parts.get((unit, label), {})
+
     def track(self, unit: str) -> Track:
-        places, heights = self._parts.get((unit, POSITION), {}), self._parts.get((unit, ALTITUDE), {})
+        places, heights = self.values(unit, POSITION), self.values(unit, ALTITUDE)
         return {at: (*places[at], *heights[at]) for at in sorted(places.keys() & heights.keys())}
 
     # Asking
 
-    def stream_positions(self, units: list[str], period_s: float = 0.1, delay_s: float = 2.0) -> None:
+    def stream_positions(self, units: list[str], delay_s: float = 2.0, *labels: str) -> None:
+        """Have them streamed to this command centre every 100 ms, with further labels if wanted."""
         content = CreateMulticast(
-            semantic_labels=(POSITION, ALTITUDE),
-            sample_period_s=period_s,
+            semantic_labels=(POSITION, ALTITUDE, *labels),
+            sample_period_s=0.1,
             delay_s=delay_s,
             to_units=(self.client.centre.unit,),
         )
