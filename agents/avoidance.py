@@ -193,9 +193,7 @@ class Avoidance:
 
     # -- carrying out, and ending ------------------------------------------------------------------------------
 
-    def on_moved(
-        self, partner: str, own: Fix, other: Fix | None, may: May, now_us: int, *, warned: bool
-    ) -> list[Step]:
+    def on_moved(self, partner: str, own: Fix, other: Fix | None, may: May, now_us: int, *, warned: bool) -> list[Step]:
         """Positions have changed. `warned`: the warning about `partner` is open here."""
         known = self.encounters.get(partner)
         if known is None:
@@ -218,9 +216,7 @@ class Avoidance:
             self._see_whether_over(known, away_m, abs(own.altitude_m - other.altitude_m), now_us)
         return self._settled()
 
-    def _not_agreed(
-        self, known: Encounter, own: Fix, other: Fix, may: May, now_us: int, *, warned: bool
-    ) -> list[Step]:
+    def _not_agreed(self, known: Encounter, own: Fix, other: Fix, may: May, now_us: int, *, warned: bool) -> list[Step]:
         if known.awaited:
             return []
         if not warned:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from agents.bulletin import alarm_content
 from agents.deadlines import Deadlines
 from agents.services import FEDERATION
+from agents.tasks import Task
 from federation.acts import Act
 from federation.clock import Standing
 from federation.directory import Outcome
@@ -155,6 +156,14 @@ class Membership:
             and entry.kind == "uav"
         ):
             self._orphans.set(conversation, now_us + self._grace_us)
+
+    def on_forgotten(self, task: Task, now_us: int) -> None:
+        """Who asked for a task had lost sight of this platform, and is back. A person's stays, until a person ends it;
+        that of a platform ends, unless somebody sees to it that it goes on.
+        """
+        entry = self._p.directory.entry(task.initiator)
+        if entry is not None and entry.kind == "uav":
+            self._orphans.set(task.conversation, now_us + ORPHAN_US)
 
     @property
     def deadline_us(self) -> int | None:

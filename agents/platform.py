@@ -38,6 +38,7 @@ from federation import keys
 from federation.acts import Act
 from federation.clock import FederationClock
 from federation.codec import decode_heartbeat
+from federation.conversations import is_lost
 from federation.directory import Directory, Kind, Outcome
 from federation.exports import Exports
 from federation.offsets import ClockOffsets
@@ -355,6 +356,9 @@ class Platform:
         if self.bulletin.unsubscribe(unit, conversation) or self.checks.cancel(conversation, unit):
             return True
         task = self.tasks.get(conversation)
+        if task is not None and task.initiator == unit and is_lost(act):
+            self.membership.on_forgotten(task, now_us)
+            return True
         if task is not None and task.initiator != unit:
             if not of_others:
                 raise Refused(f"only {task.initiator}, who asked for it, or a command centre may end {conversation}")

@@ -40,6 +40,8 @@ RESULT_WITHIN_US = 10_000_000
 OPEN_PER_PEER = 64
 PEERS = 512
 ANSWERED = 1024
+LOST = Expr("cancel", {"because": "lost"})
+"""The content of a cancel that follows from the loss of a peer."""
 
 Outcome: TypeAlias = Put | ConversationEvent
 """What a step returns: puts for the wire and events for the agents, in order."""
@@ -192,7 +194,8 @@ class Conversations:
             found = self._open.pop(name)
             events.append(PeerLost(name[0], found.opening, unit, found.ours))
             if found.standing and found.phase is not Phase.CANCELLING:
-                mine = _cancel(found.opening) if found.ours else self._no(found.opening, P.FAILURE, f"{unit} was gone")
+                lost = _cancel(found.opening, LOST)
+                mine = lost if found.ours else self._no(found.opening, P.FAILURE, f"{unit} was gone")
                 dropped.append(mine)
         if dropped:
             self._dropped[unit] = (self.delivery.boot_of(unit), dropped)
@@ -313,13 +316,18 @@ class Conversations:
             self._due_us = due_us
 
 
-def _cancel(opening: Act) -> Act:
+def is_lost(cancel: Act) -> bool:
+    """Whether a cancel was said only because its sender had lost sight of the receiver, not because anybody wants it."""
+    return cancel.content == LOST
+
+
+def _cancel(opening: Act, content: Expr | None = None) -> Act:
     """The cancel of what we had opened."""
     return Act(
         P.CANCEL,
         opening.sender,
         opening.receiver,
-        Expr("cancel"),
+        content or Expr("cancel"),
         opening.conversation_id,
         opening.protocol,
         ontology=opening.ontology,

@@ -32,7 +32,6 @@ class Agenda:
         queue = self._queue
         while queue and queue[0][0] <= until_us:
             at_us, _, action, arguments = heappop(queue)
-            if at_us > self.now_us:
-                self.now_us = at_us
+            self.now_us = max(self.now_us, at_us)
             action(*arguments)
         self.now_us = max(self.now_us, until_us)

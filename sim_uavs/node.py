@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from agents.effects import InjectFault
-from agents.pilot import FlightLimits, FlightPlan, Waypoint
+from agents.pilot import FlightLimits
 from dyknow.errors import Refused
 from federation.clock import FederationClock
 from navigation.vehicle import Command, Report
@@ -20,7 +20,8 @@ from runtime.config import MavlinkVehicle, NodeConfig, ReplayedVehicle, Simulate
 from runtime.process import Fitted, serve
 from sim_uavs.autopilot_server import AutopilotServer
 from sim_uavs.faults import Fault, parse_fault
-from sim_uavs.scenarios import ORIGIN, Unit, scenario
+from sim_uavs.plans import plan_of
+from sim_uavs.scenarios import ORIGIN, scenario
 from sim_uavs.settings import Peer, Place
 
 SETTLE_US = 3_000_000
@@ -136,16 +137,9 @@ def _simulated(
         "control": True,
         "simulated": True,
         "limits": limits,
-        "plan": plan_of(unit, start_us),
+        "plan": plan_of(unit.route, start_us),
     }
     return Fitted(SimulatedUav(server, feed, clock), changes)
-
-
-def plan_of(unit: Unit, start_us: int) -> FlightPlan:
-    """The route of a scenario's unit as its pilot flies it."""
-    route = unit.route
-    waypoints = tuple(Waypoint(*place) for place in route.waypoints)
-    return FlightPlan(waypoints, route.speed_m_s, start_us, route.loop)
 
 
 def _with_peer(flown: Any, peer: Peer) -> Any:

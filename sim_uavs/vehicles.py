@@ -108,9 +108,7 @@ class SimulatedVehicle:
         noise = self.config.gps
         factor = self._faults.amount("gps-noise", now_us)
         self._wander = next_wander(self._wander, noise, self._report_us / 1e6, self._rng)
-        reading = read_gps(
-            self.flight.body, self._wander, noise if factor is None else noise.scaled(factor), self._rng
-        )
+        reading = read_gps(self.flight.body, self._wander, noise if factor is None else noise.scaled(factor), self._rng)
         self._gps = spoil(reading, self._gps, self._faults, now_us)
         self.flight.position_ok = self._gps is not None
 

@@ -187,7 +187,8 @@ class World:
         """Stop the process (SIGSTOP): what is sent to it waits in its sockets."""
         node = self.nodes[unit]
         if node.platform is not None and not node.frozen:
-            node.frozen, node.mailbox = True, Mailbox(lambda: node.clock.node_us(self.now_us))
+            node.frozen, node.due_us = True, None
+            node.mailbox = Mailbox(lambda: node.clock.node_us(self.now_us))
             self.wire.freeze(unit)
             self._say(unit, "frozen")
 
