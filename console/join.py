@@ -73,12 +73,16 @@ def _config(call: Call, unit: str, duration: str | None, chosen: dict[str, Any])
     else:
         if chosen["control"] or chosen["sysid"] is not None:
             raise WrongCall("--control and --sysid belong to --mavlink: a recording cannot be commanded.")
-        epoch = chosen["epoch"] or "now"
-        vehicle = replayed(replay, chosen["from_"], epoch, now_us, place="--replay")
+        epoch = None if chosen["epoch"] == "now" else chosen["epoch"]
+        vehicle = replayed(replay, chosen["from_"], epoch or "now", now_us, place="--replay")
+        if epoch is None:
+            # Now is when the process is there, in the time of the federation that it finds.
+            vehicle = vehicle.model_copy(update={"epoch_us": None})
         clock = clock_of(call.file, chosen["speed"], now_us)
         if clock.speed != 1.0 and (call.file is None or call.file.clock.epoch is None):
-            # Recordings that share an epoch share the clock that begins there.
-            clock = ClockConfig(epoch_us=instant_us(epoch, now_us, option="--epoch"), speed=clock.speed)
+            # Recordings that share an epoch share the clock that begins there, if none is running yet.
+            begins_us = None if epoch is None else instant_us(epoch, now_us, option="--epoch")
+            clock = ClockConfig(epoch_us=begins_us, speed=clock.speed, yields=True)
     return configured(
         {
             "unit": unit,

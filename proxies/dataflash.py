@@ -46,6 +46,7 @@ _CODES: dict[str, tuple[str, float | None]] = {
 """Format character of a column: its struct, and what its number is multiplied with (None: text)."""
 
 Row = dict[str, Any]
+_TEXTS = frozenset({"Name", "Format", "Columns"})
 
 
 class _Layout(NamedTuple):
@@ -58,8 +59,13 @@ class _Layout(NamedTuple):
     factors: tuple[float | None, ...]
 
     def row(self, body: bytes) -> Row:
+        """Values by column. Text in a column that has none where we know it is left out, as if it were not there."""
         values = zip(self.columns, self.body.unpack(body), self.factors, strict=True)
-        return {name: _text(value) if factor is None else value * factor for name, value, factor in values}
+        return {
+            name: _text(value) if factor is None else value * factor
+            for name, value, factor in values
+            if factor is not None or name in _TEXTS
+        }
 
 
 def _text(value: bytes) -> str:
@@ -154,7 +160,7 @@ class _Rows:
         self._now_us = 0
 
     def on_row(self, name: str, row: Row) -> tuple[Report, ...]:
-        """What a row reports; nothing for a version of it without the columns we read."""
+        """What a row reports; nothing for a version of it without the columns we read, or without numbers in them."""
         try:
             if name == "GPS":
                 self._tie(row)
@@ -162,7 +168,7 @@ class _Rows:
             if boot_us is not None and self._offset_us is not None:
                 self._now_us = boot_us + self._offset_us
             made = self._made(name, row)
-        except KeyError:
+        except (KeyError, ValueError, OverflowError):
             return ()
         return made if self._offset_us is not None else ()
 

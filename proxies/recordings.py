@@ -32,25 +32,27 @@ class Recording(ABC):
 
     @staticmethod
     def open(path: str | Path) -> "Recording":
-        """The recording in a .tlog, .bin (ArduPilot dataflash) or .ulg (PX4) file.
+        """The recording in a .tlog, .bin (ArduPilot dataflash), .ulg (PX4) or .mcap (journal of a node) file.
 
         Raises:
             TextError: no such file, or an ending that is none of these.
             DecodeError: not a file of its kind, or without any position.
         """
         from proxies.dataflash import DataflashRecording
+        from proxies.mcap_log import JournalRecording
         from proxies.tlog import TelemetryRecording
         from proxies.ulog import UlogRecording
 
-        kinds: dict[str, type[TelemetryRecording | DataflashRecording | UlogRecording]] = {
+        kinds: dict[str, type[TelemetryRecording | DataflashRecording | UlogRecording | JournalRecording]] = {
             ".tlog": TelemetryRecording,
             ".bin": DataflashRecording,
             ".ulg": UlogRecording,
+            ".mcap": JournalRecording,
         }
         found = Path(path)
         kind = kinds.get(found.suffix.lower())
         if kind is None:
-            raise TextError("a recording ends in .tlog, .bin or .ulg", text=str(path), repair="flight.tlog")
+            raise TextError("a recording ends in .tlog, .bin, .ulg or .mcap", text=str(path), repair="flight.tlog")
         if not found.is_file():
             raise TextError("there is no such recording", text=str(path))
         recording: Recording = kind(found)

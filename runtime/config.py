@@ -30,6 +30,8 @@ class ClockConfig(Strict):
 
     epoch_us: int | None = None
     speed: float = Field(1.0, gt=0, le=1000)
+    yields: bool = False
+    """Whether the epoch of a federation that is there already, at this speed, goes before ours."""
     skew_us: int = 0
     """A wrong node clock, for tests of what a federation does about it."""
 

@@ -19,7 +19,7 @@ from mcap.writer import CompressionType, Writer
 
 from dyknow.sample import Sample
 from dyknow.values import NO_VALUE
-from runtime.journal_file import ABOUT, EVENT, LOST, SAMPLES, TIME, Entry, Stepped, encode_event
+from proxies.journal_file import ABOUT, EVENT, LOST, SAMPLES, TIME, Entry, Stepped, encode_event
 from runtime.loop import Node
 
 F = TypeVar("F")

@@ -29,6 +29,7 @@ from federation.ontology import Translation, default_ontology
 from federation.transport import Answered, Ask, AskEnded, Put
 from federation.trust import Roster, Signer, Verifier
 from navigation.vehicle import Command, Report
+from proxies.journal_file import CLOCK_EPOCH, CLOCK_SPEED
 from proxies.zenoh_config import ZenohOptions
 from proxies.zenoh_edge import ZenohEdge
 from reasoning import builtin_profiles, parse_profiles
@@ -77,9 +78,7 @@ class Process:
         self.mailbox = Mailbox(self.clock.now_us)
         self._going = True
         self._code = 0
-        self._journal = (
-            None if config.journal is None else Journal(config.journal, {"config": config.model_dump_json()})
-        )
+        self._journal: Journal | None = None
         self._edge = ZenohEdge(wire_options(config), self.mailbox.post, self.clock.now_us)
         self._make_vehicle = make_vehicle
         epoch_us = config.clock.epoch_us
@@ -95,7 +94,8 @@ class Process:
         PlanBook(self.config.unit, builtin_profiles()).prepare()
         self._edge.open()
         try:
-            if self.config.clock.epoch_us is None and self.config.clock.speed != 1.0:
+            chosen = self.config.clock
+            if chosen.speed != 1.0 and (chosen.epoch_us is None or chosen.yields):
                 self._adopt_epoch()
             fitted = self._make_vehicle(self.config, self._federation_clock, self.clock, self._reported, self.stop)
             self._vehicle = fitted.edge
@@ -133,9 +133,17 @@ class Process:
 
     def _journalled(self, platform: Platform) -> Node[Event, Any]:
         """The platform, or the platform with its journal: events, timers, and what was estimated."""
-        journal = self._journal
-        if journal is None:
+        if self.config.journal is None:
             return platform
+        clock = self._federation_clock
+        journal = self._journal = Journal(
+            self.config.journal,
+            {
+                "config": self.config.model_dump_json(),
+                CLOCK_EPOCH: str(clock.epoch_us),
+                CLOCK_SPEED: str(clock.speed),
+            },
+        )
         if platform.own is not None:
             label, fields = str(platform.own.estimate), [field.name for field in ESTIMATE.fields]
             platform.network.subscribe(platform.own.estimate, Policy(), lambda s: journal.on_sample(label, fields, s))

@@ -14,7 +14,7 @@ from federation.clock import FederationClock
 from federation.contents import Alarm, Alarms, Monitor
 from navigation.fusion import run_filter
 from navigation.vehicle import PositionReport, Report
-from runtime.journal_file import Stepped, read_journal
+from proxies.journal_file import Stepped, read_journal
 from tests.live.federated import Federated, Track, federated, separations
 from tests.live.test_real_flights import Place
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from dyknow.errors import DecodeError, TextError
@@ -127,6 +127,7 @@ def test_a_file_that_ends_in_rubbish_says_where_after_all_that_was_good(tmp_path
 
 
 @given(st.sampled_from(sorted(FORMATS)), st.integers(0, 2**32))
+@example("new.bin", 612712)
 @settings(max_examples=120, deadline=None)
 def test_mutants_are_read_or_refused_with_a_place(tmp_path_factory, name, seed) -> None:
     rng, data = random.Random(seed), bytearray(FORMATS[name])
@@ -157,7 +158,7 @@ def test_what_is_no_recording_is_refused_when_it_is_opened(name, data, cause, tm
 
 
 def test_an_unknown_ending_and_a_missing_file_are_the_callers_mistake(tmp_path) -> None:
-    with pytest.raises(TextError, match=r"\.tlog, \.bin or \.ulg"):
+    with pytest.raises(TextError, match=r"\.tlog, \.bin, \.ulg or \.mcap"):
         Recording.open(tmp_path / "flight.csv")
     with pytest.raises(TextError, match="no such recording"):
         Recording.open(tmp_path / "flight.tlog")

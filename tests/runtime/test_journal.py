@@ -21,7 +21,7 @@ from federation.transport import Arrived, AskEnded, Put, TokenChanged, Urgency, 
 from navigation.vehicle import PositionReport, Report, StatusReport
 from runtime import journal as journal_module
 from runtime.journal import Journal, Journalled, replayed
-from runtime.journal_file import Lost, Stepped, decode_event, encode_event, read_about, read_journal
+from proxies.journal_file import Lost, Stepped, decode_event, encode_event, read_about, read_journal
 
 ABOUT = {"unit": "0", "boot": "7"}
 NOW_US = 1_795_000_000_000_123

@@ -25,6 +25,8 @@ from navigation.vehicle import Report
 
 EVENT, TIME, LOST, SAMPLES = "event", "time", "lost", "x/"
 ABOUT = "node"
+CLOCK_EPOCH, CLOCK_SPEED = "clock_epoch_us", "clock_speed"
+"""What a journal says of the federation's clock: by it reports and samples are valid, while entries have the node's."""
 _NAMED, _TUPLE = 1, 2
 _KINDS: dict[str, type[Any]] = {
     kind.__name__: kind for kind in (*get_args(WireEvent), *get_args(Report), Reported, Leave)
