@@ -216,7 +216,8 @@ class Coordination:
         self._c.tasks.forget(led.task)
 
     def _progress(self, led: Led, step: str, unit: str, now_us: int) -> None:
-        if led.leader == self._c.unit and self._reachable(led.delegator):
+        is_led = led.leader == self._c.unit and led.task in self.led
+        if is_led and self._reachable(led.delegator):
             self._c.desk.tell(led.delegator, Progress(step=step[:200], unit=unit), now_us, conversation=led.task)
 
     def _reachable(self, unit: str) -> bool:

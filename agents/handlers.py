@@ -103,5 +103,5 @@ def _fault(p: "Platform", act: Act, content: contents.Fault, now_us: int) -> Non
     until_us = None
     if content.duration_s is not None:
         until_us = p.clock.federation_us(now_us) + round(content.duration_s * US_PER_S)
-    p.inject(InjectFault(content.kind, content.value, until_us))
+    p.emit([InjectFault(content.kind, content.value, until_us)])
     _done(p, act, now_us)

@@ -7,8 +7,10 @@ from agents.bulletin import alarm_content
 from agents.deadlines import Deadlines
 from agents.services import FEDERATION
 from agents.tasks import Task
+from dyknow.errors import Refused
 from federation.acts import Act
 from federation.clock import Standing
+from federation.conversations import is_lost
 from federation.directory import Outcome
 from federation.exports import LINGER_US, ExportEvent
 from federation.liveness import NameConflict, PlatformAppeared, PlatformGone, PlatformReturned, PlatformSuspected
@@ -141,7 +143,7 @@ class Membership:
     def _end_exports(self, events: Iterable[ExportEvent], now_us: int) -> None:
         self._p.federation.on_contracts_ended(self._p.gateway.exporter.on_events(events), now_us)
 
-    # -- lost conversations ------------------------------------------------------------------------------------
+    # -- conversations that end ------------------------------------------------------------------------------------
 
     def on_lost(self, act: Act, now_us: int) -> None:
         """Who asked for something is gone. What a person asked for stays; what a platform asked for is adopted or ends."""
@@ -156,6 +158,24 @@ class Membership:
             and entry.kind == "uav"
         ):
             self._orphans.set(conversation, now_us + self._grace_us)
+
+    def on_cancel(self, act: Act, of_others: bool, now_us: int) -> bool:
+        """Somebody ends what was asked for in a conversation; raises Refused if it is another's and must not."""
+        unit, conversation = act.sender.unit, act.conversation_id or ""
+        if self._p.bulletin.unsubscribe(unit, conversation) or self._p.checks.cancel(conversation, unit):
+            return True
+        task = self._p.tasks.get(conversation)
+        if task is not None and task.initiator == unit and is_lost(act):
+            self.on_forgotten(task, now_us)
+            return True
+        if task is not None and task.initiator != unit:
+            if not of_others:
+                raise Refused(f"only {task.initiator}, who asked for it, or a command centre may end {conversation}")
+            self._p.interface.end(conversation, task.initiator, f"cancelled by {unit}", now_us)
+        led = self._p.coordination.led.get(conversation)
+        if led is not None and led.leader != self._p.unit:
+            raise Refused(f"the task is led by {led.leader} now: cancel it there")
+        return self._p.tasks.cancel(conversation, now_us)
 
     def on_forgotten(self, task: Task, now_us: int) -> None:
         """Who asked for a task had lost sight of this platform, and is back. A person's stays, until a person ends it;

@@ -15,7 +15,7 @@ from agents.bulletin import Bulletin
 from agents.checks import Checks
 from agents.context import Context
 from agents.coordination import Coordination
-from agents.effects import Effect, Event, Halt, InjectFault, Leave, Note, Reported
+from agents.effects import Effect, Event, Halt, Leave, Note, Reported
 from agents.export_proxy import ExportProxy
 from agents.federation_agent import FederationAgent
 from agents.gateway import Gateway
@@ -33,12 +33,10 @@ from agents.services import ServiceTable
 from agents.supply import Supply
 from agents.tasks import TaskBook
 from dyknow import NO_VALUE, Label, Network, Sample, ValueNotAvailable
-from dyknow.errors import DecodeError, Refused
+from dyknow.errors import DecodeError
 from federation import keys
-from federation.acts import Act
 from federation.clock import FederationClock
 from federation.codec import decode_heartbeat
-from federation.conversations import is_lost
 from federation.directory import Directory, Kind, Outcome
 from federation.exports import Exports
 from federation.offsets import ClockOffsets
@@ -174,16 +172,15 @@ class Platform:
             config.avoidance,
         )
         self.federation = FederationAgent(self.context)
-        self.coordination = Coordination(
-            self.context, PlanBook(config.unit, config.profiles, config.period_us), self.federation
-        )
+        plans = PlanBook(config.unit, config.profiles, config.period_us)
+        self.coordination = Coordination(self.context, plans, self.federation)
         self.giving_way = GivingWay(self.context)
         self.supply = Supply(self.context)
         self.bulletin = Bulletin(self.context, self.account)
         self.checks = Checks(self.context)
         self.membership = Membership(self)
         self.interface.handlers.update(handlers_of(self))
-        self.interface.on_cancel = self._on_cancel
+        self.interface.on_cancel = self.membership.on_cancel
         self.interface.on_lost = self.membership.on_lost
 
     # -- steps -------------------------------------------------------------------------------------------------
@@ -350,24 +347,6 @@ class Platform:
         offset = self.clocks.of(unit)
         return 0 if offset is None else offset.offset_us
 
-    def _on_cancel(self, act: Act, of_others: bool, now_us: int) -> bool:
-        """Somebody ends what was asked for in a conversation; raises Refused if it is another's and must not."""
-        unit, conversation = act.sender.unit, act.conversation_id or ""
-        if self.bulletin.unsubscribe(unit, conversation) or self.checks.cancel(conversation, unit):
-            return True
-        task = self.tasks.get(conversation)
-        if task is not None and task.initiator == unit and is_lost(act):
-            self.membership.on_forgotten(task, now_us)
-            return True
-        if task is not None and task.initiator != unit:
-            if not of_others:
-                raise Refused(f"only {task.initiator}, who asked for it, or a command centre may end {conversation}")
-            self.interface.end(conversation, task.initiator, f"cancelled by {unit}", now_us)
-        led = self.coordination.led.get(conversation)
-        if led is not None and led.leader != self.unit:
-            raise Refused(f"the task is led by {led.leader} now: cancel it there")
-        return self.tasks.cancel(conversation, now_us)
-
     def fly(self, commands: Iterable[Command]) -> None:
         self._out += commands
 
@@ -413,9 +392,6 @@ class Platform:
 
     def emit(self, effects: Iterable[Effect]) -> None:
         self._out += effects
-
-    def inject(self, fault: InjectFault) -> None:
-        self._out.append(fault)
 
     def halt(self, reason: str) -> None:
         self._out.append(Halt(reason))
