@@ -1,5 +1,6 @@
 """How a command is declared: its own options, those every command has, and what its errors become."""
 
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
-from console.errors import INTERRUPTED, exit_code
+from console.errors import DONE, INTERRUPTED, exit_code
 from console.output import Output
 from dyknow.errors import DyknowError
 
@@ -122,9 +123,9 @@ def _carried_out(function: Command, context: typer.Context, given: dict[str, Any
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:
-        # Whoever read our lines has seen enough (`dyknow alarms --follow | head`).
-        sys.stderr.close()
-        return 0
+        # Whoever read our lines has seen enough (`dyknow alarms --follow | head`); nothing is left to be flushed.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
 
 
 def _flagged(context: typer.Context, name: str) -> bool:

@@ -8,7 +8,7 @@ from console.command import Call
 from console.dialogue import Dialogue
 from console.errors import DONE, INTERRUPTED, NO, WRONG, FederationFailed, NothingFound, WrongCall
 from console.instants import clock_time, duration_us
-from console.output import unit_json
+from console.output import unit_json, verbatim
 from console.wording import content_of
 from federation.acts import Act, Performative
 from federation.contents import (
@@ -94,7 +94,7 @@ def _tell(call: Call, dialogue: Dialogue, act: Act, said: Content | None) -> Non
         return
     good = act.performative in {P.AGREE, P.INFORM}
     colour = "green" if good else "red"
-    words = plain(said) if said is not None else ""
+    words = verbatim(plain(said)) if said is not None else ""
     suffix = f"  [dim]{dialogue.conversation}[/dim]" if act.performative is P.AGREE else ""
     call.out.console.print(f"[bold]{dialogue.unit}[/bold]  [{colour}]{act.performative}[/{colour}]  {words}{suffix}")
 
@@ -147,7 +147,7 @@ def tasks(call: Call) -> int:
                 t.task,
                 t.unit,
                 (t.delegator or "").partition("@")[2],
-                t.state,
+                verbatim(t.state),
                 clock_time(t.since_us or 0),
                 t.conversation,
             )
@@ -201,5 +201,5 @@ def fault(call: Call, unit: str, kind: str, duration: str | None) -> int:
             raise FederationFailed(f"platform {unit}: {dialogue.trouble or 'no answer in time'}")
     until_us = began_us + for_us if for_us else None
     ends = f" until {clock_time(until_us)}" if until_us else " until it is restarted"
-    call.out.say(f"platform {unit}: {kind}{ends}", unit=unit_json(unit), fault=kind, until_us=until_us)
+    call.out.say(f"platform {unit}: {verbatim(kind)}{ends}", unit=unit_json(unit), fault=kind, until_us=until_us)
     return DONE

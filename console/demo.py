@@ -12,6 +12,7 @@ from console.command import Call
 from console.dialogue import Dialogue
 from console.errors import DONE, FAILED, FederationFailed
 from console.follow import Following, all_monitors
+from console.output import verbatim
 from console.processes import Fleet, interruptible, run_directory
 from console.query import value_text
 from console.separation import ALTITUDE, POSITION, Separation
@@ -69,7 +70,7 @@ class Demo:
         self.facts |= facts
         mark = "[green]done[/green]" if good else "[red]failed[/red]"
         self.call.out.item(
-            (mark, f"[bold]{name}[/bold]", said),
+            (mark, f"[bold]{name}[/bold]", verbatim(said)),
             event="step",
             step=name,
             ok=good,

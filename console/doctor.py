@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from console.command import Call
 from console.errors import DONE, NO, did_you_mean
+from console.output import verbatim
 
 DISTRIBUTION = "dyknow-federation"
 TOP_LEVEL = (
@@ -45,13 +46,15 @@ def doctor(call: Call) -> int:
     else:
         shown = {"ok": "[green]ok[/green]", "missing": "[red]missing[/red]", "optional": "[yellow]optional[/yellow]"}
         call.out.table(
-            "", ("", "what", "found"), [(shown[f.state], f.finding, f.detail + _remedy(f.remedy)) for f in findings]
+            "",
+            ("", "what", "found"),
+            [(shown[f.state], f.finding, verbatim(f.detail) + _remedy(f.remedy)) for f in findings],
         )
     return NO if any(found.state == "missing" for found in findings) else DONE
 
 
 def _remedy(remedy: str) -> str:
-    return f"\n[bold]{remedy}[/bold]" if remedy else ""
+    return f"\n[bold]{verbatim(remedy)}[/bold]" if remedy else ""
 
 
 def findings_here() -> Iterator[Finding]:

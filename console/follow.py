@@ -8,7 +8,7 @@ from console.client import Client, connected
 from console.command import Call
 from console.errors import DONE, NO
 from console.instants import clock_time, span
-from console.output import unit_json
+from console.output import unit_json, verbatim
 from dyknow.errors import TextError
 from federation.acts import Performative, parse_act
 from federation.contents import ActList, ActLog, Acts, Alarm, AlarmList, Alarms, Content, Monitor, MonitorList, Monitors
@@ -97,7 +97,7 @@ def _tell_alarm(call: Call, alarm: Alarm) -> None:
     )
     values = ", ".join(_quantity(name, value) for name, value in alarm.values.items())
     if values:
-        call.out.console.print(f"              [dim]{values}[/dim]")
+        call.out.console.print(f"              [dim]{verbatim(values)}[/dim]")
 
 
 def _quantity(name: str, value: Any) -> str:
@@ -165,7 +165,7 @@ def _monitor_json(monitor: Monitor) -> dict[str, Any]:
 def _monitor_row(monitor: Monitor, now_us: int) -> tuple[str, ...]:
     colour = _SHOWN.get(monitor.shows, "yellow")
     since = f" for {span(max(0, now_us - monitor.since_us))}" if monitor.since_us is not None else ""
-    which = "".join(f"\n{name}" for name in monitor.which)
+    which = "".join(f"\n{verbatim(name)}" for name in monitor.which)
     return (
         monitor.by,
         monitor.name,
@@ -213,8 +213,10 @@ def _tell_act(call: Call, unit: str, log: ActLog) -> None:
         return
     arrow = "<-" if log.direction == "in" else "->"
     good = log.outcome in {"accepted", "sent"}
-    outcome = log.outcome if good else f"[yellow]{log.outcome}[/yellow]"
-    call.out.console.print(f"[dim]{clock_time(log.at_us)}[/dim]  [bold]{unit}[/bold] {arrow} {log.peer}  {outcome}")
+    outcome = log.outcome if good else f"[yellow]{verbatim(log.outcome)}[/yellow]"
+    call.out.console.print(
+        f"[dim]{clock_time(log.at_us)}[/dim]  [bold]{unit}[/bold] {arrow} {verbatim(log.peer)}  {outcome}"
+    )
     if log.act is not None:
         call.out.console.print(_spoken(log.act), markup=False, style="dim")
 

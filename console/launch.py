@@ -193,9 +193,19 @@ def _vehicle(
         count=len(simulated),
         seed=chosen["seed"],
         persona=own.persona or chosen["persona"],
-        gcs=own.gcs or chosen["gcs"],
+        gcs=_address(own.gcs or chosen["gcs"]),
         start_us=chosen["start_us"],
     )
+
+
+def _address(text: str | None) -> str | None:
+    """A ground station's `HOST:PORT`; raises WrongCall."""
+    if text is None:
+        return None
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdigit() or not 0 < int(port) < 65_536:
+        raise WrongCall(f"--gcs: {text!r} is no address; write HOST:PORT, e.g. 127.0.0.1:14550.")
+    return text
 
 
 def replayed(file: Path, from_: str, epoch: str, now_us: int, *, place: str) -> ReplayedVehicle:

@@ -8,7 +8,7 @@ from console.command import Call
 from console.dialogue import Seen
 from console.errors import DONE, NO
 from console.instants import span
-from console.output import unit_json
+from console.output import unit_json, verbatim
 from federation.acts import Performative
 from federation.contents import Query, Samples
 
@@ -97,7 +97,7 @@ def show(call: Call, records: list[dict[str, Any]]) -> None:
         ]
         labels = [f"{label['label']} [dim]{_age(label['age_ms'])}[/dim]" for label in record["labels"]]
         if "error" in record:
-            services = [f"[red]{record['error']}[/red]"]
+            services = [f"[red]{verbatim(record['error'])}[/red]"]
         rows.append(
             (
                 str(record["unit"]),

@@ -40,6 +40,27 @@ class Merge(StrEnum):
     inverse_variance = "inverse-variance"
 
 
+def scenarios() -> list[str]:
+    """Completes --scenario."""
+    from sim_uavs.scenarios import NAMES
+
+    return list(NAMES)
+
+
+def task_names() -> list[str]:
+    """Completes the task of delegate."""
+    from console.wording import TASKS
+
+    return list(TASKS)
+
+
+def fault_kinds() -> list[str]:
+    """Completes the kind of a fault."""
+    from sim_uavs.faults import KINDS
+
+    return list(KINDS)
+
+
 app = typer.Typer(
     name="dyknow",
     help="Several UAVs that know, together, what is going on.",
@@ -73,8 +94,9 @@ def up(
     call: Call,
     units: Annotated[int, typer.Argument(metavar="[N]", min=1, max=250, help="How many UAVs.")] = 3,
     scenario: Annotated[
-        str, typer.Option(metavar="NAME", help="crossing, encounter, hover, patrol or swarm.")
-    ] = "crossing",
+        str,
+        typer.Option(metavar="NAME", help="crossing, encounter, hover, patrol or swarm.", autocompletion=scenarios),
+    ] = "patrol",
     seed: Annotated[int, typer.Option(metavar="K", min=0, help="Wind, noise and routes follow from it.")] = 1,
     duration: Duration = None,
     gcs: Annotated[
@@ -232,7 +254,12 @@ def check(
 @command(app, example="dyknow delegate monitor-proximity --to 0 --wait")
 def delegate(
     call: Call,
-    task: Annotated[str, typer.Argument(metavar="TASK", help="monitor-proximity, create-multicast, goto, hold, ...")],
+    task: Annotated[
+        str,
+        typer.Argument(
+            metavar="TASK", help="monitor-proximity, create-multicast, goto, hold, ...", autocompletion=task_names
+        ),
+    ],
     pairs: Annotated[
         list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="e.g. profile=proximity sample-period=1s")
     ] = None,
@@ -295,7 +322,12 @@ def fault(
     call: Call,
     unit: Annotated[str, typer.Argument(metavar="UNIT", help="A simulated UAV.")],
     kind: Annotated[
-        str, typer.Argument(metavar="KIND", help="gps-loss, frozen-position, silence, packet-loss=30, clock=+5s, ...")
+        str,
+        typer.Argument(
+            metavar="KIND",
+            help="gps-loss, frozen-position, silence, packet-loss=30, clock=+5s, ...",
+            autocompletion=fault_kinds,
+        ),
     ],
     duration: Annotated[str | None, typer.Option("--for", metavar="TIME", help="How long, e.g. 5s.")] = None,
 ) -> int:

@@ -15,6 +15,13 @@ def unit_json(unit: str) -> int | str:
     return int(unit) if unit.isdigit() else unit
 
 
+def verbatim(text: str) -> str:
+    """Text from elsewhere inside our markup: brackets stay brackets, and nothing commands the terminal."""
+    from rich.markup import escape
+
+    return escape("".join(char if char.isprintable() or char == "\n" else f"\\x{ord(char):02x}" for char in text))
+
+
 class Output:
     """Where a command's words go. With `json_lines` standard output carries one JSON object a line, nothing else."""
 
@@ -83,8 +90,8 @@ class Output:
         self.console.print(table)
 
     def note(self, text: str) -> None:
-        """A remark beside the result, for people."""
-        self.terminal.print(text)
+        """A remark beside the result, for people; no markup."""
+        self.terminal.print(text, markup=False, soft_wrap=True)
 
     @contextmanager
     def waiting(self, text: str) -> Iterator[Callable[[str], None]]:

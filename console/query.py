@@ -7,7 +7,7 @@ from console.client import Client, connected
 from console.command import Call
 from console.errors import DONE, NO, NothingFound, WrongCall, did_you_mean
 from console.instants import clock_time, duration_us, instant_us
-from console.output import unit_json
+from console.output import unit_json, verbatim
 from dyknow.values import NoValue
 from federation.acts import Performative
 from federation.contents import Query, Reading, Samples
@@ -82,7 +82,7 @@ def _missing(call: Call, unit: str, why: str) -> None:
     if call.out.json_lines:
         call.out.line({"unit": unit_json(unit), "error": why})
     else:
-        call.out.console.print(f"[bold]{unit}[/bold]  [red]{why}[/red]")
+        call.out.console.print(f"[bold]{unit}[/bold]  [red]{verbatim(why)}[/red]")
 
 
 def reading_json(label: str, unit: str, reading: Reading) -> dict[str, Any]:
@@ -121,7 +121,7 @@ def _tell(call: Call, label: str, unit: str, reading: Reading) -> None:
         call.out.line(record)
     else:
         call.out.console.print(
-            f"[bold]{unit}[/bold]  [dim]{clock_time(reading.valid_us)}[/dim]  {value_text(record['value'])}"
+            f"[bold]{unit}[/bold]  [dim]{clock_time(reading.valid_us)}[/dim]  {verbatim(value_text(record['value']))}"
         )
 
 
@@ -140,5 +140,5 @@ def _tell_one(call: Call, label: str, found: list[tuple[str, Reading]], select: 
     else:
         call.out.console.print(
             f"[bold]{merge} of {len(readings)}[/bold]  [dim]{clock_time(chosen.valid_us)}[/dim]  "
-            f"{value_text(reading_json(label, '', chosen)['value'])}"
+            f"{verbatim(value_text(reading_json(label, '', chosen)['value']))}"
         )

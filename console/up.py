@@ -10,6 +10,7 @@ from console.command import Call
 from console.errors import DONE, FAILED, INTERRUPTED, NO, FederationFailed, WrongCall, did_you_mean
 from console.instants import duration_us
 from console.launch import clock_of, fleet_of
+from console.ls import ls
 from console.output import unit_json
 from console.processes import (
     STATE_FILE,
@@ -23,9 +24,10 @@ from console.processes import (
     uninterrupted,
     write_state,
 )
+from dyknow.errors import TextError
 from federation.clock import FederationClock
 from federation.directory import unit_order
-from runtime.config import NodeConfig
+from runtime.config import NodeConfig, SimulatedVehicle
 
 READY_S = 60.0
 _LEAD_US = 3_000_000
@@ -99,7 +101,6 @@ def planned(
     only: list[str] | None = None,
 ) -> list[NodeConfig]:
     """The configurations of the platforms to start; raises WrongCall."""
-    _scenario_known(scenario)
     now_us = time.time_ns() // 1000
     chosen: dict[str, Any] = {
         "units": units,
@@ -113,7 +114,11 @@ def planned(
         "duration_us": duration_us(duration, option="--duration") if duration else None,
     }
     chosen["start_us"] = None if only else _start_us(call, chosen, now_us)
-    return fleet_of(call, chosen, now_us)
+    configs = fleet_of(call, chosen, now_us)
+    simulated = next((c.vehicle.count for c in configs if isinstance(c.vehicle, SimulatedVehicle)), None)
+    if simulated is not None:
+        _checked_scenario(scenario, simulated)
+    return configs
 
 
 def _start_us(call: Call, chosen: dict[str, Any], now_us: int) -> int:
@@ -123,11 +128,16 @@ def _start_us(call: Call, chosen: dict[str, Any], now_us: int) -> int:
     return running.federation_us(now_us + _LEAD_US + _LEAD_PER_UNIT_US * int(chosen["units"]))
 
 
-def _scenario_known(name: str) -> None:
-    from sim_uavs.scenarios import NAMES
+def _checked_scenario(name: str, simulated: int) -> None:
+    """Raises WrongCall for a scenario that there is not, or not with so few vehicles."""
+    from sim_uavs.scenarios import NAMES, scenario
 
     if name not in NAMES:
         raise WrongCall(f"--scenario: there is no scenario {name!r}.{did_you_mean(name, NAMES)}")
+    try:
+        scenario(name, simulated)
+    except TextError as error:
+        raise WrongCall(f"--scenario: {error.message}.") from None
 
 
 def _vacant(call: Call) -> Path:
@@ -171,6 +181,7 @@ def _say_ready(call: Call, fleet: Fleet, gathering: Gathering) -> None:
 def _stay(call: Call, fleet: Fleet, units: list[str]) -> int:
     """Stay until all platforms have ended or somebody interrupts; then nobody is left running."""
     if not call.out.json_lines:
+        ls(call, all_kinds=False)
         call.out.note("Ctrl-C ends them. In another terminal: dyknow ls, dyknow delegate monitor-proximity, ...")
 
     def tell(unit: str, code: int) -> None:

@@ -6,7 +6,7 @@ from console.client import Client, connected
 from console.command import Call
 from console.errors import DONE, NO, FederationFailed
 from console.instants import clock_time, duration_us, span
-from console.output import unit_json
+from console.output import unit_json, verbatim
 from console.query import value_text
 from dyknow.values import NO_VALUE
 from federation.acts import Performative
@@ -92,5 +92,5 @@ def _tell(call: Call, record: dict[str, Any]) -> None:
     delay = span(record["available_us"] - record["valid_us"])
     call.out.console.print(
         f"[bold]{record['unit']}[/bold]  [dim]{clock_time(record['valid_us'])} + {delay}[/dim]  "
-        f"{value_text(record['value'])}"
+        f"{verbatim(value_text(record['value']))}"
     )

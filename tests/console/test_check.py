@@ -1,0 +1,67 @@
+"""`dyknow check` over recorded traces."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.console.conftest import Run
+
+STATES = [{"t_ms": 100 * index, "p": index < 5, "speed[uav1]": 10.0 + index} for index in range(14)]
+
+
+@pytest.fixture
+def trace(tmp_path: Path) -> str:
+    path = tmp_path / "flight.jsonl"
+    path.write_text("\n".join(json.dumps(state) for state in STATES))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("formula", "code", "verdict", "t_ms", "index"),
+    [
+        ("always speed[uav1] <= 22", 1, "false", 1300, 13),
+        ("eventually speed[uav1] >= 12", 0, "true", 200, 2),
+        ("always speed[uav1] <= 30", 0, "undecided", None, None),
+        ("always (not p -> speed[uav1] > 100)", 1, "false", 500, 5),
+    ],
+)
+def test_the_verdict_is_told_with_the_state_that_decided_it(
+    dyknow: Run, trace: str, formula: str, code: int, verdict: str, t_ms: int | None, index: int | None
+) -> None:
+    done = dyknow("check", formula, "--trace", trace, "--json")
+    assert done.returncode == code
+    assert json.loads(done.stdout) == {"verdict": verdict, "t_ms": t_ms, "index": index}
+
+
+def test_a_wrong_formula_is_a_wrong_call_drawn_with_a_caret(dyknow: Run, trace: str) -> None:
+    done = dyknow("check", "always speed[uav1] <", "--trace", trace)
+    assert done.returncode == 2
+    assert "^" in done.stderr
+
+
+def test_an_ambiguous_formula_is_refused_with_both_readings(dyknow: Run, trace: str) -> None:
+    done = dyknow("check", "always p -> p", "--trace", trace)
+    assert done.returncode == 2
+    assert "(always p)" in done.stderr
+
+
+def test_a_trace_that_is_none_is_told_by_file_and_line(dyknow: Run, tmp_path: Path) -> None:
+    path = tmp_path / "bad.jsonl"
+    path.write_text('{"t_ms": 1, "p": true}\n{"t": 2}\n')
+    done = dyknow("check", "always p", "--trace", str(path))
+    assert done.returncode == 2
+    assert f"{path}:2" in done.stderr
+
+
+def test_a_misspelt_feature_is_noted_since_it_has_no_value_anywhere(dyknow: Run, trace: str) -> None:
+    done = dyknow("check", "always speeed[uav1] < 3", "--trace", trace, "--json")
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["verdict"] == "undecided"
+    assert "Did you mean 'speed[uav1]'" in done.stderr.replace("\n", " ")
+
+
+def test_it_must_be_said_over_what_a_formula_is_checked(dyknow: Run) -> None:
+    done = dyknow("check", "always p")
+    assert done.returncode == 2
+    assert "--trace FILE" in done.stderr

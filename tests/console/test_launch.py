@@ -1,0 +1,127 @@
+"""What each platform process is configured with."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.command import Call
+from console.errors import WrongCall
+from console.federations import FederationFile
+from console.launch import fleet_of, free_ports, wire_of
+from console.output import Output
+from console.settings import Settings
+from console.up import planned
+from runtime.config import MavlinkVehicle, ReplayedVehicle, SimulatedVehicle
+
+COMPOSE = sorted((Path(__file__).resolve().parents[2] / "compose").glob("*.toml"))
+NOW_US = 1_800_000_000_000_000
+CHOSEN: dict[str, Any] = {
+    "units": 2, "scenario": "patrol", "seed": 4, "persona": "ardupilot", "gcs": None, "avoidance": True,
+    "speed": 1.0, "only": None, "duration_us": None, "start_us": 7,
+}  # fmt: skip
+
+
+def _call(file: FederationFile | None = None, **settings: Any) -> Call:
+    return Call(Settings(federation="test", **settings), file, Output(json_lines=True))
+
+
+def _vehicles(call: Call, **chosen: Any) -> dict[str, Any]:
+    return {config.unit: config.vehicle for config in fleet_of(call, {**CHOSEN, **chosen}, NOW_US)}
+
+
+def test_each_simulated_uav_gets_its_place_in_the_scenario() -> None:
+    found = _vehicles(_call(), units=3)
+    assert {unit: (v.index, v.count, v.seed, v.start_us) for unit, v in found.items()} == {
+        str(number): (number, 3, 4, 7) for number in range(3)
+    }
+
+
+def test_a_federations_file_has_its_say_per_unit(tmp_path: Path) -> None:
+    (tmp_path / "a.tlog").write_bytes(b"")
+    file = FederationFile.model_validate(
+        {
+            "name": "f",
+            "unit": {
+                "1": {"persona": "px4", "avoidance": False},
+                "visitor": {"mavlink": "udpin:127.0.0.1:14560", "sysid": 3, "control": True},
+                "log": {"replay": str(tmp_path / "a.tlog"), "from": "30s"},
+            },
+        }
+    )
+    configs = {config.unit: config for config in fleet_of(_call(file), CHOSEN, NOW_US)}
+    assert list(configs) == ["0", "1", "visitor", "log"]
+    second, visitor, log = configs["1"].vehicle, configs["visitor"].vehicle, configs["log"].vehicle
+    assert isinstance(second, SimulatedVehicle)
+    assert (second.persona, second.index, second.count) == ("px4", 1, 2)
+    assert (configs["0"].avoidance, configs["1"].avoidance) == (True, False)
+    assert isinstance(visitor, MavlinkVehicle)
+    assert (visitor.endpoint, visitor.sysid, visitor.control) == ("udpin:127.0.0.1:14560", 3, True)
+    assert isinstance(log, ReplayedVehicle)
+    assert (log.from_us, log.epoch_us) == (30_000_000, NOW_US)
+
+
+def test_only_starts_one_of_them_in_its_own_place() -> None:
+    found = _vehicles(_call(), units=3, only=["2"])
+    assert list(found) == ["2"]
+    assert (found["2"].index, found["2"].count) == (2, 3)
+    with pytest.raises(WrongCall, match="no platform '7'"):
+        _vehicles(_call(), only=["7"])
+
+
+def test_with_endpoints_to_connect_to_there_is_no_multicast() -> None:
+    assert wire_of(_call(), "0").discover == "multicast"
+    assert wire_of(_call(connect=("tcp/127.0.0.1:7447",)), "0").discover == "none"
+
+
+def test_without_multicast_each_dials_those_before_it_and_never_both() -> None:
+    configs = fleet_of(_call(discover="none"), {**CHOSEN, "units": 4}, NOW_US)
+    endpoints = [config.wire.listen[0] for config in configs]
+    assert len(set(endpoints)) == 4
+    for at, config in enumerate(configs):
+        assert list(config.wire.connect) == endpoints[:at]
+
+
+def test_certificates_need_a_roster() -> None:
+    with pytest.raises(WrongCall, match="need a roster"):
+        wire_of(_call(connect=("tls/127.0.0.1:7447",)), "0")
+
+
+def test_a_unit_without_a_key_is_told_how_to_get_one(tmp_path: Path) -> None:
+    roster = tmp_path / "roster.toml"
+    roster.write_text("")
+    with pytest.raises(WrongCall, match="dyknow roster add 0"):
+        fleet_of(_call(roster=roster), CHOSEN, NOW_US)
+
+
+def test_a_faster_clock_begins_now_and_is_one_for_all() -> None:
+    clocks = {config.clock for config in fleet_of(_call(), {**CHOSEN, "speed": 10.0}, NOW_US)}
+    assert [(clock.epoch_us, clock.speed) for clock in clocks] == [(NOW_US, 10.0)]
+
+
+@pytest.mark.parametrize("gcs", ["127.0.0.1", "here:there", ":14550", "127.0.0.1:0"])
+def test_a_ground_station_needs_host_and_port(gcs: str) -> None:
+    with pytest.raises(WrongCall, match="--gcs"):
+        _vehicles(_call(), gcs=gcs)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "units", "said"), [("patrl", 3, "Did you mean 'patrol'"), ("crossing", 1, "crossing needs 2 vehicles")]
+)
+def test_a_scenario_that_cannot_be_flown_is_a_wrong_call(scenario: str, units: int, said: str) -> None:
+    with pytest.raises(WrongCall, match=said):
+        planned(_call(), units=units, scenario=scenario, seed=1)
+
+
+@pytest.mark.parametrize("path", COMPOSE, ids=lambda path: path.name)
+def test_every_federation_that_is_ready_to_start_can_be_started(path: Path) -> None:
+    from console.settings import load
+
+    settings, file = load({"federation": str(path)}, None)
+    call = Call(settings, file, Output(json_lines=True))
+    configs = planned(call, units=settings.units or 3, scenario=settings.scenario or "patrol", seed=settings.seed or 1)
+    assert len(configs) >= (settings.units or 3)
+
+
+def test_free_ports_are_distinct() -> None:
+    assert len(set(free_ports(8))) == 8

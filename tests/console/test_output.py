@@ -1,0 +1,31 @@
+"""What people read."""
+
+import pytest
+
+from console.output import Output, unit_json, verbatim
+
+
+def test_brackets_in_what_others_say_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    Output(json_lines=False).say(f"[red]{verbatim('heli-position[1], speed[uav1]')}[/red]")
+    assert capsys.readouterr().out == "heli-position[1], speed[uav1]\n"
+
+
+def test_notes_are_shown_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+    Output(json_lines=False).note("no speed[uav1] here")
+    assert capsys.readouterr().err == "no speed[uav1] here\n"
+
+
+def test_nothing_that_others_say_commands_the_terminal() -> None:
+    assert "\x1b" not in verbatim("\x1b[2J\x07gone")
+
+
+def test_a_numbered_unit_is_a_number_in_json() -> None:
+    assert [unit_json("3"), unit_json("visitor")] == [3, "visitor"]
+
+
+def test_json_lines_hold_no_words_for_people(capsys: pytest.CaptureFixture[str]) -> None:
+    out = Output(json_lines=True)
+    with out.waiting("patience"):
+        out.say("[green]ready[/green]", event="ready")
+    caught = capsys.readouterr()
+    assert (caught.out, caught.err) == ('{"event":"ready"}\n', "")

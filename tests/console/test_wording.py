@@ -1,0 +1,59 @@
+"""From `key=value` words to contents."""
+
+import pytest
+
+from console.errors import WrongCall
+from console.wording import TASKS, content_of
+from federation.contents import CreateMulticast, read
+
+NOW_US = 1_800_000_000_000_000
+
+
+def test_the_message_of_the_thesis_can_be_typed() -> None:
+    pairs = ["semantic-labels=heli-position,heli-altitude", "sample-period=1s", "delay=1000ms", "to-units=0"]
+    found = content_of("create-multicast", pairs, NOW_US)
+    assert str(found.expr()) == (
+        "(create-multicast semantic-labels: (sequence heli-position heli-altitude) "
+        "sample-period: 1.0 delay: 1.0 to-units: (sequence 0))"
+    )
+
+
+def test_instants_are_relative_to_federation_time() -> None:
+    pairs = ["semantic-labels=battery", "sample-period=1", "delay=1", "to-units=0", "from=+5s", "to=2030-01-01"]
+    found = content_of("create-multicast", pairs, NOW_US)
+    assert isinstance(found, CreateMulticast)
+    assert found.from_us == NOW_US + 5_000_000
+    assert found.to_us == 1_893_456_000_000_000
+
+
+def test_numbers_truth_values_and_parameters_are_read() -> None:
+    goto = content_of("goto", ["latitude_deg=55.7", "longitude_deg=13", "altitude_m=60"], NOW_US)
+    assert goto.expr().arguments == {"latitude_deg": 55.7, "longitude_deg": 13.0, "altitude_m": 60.0}
+    monitor = content_of("monitor-proximity", ["profile=nmac", "avoidance=off"], NOW_US)
+    assert monitor.expr().arguments == {"profile": "nmac", "avoidance": False}
+    fence = content_of("create-monitor", ["name=geofence", "parameters=radius:250,strict:true"], NOW_US)
+    assert fence.expr().arguments["parameters"] == {"radius": 250, "strict": True}
+
+
+@pytest.mark.parametrize(
+    ("task", "pairs", "said"),
+    [
+        ("monitor-proximty", [], "Did you mean 'monitor-proximity'"),
+        ("monitor-proximity", ["profil=nmac"], "Did you mean 'profile'"),
+        ("monitor-proximity", ["profile"], "write key=value"),
+        ("monitor-proximity", ["avoidance=perhaps"], "neither true nor false"),
+        ("goto", ["latitude_deg=55.7"], r"goto needs longitude_deg=\.\.\."),
+        ("goto", ["latitude_deg=north"], "is not a number"),
+        ("hold", ["now=1"], "takes nothing"),
+        ("create-multicast", ["sample-period=often"], "is not a duration"),
+    ],
+)
+def test_what_does_not_fit_is_told_with_its_remedy(task: str, pairs: list[str], said: str) -> None:
+    with pytest.raises(WrongCall, match=said.replace("takes nothing", "Takes nothing|takes nothing")):
+        content_of(task, pairs, NOW_US)
+
+
+def test_every_task_is_a_content_that_platforms_can_read() -> None:
+    for head, kind in TASKS.items():
+        assert kind.head == head
+    assert read(content_of("hold", [], NOW_US).expr()) == content_of("hold", [], NOW_US)
