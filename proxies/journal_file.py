@@ -9,6 +9,7 @@
 Entries are in the order in which the node saw them. A file that was cut off by a crash reads up to the cut.
 """
 
+import struct
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, get_args
@@ -123,7 +124,7 @@ def _records(path: Path) -> Iterator[object]:
                 record = next(records)
             except StopIteration:
                 return
-            except (McapError, ValueError, EOFError) as cut:
+            except (McapError, ValueError, EOFError, struct.error, RuntimeError) as cut:
                 if not begun:
                     raise DecodeError("journal", f"{path}: {cut}") from None
                 return

@@ -46,7 +46,7 @@ def test_what_a_node_was_told_by_its_vehicle_is_a_flight_again(tmp_path) -> None
 
 
 def test_a_flight_of_a_faster_federation_is_told_in_its_time(tmp_path) -> None:
-    at_us = [START_US + k * 8_000 + 300 for k in range(10)]
+    at_us = [START_US + k * 20_000 + 300 for k in range(10)]
     path = journal(
         tmp_path / "fast.mcap",
         [(fix(k), at) for k, at in enumerate(at_us)],
