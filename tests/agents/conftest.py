@@ -1,0 +1,25 @@
+from collections.abc import Iterator
+
+import pytest
+
+from agents.platform import Platform
+from tests.agents import invariants
+from tests.agents.wire import Wire
+
+
+@pytest.fixture
+def wire() -> Iterator[Wire]:
+    """An empty federation; the invariants of whoever is in it are checked afterwards."""
+    found = Wire()
+    yield found
+    invariants.check(found)
+
+
+@pytest.fixture
+def node(wire: Wire) -> Platform:
+    """Platform 0, with a command centre `cc` and a platform 1 beside it, a second after they met."""
+    platform = wire.join("0", simulated=True, control=True)
+    wire.join("1", simulated=True, control=True)
+    wire.centre()
+    wire.run(1.0)
+    return platform
