@@ -4,15 +4,21 @@ from collections.abc import Callable, Iterable
 
 from dyknow import Label, Network, Policy, Sample, Subscription
 from dyknow.errors import UnknownLabel
+from federation.codec import StreamSample
 from federation.exports import ContractEnded, ExportEvent, Exports, StreamEnded, StreamName
 from federation.ontology import Translation
+from federation.streams import ExportStream
 from federation.transport import Put
+
+BATCH = 64
+"""Samples of one stream that are put together at most: a payload stays far below 64 KiB."""
 
 
 class ExportProxy:
     """Subscribes locally once per (semantic label, policy), whatever the number of receivers.
 
-    A receiver that is slow or dead cannot be noticed here: a sample is put once, for all, and never waited for.
+    A receiver that is slow or dead cannot be noticed here: a sample is put once, for all, and never waited for. What
+    one batch of events brought is put in one go by `flush`, which `pending` asks for.
     """
 
     def __init__(
@@ -21,6 +27,7 @@ class ExportProxy:
         self.exports = exports
         self._network, self._translation, self._put = network, translation, put
         self._subscriptions: dict[StreamName, Subscription] = {}
+        self._waiting: dict[ExportStream, list[StreamSample]] = {}
 
     def start_exporting(
         self, local: Label, semantic_label: str, receivers: Iterable[str], policy: Policy, contract: str
@@ -35,13 +42,30 @@ class ExportProxy:
             raise UnknownLabel(semantic_label, tuple(str(label) for label in self._network.labels()))
         stream, is_new = self.exports.open(contract, semantic_label, policy, receivers)
         if is_new:
-            to_semantic, put, on_sample = self._translation.to_semantic(semantic_label), self._put, stream.on_sample
+            to_semantic, waiting, number = self._translation.to_semantic(semantic_label), self._waiting, stream.number
 
             def export(sample: Sample) -> None:
-                put(on_sample(sample._replace(value=to_semantic(sample.value))))
+                value = to_semantic(sample.value)
+                entry = number(sample if value is sample.value else sample._replace(value=value))
+                batch = waiting.setdefault(stream, [])
+                batch.append(entry)
+                if len(batch) >= BATCH:
+                    self.flush()
 
             self._subscriptions[semantic_label, stream.policy_hash] = self._network.subscribe(local, policy, export)
         return stream.policy_hash
+
+    @property
+    def pending(self) -> bool:
+        """Whether samples wait to be put."""
+        return bool(self._waiting)
+
+    def flush(self) -> None:
+        """Put what waits, one payload a stream."""
+        if self._waiting:
+            for stream, entries in self._waiting.items():
+                self._put(stream.put(entries))
+            self._waiting.clear()
 
     def on_events(self, events: Iterable[ExportEvent]) -> list[ContractEnded]:
         """End the local subscriptions of ended streams; returns the contracts whose receivers are to be told."""

@@ -100,6 +100,7 @@ class Platform:
         self.refused: Counter[str] = Counter()
         self._out: list[Effect] = []
         self._now_us = now_us
+        self._due_us: int | None = None
         self._questions = count(1)
         emit = self._out.append
         self.network = Network()
@@ -227,11 +228,19 @@ class Platform:
         self.membership.on_time(now_us)
         self.supply.on_time(now_us)
         self.checks.on_time(now_us)
+        self.gateway.exporter.flush()
         return self._done()
 
     @property
     def deadline_us(self) -> int:
-        """When `on_time` has work next (node clock)."""
+        """When `on_time` has work next (node clock). Worked out once per step: the loop asks before and after it waits."""
+        if self._due_us is None:
+            self._due_us = self._earliest_us()
+        return self._due_us
+
+    def _earliest_us(self) -> int:
+        if self.gateway.exporter.pending:
+            return self._now_us
         due = self.directory.deadline_us
         for part in (
             self.clocks.deadline_us,
@@ -252,6 +261,7 @@ class Platform:
         return due
 
     def _done(self) -> list[Effect]:
+        self._due_us = None
         self.interface.flush()
         effects = self._out[:]
         self._out.clear()

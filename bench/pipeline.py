@@ -68,6 +68,7 @@ class Exporter:
             due += period_us * 1000
             time.sleep(max(0, due - time.monotonic_ns()) / 1e9)
             self._push()
+            self._proxy.flush()
         self._serve()
         return {}
 
@@ -76,6 +77,7 @@ class Exporter:
         while time.monotonic() < until:
             for _ in range(64):
                 self._push()
+            self._proxy.flush()
             number += 64
             self._serve()
         return {"sent": float(number)}

@@ -4,7 +4,7 @@ A simple value is an `int`, `float`, `bool` or `str`. A record is a plain tuple 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from sys import float_info
 from typing import Final, NamedTuple
@@ -46,6 +46,11 @@ class Sort:
 
     name: str
     fields: tuple[Field, ...] = ()
+    _numbers: int = field(init=False, repr=False, compare=False, default=0)
+
+    def __post_init__(self) -> None:
+        if all(part.unit not in {"bool", "text"} for part in self.fields):
+            object.__setattr__(self, "_numbers", len(self.fields))
 
     def check(self, value: Value) -> None:
         """Accept a value of this sort, or `NO_VALUE`.
@@ -55,6 +60,12 @@ class Sort:
         """
         if value is NO_VALUE:
             return
+        if self._numbers and type(value) is tuple and len(value) == self._numbers:
+            for component in value:
+                if type(component) is not float or component - component != 0.0:
+                    break
+            else:
+                return
         if not self.fields:
             self._check_simple(value)
             return
@@ -62,10 +73,10 @@ class Sort:
             raise SortError(
                 f"{self.name}: expected {len(self.fields)} components ({self._names()}), got {_shown(value)}"
             )
-        for field, component in zip(self.fields, value, strict=True):
-            if not _fits(component, field.unit):
+        for part, component in zip(self.fields, value, strict=True):
+            if not _fits(component, part.unit):
                 raise SortError(
-                    f"{self.name}.{field.name} [{field.unit}]: {_shown(component)} is not {_wanted(field.unit)}"
+                    f"{self.name}.{part.name} [{part.unit}]: {_shown(component)} is not {_wanted(part.unit)}"
                 )
 
     def as_record(self, value: Value) -> dict[str, Value]:
