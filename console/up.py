@@ -13,6 +13,7 @@ from console.launch import clock_of, fleet_of
 from console.ls import ls
 from console.output import unit_json
 from console.processes import (
+    GRACE_S,
     STATE_FILE,
     Fleet,
     Running,
@@ -69,22 +70,34 @@ class Gathering:
 def up(call: Call, *, detach: bool, **chosen: Any) -> int:
     """Start the platforms, wait until they have found each other, and stay with them unless detached."""
     configs = planned(call, **chosen)
-    directory = _vacant(call)
-    fleet = Fleet(directory, lifeline=not detach)
+    fleet = Fleet(_vacant(call), lifeline=not detach)
+    is_left = False
     with interruptible():
         try:
             gathering = gathered(call, fleet, configs)
-            running = [*fleet.running.values()]
-            if not detach:
-                mine = psutil.Process()
-                running.append(Running("", mine.pid, mine.create_time()))
-            endpoints = [endpoint for config in configs for endpoint in config.wire.listen]
-            write_state(directory, State(tuple(running), tuple(endpoints)))
-        except BaseException:
-            ended(fleet)
-            raise
-        _say_ready(call, fleet, gathering)
-        return DONE if detach else _stay(call, fleet, sorted(gathering.units, key=unit_order))
+            _note_state(fleet, configs, stays=not detach)
+            _say_ready(call, fleet, gathering)
+            if detach:
+                is_left = True
+                return DONE
+            return _stay(call, fleet)
+        except KeyboardInterrupt:
+            return INTERRUPTED
+        finally:
+            if not is_left:
+                ended(fleet)
+                units = sorted(fleet.running, key=unit_order)
+                call.out.say("stopped", event="stopped", units=[unit_json(unit) for unit in units])
+
+
+def _note_state(fleet: Fleet, configs: list[NodeConfig], *, stays: bool) -> None:
+    """Note for other commands who runs and where; a supervisor that stays is to be ended first."""
+    running = [*fleet.running.values()]
+    if stays:
+        mine = psutil.Process()
+        running.append(Running("", mine.pid, mine.create_time()))
+    endpoints = [endpoint for config in configs for endpoint in config.wire.listen]
+    write_state(fleet.directory, State(tuple(running), tuple(endpoints)))
 
 
 def planned(
@@ -178,22 +191,17 @@ def _say_ready(call: Call, fleet: Fleet, gathering: Gathering) -> None:
     )
 
 
-def _stay(call: Call, fleet: Fleet, units: list[str]) -> int:
-    """Stay until all platforms have ended or somebody interrupts; then nobody is left running."""
-    if not call.out.json_lines:
-        ls(call, all_kinds=False)
-        call.out.note("Ctrl-C ends them. In another terminal: dyknow ls, dyknow delegate monitor-proximity, ...")
+def _stay(call: Call, fleet: Fleet) -> int:
+    """Show the directory, then stay until all platforms have ended."""
 
     def tell(unit: str, code: int) -> None:
         call.out.say(f"platform {unit} ended with code {code}", event="ended", unit=unit_json(unit), code=code)
 
-    try:
-        return FAILED if any(fleet.wait(tell).values()) else DONE
-    except KeyboardInterrupt:
-        return INTERRUPTED
-    finally:
-        ended(fleet)
-        call.out.say("stopped", event="stopped", units=[unit_json(unit) for unit in units])
+    if not call.out.json_lines:
+        ls(call, all_kinds=False)
+        name = "" if call.settings.federation == "default" else f" --federation {call.settings.federation}"
+        call.out.note(f"Ctrl-C ends them. In another terminal: dyknow delegate monitor-proximity{name}")
+    return FAILED if any(fleet.wait(tell).values()) else DONE
 
 
 def ended(fleet: Fleet) -> None:
@@ -213,8 +221,8 @@ def down(call: Call) -> int:
             f"nothing of federation {call.settings.federation} runs on this machine", event="stopped", units=[]
         )
         return NO
-    # A supervisor that stayed ends its own platforms; the others are ended here.
-    end([found for found in running if not found.unit] or platforms)
+    # A supervisor that stayed ends its own platforms, which takes its grace; the others are ended here.
+    end([found for found in running if not found.unit], grace_s=3 * GRACE_S)
     end(platforms)
     (directory / STATE_FILE).unlink(missing_ok=True)
     units = sorted((found.unit for found in platforms), key=unit_order)
