@@ -38,7 +38,7 @@ class Federated:
         alarms: (alarm, federation time when it came here), by unit that raised it, in order of arrival.
     """
 
-    def __init__(self, fleet: Fleet, client: Client) -> None:
+    def __init__(self, fleet: Fleet | None, client: Client) -> None:
         self.fleet, self.client = fleet, client
         self.said: list[tuple[str, dict[str, Any]]] = []
         self._parts: dict[tuple[str, str], dict[int, tuple[float, ...]]] = {}
@@ -61,7 +61,8 @@ class Federated:
         assert self.wait_for(lambda: self.client.federation_us() >= federation_us, wait_s + beyond_s)
 
     def _hear(self) -> None:
-        self.said += self.fleet.heard()
+        if self.fleet is not None:
+            self.said += self.fleet.heard()
         for unit, subscription in self._subscriptions.items():
             results = subscription.results
             now_us = self.client.federation_us()
@@ -141,7 +142,7 @@ def federated(
         units = [str(given["unit"]) for given in configs]
         gathering = Gathering(units)
         assert fleet.follow(gathering.all_found, gathering.on_heard, JOIN_S), "they did not find each other"
-        with _command_centre(name) as client:
+        with command_centre(name) as client:
             there = {seen.unit for seen in client.settle(5.0)}
             assert there >= set(units), there
             yield Federated(fleet, client)
@@ -149,7 +150,9 @@ def federated(
         fleet.end()
 
 
-def _command_centre(federation: str) -> Client:
+def command_centre(federation: str) -> Client:
+    """Beside the platforms of a federation; to be entered."""
+
     def opened(post: Callable[[Any], None], now_us: Callable[[], int]) -> ZenohEdge:
         edge = ZenohEdge(ZenohOptions(federation), post, now_us)
         edge.open()

@@ -19,7 +19,7 @@ from tests.live.federated import Federated, Track, federated, separations
 from tests.live.test_real_flights import Place
 
 PERIOD_US = 100_000
-LEAD_US = 8_000_000
+LEAD_US = 14_000_000
 ASK_EVERY_US = 250_000
 PROFILE = "separation-20m"
 NEAR_M = 20.0
@@ -62,10 +62,13 @@ def file(name: str) -> str:
 
 
 @contextmanager
-def flying(directory: Path, vehicles: dict[str, dict[str, Any]], speed: float) -> Iterator[tuple[Federated, Flown]]:
+def flying(
+    directory: Path, vehicles: dict[str, dict[str, Any]], speed: float, patience_s: float = 1.0
+) -> Iterator[tuple[Federated, Flown]]:
     """One platform per vehicle on a clock that begins in a moment; replays begin at its epoch.
 
-    Entered with positions streamed to the command centre and the profile monitored, before the first sample.
+    Monitors wait `patience_s` of wall time for their inputs: what a message needs on a busy machine is wall time, and
+    a federation that runs ten times as fast has ten times as much of it. Entered with positions streamed to the command centre and the profile monitored, before the first sample.
     """
     epoch_us = time.time_ns() // 1000 + LEAD_US
     configs = [
@@ -81,8 +84,7 @@ def flying(directory: Path, vehicles: dict[str, dict[str, Any]], speed: float) -
     with federated(directory, configs, {"epoch_us": epoch_us, "speed": speed}) as federation:
         federation.stream_positions(units, delay_s=2.0 * speed)
         federation.follow_alarms(units, Alarms())
-        # What a message needs on a busy machine is wall time: at ten times the speed it is ten times as long.
-        federation.monitor(units[0], profile=PROFILE, avoidance=False, delay_s=max(0.5, 0.3 * speed))
+        federation.monitor(units[0], profile=PROFILE, avoidance=False, delay_s=patience_s * speed)
         assert federation.client.federation_us() < epoch_us, "set up in time"
         yield federation, flown
         flown.live = {unit: federation.track(unit) for unit in units}

@@ -12,6 +12,10 @@ from pathlib import Path
 import pytest
 
 from federation.contents import Query, Samples
+from navigation.fusion import run_filter
+from proxies.mcap_log import JournalRecording
+from proxies.recordings import Recording
+from proxies.replay import schedule
 from tests.live.federated import POSITION, Federated
 from tests.live.replays import PERIOD_US, Flown, crossings, file, fixes, flying, gaps, watch
 from tests.live.test_real_flights import (
@@ -32,6 +36,7 @@ pytestmark = [
 ]
 
 S = 1_000_000
+SOURCES = {DATAFLASH: "GPS", PX4: "vehicle_gps_position"}
 WHOLE_S = 209.0  # the dataflash log's fixes
 
 
@@ -39,10 +44,12 @@ def recorded(name: str, from_s: float) -> dict:
     return {"kind": "replay", "file": file(name), "from_us": round(from_s * S)}
 
 
-def fly_both(directory: Path, delay_s: float, from_s: float, for_s: float, speed: float) -> Flown:
+def fly_both(
+    directory: Path, delay_s: float, from_s: float, for_s: float, speed: float, patience_s: float = 1.0
+) -> Flown:
     """Telemetry and dataflash log, aligned by `delay_s`, from and for so many seconds of the latter."""
     vehicles = {"tel": recorded(TELEMETRY, delay_s + from_s), "fla": recorded(DATAFLASH, from_s)}
-    with flying(directory, vehicles, speed) as (federation, flown):
+    with flying(directory, vehicles, speed, patience_s) as (federation, flown):
         flown.ends_us = flown.epoch_us + round(for_s * S) - S
         watch(federation, flown, flown.epoch_us + round(for_s * S / 2))
         ask_both(federation, flown)
@@ -72,6 +79,16 @@ def as_offline(flown: Flown, a: str, b: str, least: int) -> None:
     largest_m = max(abs(live[at] - offline[at]) for at in shared)
     sys.stdout.write(f"federated and offline differ by {largest_m:.6f} m at most, in {len(shared)} of {len(offline)}\n")
     assert largest_m < 0.05
+
+
+def again_offline(directory: Path, flown: Flown, unit: str) -> None:
+    """The node's journal is a recording of its flight: filtered again it gives the estimates that were federated."""
+    recording = Recording.open(directory / f"{unit}.mcap")
+    reports = ((report, at_us) for at_us, report in schedule(recording, recording.first_position_us))
+    found = {sample.valid_us: sample.value for sample in run_filter(reports, PERIOD_US)}
+    settled = [at for at in flown.live[unit] if flown.epoch_us + 2 * S < at < flown.ends_us]
+    assert len(settled) > 100
+    assert max(separation(Place(*flown.live[unit][at]), Place(*found[at][:3]))[0] for at in settled) < 0.05
 
 
 def with_the_edges_of_the_filter(flown: Flown, a: str, b: str) -> None:
@@ -165,11 +182,33 @@ def test_two_real_flights_federate_as_the_filter_has_them(tmp_path, delay_s, fro
 )
 def test_a_gap_and_a_reboot_of_the_log_are_missing_inputs(tmp_path, from_s, for_s, speed) -> None:
     """118 s into it the telemetry log pauses for 18 s, and its vehicle has no home again."""
-    flown = fly_both(tmp_path, 120, from_s, for_s, speed)
+    flown = fly_both(tmp_path, 120, from_s, for_s, speed, patience_s=0.3)
     as_offline(flown, "tel", "fla", least=round(4 * for_s))
     with_the_edges_of_the_filter(flown, "tel", "fla")
-    assert with_gaps_missing(flown) >= 4
+    assert with_gaps_missing(flown) >= 2
     at_true_altitudes(flown)
+
+
+@pytest.mark.full
+def test_a_journal_flies_again_as_it_flew(tmp_path) -> None:
+    """The journals of two replays, replayed: the same separation, at the same distance from the epoch."""
+    first, again = tmp_path / "first", tmp_path / "again"
+    first.mkdir()
+    again.mkdir()
+    with flying(first, {"one": recorded(DATAFLASH, 110), "two": recorded(PX4, 0)}, 10.0) as (federation, flown):
+        federation.until_us(flown.epoch_us + 24 * S)
+    journals = {unit: {"kind": "replay", "file": str(first / f"{unit}.mcap")} for unit in ("one", "two")}
+    with flying(again, journals, 10.0) as (federation, reflown):
+        federation.until_us(reflown.epoch_us + 24 * S)
+    for unit, name in (("one", DATAFLASH), ("two", PX4)):
+        assert isinstance(Recording.open(first / f"{unit}.mcap"), JournalRecording), name
+        before, after = fixes(flown.reports[unit], SOURCES[name]), fixes(reflown.reports[unit], SOURCES[name])
+        assert len(after[0]) >= 0.95 * len(before[0]) > 50
+        assert after[1] == before[1][: len(after[1])]
+        steps = [b - a for a, b in zip(before[0], after[0], strict=False)]
+        assert max(steps) == min(steps), "moved as a whole"
+        assert set(reflown.live[unit]) <= set(reflown.offline[unit])
+        assert len(reflown.live[unit]) > 150
 
 
 @pytest.mark.parametrize("speed", [10.0, pytest.param(1.0, marks=pytest.mark.full)])
@@ -182,6 +221,7 @@ def test_a_px4_log_federates_with_itself_three_seconds_later(tmp_path, speed) ->
     as_offline(flown, "one", "two", least=100)
     with_the_edges_of_the_filter(flown, "one", "two")
     queried(flown)
+    again_offline(tmp_path, flown, "one")
     tracks = {unit: fixes(flown.reports[unit], "vehicle_global_position") for unit in ("one", "two")}
     near(flown, "one", "two", lambda unit, at_us: interpolated(tracks[unit], at_us))
 
@@ -200,7 +240,7 @@ def test_a_simulated_vehicle_meets_a_recorded_one(tmp_path, speed) -> None:
         federation.until_us(flown.epoch_us + 20 * S)
         ask_both(federation, flown)
         federation.until_us(flown.ends_us + 3 * S)
-    as_offline(flown, "fla", "sim", least=300)
+    as_offline(flown, "fla", "sim", least=250)
     with_the_edges_of_the_filter(flown, "fla", "sim")
     assert [event for event, _ in crossings(flown.offline_apart("fla", "sim"))][:2] == ["opened", "closed"]
     assert min(flown.live_apart("fla", "sim").values()) < 5.0
