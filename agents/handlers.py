@@ -59,7 +59,7 @@ def handlers_of(platform: "Platform") -> dict[str, Handler]:
         "search": p.bulletin.on_search,
         "acts": p.bulletin.on_acts,
         "act-list": p.bulletin.on_act_list,
-        "leave": _doing(p, p.leave),
+        "leave": lambda act, _c, now_us: _leave(p, act, now_us),
         "rejoin": _doing(p, p.rejoin),
         "labels": p.bulletin.on_labels,
         "goto": lambda act, c, now_us: _fly(p, act, GoTo(c.latitude_deg, c.longitude_deg, c.altitude_m), now_us),
@@ -91,6 +91,12 @@ def _doing(p: "Platform", do: Any) -> Handler:
         _done(p, act, now_us)
 
     return handle
+
+
+def _leave(p: "Platform", act: Act, now_us: int) -> None:
+    """The answer goes before the good-bye: nobody listens to a platform that has left."""
+    _done(p, act, now_us)
+    p.leave(now_us)
 
 
 def _fly(p: "Platform", act: Act, order: Order, now_us: int) -> None:

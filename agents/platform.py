@@ -131,7 +131,7 @@ class Platform:
             config.ontology,
             translation,
             config.clock,
-            self.clocks.of,
+            self.clocks.last,
             self._questions,
             emit,
             self._source,

@@ -31,6 +31,11 @@ class ClockOffsets:
         estimator = self._estimators.get(unit)
         return None if estimator is None else estimator.offset
 
+    def last(self, unit: str) -> Offset | None:
+        """The same, or, of one that is gone, what was learned last: streams of who left may go on (thesis 9.3.4)."""
+        estimator = self._estimators.get(unit) or self._absent.get(unit)
+        return None if estimator is None else estimator.offset
+
     def standing(self, unit: str) -> Standing:
         estimator = self._estimators.get(unit)
         return Standing.UNKNOWN if estimator is None else estimator.standing

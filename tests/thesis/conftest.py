@@ -1,0 +1,3 @@
+from tests.agents.conftest import wire
+
+__all__ = ["wire"]
