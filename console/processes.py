@@ -81,22 +81,25 @@ def write_state(directory: Path, state: State) -> None:
 
 def end(running: Iterable[Running], grace_s: float = GRACE_S) -> None:
     """End these processes and wait until they are gone: politely first, after `grace_s` not."""
-    alive = [process for found in running if (process := found.process()) is not None]
-    for process in alive:
-        _signal(process, signal.SIGTERM)
-    _gone, alive = psutil.wait_procs(alive, timeout=grace_s)
-    for process in alive:
-        _signal(process, signal.SIGKILL)
-    psutil.wait_procs(alive, timeout=grace_s)
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        running = [
+            found for found in running if (process := found.process()) is not None and _signalled(process, number)
+        ]
+        until = time.monotonic() + grace_s
+        # A process that has ended but that its parent has not asked about is gone, too: so not psutil's waiting.
+        while any(found.process() is not None for found in running) and time.monotonic() < until:
+            time.sleep(_POLL_S)
 
 
-def _signal(process: psutil.Process, number: int) -> None:
+def _signalled(process: psutil.Process, number: signal.Signals) -> bool:
+    """Send a signal that also reaches a stopped process; False if it is gone."""
     try:
         process.send_signal(number)
-        if number == signal.SIGTERM and process.status() == psutil.STATUS_STOPPED:
+        if process.status() == psutil.STATUS_STOPPED:
             process.send_signal(signal.SIGCONT)
     except psutil.NoSuchProcess:
-        return
+        return False
+    return True
 
 
 class Fleet:

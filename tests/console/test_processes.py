@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -47,7 +48,7 @@ def test_one_that_does_not_listen_is_killed_after_the_grace(fleet: Fleet) -> Non
     heard: list[object] = []
     assert fleet.follow(lambda: bool(heard), lambda _unit, said: heard.append(said), timeout_s=20)
     end(fleet.running.values(), grace_s=0.1)
-    assert not psutil.pid_exists(fleet.running["0"].pid)
+    assert fleet._children["0"].wait(timeout=5) == -9
 
 
 def test_one_that_fails_to_start_is_told_with_its_last_words(fleet: Fleet) -> None:
@@ -81,7 +82,17 @@ def test_a_stopped_process_ends_too(tmp_path: Path) -> None:
     process = psutil.Process(child.pid)
     process.suspend()
     end([Running("0", child.pid, process.create_time())], grace_s=5)
-    assert not psutil.pid_exists(child.pid)
+    assert child.wait(timeout=5) in {-15, -9}
+
+
+def test_a_process_that_nobody_has_asked_about_yet_keeps_nobody_waiting(tmp_path: Path) -> None:
+    child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    running = Running("0", child.pid, psutil.Process(child.pid).create_time())
+    began = time.monotonic()
+    end([running], grace_s=20)
+    assert time.monotonic() - began < 15, "it has ended, although its entry stays until its parent asks"
+    assert running.process() is None
+    child.wait(timeout=5)
 
 
 def test_the_run_directory_is_the_owners_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
