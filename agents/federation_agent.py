@@ -111,21 +111,19 @@ class FederationAgent:
                 self.on_contracts_ended(ended, now_us)
 
     def on_contracts_ended(self, ended: Iterable[ContractEnded], now_us: int) -> None:
-        """Tell the receivers of streams that no longer exist, and who asked for what is over by itself."""
-        exports = self._c.gateway.exporter.exports
+        """Tell the receivers that no other contract brings the stream, and who asked for what is over by itself."""
         for contract in ended:
             if contract.why is not Why.STOPPED:
                 self._run_out(contract, now_us)
-            if exports.stream(contract.label, contract.policy_hash) is not None:
-                continue
             told = EndStream(
                 owner=self._c.unit,
                 semantic_labels=(contract.label,),
                 hash=contract.policy_hash,
                 reason=contract.why,
             )
+            still = self._c.gateway.exporter.exports.receivers(contract.label, contract.policy_hash)
             for unit in contract.receivers:
-                if self._c.directory.is_present(unit):
+                if unit not in still and self._c.directory.is_present(unit):
                     self._c.desk.tell(unit, told, now_us)
 
     def _run_out(self, contract: ContractEnded, now_us: int) -> None:

@@ -142,6 +142,15 @@ class Exports:
         export = self._exports.get((label, policy_hash))
         return None if export is None or export.retired_us is not None else export.stream
 
+    def receivers(self, label: str, policy_hash: str) -> frozenset[str]:
+        """Who receives the stream of that name, by any contract."""
+        export = self._exports.get((label, policy_hash))
+        return (
+            frozenset()
+            if export is None
+            else frozenset().union(*(self._contracts[c].receivers for c in export.contracts))
+        )
+
     def streams(self) -> list[tuple[ExportStream, tuple[str, ...]]]:
         """The living streams, and who receives each."""
         return [

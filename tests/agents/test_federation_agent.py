@@ -81,6 +81,20 @@ def test_a_stream_that_has_run_out_ends_its_task_and_tells_who_asked_and_who_rec
     assert history.get_latest().valid_us == until_us // 200_000 * 200_000
 
 
+def test_a_receiver_is_told_when_its_own_contract_ends_though_others_receive_on(wire: Wire, node: Platform) -> None:
+    wire.join("2")
+    wire.run(1.0)
+    first = wire.asked("1", "0", multicast(to=("1",)))
+    second = wire.asked("2", "0", multicast(to=("2",)))
+    wire.run(1.0)
+    wire.cancel("1", "0", first.conversation)
+    wire.run(0.5)
+    assert wire.platform("1").importer.imports == {}
+    assert len(wire.platform("2").importer.imports) == 1
+    wire.cancel("2", "0", second.conversation)
+    wire.run(0.5)
+
+
 def test_a_task_of_several_streams_ends_with_the_last_of_them(wire: Wire, node: Platform) -> None:
     question = wire.asked("1", "0", multicast("heli-position", "battery", to=("1",), to_us=wire.now_us + 1_000_000))
     wire.run(4.0)
