@@ -134,9 +134,9 @@ class Avoidance:
     ) -> tuple[str | None, list[Step]]:
         """`partner` proposes that `climber` climbs. Returns why that is refused, or None, and what to do."""
         known = self.encounters.get(partner)
-        if known is not None and known.awaited and known.climber != climber:
-            if unit_order(self.unit) < unit_order(partner):
-                return "superseded by the proposal of ours that crossed this one", []
+        crossed = known is not None and known.awaited and known.climber != climber
+        if crossed and unit_order(self.unit) < unit_order(partner):
+            return "superseded by the proposal of ours that crossed this one", []
         role = Role.CLIMB if climber == self.unit else Role.HOLD
         reason = may(_above(own, other) if role is Role.CLIMB else None)
         if reason is not None:
@@ -157,6 +157,11 @@ class Avoidance:
         if known.climber != self.unit:
             return self._take(known, Role.HOLD, own, other)
         return self._alone(known, own, other, may, Role.CLIMB, Role.DESCEND)
+
+    def awaits(self, partner: str) -> bool:
+        """Whether `partner` has not answered our proposal yet."""
+        known = self.encounters.get(partner)
+        return known is not None and known.awaited
 
     def on_superseded(self, partner: str) -> None:
         """`partner` has made a proposal of its own, which goes first: it is under way, or made again."""

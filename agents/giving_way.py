@@ -154,14 +154,14 @@ class GivingWay:
 
     def _agreed(self, partner: str, climber: str, now_us: int) -> None:
         own, other = self._c.pilot.fix, self._c.fix_of(partner)
-        if own is not None and other is not None:
+        if own is not None and other is not None and self._avoidance.awaits(partner):
             self._note(f"{partner} agrees that {climber} climbs")
             self._do(self._avoidance.on_agreed(partner, own, other, self._may), now_us)
 
     def _alone(self, partner: str, reason: str, now_us: int) -> None:
         """The partner cannot or does not answer: the whole manoeuvre is ours."""
         own, other = self._c.pilot.fix, self._c.fix_of(partner)
-        if own is not None and other is not None:
+        if own is not None and other is not None and self._avoidance.awaits(partner):
             self._note(f"{partner} leaves the manoeuvre to {self._c.unit}: {reason}")
             self._do(self._avoidance.on_declined(partner, own, other, self._may), now_us)
 

@@ -13,6 +13,9 @@ from sim_uavs.world import World
 DEAF_US: Final = 9_000_000
 """The longest a deaf pair stays so: a watchdog opens the session again."""
 
+AGAIN_US: Final = 500_000
+"""After how long somebody tries again who finds a process standing still."""
+
 
 class Mishap(NamedTuple):
     """One thing that goes wrong. `units` are those it befalls; of a cut, first who is not heard."""
@@ -113,7 +116,10 @@ def _leave(world: World, mishap: Mishap) -> None:
     (unit,) = mishap.units
 
     def back() -> None:
-        if world.nodes[unit].platform is not None:
+        node = world.nodes[unit]
+        if node.frozen:
+            world.at(world.now_us + AGAIN_US, back)
+        elif node.platform is not None:
             world.rejoin(unit)
 
     world.at(mishap.at_us, world.leave, unit)

@@ -128,7 +128,7 @@ class World:
         return self.agenda.now_us
 
     def platform(self, unit: str) -> Platform:
-        """The running process of `unit`. Raises LookupError when it does not run."""
+        """The process of `unit`. Raises LookupError when there is none."""
         platform = self.nodes[unit].platform
         if platform is None:
             raise LookupError(f"{unit} does not run")
@@ -248,9 +248,14 @@ class World:
     # -- what people do -----------------------------------------------------------------------------------------
 
     def call(self, unit: str, do: Callable[[Platform, int], Any]) -> Any:
-        """Have a running platform do something, and carry out what follows from it."""
+        """Have a running platform do something, and carry out what follows from it.
+
+        Raises LookupError when there is no process, or it stands still.
+        """
         node = self.nodes[unit]
         platform = self.platform(unit)
+        if node.frozen:
+            raise LookupError(f"{unit} stands still")
         node_us = node.clock.node_us(self.now_us)
         result = do(platform, node_us)
         self._perform(node, platform.on_time(node_us))

@@ -59,7 +59,7 @@ class WatchedWorld(World):
 
         def noting(what: str, do: Any) -> Any:
             def noted(name: Any, *rest: Any) -> None:
-                why = rest[0] if what == "doubt" else ""
+                why = rest[0] if rest and isinstance(rest[0], str) else ""
                 calls.append((now_us(), what, getattr(name, "name", name), why))
                 do(name, *rest)
 
