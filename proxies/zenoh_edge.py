@@ -11,6 +11,7 @@ import contextlib
 import json
 import socket
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeAlias, TypeVar
 
 import zenoh
@@ -176,10 +177,12 @@ class ZenohEdge:
             congestion_control=zenoh.CongestionControl.DROP,
         )
 
-    def _on_query(self, query: zenoh.Query) -> None:
+    def _on_query(self, declared: str, query: zenoh.Query) -> None:
+        """A question to many (`*/df`) is to this node one for the key that it declared."""
         now_us = self._now_us()
+        key = str(query.key_expr) if "*" in declared else declared
         asked = query.payload.to_bytes() if query.payload is not None else b""
-        self._post(Asked(self._asks.add(query, now_us), str(query.key_expr), now_us, asked))
+        self._post(Asked(self._asks.add(query, now_us), key, now_us, asked))
 
     def _answer(self, effect: Answer) -> None:
         query = self._asks.get(effect.ask)
@@ -212,7 +215,8 @@ class ZenohEdge:
                 handler = self._guarded("sample", self._on_sample)
                 return session.declare_subscriber(key_expr, handler, allowed_origin=zenoh.Locality.REMOTE)
             case DeclareQueryable(key_expr):
-                return session.declare_queryable(key_expr, self._guarded("question", self._on_query))
+                asked = self._guarded("question", partial(self._on_query, key_expr))
+                return session.declare_queryable(key_expr, asked)
             case DeclareToken(key):
                 return session.liveliness().declare_token(key.replace(f"/{self._zid}/", f"/{session.zid()}/"))
             case WatchTokens(key_expr):

@@ -26,7 +26,7 @@ from federation import contents
 from federation.clock import FederationClock
 from federation.codec import decode_description
 from federation.ontology import Translation, default_ontology
-from federation.transport import Answered, Ask, AskEnded, Put
+from federation.transport import Answered, Ask, Put
 from federation.trust import Roster, Signer, Verifier
 from navigation.vehicle import Command, Report
 from proxies.journal_file import CLOCK_EPOCH, CLOCK_SPEED
@@ -39,8 +39,9 @@ from runtime.journal import Journal, Journalled
 from runtime.loop import Node, step
 from runtime.mailbox import Mailbox
 
-ASK_US = 500_000
-"""How long a process that joins a faster federation waits to be told its epoch."""
+ASK_US = 300_000
+ADOPT_US = 2_000_000
+"""How often a process that joins a faster federation asks for its epoch, and how long it waits to be told."""
 
 
 class VehicleEdge(Protocol):
@@ -150,21 +151,22 @@ class Process:
         return Journalled(platform, journal)
 
     def _adopt_epoch(self) -> None:
-        """Take over the epoch of a federation that is there and runs at our speed, so that all clocks agree."""
-        self._edge.perform(Ask(0, "*/df", b"", ASK_US))
-        until_us = self.clock.now_us() + 2 * ASK_US
-        while (left_us := until_us - self.clock.now_us()) > 0:
-            try:
-                event = self.mailbox.get(left_us / 1e6)
-            except Empty:
-                return
-            if isinstance(event, AskEnded):
-                return
-            if isinstance(event, Answered):
-                with contextlib.suppress(DecodeError):
-                    found = decode_description(event.payload)
-                    if found.kind == "uav" and found.clock_speed == self.config.clock.speed:
-                        self._federation_clock = FederationClock(found.clock_epoch_us, found.clock_speed)
+        """Take over the epoch of a federation that is there and runs at our speed, so that all clocks agree.
+
+        A session that has just been opened may not have met anybody yet: the question is asked until it is answered.
+        """
+        until_us = self.clock.now_us() + ADOPT_US
+        again_us = 0
+        while (now_us := self.clock.now_us()) < until_us:
+            if now_us >= again_us:
+                self._edge.perform(Ask(0, "*/df", b"", ASK_US))
+                again_us = now_us + ASK_US
+            with contextlib.suppress(Empty, DecodeError):
+                event = self.mailbox.get((min(again_us, until_us) - now_us) / 1e6)
+                found = decode_description(event.payload) if isinstance(event, Answered) else None
+                if found is not None and found.kind == "uav" and found.clock_speed == self.config.clock.speed:
+                    self._federation_clock = FederationClock(found.clock_epoch_us, found.clock_speed)
+                    return
 
     def stop(self) -> None:
         """End the process; from any thread, or a signal."""

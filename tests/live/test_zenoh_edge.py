@@ -229,6 +229,16 @@ def test_everybody_asked_answers_as_often_as_they_like(peers: Peers) -> None:
     )
 
 
+def test_a_question_to_all_is_to_each_one_about_itself(peers: Peers) -> None:
+    one, two = peers.met(DeclareQueryable(keys.describe("1")))
+    one.perform(Ask(6, "*/df", b"", SECOND_US))
+    asked = two.hears(Asked)
+    assert asked.key == keys.describe("1")
+    two.perform(Answer(asked.ask, asked.key, b"me"), AnswerEnd(asked.ask))
+    answered = one.hears(Answered, question=6)
+    assert (answered.key, answered.payload) == (keys.describe("1"), b"me")
+
+
 def test_a_silent_platform_does_not_hold_back_the_answers_of_others(peers: Peers) -> None:
     one, two = peers.met(DeclareQueryable(keys.history_expr("1")))
     one.perform(DeclareQueryable(keys.history_expr("0")), Ask(8, "q/*/heli-position", b"", SECOND_US))
