@@ -27,6 +27,7 @@ ORPHAN_US = 5_000_000
 One that only left the federation keeps its streams longer (thesis 9.3.4): as long as a receiver that is out of reach.
 """
 
+TWIN_US = 1_000_000
 FORGOTTEN_US = 60_000_000
 """How long the monitors over a platform that died are kept, as missing."""
 
@@ -40,6 +41,7 @@ class Membership:
         self._departed: Deadlines[str] = Deadlines()
         self._found: tuple[str, ...] = ()
         self._standing: dict[str, Standing] = {}
+        self._twins: dict[int, int] = {}
         self._grace_us = ORPHAN_US
 
     # -- the directory -----------------------------------------------------------------------------------------
@@ -67,7 +69,7 @@ class Membership:
                 if change.unit != self._p.unit:
                     self._p.supply.wake(now_us)
             case NameConflict():
-                self._p.halt(f"another platform is called {change.unit} already; choose another --unit")
+                self._namesake(change)
             case PlatformRefused():
                 self._refused(change)
             case PlatformSuspected() | ServiceGone() | LabelGone():
@@ -116,6 +118,20 @@ class Membership:
             self._departed.set(unit, now_us + FORGOTTEN_US)
         self._p.coordination.on_gone(unit, now_us)
         self._p.giving_way.on_gone(unit, now_us)
+
+    def is_twin(self, boot: int, at_us: int) -> bool:
+        """Whether another process goes by our name: heard over a second, since an earlier life of ours may echo."""
+        if boot == self._p.config.boot:
+            return False
+        since_us = self._twins.setdefault(boot, at_us)
+        return at_us - since_us >= TWIN_US
+
+    def _namesake(self, change: NameConflict) -> None:
+        """Two platforms of one name: the one that was there first stays."""
+        if change.boot < self._p.config.boot:
+            self._p.halt(f"another platform is called {change.unit} already; choose another --unit")
+        else:
+            self._p.note(f"another platform calls itself {change.unit}, as this one does")
 
     def _refused(self, change: PlatformRefused) -> None:
         """Two platforms that cannot federate: of two clocks the one that was there first stays."""

@@ -302,11 +302,11 @@ class Platform:
             case keys.StreamKey():
                 self.importer.on_arrived(event, key)
             case keys.HeartbeatKey():
-                if key.unit == self.unit:
-                    return
                 beat = decode_heartbeat(event.payload)
                 if beat.unit != key.unit:
                     raise DecodeError("key")
+                if key.unit == self.unit and not self.membership.is_twin(beat.boot, event.at_us):
+                    return
                 self._take(self.directory.on_heartbeat(beat, event.at_us))
                 if beat.tails:
                     self.importer.on_tails(beat.unit, beat.boot, beat.tails, event.at_us)
