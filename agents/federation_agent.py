@@ -126,6 +126,10 @@ class FederationAgent:
                 if unit not in still and self._c.directory.is_present(unit):
                     self._c.desk.tell(unit, told, now_us)
 
+    def is_taken_over(self, conversation: str) -> bool:
+        """Whether somebody else has asked, too, for all streams that were asked for in a conversation."""
+        return self._c.gateway.exporter.exports.is_shared(f"{conversation}.")
+
     def _run_out(self, contract: ContractEnded, now_us: int) -> None:
         """One stream of a task is over without having been cancelled: the task is, when its last one is."""
         task = self._c.tasks.get(contract.contract.removesuffix(f".{contract.label}.{contract.policy_hash}"))

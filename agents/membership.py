@@ -5,27 +5,22 @@ from typing import TYPE_CHECKING
 
 from agents.bulletin import alarm_content
 from agents.deadlines import Deadlines
+from agents.orphans import Orphans
 from agents.services import FEDERATION
-from agents.tasks import Task
 from dyknow.errors import Refused
 from federation.acts import Act
 from federation.clock import Standing
 from federation.conversations import is_lost
 from federation.directory import Outcome
-from federation.exports import LINGER_US, ExportEvent
+from federation.exports import ExportEvent
 from federation.liveness import NameConflict, PlatformAppeared, PlatformGone, PlatformReturned, PlatformSuspected
 from federation.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone
 from federation.replicas import PlatformRefused
+from federation.transport import Reopen
 from reasoning import AlarmEvent
 
 if TYPE_CHECKING:
     from agents.platform import Platform
-
-ORPHAN_US = 5_000_000
-"""How long an export outlives the platform that asked for it: a new leader takes it over meanwhile.
-
-One that only left the federation keeps its streams longer (thesis 9.3.4): as long as a receiver that is out of reach.
-"""
 
 TWIN_US = 1_000_000
 FORGOTTEN_US = 60_000_000
@@ -37,12 +32,11 @@ class Membership:
 
     def __init__(self, platform: "Platform") -> None:
         self._p = platform
-        self._orphans: Deadlines[str] = Deadlines()
+        self._orphans = Orphans(platform)
         self._departed: Deadlines[str] = Deadlines()
         self._found: tuple[str, ...] = ()
         self._standing: dict[str, Standing] = {}
         self._twins: dict[int, int] = {}
-        self._grace_us = ORPHAN_US
 
     # -- the directory -----------------------------------------------------------------------------------------
 
@@ -72,6 +66,9 @@ class Membership:
                 self._namesake(change)
             case PlatformRefused():
                 self._refused(change)
+            case Reopen():
+                self._p.note(f"opens a new session: {change.why}")
+                return False
             case PlatformSuspected() | ServiceGone() | LabelGone():
                 pass
             case _:
@@ -107,7 +104,6 @@ class Membership:
         else:
             self._p.exports.receiver_gone(unit, now_us, change.boot)
         self._p.supply.forget(unit)
-        self._grace_us = LINGER_US if change.why == "left" else ORPHAN_US
         self._p.interface.peer_gone(unit, now_us)
         self._p.clocks.on_gone(unit)
         self._standing.pop(unit, None)
@@ -166,14 +162,7 @@ class Membership:
         unit, conversation = act.sender.unit, act.conversation_id or ""
         if self._p.bulletin.unsubscribe(unit, conversation) or self._p.checks.cancel(conversation, unit):
             return
-        entry = self._p.directory.entry(unit)
-        if (
-            act.content is not None
-            and act.content.head == "create-multicast"
-            and entry is not None
-            and entry.kind == "uav"
-        ):
-            self._orphans.set(conversation, now_us + self._grace_us)
+        self._orphans.on_lost(conversation, now_us)
 
     def on_cancel(self, act: Act, of_others: bool, now_us: int) -> bool:
         """Somebody ends what was asked for in a conversation; raises Refused if it is another's and must not."""
@@ -182,7 +171,7 @@ class Membership:
             return True
         task = self._p.tasks.get(conversation)
         if task is not None and task.initiator == unit and is_lost(act):
-            self.on_forgotten(task, now_us)
+            self._orphans.on_forgotten(task, now_us)
             return True
         if task is not None and task.initiator != unit:
             if not of_others:
@@ -193,22 +182,13 @@ class Membership:
             raise Refused(f"the task is led by {led.leader} now: cancel it there")
         return self._p.tasks.cancel(conversation, now_us)
 
-    def on_forgotten(self, task: Task, now_us: int) -> None:
-        """Who asked for a task had lost sight of this platform, and is back. A person's stays, until a person ends it;
-        that of a platform ends, unless somebody sees to it that it goes on.
-        """
-        entry = self._p.directory.entry(task.initiator)
-        if entry is not None and entry.kind == "uav":
-            self._orphans.set(task.conversation, now_us + ORPHAN_US)
-
     @property
     def deadline_us(self) -> int | None:
-        due = [at_us for at_us in (self._orphans.next_us, self._departed.next_us) if at_us is not None]
+        due = [at_us for at_us in (self._orphans.deadline_us, self._departed.next_us) if at_us is not None]
         return min(due, default=None)
 
     def on_time(self, now_us: int) -> None:
-        for conversation in self._orphans.pop_due(now_us):
-            self._p.tasks.cancel(conversation, now_us)
+        self._orphans.on_time(now_us)
         for unit in self._departed.pop_due(now_us):
             self._p.monitors.leave(unit)
 

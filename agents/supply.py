@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 from agents.context import Context
 from dyknow import US_PER_S
-from federation.contents import CreateMulticast
+from federation.acts import Act, Performative
+from federation.contents import Content, CreateMulticast
 
 FIRST_US = 250_000
 CHECK_US = 250_000
@@ -23,6 +24,7 @@ class Supply:
     context: Context
     _asked_us: dict[str, int] = field(default_factory=dict)
     _open: dict[str, list[str]] = field(default_factory=dict)
+    _renew: set[str] = field(default_factory=set)
     _check_us: int | None = None
 
     def wake(self, now_us: int) -> None:
@@ -47,9 +49,10 @@ class Supply:
                 self._ask(unit, wanted, now_us)
 
     def forget(self, unit: str) -> None:
-        """The platform is gone: what was asked of it went with it."""
+        """The platform is gone, and the conversations with it: what it exported to us is asked for anew if it returns."""
         self._asked_us.pop(unit, None)
-        self._open.pop(unit, None)
+        if self._open.pop(unit, None):
+            self._renew.add(unit)
 
     def _lacks(self, unit: str, wanted: set[tuple[str, int, int]], now_us: int) -> bool:
         if now_us < self._asked_us.get(unit, -AGAIN_US) + AGAIN_US:
@@ -58,6 +61,8 @@ class Supply:
         if entry is None or not self.context.directory.is_present(unit):
             return False
         offered = {label.label for label in entry.labels}
+        if unit in self._renew and offered:
+            return True
         importer = self.context.gateway.importer
         for label, period_us, _ in wanted:
             heard_us = importer.heard_us(unit, label)
@@ -66,11 +71,12 @@ class Supply:
         return False
 
     def _ask(self, unit: str, wanted: set[tuple[str, int, int]], now_us: int) -> None:
+        """Ask for all of it; only then end what stood, so that no stream ends in between."""
         self._asked_us[unit] = now_us
+        self._renew.discard(unit)
         entry = self.context.directory.entry(unit)
         offered = {label.label for label in entry.labels} if entry is not None else set()
-        for conversation in self._open.pop(unit, []):
-            self.context.desk.cancel(unit, conversation, now_us)
+        before = self._open.pop(unit, [])
         by_policy: dict[tuple[int, int], list[str]] = {}
         for label, period_us, delay_us in sorted(wanted):
             if label in offered:
@@ -82,4 +88,25 @@ class Supply:
                 delay_s=delay_us / US_PER_S,
                 to_units=(self.context.unit,),
             )
-            self._open.setdefault(unit, []).append(self.context.desk.delegate(unit, content, now_us))
+            self._open.setdefault(unit, []).append(self._delegate(unit, content, now_us))
+        for conversation in before:
+            self.context.desk.cancel(unit, conversation, now_us)
+
+    def _delegate(self, unit: str, content: CreateMulticast, now_us: int) -> str:
+        """Ask for streams; what ends without us is asked for anew while it is needed."""
+        asked: list[str] = []
+
+        def ended() -> None:
+            if asked and asked[0] in self._open.get(unit, ()):
+                self._renew.add(unit)
+
+        def on_reply(reply: Act, _said: Content | None, _at_us: int) -> None:
+            if reply.performative is Performative.FAILURE:
+                ended()
+
+        asked.append(
+            self.context.desk.delegate(
+                unit, content, now_us, on_reply=on_reply, on_silence=lambda _why, _at_us: ended()
+            )
+        )
+        return asked[0]

@@ -151,6 +151,11 @@ class Exports:
             else frozenset().union(*(self._contracts[c].receivers for c in export.contracts))
         )
 
+    def is_shared(self, prefix: str) -> bool:
+        """Whether every stream of the contracts whose names begin with `prefix` has another contract."""
+        named = {name for name in self._contracts if name.startswith(prefix)}
+        return all(self._exports[self._contracts[name].stream].contracts - named for name in named)
+
     def streams(self) -> list[tuple[ExportStream, tuple[str, ...]]]:
         """The living streams, and who receives each."""
         return [

@@ -41,6 +41,7 @@ from federation.transport import (
     WireEvent,
 )
 from proxies.open_asks import OpenAsks
+from proxies.tcp_close import stop_waiting
 from proxies.zenoh_config import ZenohOptions, zenoh_config
 
 T = TypeVar("T")
@@ -73,6 +74,7 @@ class ZenohEdge:
         self._config = json.dumps(zenoh_config(options, _address_of))
         self._post, self._now_us = post, now_us
         self._session: zenoh.Session | None = None
+        self._links: Any = None
         self._zid = ""
         self._publishers: dict[str, tuple[Urgency, zenoh.Publisher]] = {}
         self._declared: dict[Declaration, Any] = {}
@@ -112,6 +114,7 @@ class ZenohEdge:
         except zenoh.ZError as failed:
             raise SessionFailed(f"the session does not open: {_said(failed)}") from None
         self._zid = self._zid or str(self._session.zid())
+        self._links = self._session.info.declare_link_events_listener(_on_link, history=True)
 
     def perform(self, effect: WireEffect) -> None:
         """Carry out one effect. What Zenoh refuses is posted as `HandlerFailed`: a node outlives its session."""
@@ -244,7 +247,8 @@ class ZenohEdge:
             for made in leaving:
                 made.undeclare()
         self._asks.end_all()
-        _end(session.close)
+        with contextlib.suppress(zenoh.ZError):  # peers that it cannot tell any more find out by themselves
+            _end(session.close)
 
     # Events in
 
@@ -290,6 +294,11 @@ class _TokenWatch:
     def _set(self, key: str, *, alive: bool) -> None:
         (self._alive.add if alive else self._alive.discard)(key)
         self._post(TokenChanged(key, self._now_us(), alive))
+
+
+def _on_link(event: zenoh.LinkEvent) -> None:
+    if event.kind == zenoh.SampleKind.PUT:
+        stop_waiting()
 
 
 def _said(failed: Exception) -> str:
