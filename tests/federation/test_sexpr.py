@@ -117,7 +117,7 @@ def test_nesting_is_bounded_in_both_directions() -> None:
     ],
 )
 def test_what_has_no_text_is_not_printed(value: ExprValue) -> None:
-    with pytest.raises(ValueError, match="64 bits|cannot be said|not a name"):
+    with pytest.raises(ValueError, match=r"64 bits|cannot be said|not a name"):
         print_value(value)
 
 

@@ -19,9 +19,9 @@ from dyknow.sample import Sample
 from dyknow.values import NO_VALUE
 from federation.transport import Arrived, AskEnded, Put, TokenChanged, Urgency, WireEvent
 from navigation.vehicle import PositionReport, Report, StatusReport
+from proxies.journal_file import Lost, Stepped, decode_event, encode_event, read_about, read_journal
 from runtime import journal as journal_module
 from runtime.journal import Journal, Journalled, replayed
-from proxies.journal_file import Lost, Stepped, decode_event, encode_event, read_about, read_journal
 
 ABOUT = {"unit": "0", "boot": "7"}
 NOW_US = 1_795_000_000_000_123
