@@ -18,6 +18,15 @@ SILENT_US = 1_000_000
 
 
 @dataclass(slots=True)
+class Batch:
+    """What is asked of a platform at once: how many agreements are awaited, and what they are to take the place of."""
+
+    unit: str
+    before: tuple[str, ...]
+    awaited: int
+
+
+@dataclass(slots=True)
 class Supply:
     """What was asked of whom, and when to look again."""
 
@@ -71,16 +80,17 @@ class Supply:
         return False
 
     def _ask(self, unit: str, wanted: set[tuple[str, int, int]], now_us: int) -> None:
-        """Ask for all of it; only then end what stood, so that no stream ends in between."""
+        """Ask for all of it; what stood ends when all of that is agreed to, so that no stream ends in between."""
         self._asked_us[unit] = now_us
         self._renew.discard(unit)
         entry = self.context.directory.entry(unit)
         offered = {label.label for label in entry.labels} if entry is not None else set()
-        before = self._open.pop(unit, [])
         by_policy: dict[tuple[int, int], list[str]] = {}
         for label, period_us, delay_us in sorted(wanted):
             if label in offered:
                 by_policy.setdefault((period_us, delay_us), []).append(label)
+        held = self._open.setdefault(unit, [])
+        batch = Batch(unit, tuple(held), len(by_policy))
         for (period_us, delay_us), labels in by_policy.items():
             content = CreateMulticast(
                 semantic_labels=tuple(labels),
@@ -88,25 +98,31 @@ class Supply:
                 delay_s=delay_us / US_PER_S,
                 to_units=(self.context.unit,),
             )
-            self._open.setdefault(unit, []).append(self._delegate(unit, content, now_us))
-        for conversation in before:
-            self.context.desk.cancel(unit, conversation, now_us)
+            held.append(self._delegate(batch, content, now_us))
 
-    def _delegate(self, unit: str, content: CreateMulticast, now_us: int) -> str:
-        """Ask for streams; what ends without us is asked for anew while it is needed."""
+    def _delegate(self, batch: Batch, content: CreateMulticast, now_us: int) -> str:
         asked: list[str] = []
 
-        def ended() -> None:
-            if asked and asked[0] in self._open.get(unit, ()):
-                self._renew.add(unit)
+        def is_held() -> bool:
+            return bool(asked) and asked[0] in self._open.get(batch.unit, ())
 
-        def on_reply(reply: Act, _said: Content | None, _at_us: int) -> None:
-            if reply.performative is Performative.FAILURE:
-                ended()
+        def on_reply(reply: Act, _said: Content | None, at_us: int) -> None:
+            if reply.performative is Performative.AGREE:
+                self._agreed(batch, at_us)
+            elif reply.performative is Performative.FAILURE and is_held():
+                self._renew.add(batch.unit)
 
-        asked.append(
-            self.context.desk.delegate(
-                unit, content, now_us, on_reply=on_reply, on_silence=lambda _why, _at_us: ended()
-            )
-        )
+        def on_silence(_why: str, _at_us: int) -> None:
+            if is_held():
+                self._renew.add(batch.unit)
+
+        asked.append(self.context.desk.delegate(batch.unit, content, now_us, on_reply=on_reply, on_silence=on_silence))
         return asked[0]
+
+    def _agreed(self, batch: Batch, now_us: int) -> None:
+        batch.awaited -= 1
+        held = self._open.get(batch.unit, [])
+        for conversation in batch.before if batch.awaited == 0 else ():
+            if conversation in held:
+                held.remove(conversation)
+                self.context.desk.cancel(batch.unit, conversation, now_us)
