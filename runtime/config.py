@@ -21,6 +21,8 @@ class WireConfig(Strict):
     discover: Literal["multicast", "none"] = "multicast"
     interface: str = "lo"
     lease_ms: int = Field(2000, ge=500, le=60_000)
+    open: bool = False
+    """Without a roster anybody who reaches a platform may command it: beyond loopback only if somebody says so here."""
     security: Path | None = None
     """JSON file with mTLS and access-control settings, made by `dyknow roster`."""
 

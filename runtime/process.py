@@ -30,11 +30,11 @@ from federation.transport import Answered, Ask, Put
 from federation.trust import Roster, Signer, Verifier
 from navigation.vehicle import Command, Report
 from proxies.journal_file import CLOCK_EPOCH, CLOCK_SPEED
-from proxies.zenoh_config import ZenohOptions
+from proxies.zenoh_config import LOOPBACK, ZenohOptions
 from proxies.zenoh_edge import ZenohEdge
 from reasoning import builtin_profiles, parse_profiles
 from runtime.clock import NodeClock
-from runtime.config import NodeConfig
+from runtime.config import NodeConfig, WireConfig
 from runtime.journal import Journal, Journalled
 from runtime.loop import Node, step
 from runtime.mailbox import Mailbox
@@ -90,7 +90,12 @@ class Process:
         self._told: tuple[str, ...] = ()
 
     def run(self) -> int:
-        """Join, step until stopped, leave; the exit code."""
+        """Join, step until stopped, leave; the exit code.
+
+        Raises:
+            RosterError: the federation has no roster and would reach beyond loopback, which nobody allowed.
+        """
+        self._insist_on_trust()
         contents.prepare()
         PlanBook(self.config.unit, builtin_profiles()).prepare()
         self._edge.open()
@@ -149,6 +154,19 @@ class Process:
             label, fields = str(platform.own.estimate), [field.name for field in ESTIMATE.fields]
             platform.network.subscribe(platform.own.estimate, Policy(), lambda s: journal.on_sample(label, fields, s))
         return Journalled(platform, journal)
+
+    def _insist_on_trust(self) -> None:
+        if self.config.trust.roster is not None:
+            return
+        beyond = reaches_beyond(self.config.wire)
+        if beyond and not (self.config.wire.open or os.environ.get("DYKNOW_OPEN") == "1"):
+            raise RosterError(
+                f"{beyond} lies beyond loopback, and this federation has no roster: anybody there could command it. "
+                "Make one with `dyknow roster init`, or set DYKNOW_OPEN=1 to allow it all the same"
+            )
+        self._note(
+            f"open federation: acts are not signed{f', and {beyond} reaches beyond this machine' if beyond else ''}"
+        )
 
     def _adopt_epoch(self) -> None:
         """Take over the epoch of a federation that is there and runs at our speed, so that all clocks agree.
@@ -238,6 +256,16 @@ class _Until:
     def deadline_us(self) -> int:
         due_us = self._node.deadline_us
         return self._ends_us if due_us is None else min(due_us, self._ends_us)
+
+
+def reaches_beyond(wire: WireConfig) -> str:
+    """The first endpoint or interface that is not loopback; empty if there is none."""
+    for endpoint in (*wire.listen, *wire.connect):
+        host = endpoint.partition("/")[2].rpartition(":")[0].strip("[]")
+        if host not in {"localhost", "::1"} and not host.startswith("127."):
+            return endpoint
+    meets = not wire.listen or (wire.discover == "multicast" and not wire.connect)
+    return wire.interface if meets and wire.interface != LOOPBACK else ""
 
 
 def wire_options(config: NodeConfig) -> ZenohOptions:

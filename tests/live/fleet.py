@@ -150,6 +150,7 @@ class Fleet:
             place = self._places(unit)
             vehicle = {"kind": "simulated", "scenario": SCENARIO, "index": int(unit), "count": self._count}
             wire = {"federation": self.name, "listen": place.listen, "connect": place.connect}
+            wire["open"] = bool(place.listen)  # a laboratory of namespaces is no machine that strangers reach
             path = self._directory / f"{unit}.json"
             path.write_text(json.dumps({"unit": unit, "wire": wire, "vehicle": vehicle, **config}))
             argv = [*place.prefix, sys.executable, "-m", "sim_uavs.node", "--config", str(path)]
