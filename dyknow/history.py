@@ -140,6 +140,8 @@ class History:
         dropped_us = self._dropped()
         if at == start or (dropped_us is not None and ordered[at - 1].valid_us < dropped_us):
             starts_us = self.starts_us
+            if starts_us is None and len(ordered) > start:
+                starts_us = ordered[start].valid_us
             began = "" if starts_us is None else f"; the history starts at {starts_us} us"
             raise ValueNotAvailable(f"no sample valid at or before {valid_us} us was available at {query_us} us{began}")
         return ordered[at - 1]
