@@ -106,13 +106,19 @@ class ImportProxy:
         found.heard_us = event.at_us
         self._deliver(found, found.stream.on_samples(boot, entries, event.at_us), event.at_us)
 
-    def on_tails(self, owner: str, boot: int, tails: Sequence[tuple[str, str, int]], now_us: int) -> None:
-        """A heartbeat of `owner` says how far its streams have come: what was lost last shows, too."""
+    def on_tails(self, owner: str, boot: int, tails: Sequence[tuple[str, str, int]], now_us: int) -> bool:
+        """A heartbeat of `owner` says how far its streams have come: what was lost last shows, too.
+
+        Returns whether anything is due because of it.
+        """
+        is_due = False
         for semantic_label, policy_hash, tail in tails:
             found = self.imports.get((owner, semantic_label, policy_hash))
-            if found is not None:
+            if found is not None and not found.stream.has(boot, tail):
                 found.stream.on_tail(boot, tail, now_us)
                 self._wake(found)
+                is_due = is_due or found.stream.deadline_us is not None
+        return is_due
 
     def on_answered(self, event: Answered) -> bool:
         """An answer to one of our questions; False when it is somebody else's."""

@@ -139,11 +139,13 @@ class Membership:
 
     # -- clocks ------------------------------------------------------------------------------------------------
 
-    def on_clocks(self, now_us: int) -> None:
+    def on_clock(self, unit: str, now_us: int) -> None:
         """A clock was compared: monitors over a peer whose clock is skewed, or not known yet, count it as missing."""
-        for unit in self._p.monitors.members:
-            if self._standing.get(unit) is not self._p.clocks.standing(unit) and self._p.directory.is_present(unit):
-                self._judge_clock(unit, now_us)
+        known = self._standing.get(unit)
+        if known is self._p.clocks.standing(unit) or not self._p.monitors.has_member(unit):
+            return
+        if self._p.directory.is_present(unit):
+            self._judge_clock(unit, now_us)
 
     def _judge_clock(self, unit: str, now_us: int) -> None:
         standing = self._standing[unit] = self._p.clocks.standing(unit)

@@ -157,6 +157,10 @@ class Monitors:
                         found.setdefault(unit, set()).add((label, named.plan.period_us, named.plan.max_delay_us))
         return found
 
+    def has_member(self, unit: str) -> bool:
+        """Whether there are monitors over `unit`, or would be."""
+        return unit in self._members
+
     @property
     def members(self) -> tuple[str, ...]:
         """The other units there are monitors over."""

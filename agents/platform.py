@@ -206,10 +206,46 @@ class Platform:
         """Take one event; `now_us` is the node clock."""
         self._now_us = now_us
         try:
+            if type(event) is Arrived and self._is_quiet(event):
+                return []
             self._on_event(event)
         except DecodeError as wrong:
             self.refused[wrong.reason] += 1
         return self._done()
+
+    def _is_quiet(self, event: Arrived) -> bool:
+        """Take a heartbeat or samples; whether it was that, and nothing follows from it. Most events are so.
+
+        Quiet ones change few deadlines, and every step pays for finding the earliest.
+        """
+        key = keys.parse_key(event.key)
+        if type(key) is keys.HeartbeatKey:
+            return self._is_quiet_beat(event, key)
+        if type(key) is not keys.StreamKey:
+            return False
+        self.importer.on_arrived(event, key)
+        if self._out or self.gateway.exporter.pending:
+            return False
+        self._hasten(self.importer.deadline_us)
+        for federation_us in (self.monitors.deadline_us, self.network.deadline_us):
+            self._hasten(None if federation_us is None else self.clock.wall_us(federation_us))
+        return True
+
+    def _is_quiet_beat(self, event: Arrived, key: keys.HeartbeatKey) -> bool:
+        beat = decode_heartbeat(event.payload)
+        if beat.unit != key.unit:
+            raise DecodeError("key")
+        if key.unit == self.unit and not self.membership.is_twin(beat.boot, event.at_us):
+            return True
+        outcome = self.directory.on_heartbeat(beat, event.at_us)
+        if self.importer.on_tails(beat.unit, beat.boot, beat.tails, event.at_us):
+            self._hasten(self.importer.deadline_us)
+        self._take(outcome)
+        return not outcome
+
+    def _hasten(self, at_us: int | None) -> None:
+        if at_us is not None and self._due_us is not None and at_us < self._due_us:
+            self._due_us = at_us
 
     def on_time(self, now_us: int) -> list[Effect]:
         """Let time pass. Call at `deadline_us`; more often is harmless."""
@@ -282,8 +318,9 @@ class Platform:
             case Asked():
                 self._on_asked(event)
             case Answered():
-                if self.clocks.on_answered(event):
-                    self.membership.on_clocks(self._now_us)
+                unit = self.clocks.on_answered(event)
+                if unit is not None:
+                    self.membership.on_clock(unit, self._now_us)
                 elif not self.importer.on_answered(event):
                     self._take(self.directory.on_answered(event))
             case AskEnded():
@@ -299,17 +336,8 @@ class Platform:
     def _on_arrived(self, event: Arrived) -> None:
         key = keys.parse_key(event.key)
         match key:
-            case keys.StreamKey():
-                self.importer.on_arrived(event, key)
-            case keys.HeartbeatKey():
-                beat = decode_heartbeat(event.payload)
-                if beat.unit != key.unit:
-                    raise DecodeError("key")
-                if key.unit == self.unit and not self.membership.is_twin(beat.boot, event.at_us):
-                    return
-                self._take(self.directory.on_heartbeat(beat, event.at_us))
-                if beat.tails:
-                    self.importer.on_tails(beat.unit, beat.boot, beat.tails, event.at_us)
+            case keys.StreamKey() | keys.HeartbeatKey():
+                pass  # it was taken already
             case keys.ActKey():
                 if key.sender == self.unit:
                     self.refused["our own name"] += 1

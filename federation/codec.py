@@ -10,6 +10,7 @@ quoted text = bin, `no_value` = nil.
 
 import re
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from pydantic import ValidationError
@@ -353,7 +354,9 @@ def encode_heartbeat(heartbeat: Heartbeat) -> bytes:
     return pack((VERSION, *heartbeat))
 
 
+@lru_cache(maxsize=256)
 def decode_heartbeat(payload: bytes) -> Heartbeat:
+    """Read one heartbeat. Many platforms in one process hear the same bytes: they are read once."""
     unit, boot, seq, wall_us, description, hears, tails = array(payload, 7)
     for name in items(hears):
         named(keys.unit, name)

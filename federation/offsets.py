@@ -74,23 +74,23 @@ class ClockOffsets:
         pong = Pong(self.boot, ping.sent_us, asked.at_us, max(asked.at_us, now_us))
         return [Answer(asked.ask, asked.key, encode_pong(pong)), AnswerEnd(asked.ask)]
 
-    def on_answered(self, answered: Answered) -> bool:
-        """An answer; False if the question is none of ours."""
+    def on_answered(self, answered: Answered) -> str | None:
+        """An answer; whose it is, or None if the question is none of ours."""
         unit, sent_us = self._asked.pop(answered.question, ("", 0))
         estimator = self._estimators.get(unit)
         if estimator is None:
-            return False
+            return None
         try:
             pong = decode_pong(answered.payload)
         except DecodeError:
             self.refused += 1
-            return True
+            return unit
         if pong.sent_us != sent_us:
             self.refused += 1
-            return True
+            return unit
         estimator.on_stamps(pong.boot, sent_us, pong.received_us, pong.answered_us, answered.at_us)
         self._wake(estimator.deadline_us)
-        return True
+        return unit
 
     def on_ask_ended(self, ended: AskEnded) -> bool:
         """No answer will come any more; False if the question is none of ours, or was answered."""

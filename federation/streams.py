@@ -173,6 +173,10 @@ class ImportStream:
         first = self._next or 0
         return [entry.seq for entry in entries] == list(range(first, first + len(entries)))
 
+    def has(self, boot: int, tail: int) -> bool:
+        """Whether `tail` of that life is known of already: most heartbeats tell nothing new."""
+        return boot == self.boot and self._next is not None and tail < self._next
+
     def on_tail(self, boot: int, tail: int, now_us: int) -> None:
         """The owner's heartbeat says that `tail` is the newest number of this stream."""
         if tail < 1 or not self._is_current(boot):

@@ -71,15 +71,15 @@ class Wire:
         self._links: dict[tuple[str, str], Link] = {}
         self._cut: set[tuple[str, str]] = set()
         self._numbers = 0
-        self._questions = Questions(agenda, self._pass)
+        self._questions = Questions(agenda, self._pass, self._sessions)
         self._perform: dict[type, Callable[[Session, Any], None]] = {
             Put: self._put,
-            Subscribe: self._subscribe,
-            Unsubscribe: self._unsubscribe,
+            Subscribe: lambda session, effect: session.subscribe(effect.key_expr),
+            Unsubscribe: lambda session, effect: session.unsubscribe(effect.key_expr),
             DeclareToken: self._declare_token,
             UndeclareToken: self._undeclare_token,
             WatchTokens: self._watch,
-            DeclareQueryable: lambda session, effect: session.queryables.setdefault(effect.key_expr),
+            DeclareQueryable: self._declare_queryable,
             Ask: self._questions.ask,
             Answer: self._questions.answer,
             AnswerEnd: self._questions.answer_end,
@@ -94,12 +94,14 @@ class Wire:
             raise ValueError(f"{unit} has a session already")
         self._numbers += 1
         session = self._sessions[unit] = Session(self._numbers, unit, zid, post, now_us)
+        self._questions.forget_who()
         self._connect_all(session)
 
     def kill(self, unit: str) -> None:
         """The process is gone, at once and without a word; what stood in its connections is lost."""
         session = self._sessions.pop(unit)
         session.alive = False
+        self._questions.forget_who()
         self._questions.forget(session)
         self._dying[session.number] = session
         for transport in list(session.transports.values()):
@@ -204,15 +206,9 @@ class Wire:
             agenda.at(at_us + int(random() * link.late_us), arrive, *what)
         return at_us
 
-    @staticmethod
-    def _subscribe(session: Session, effect: Subscribe) -> None:
-        session.subscriptions.setdefault(effect.key_expr)
-        session.forget_wants()
-
-    @staticmethod
-    def _unsubscribe(session: Session, effect: Unsubscribe) -> None:
-        session.subscriptions.pop(effect.key_expr, None)
-        session.forget_wants()
+    def _declare_queryable(self, session: Session, effect: DeclareQueryable) -> None:
+        session.queryables.setdefault(effect.key_expr)
+        self._questions.forget_who()
 
     # -- tokens -------------------------------------------------------------------------------------------------
 
@@ -332,6 +328,7 @@ class Wire:
         again = Session(self._numbers, unit, session.zid, session.post, session.now_us)
         again.take_over(session)
         self._sessions[unit] = again
+        self._questions.forget_who()
         self._agenda.at(self._soon(REOPEN_US), self._opened, again)
 
     def _opened(self, session: Session) -> None:

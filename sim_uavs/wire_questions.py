@@ -1,6 +1,6 @@
 """Questions on the wire in a box: to every queryable that matches, with answers until all ended or the time is over."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
 from federation.transport import Answer, Answered, AnswerEnd, Ask, Asked, AskEnded
@@ -36,10 +36,11 @@ Send: TypeAlias = Callable[..., int]
 
 
 class Questions:
-    """All open questions."""
+    """All open questions. `sessions` are those that are open, by unit."""
 
-    def __init__(self, agenda: Agenda, send: Send) -> None:
-        self._agenda, self._send = agenda, send
+    def __init__(self, agenda: Agenda, send: Send, sessions: Mapping[str, Session]) -> None:
+        self._agenda, self._send, self._sessions = agenda, send, sessions
+        self._who: dict[str, tuple[Session, ...]] = {}
         self._asks = 0
         self._asked: dict[int, AskOf] = {}
         self._open: dict[tuple[int, int], Question] = {}
@@ -53,16 +54,27 @@ class Questions:
     def ask(self, asker: Session, effect: Ask) -> None:
         """Ask everybody whose queryable matches; those who cannot be reached keep the asker waiting."""
         question = self._open[asker.number, effect.question] = Question(asker, effect.question)
-        for direction in asker.outgoing:
-            if direction.is_up and direction.to.answers(effect.key):
+        for session in self._answering(effect.key):
+            transport = asker.transports.get(session.number)
+            if transport is not None and transport.up:
                 self._asks += 1
-                transport = asker.transports[direction.to.number]
-                asked = AskOf(self._asks, question, transport, transport.direction(direction.to))
+                direction = transport.direction(asker)
+                asked = AskOf(self._asks, question, transport, transport.direction(session))
                 self._asked[asked.ask] = question.open[asked.ask] = asked
                 if direction.passes:
                     self._send(direction, 0, direction.to.take, Asked, effect.payload, asked.ask, effect.key)
         wait_us = effect.timeout_us if question.open else NOBODY_US
         self._agenda.at(self._agenda.now_us + wait_us, self.end, question)
+
+    def _answering(self, key: str) -> tuple[Session, ...]:
+        found = self._who.get(key)
+        if found is None:
+            found = self._who[key] = tuple(session for session in self._sessions.values() if session.answers(key))
+        return found
+
+    def forget_who(self) -> None:
+        """Who can be asked what has changed."""
+        self._who.clear()
 
     def answer(self, by: Session, effect: Answer) -> None:
         asked = self._asked.get(effect.ask)

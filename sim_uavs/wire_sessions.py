@@ -52,10 +52,16 @@ class Session:
             found = self._wants[key] = any(keys.matches(expr, key) for expr in self.subscriptions)
         return found
 
-    def forget_wants(self) -> None:
-        self._wants.clear()
+    def subscribe(self, key_expr: str) -> None:
+        self.subscriptions.setdefault(key_expr)
+        self._wants = {key: True for key, wanted in self._wants.items() if wanted}
+
+    def unsubscribe(self, key_expr: str) -> None:
+        self.subscriptions.pop(key_expr, None)
+        self._wants = {key: wanted for key, wanted in self._wants.items() if not keys.matches(key_expr, key)}
 
     def answers(self, key: str) -> bool:
+        """Whether one of its queryables is asked by a question to `key`."""
         return any(keys.matches(expr, key) for expr in self.queryables)
 
     def named(self, token: str) -> str:

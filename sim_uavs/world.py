@@ -75,6 +75,7 @@ class Node:
     notes: list[str] = field(default_factory=list)
     truth: list[Truth] = field(default_factory=list)
     due_us: int | None = None
+    asked_us: int | None = None
     mailbox: Mailbox | None = None
 
 
@@ -342,7 +343,11 @@ class World:
         platform = node.platform
         if platform is None or node.frozen:
             return
-        due_us = node.clock.world_us(platform.deadline_us)
+        asked_us = platform.deadline_us
+        if node.due_us is not None and asked_us == node.asked_us:
+            return
+        node.asked_us = asked_us
+        due_us = node.clock.world_us(asked_us)
         if node.due_us is None or due_us < node.due_us:
             node.due_us = due_us
             self.agenda.at(due_us, self._on_time, node, due_us)

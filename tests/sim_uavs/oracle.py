@@ -44,7 +44,7 @@ def level_offset_m(one: Sequence[float], other: Sequence[float]) -> tuple[float,
 
 
 class Pair(NamedTuple):
-    """Values of one state: position, altitude, velocity of the unit itself, then of the other; None where lacking."""
+    """One state, and when it was there: position, altitude, velocity of the unit itself, then of the other; None where lacking."""
 
     valid_us: int
     complete_us: int
@@ -133,11 +133,19 @@ def states(watched: Watched, other: str, from_us: int, to_us: int) -> list[Pair]
     found = []
     for valid_us in times:
         samples = [given.get(valid_us) for given in inputs]
-        complete_us = max(sample.available_us for sample in samples if sample is not None)
+        complete_us = max(_settled_us(given, valid_us) for given in inputs)
         if complete_us < to_us:
             values = tuple(None if sample is None else sample.value for sample in samples)
             found.append(Pair(valid_us, complete_us, values))
     return found
+
+
+def _settled_us(given: dict[int, Sample], valid_us: int) -> int:
+    """When it was clear what an input says about an instant: its sample came, or a later one, or the time was over."""
+    if valid_us in given:
+        return given[valid_us].available_us
+    later = [sample.available_us for at_us, sample in given.items() if at_us > valid_us]
+    return min([valid_us + MAX_DELAY_US, *later])
 
 
 class Span(NamedTuple):
