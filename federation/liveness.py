@@ -1,4 +1,4 @@
-"""Who is there: tokens and heartbeats together (semantics.md is law: neither alone is a failure detector).
+"""Who is there: tokens and heartbeats together (neither alone is a failure detector).
 
 A transport's token goes within milliseconds of a crash, and may stay for ten seconds behind a cut; a heartbeat of our
 own at 5 Hz is never wrong for longer than 2.5 s. A platform appears with its first heartbeat, is suspected when its

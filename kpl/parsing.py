@@ -1,4 +1,4 @@
-"""Formulas from text: the parse tree becomes the tree of reasoning/formulas.py (language.md, Formulas).
+"""Formulas from text: the parse tree becomes the tree of reasoning/formulas.py (grammar: kpl.lark).
 
 Variables are bound here; other names stay features until `check` knows the vocabulary. All errors of the tree are
 reported, not the first. An `always` or `eventually` without parentheses on the left of ->, or, and, until is refused:

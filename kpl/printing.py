@@ -44,7 +44,7 @@ _PRIMARY: Final = 9
 
 
 def print_formula(formula: Formula) -> str:
-    """The formula in the language of language.md, on one line."""
+    """The formula as it is typed, on one line."""
     return _show(formula, _EXPR, last=True)
 
 

@@ -1,4 +1,4 @@
-"""Recorded states as JSON lines, and formulas checked over them (language.md, Traces on disk).
+"""Recorded states as JSON lines, and formulas checked over them.
 
 One state a line: `{"t_ms": 100, "p": true, "speed[uav1]": 31.2}`; an absent or null feature has no value. A line with
 `message` is an event and belongs to the first state at or after its time; a line with `domains` only names the members

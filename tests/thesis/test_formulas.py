@@ -1,4 +1,4 @@
-"""Numbered examples and definitions of sections 7.5, 7.6 and 9.4.2, typed as language.md types them."""
+"""Numbered examples and definitions of sections 7.5, 7.6 and 9.4.2."""
 
 import pytest
 from hypothesis import HealthCheck, given, settings
