@@ -43,6 +43,8 @@ ALARMS_A_PAGE = 100
 ACTS_A_PAGE = 25
 MONITORS_A_PAGE = 100
 IMPORTS_A_PAGE = 200
+MISSED_US = 60_000_000
+"""How long a platform that fell silent is named when somebody asks who is there."""
 TEXT = 2000
 
 
@@ -67,6 +69,7 @@ class Bulletin:
         self._c, self._account = context, account
         self._followers: dict[Subscriber, Act] = {}
         self._watchers: dict[Subscriber, Act] = {}
+        self._missing: dict[str, int] = {}
         account.on_entry = self._on_entry
 
     # -- questions ---------------------------------------------------------------------------------------------
@@ -137,7 +140,8 @@ class Bulletin:
     def on_search(self, act: Act, content: Search, now_us: int) -> None:
         found = self._c.directory.search(service=content.service, label=content.semantic_label, outside=True)
         agents = tuple(str(AgentName("interface", entry.unit)) for entry in found)[:MAX_LIST]
-        self._c.desk.answer(act, P.INFORM, Found(agents=agents), now_us)
+        missing = tuple(unit for unit, since_us in self._missing.items() if now_us < since_us + MISSED_US)[:MAX_LIST]
+        self._c.desk.answer(act, P.INFORM, Found(agents=agents, missing_units=missing), now_us)
 
     # -- subscriptions -----------------------------------------------------------------------------------------
 
@@ -175,11 +179,24 @@ class Bulletin:
         return found is not None
 
     def on_directory_change(self, change: DirectoryChange, now_us: int) -> None:
-        """Tell those who watch the directory what came or went."""
+        """Tell those who watch the directory what came or went, and remember who is missed."""
+        self._note_missing(change, now_us)
         said = _change(change, now_us)
         if said is not None:
             for act in list(self._watchers.values()):
                 self._c.desk.answer(act, P.INFORM, said, now_us)
+
+    def _note_missing(self, change: DirectoryChange, now_us: int) -> None:
+        if isinstance(change, PlatformAppeared | PlatformReturned):
+            self._missing.pop(change.unit, None)
+        elif isinstance(change, PlatformSuspected | PlatformGone):
+            entry = self._c.directory.entry(change.unit)
+            if isinstance(change, PlatformGone) and change.why == "left":
+                self._missing.pop(change.unit, None)
+            elif entry is not None and entry.kind == "uav":
+                self._missing.setdefault(change.unit, now_us)
+        for unit in [unit for unit, since_us in self._missing.items() if now_us >= since_us + MISSED_US]:
+            del self._missing[unit]
 
     def _on_entry(self, entry: Entry) -> None:
         """Tell those who follow the acts, but not of what is told to them, nor of their own questions about it."""

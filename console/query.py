@@ -5,15 +5,18 @@ from typing import Any
 from agents.readings import merge_inverse_variance, merge_mean, select_best, select_newest
 from console.client import Client, connected
 from console.command import Call
+from console.dialogue import Dialogue
 from console.errors import DONE, NO, NothingFound, WrongCall, did_you_mean
 from console.instants import clock_time, duration_us, instant_us
 from console.output import unit_json, verbatim
 from dyknow.values import NoValue
 from federation.acts import Performative
-from federation.contents import Query, Reading, Samples
+from federation.contents import Found, Query, Reading, Samples, Search
+from federation.directory import unit_order
 from federation.keys import label as label_name
 
 SELECT = {"newest": select_newest, "best": select_best}
+LOOK_S = 1.0
 MERGE = {"mean": merge_mean, "inverse-variance": merge_inverse_variance}
 
 
@@ -39,6 +42,7 @@ def query(
     with connected(call) as client:
         with call.out.waiting(f"asking for {label}"):
             units = client.chosen(unit)
+        around = _who_else(client, units) if unit is None else []
         content = _content(label, at, between, client)
         one_of_all = select is not None or merge is not None
         for dialogue in client.ask(units, content, Performative.QUERY_REF, timeout_s):
@@ -51,10 +55,24 @@ def query(
             if not one_of_all:
                 for _, reading in readings:
                     _tell(call, label, dialogue.unit, reading)
+        for name in _silent(client, units, around):
+            _missing(call, name, "not heard any more")
         _known_label(client, label, answered=bool(found))
     if one_of_all and found:
         _tell_one(call, label, found, select, merge)
     return DONE if found else NO
+
+
+def _who_else(client: Client, units: list[str]) -> list[Dialogue]:
+    """Ask the platforms whom they miss: one that fell silent before this command began is unknown to it."""
+    return [client.say(unit, Performative.QUERY_REF, Search(), within_s=LOOK_S) for unit in units]
+
+
+def _silent(client: Client, units: list[str], around: list[Dialogue]) -> list[str]:
+    """Whom somebody misses and nobody was asked about."""
+    client.wait_for(lambda: not around or any(dialogue.results for dialogue in around), LOOK_S)
+    found = [said for dialogue in around for said in dialogue.results if isinstance(said, Found)]
+    return sorted({name for said in found for name in said.missing_units} - set(units), key=unit_order)
 
 
 def _content(label: str, at: str | None, between: tuple[str, str] | None, client: Client) -> Query:

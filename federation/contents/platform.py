@@ -15,6 +15,7 @@ from federation.contents.parts import (
     Part,
     Prose,
     Unit,
+    Units,
     Word,
 )
 from federation.wire import SemanticLabel
@@ -79,7 +80,10 @@ class Search(Content):
 
 
 class Found(Content):
+    """Who does, and which `missing_units` there are: platforms that were there and are not heard, but did not say good-bye."""
+
     agents: Annotated[tuple[Agent, ...], Field(max_length=MAX_LIST)]
+    missing_units: Units = ()
 
 
 class Labels(Content):

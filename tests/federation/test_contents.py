@@ -47,6 +47,7 @@ TEXTS = [
     "(directory-event event: platform-appeared unit: 3 at: 5)",
     "(search service: dyknow-federation)",
     "(found agents: (sequence interface@0 interface@1))",
+    "(found agents: (sequence interface@0) missing-units: (sequence 1))",
     "(labels)",
     "(leave)",
     "(rejoin)",

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -186,6 +187,15 @@ class Fleet:
         ended = [node for node in self.nodes.values() if node.popen.poll() not in {None, -signal.SIGKILL}]
         return "\n".join(f"{node.unit}: {(self._directory / f'{node.unit}.err').read_text()[-2000:]}" for node in ended)
 
+    @contextmanager
+    def frozen(self, unit: str) -> Iterator[int]:
+        """A platform stands still meanwhile; since when."""
+        at_us = self.freeze(unit)
+        try:
+            yield at_us
+        finally:
+            self.thaw(unit)
+
     # Waiting
 
     def wait(self, condition: Callable[[], bool], timeout_s: float = PATIENCE_S) -> bool:
@@ -290,8 +300,9 @@ class Fleet:
             found = self.monitors(units, by)
             if condition(found):
                 return found
-            said = ["the monitors are not as they should be", *map(str, found), str(self.troubles)]
-            assert self.now_us() < until_us, "\n".join([*said, *self.notes(until_us)])
+            said = [f"{one.by} {one.name} {one.units} {one.inputs} {one.shows} {one.which}" for one in found]
+            said = ["the monitors are not as they should be", *said, str(self.troubles), *self.notes(until_us)]
+            assert self.now_us() < until_us, "\n".join(said)
             self.pause()
 
     def imports(self, units: Iterable[str], by: str = "cc-1") -> dict[tuple[str, str, str], ImportAccount]:

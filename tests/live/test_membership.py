@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import pytest
 
-from federation.contents import ImportAccount, Monitor, Samples
-from tests.live.fleet import Fleet, ms, report
+from federation.contents import ImportAccount, Monitor, Reading, Samples
+from tests.live.fleet import Fleet, Heard, ms, report
 
 pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]
 SECOND_US = 1_000_000
@@ -121,6 +121,41 @@ def test_a_latecomer_is_known_within_a_second_and_watched_within_another(fleet: 
     assert max(fresh) <= 2 * SECOND_US
 
 
+def test_one_frozen_platform_delays_no_answer_of_the_others_and_is_named(fleet: Fleet) -> None:
+    units = list(fleet.nodes)
+    frozen, others = units[2], {unit for unit in units if unit != units[2]}
+    at_us = fleet.now_us() // PERIOD_US * PERIOD_US - 3 * PERIOD_US
+    with fleet.frozen(frozen):
+        for op in ("", f" op: at at: {at_us}", f" op: between from: {at_us - 2 * PERIOD_US} to: {at_us}"):
+            say = f"(query semantic-label: heli-position{op})"
+            heard = {one.unit: one for one in fleet.ask(units, say, within_s=1.0)}
+            answered = {unit: len(readings(one)) for unit, one in heard.items() if one.trouble is None}
+            slowest = max(heard[unit].us for unit in answered)
+            report("query", op=op[:12] or "latest", slowest_answer=ms([slowest]), missing=heard[frozen].trouble)
+            assert answered == dict.fromkeys(others, 3 if "between" in op else 1)
+            assert heard[frozen].trouble
+            assert slowest <= SECOND_US // 2
+    fleet.monitors_until(units, lambda found: all_fresh(found, units), 30.0)
+    with fleet.frozen(frozen):
+        lines = fleet.dyknow("query", "heli-position", "--timeout", "1s")
+    assert {str(line["unit"]) for line in lines if "value" in line} == others
+    assert [str(line["unit"]) for line in lines if "error" in line] == [frozen], lines
+
+
+def readings(heard: Heard) -> list[Reading]:
+    return [reading for said in heard.contents if isinstance(said, Samples) for reading in said.samples]
+
+
+def test_what_cannot_be_answered_is_refused_for_its_reason(fleet: Fleet) -> None:
+    units = list(fleet.nodes)
+    ahead = list(
+        fleet.ask(units, f"(query semantic-label: heli-position op: at at: {fleet.now_us() + 60 * SECOND_US})")
+    )
+    before = list(fleet.ask(units, "(query semantic-label: heli-position op: at at: 1000000)"))
+    assert all("not yet" in str(heard.trouble) for heard in ahead), ahead
+    assert all("1000000" in str(heard.trouble) for heard in before), before
+
+
 def test_crashes_and_freezes_are_seen_by_all_and_cost_the_others_no_sample(fleet: Fleet) -> None:
     units = list(fleet.nodes)
     crashed, frozen = units[-1], units[-2]
@@ -133,10 +168,10 @@ def test_crashes_and_freezes_are_seen_by_all_and_cost_the_others_no_sample(fleet
     crash = fleet.seen_after(fleet.others(crashed), left, killed_us, 10.0)
     assert fleet.ls() == dict.fromkeys(left, "alive")
 
-    frozen_us = fleet.freeze(frozen)
-    freeze = fleet.seen_after(fleet.others(crashed, frozen), staying, frozen_us, 10.0)
-    listed = fleet.ls()
-    thawed_us = fleet.thaw(frozen)
+    with fleet.frozen(frozen) as frozen_us:
+        freeze = fleet.seen_after(fleet.others(crashed, frozen), staying, frozen_us, 10.0)
+        listed = fleet.ls()
+        thawed_us = fleet.now_us()
     thaw = fleet.seen_after(fleet.others(crashed, frozen), left, thawed_us, 20.0)
     assert fleet.wait(lambda: fleet.nodes[frozen].found == set(left), 10.0), "who was frozen must find all others, too"
     fleet.monitors_until(left, lambda found: all_fresh(of(found, left), left), 20.0)
