@@ -134,7 +134,7 @@ class Content(Part):
 
 
 _CONTENTS: dict[str, type[Content]] = {}
-_UNIT_FIELDS = ("by", "climber", "coordinator", "delegator", "owner", "to_units", "unit", "units")
+_UNIT_FIELDS = ("by", "climber", "coordinator", "delegator", "missing_units", "owner", "to_units", "unit", "units")
 _WORDS: dict[str, Callable[[str], ExprValue]] = {**dict.fromkeys(_UNIT_FIELDS, _unit_said), "verdict": _truth_said}
 """Fields whose strings are printed as something else."""
 

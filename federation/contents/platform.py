@@ -80,7 +80,7 @@ class Search(Content):
 
 
 class Found(Content):
-    """Who does, and which `missing_units` there are: platforms that were there and are not heard, but did not say good-bye."""
+    """Who does. `missing_units` were there and are not heard any more, but did not say good-bye."""
 
     agents: Annotated[tuple[Agent, ...], Field(max_length=MAX_LIST)]
     missing_units: Units = ()
