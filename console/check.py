@@ -5,7 +5,7 @@ from typing import Any
 
 from console.command import Call
 from console.errors import DONE, NO, FederationFailed, WrongCall, did_you_mean
-from console.instants import clock_time, duration_us
+from console.instants import SHORTEST_US, clock_time, duration_us
 
 
 def check(call: Call, formula: str, *, trace: Path | None, unit: str | None, timeout: str) -> int:
@@ -16,7 +16,7 @@ def check(call: Call, formula: str, *, trace: Path | None, unit: str | None, tim
         )
     if trace is not None:
         return _told(call, *_over_trace(call, formula, trace))
-    return _live(call, formula, str(unit), duration_us(timeout, option="--timeout") / 1e6)
+    return _live(call, formula, str(unit), duration_us(timeout, option="--timeout", least_us=SHORTEST_US) / 1e6)
 
 
 def _over_trace(call: Call, text: str, path: Path) -> tuple[str, float | None, int | None]:

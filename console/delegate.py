@@ -7,9 +7,10 @@ from console.client import Client, connected
 from console.command import Call
 from console.dialogue import Dialogue
 from console.errors import DONE, INTERRUPTED, NO, WRONG, FederationFailed, NothingFound, WrongCall
-from console.instants import clock_time, duration_us
+from console.instants import SHORTEST_US, clock_time, duration_us
 from console.output import unit_json, verbatim
 from console.wording import content_of
+from dyknow.errors import TextError
 from federation.acts import Act, Performative
 from federation.contents import (
     Alarm,
@@ -96,7 +97,9 @@ def _tell(call: Call, dialogue: Dialogue, act: Act, said: Content | None) -> Non
     colour = "green" if good else "red"
     words = verbatim(plain(said)) if said is not None else ""
     suffix = f"  [dim]{dialogue.conversation}[/dim]" if act.performative is P.AGREE else ""
-    call.out.console.print(f"[bold]{dialogue.unit}[/bold]  [{colour}]{act.performative}[/{colour}]  {words}{suffix}")
+    call.out.console.print(
+        f"[bold]{dialogue.unit}[/bold]  [{colour}]{act.performative}[/{colour}]  {words}{suffix}", soft_wrap=True
+    )
 
 
 def plain(said: Content) -> str:
@@ -153,7 +156,7 @@ def tasks(call: Call) -> int:
             )
             for t in sorted(found, key=lambda task: not (task.delegator or "").partition("@")[2].startswith("cc"))
         ]
-        call.out.table("", ("task", "on", "for", "state", "since", "conversation"), rows)
+        call.out.table("", ("task", "on", "for", "state", "since", "conversation"), rows, whole=("conversation",))
     else:
         call.out.note("no task is delegated; begin one with dyknow delegate monitor-proximity.")
     return DONE if found else NO
@@ -182,13 +185,24 @@ def cancel(call: Call, conversation: str) -> int:
     return DONE
 
 
-def fault(call: Call, unit: str, kind: str, duration: str | None) -> int:
-    """Make a simulated vehicle fail."""
+def _fault(kind: str) -> tuple[str, str]:
+    """The name and the amount of a fault; raises WrongCall."""
     from sim_uavs.faults import parse_fault
 
-    parse_fault(kind)
     name, _, value = kind.partition("=")
-    for_us = duration_us(duration, option="--for") if duration else None
+    if name == "clock" and value:
+        duration_us(value.lstrip("+-"), option="KIND: clock")
+    try:
+        parse_fault(kind)
+    except TextError as error:
+        raise WrongCall(f"KIND: {error.message}; write {error.repair}.") from None
+    return name, value
+
+
+def fault(call: Call, unit: str, kind: str, duration: str | None) -> int:
+    """Make a simulated vehicle fail."""
+    name, value = _fault(kind)
+    for_us = duration_us(duration, option="--for", least_us=SHORTEST_US) if duration else None
     with connected(call) as client:
         client.chosen(unit)
         content = Fault(kind=name, value=value or None, duration_s=for_us / 1e6 if for_us else None)

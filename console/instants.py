@@ -7,14 +7,16 @@ from console.errors import WrongCall
 
 _UNITS_US = {"us": 1, "ms": 1_000, "s": 1_000_000, "min": 60_000_000, "h": 3_600_000_000}
 _DURATION = re.compile(r"(?P<number>[0-9]+(?:\.[0-9]+)?)(?P<unit>us|ms|s|min|h)?")
+SHORTEST_US = 1_000
+"""The least that a period or a limit on the command line may be."""
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-def duration_us(text: str, *, option: str, default_unit: str = "s") -> int:
-    """A duration such as `200ms`, `5s`, `1.5min`; a bare number is in `default_unit`.
+def duration_us(text: str, *, option: str, least_us: int = 0) -> int:
+    """A duration such as `200ms`, `5s`, `1.5min`, of at least `least_us`.
 
     Raises:
-        WrongCall: if the text is no duration; `option` names the place.
+        WrongCall: if the text is no duration, has no unit, or is too short; `option` names the place.
     """
     found = _DURATION.fullmatch(text.strip())
     if found is None:
@@ -22,11 +24,17 @@ def duration_us(text: str, *, option: str, default_unit: str = "s") -> int:
             f"{option}: {text!r} is not a duration; write a number and a unit, as in 200ms, 5s, 1.5min "
             f"(units: {', '.join(_UNITS_US)})."
         )
-    return round(float(found["number"]) * _UNITS_US[found["unit"] or default_unit])
+    if found["unit"] is None:
+        number = found["number"]
+        raise WrongCall(f"{option}: {text!r} has no unit; say {number}ms or {number}s.")
+    duration = round(float(found["number"]) * _UNITS_US[found["unit"]])
+    if duration < least_us:
+        raise WrongCall(f"{option}: {text} is too short; write {span(least_us).replace(' ', '')} or more, as in 5s.")
+    return duration
 
 
 def instant_us(text: str, now_us: int, *, option: str) -> int:
-    """An instant: ISO 8601, microseconds since the epoch, `now`, or relative to now (`-10s`, `+2s`).
+    """An instant: ISO 8601, microseconds since the epoch, `now`, or relative to now (`-10s`, `0s`, `+2s`).
 
     A date without a zone is UTC. Raises WrongCall if the text is none of these.
     """
@@ -38,6 +46,8 @@ def instant_us(text: str, now_us: int, *, option: str) -> int:
     if given[:1] in {"-", "+"}:
         offset = duration_us(given[1:], option=option)
         return now_us - offset if given[0] == "-" else now_us + offset
+    if (found := _DURATION.fullmatch(given)) is not None and float(found["number"]) == 0:
+        return now_us
     try:
         when = datetime.fromisoformat(given)
     except ValueError:

@@ -6,8 +6,8 @@ from typing import Any
 from console.client import connected
 from console.command import Call
 from console.errors import DONE, INTERRUPTED, FederationFailed, WrongCall
-from console.instants import duration_us, instant_us
-from console.launch import clock_of, configured, replayed, trust_of, wire_of
+from console.instants import SHORTEST_US, duration_us, instant_us
+from console.launch import clock_of, configured, mavlink_endpoint, replayed, trust_of, wire_of
 from console.output import unit_json
 from console.processes import Fleet, interruptible, run_directory, uninterrupted
 from console.up import READY_S, Gathering
@@ -92,7 +92,7 @@ def _config(call: Call, unit: str, duration: str | None, chosen: dict[str, Any])
             "vehicle": vehicle,
             "avoidance": chosen["avoidance"],
             "translation": chosen["translation"],
-            "duration_s": duration_us(duration, option="--duration") / 1e6 if duration else None,
+            "duration_s": duration_us(duration, option="--duration", least_us=SHORTEST_US) / 1e6 if duration else None,
         }
     )
 
@@ -100,4 +100,5 @@ def _config(call: Call, unit: str, duration: str | None, chosen: dict[str, Any])
 def _mavlink(chosen: dict[str, Any], endpoint: str, speed: float) -> MavlinkVehicle:
     if speed != 1.0 or chosen["epoch"] is not None or chosen["from_"] != "0s":
         raise WrongCall("--speed, --epoch and --from belong to --replay: a vehicle's own clock cannot be driven.")
+    endpoint = mavlink_endpoint(endpoint, place="--mavlink")
     return MavlinkVehicle(endpoint=endpoint, sysid=chosen["sysid"], control=chosen["control"])

@@ -14,6 +14,7 @@ from console.errors import WrongCall, did_you_mean
 from console.federations import FederationFile, UnitFile
 from console.instants import duration_us, instant_us
 from console.processes import read_state, run_directory
+from dyknow.errors import TextError
 from federation.keys import unit as unit_name
 from runtime.config import (
     ClockConfig,
@@ -184,7 +185,9 @@ def _vehicle(
 ) -> SimulatedVehicle | MavlinkVehicle | ReplayedVehicle:
     """What the platform flies: the file's vehicle or recording, else a simulated UAV."""
     if own.mavlink:
-        return MavlinkVehicle(endpoint=own.mavlink, sysid=own.sysid, control=own.control)
+        return MavlinkVehicle(
+            endpoint=mavlink_endpoint(own.mavlink, place=f"[unit.{unit}] mavlink"), sysid=own.sysid, control=own.control
+        )
     if own.replay:
         return replayed(own.replay, own.from_ or "0s", own.epoch or "now", now_us, place=f"[unit.{unit}]")
     return SimulatedVehicle(
@@ -205,6 +208,17 @@ def _address(text: str | None) -> str | None:
     host, _, port = text.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65_536:
         raise WrongCall(f"--gcs: {text!r} is no address; write HOST:PORT, e.g. 127.0.0.1:14550.")
+    return text
+
+
+def mavlink_endpoint(text: str, *, place: str) -> str:
+    """An endpoint at which vehicles speak; raises WrongCall."""
+    from proxies.mavlink_port import parse_endpoint
+
+    try:
+        parse_endpoint(text)
+    except TextError as error:
+        raise WrongCall(f"{place}: {text!r}: {error.message}; write {error.repair}.") from None
     return text
 
 

@@ -9,8 +9,11 @@ from console.dialogue import Seen
 from console.errors import DONE, NO
 from console.instants import span
 from console.output import unit_json, verbatim
+from console.query import asked_whom_they_miss, missed
 from federation.acts import Performative
 from federation.contents import Query, Samples
+from federation.directory import unit_order
+from federation.liveness import State
 
 AGES_S = 1.0
 _STATES = {"alive": "green", "suspect": "yellow", "refused": "red"}
@@ -21,7 +24,7 @@ def ls(call: Call, *, all_kinds: bool) -> int:
     with connected(call) as client:
         with call.out.waiting("looking for platforms"):
             client.settle()
-            there = client.centre.platforms(all_kinds=all_kinds)
+            there = _with_missed(client, client.centre.platforms(all_kinds=all_kinds))
             ages = label_ages(client, there)
         records = [_record(client, seen, ages) for seen in there]
         centre = client.centre.unit
@@ -33,6 +36,15 @@ def ls(call: Call, *, all_kinds: bool) -> int:
     else:
         call.out.note(f"{centre} sees no platform of federation {call.settings.federation}: start some with dyknow up.")
     return DONE if any(seen.state in {"alive", "suspect"} for seen in there) else NO
+
+
+def _with_missed(client: Client, there: list[Seen]) -> list[Seen]:
+    """Those that are there and those they miss: who fell silent before this command began is unknown to it."""
+    known = [seen.unit for seen in there]
+    asked = [seen.unit for seen in there if seen.kind == "uav" and seen.state == State.ALIVE.value]
+    around = asked_whom_they_miss(client, asked)
+    silent = [Seen(unit, "uav", State.SUSPECT.value, None) for unit in missed(client, known, around)]
+    return sorted([*there, *silent], key=lambda seen: unit_order(seen.unit))
 
 
 def label_ages(client: Client, there: list[Seen]) -> Mapping[tuple[str, str], int]:

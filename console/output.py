@@ -4,7 +4,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -74,17 +74,28 @@ class Output:
         self.console.print(grid)
 
     def table(
-        self, title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, right: Sequence[str] = ()
+        self,
+        title: str,
+        columns: Sequence[str],
+        rows: Sequence[Sequence[str]],
+        *,
+        right: Sequence[str] = (),
+        whole: Sequence[str] = (),
     ) -> None:
-        """A table for people, readable in 80 columns; columns named in `right` are flushed right. Rows are markup."""
+        """A table for people, readable in 80 columns. Rows are markup.
+
+        Columns named in `right` are flushed right; those in `whole`, which are to be copied, are never broken.
+        """
         from rich import box
         from rich.table import Table
 
         table = Table(
             title=title or None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False, title_style="bold"
         )
-        for column in columns:
-            table.add_column(column, justify="right" if column in right else "left", overflow="fold")
+        for at, column in enumerate(columns):
+            width = max((len(row[at]) for row in rows), default=0) if column in whole else None
+            justify: Literal["left", "right"] = "right" if column in right else "left"
+            table.add_column(column, justify=justify, overflow="fold", no_wrap=column in whole, min_width=width)
         for row in rows:
             table.add_row(*row)
         self.console.print(table)

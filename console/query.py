@@ -7,7 +7,7 @@ from console.client import Client, connected
 from console.command import Call
 from console.dialogue import Dialogue
 from console.errors import DONE, NO, NothingFound, WrongCall, did_you_mean
-from console.instants import clock_time, duration_us, instant_us
+from console.instants import SHORTEST_US, clock_time, duration_us, instant_us
 from console.output import unit_json, verbatim
 from dyknow.values import NoValue
 from federation.acts import Performative
@@ -37,12 +37,12 @@ def query(
         raise WrongCall("--select takes one of the values, --merge makes one of all: give one of them.")
     if at is not None and between is not None:
         raise WrongCall("--at asks for one instant, --between for a span: give one of them.")
-    timeout_s = duration_us(timeout, option="--timeout") / 1e6
+    timeout_s = duration_us(timeout, option="--timeout", least_us=SHORTEST_US) / 1e6
     found: list[tuple[str, Reading]] = []
     with connected(call) as client:
         with call.out.waiting(f"asking for {label}"):
             units = client.chosen(unit)
-        around = _who_else(client, units) if unit is None else []
+        around = asked_whom_they_miss(client, units) if unit is None else []
         content = _content(label, at, between, client)
         one_of_all = select is not None or merge is not None
         for dialogue in client.ask(units, content, Performative.QUERY_REF, timeout_s):
@@ -52,24 +52,26 @@ def query(
                 continue
             readings = [(dialogue.unit, reading) for page in pages for reading in page.samples]
             found += readings
+            if not readings:
+                _missing(call, dialogue.unit, _nothing(between))
             if not one_of_all:
                 for _, reading in readings:
                     _tell(call, label, dialogue.unit, reading)
-        for name in _silent(client, units, around):
+        for name in missed(client, units, around):
             _missing(call, name, "not heard any more")
-        _known_label(client, label, answered=bool(found))
+        check_label(client, label, answered=bool(found))
     if one_of_all and found:
         _tell_one(call, label, found, select, merge)
     return DONE if found else NO
 
 
-def _who_else(client: Client, units: list[str]) -> list[Dialogue]:
+def asked_whom_they_miss(client: Client, units: list[str]) -> list[Dialogue]:
     """Ask the platforms whom they miss: one that fell silent before this command began is unknown to it."""
     return [client.say(unit, Performative.QUERY_REF, Search(), within_s=LOOK_S) for unit in units]
 
 
-def _silent(client: Client, units: list[str], around: list[Dialogue]) -> list[str]:
-    """Whom somebody misses and nobody was asked about."""
+def missed(client: Client, units: list[str], around: list[Dialogue]) -> list[str]:
+    """The platforms that somebody misses, besides `units`."""
     client.wait_for(lambda: not around or any(dialogue.results for dialogue in around), LOOK_S)
     found = [said for dialogue in around for said in dialogue.results if isinstance(said, Found)]
     return sorted({name for said in found for name in said.missing_units} - set(units), key=unit_order)
@@ -88,12 +90,16 @@ def _content(label: str, at: str | None, between: tuple[str, str] | None, client
     return Query(semantic_label=label)
 
 
-def _known_label(client: Client, label: str, *, answered: bool) -> None:
+def check_label(client: Client, label: str, *, answered: bool) -> None:
     """When nobody could answer because nobody has such a label, say which labels there are."""
     there = client.centre.platforms()
     known = sorted({entry.label for seen in there if seen.entry for entry in seen.entry.labels})
     if not answered and known and label not in known:
         raise NothingFound(f"no platform offers {label!r}.{did_you_mean(label, known)}")
+
+
+def _nothing(between: tuple[str, str] | None) -> str:
+    return f"no sample between {between[0]} and {between[1]}" if between else "no sample"
 
 
 def _missing(call: Call, unit: str, why: str) -> None:

@@ -8,7 +8,7 @@ import psutil
 
 from console.command import Call
 from console.errors import DONE, FAILED, INTERRUPTED, NO, FederationFailed, WrongCall, did_you_mean
-from console.instants import duration_us
+from console.instants import SHORTEST_US, duration_us
 from console.launch import clock_of, fleet_of
 from console.ls import ls
 from console.output import unit_json
@@ -124,7 +124,7 @@ def planned(
         "avoidance": avoidance,
         "speed": speed,
         "only": only,
-        "duration_us": duration_us(duration, option="--duration") if duration else None,
+        "duration_us": duration_us(duration, option="--duration", least_us=SHORTEST_US) if duration else None,
     }
     chosen["start_us"] = None if only else _start_us(call, chosen, now_us)
     configs = fleet_of(call, chosen, now_us)

@@ -5,9 +5,9 @@ from typing import Any
 from console.client import Client, connected
 from console.command import Call
 from console.errors import DONE, NO, FederationFailed
-from console.instants import clock_time, duration_us, span
+from console.instants import SHORTEST_US, clock_time, duration_us, span
 from console.output import unit_json, verbatim
-from console.query import value_text
+from console.query import check_label, value_text
 from dyknow.values import NO_VALUE
 from federation.acts import Performative
 from federation.codec import StreamSample
@@ -22,8 +22,8 @@ _STEP_S = 0.5
 def watch(call: Call, label: str, *, unit: str | None, every: str, max_delay: str, count: int | None) -> int:
     """One line a sample until `count` have come or somebody interrupts; the streams end with the command."""
     label_name(label)
-    every_us = duration_us(every, option="--every")
-    delay_us = duration_us(max_delay, option="--max-delay")
+    every_us = duration_us(every, option="--every", least_us=SHORTEST_US)
+    delay_us = duration_us(max_delay, option="--max-delay", least_us=SHORTEST_US)
     seen = 0
     with connected(call) as client:
         came: list[dict[str, Any]] = []
@@ -61,6 +61,7 @@ def _set_up(call: Call, client: Client, label: str, unit: str | None, every_us: 
         ]
         client.wait_for(lambda: all(task.results or task.trouble for task in asked), SET_UP_S + 0.5)
     tasks = [task for task in asked if task.results]
+    check_label(client, label, answered=bool(tasks))
     for task in asked:
         if task not in tasks:
             call.out.note(f"platform {task.unit}: {task.trouble or 'no answer'}")

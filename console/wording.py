@@ -22,7 +22,6 @@ from federation.contents import (
     Resume,
     ReturnHome,
     StopMulticast,
-    TakeOff,
 )
 
 TASKS: dict[str, type[Content]] = {
@@ -35,7 +34,6 @@ TASKS: dict[str, type[Content]] = {
         RemoveMonitor,
         CheckFormula,
         Goto,
-        TakeOff,
         Hold,
         Land,
         ReturnHome,
@@ -44,6 +42,8 @@ TASKS: dict[str, type[Content]] = {
         Rejoin,
     )
 }
+_INNER = {CreateMonitor.head: ("coordinator", "delegator", "generation", "task")}
+"""What platforms tell each other about a task, and nobody types."""
 _WORDS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 
 
@@ -58,7 +58,7 @@ def content_of(task: str, pairs: Sequence[str], now_us: int) -> Content:
     kind = TASKS.get(task)
     if kind is None:
         raise WrongCall(f"TASK: nobody understands {task!r}.{did_you_mean(task, tuple(TASKS))}")
-    names = {field.alias or name: name for name, field in kind.model_fields.items()}
+    names = {field.alias or name: name for name, field in kind.model_fields.items() if name not in _INNER.get(task, ())}
     given: dict[str, Any] = {}
     for pair in pairs:
         key, equals, text = pair.partition("=")

@@ -110,6 +110,20 @@ def test_a_frozen_platform_is_named_and_the_others_answers_are_there(world: Worl
     assert shown[-1] is missing, "who does not answer keeps nobody waiting"
 
 
+def test_a_platform_that_froze_out_of_a_newcomers_reach_is_named_and_listed(
+    world: World, call: Call, lines: Lines
+) -> None:
+    from console.ls import ls
+
+    world.freeze("1")
+    world.platforms["1"][1].tokens.clear()  # a frozen process takes up no session with who comes now
+    world.run(0.5)
+    assert _query(call, label="battery") == DONE
+    assert {entry["unit"]: "error" in entry for entry in lines()} == {0: False, 1: True, 2: False}
+    assert ls(call, all_kinds=False) == DONE
+    assert {entry["unit"]: entry["state"] for entry in lines()} == {0: "alive", 1: "suspect", 2: "alive"}
+
+
 def test_one_value_is_selected_or_made_of_all(world: World, call: Call, lines: Lines) -> None:
     assert _query(call, label="heli-altitude", merge="mean") == DONE
     [merged] = lines()
@@ -153,6 +167,39 @@ def test_watch_prints_a_federated_stream_and_takes_it_down(world: World, call: C
         assert all(later - earlier == 200_000 for earlier, later in pairwise(times))
     world.run(1.0)
     assert not any(platform.tasks.all() for platform, _ in world.platforms.values())
+
+
+@pytest.mark.parametrize("given", [{"every": "0s"}, {"max_delay": "0s"}, {"every": "5"}])
+def test_a_stream_needs_a_period_and_a_delay(call: Call, given: dict[str, str]) -> None:
+    from console.watch import watch
+
+    with pytest.raises(WrongCall, match=r"^--(every|max-delay): .*(too short|say 5ms or 5s)"):
+        watch(call, "heli-position", unit=None, count=1, **{"every": "200ms", "max_delay": "1s", **given})
+
+
+def test_a_stream_of_an_unknown_label_is_answered_with_the_nearest_known(world: World, call: Call) -> None:
+    from console.watch import watch
+
+    with pytest.raises(NothingFound, match="Did you mean 'heli-position'"):
+        watch(call, "heli-positio", unit=None, every="200ms", max_delay="1s", count=1)
+
+
+def test_a_span_without_samples_is_told(world: World, call: Call, lines: Lines) -> None:
+    assert _query(call, between=("-2h", "-1h")) == NO
+    shown = lines()
+    assert {entry["unit"] for entry in shown} == {0, 1, 2}
+    assert all("error" in entry for entry in shown)
+    assert _query(call, unit="0", between=("-1s", "0s")) == DONE
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"), [("explode", "gps-loss"), ("clock=5", "say 5ms or 5s"), ("nan=1", "write nan")]
+)
+def test_a_fault_that_there_is_not_is_a_wrong_call(call: Call, kind: str, said: str) -> None:
+    from console.delegate import fault
+
+    with pytest.raises(WrongCall, match=f"^KIND: .*{said}"):
+        fault(call, "0", kind, None)
 
 
 def _delegated(call: Call, lines: Lines) -> str:

@@ -14,6 +14,7 @@ NOW = 1_700_000_000_000_000
         ("-10s", NOW - 10_000_000),
         ("+250ms", NOW + 250_000),
         ("now", NOW),
+        ("0s", NOW),
         ("1700000000000001", 1_700_000_000_000_001),
         ("2023-11-14T22:13:20Z", NOW),
         ("2023-11-14T22:13:20", NOW),
@@ -36,10 +37,18 @@ def test_what_is_no_instant_is_refused_with_place_and_examples(text: str) -> Non
 
 
 @pytest.mark.parametrize(
-    ("text", "expected"), [("5s", 5_000_000), ("200ms", 200_000), ("1.5min", 90_000_000), ("2", 2_000_000), ("7us", 7)]
+    ("text", "expected"), [("5s", 5_000_000), ("200ms", 200_000), ("1.5min", 90_000_000), ("7us", 7)]
 )
-def test_a_duration_has_a_unit_or_is_in_seconds(text: str, expected: int) -> None:
+def test_a_duration_is_a_number_and_a_unit(text: str, expected: int) -> None:
     assert duration_us(text, option="--timeout") == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("5", "say 5ms or 5s"), ("0", "say 0ms or 0s"), ("0s", "too short"), ("9us", "1ms")]
+)
+def test_a_duration_without_a_unit_or_too_short_is_refused(text: str, said: str) -> None:
+    with pytest.raises(WrongCall, match=f"^--every: .*{said}"):
+        duration_us(text, option="--every", least_us=1_000)
 
 
 @pytest.mark.parametrize(("us", "shown"), [(12, "12 us"), (80_000, "80 ms"), (1_250_000, "1.2 s"), (-300, "-300 us")])

@@ -85,3 +85,20 @@ def test_the_names_in_the_help_are_those_there_are(dyknow: Run) -> None:
 
     shown = " ".join(dyknow("up", "--help").stdout.replace("│", " ").split())
     assert all(name in shown for name in NAMES)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("up --duration 0s", "--duration: 0s is too short"),
+        ("join --unit 1 --mavlink foo", "--mavlink: 'foo'"),
+        ("watch heli-position --every 0", "--every: '0' has no unit"),
+        ("fault 0 explode", "KIND: no fault is called 'explode'"),
+    ],
+)
+def test_what_cannot_be_done_is_a_wrong_call_before_anything_starts(dyknow: Run, arguments: str, said: str) -> None:
+    done = dyknow(*arguments.split())
+    assert done.returncode == 2
+    assert f": {said}" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert "1:1:" not in done.stderr

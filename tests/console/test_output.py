@@ -29,3 +29,12 @@ def test_json_lines_hold_no_words_for_people(capsys: pytest.CaptureFixture[str])
         out.say("[green]ready[/green]", event="ready")
     caught = capsys.readouterr()
     assert (caught.out, caught.err) == ('{"event":"ready"}\n', "")
+
+
+def test_what_is_to_be_copied_is_never_broken(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    name = "cc-4711-64a1b2c3d4e5f-12"
+    Output(json_lines=False).table("", ("task", "conversation"), [("monitor-proximity", name)], whole=("conversation",))
+    assert name in capsys.readouterr().out

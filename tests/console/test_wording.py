@@ -19,7 +19,7 @@ def test_the_message_of_the_thesis_can_be_typed() -> None:
 
 
 def test_instants_are_relative_to_federation_time() -> None:
-    pairs = ["semantic-labels=battery", "sample-period=1", "delay=1", "to-units=0", "from=+5s", "to=2030-01-01"]
+    pairs = ["semantic-labels=battery", "sample-period=1s", "delay=1s", "to-units=0", "from=+5s", "to=2030-01-01"]
     found = content_of("create-multicast", pairs, NOW_US)
     assert isinstance(found, CreateMulticast)
     assert found.from_us == NOW_US + 5_000_000
@@ -45,6 +45,9 @@ def test_numbers_truth_values_and_parameters_are_read() -> None:
         ("goto", ["latitude_deg=55.7"], r"goto needs longitude_deg=\.\.\."),
         ("goto", ["latitude_deg=north"], "is not a number"),
         ("hold", ["now=1"], "takes nothing"),
+        ("take-off", [], "nobody understands 'take-off'"),
+        ("create-monitor", ["generation=1"], "create-monitor has no 'generation'"),
+        ("create-multicast", ["sample-period=5"], "say 5ms or 5s"),
         ("create-multicast", ["sample-period=often"], "is not a duration"),
     ],
 )
