@@ -32,7 +32,7 @@ from agents.plans import PlanBook
 from agents.services import ServiceTable
 from agents.supply import Supply
 from agents.tasks import TaskBook
-from dyknow import NO_VALUE, Label, Network, Sample, ValueNotAvailable
+from dyknow import NO_VALUE, Label, Network, Sample, UnknownLabel, ValueNotAvailable
 from dyknow.errors import DecodeError
 from federation import keys
 from federation.clock import FederationClock
@@ -405,7 +405,7 @@ class Platform:
         try:
             position = self.gateway.latest("heli-position", unit)
             altitude = self.gateway.latest("heli-altitude", unit)
-        except (ValueNotAvailable, LookupError):
+        except (ValueNotAvailable, UnknownLabel):
             return None
         if NO_VALUE in (position.value, altitude.value):
             return None
@@ -415,7 +415,7 @@ class Platform:
         """North, east, down in m/s, or nothing where it is not known."""
         try:
             value = self.gateway.latest("heli-velocity", unit).value
-        except (ValueNotAvailable, LookupError):
+        except (ValueNotAvailable, UnknownLabel):
             return ()
         return () if value is NO_VALUE else tuple(value)
 

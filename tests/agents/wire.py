@@ -31,7 +31,7 @@ from federation.transport import (
     Unsubscribe,
     WatchTokens,
 )
-from navigation.vehicle import Command, HomeReport, PositionReport, StatusReport, VelocityReport
+from navigation.vehicle import Command, HomeReport, PositionReport, Report, StatusReport, VelocityReport
 
 EPOCH = 1_700_000_000_000_000
 METRE_DEG = 1 / 111_320.0
@@ -56,7 +56,11 @@ class Said(NamedTuple):
 
 @dataclass
 class Vehicle:
-    """Flies straight and level: metres north and east of 58 N 15 E, metres above mean sea level, metres per second."""
+    """Flies straight and level: metres north and east of 58 N 15 E, metres above mean sea level, metres per second.
+
+    `armed`, `guided`, `airborne`, `mode` are what it says of itself, nothing if `says_status` is not set; `home_m` is
+    the height of its home above mean sea level, None while it has none.
+    """
 
     north_m: float = 0.0
     east_m: float = 0.0
@@ -64,6 +68,21 @@ class Vehicle:
     north_m_s: float = 0.0
     east_m_s: float = 0.0
     is_silent: bool = False
+    armed: bool = True
+    guided: bool = True
+    airborne: bool | None = True
+    mode: str = "GUIDED"
+    says_status: bool = True
+    home_m: float | None = 50.0
+
+    def states(self, now_us: int) -> list[Report]:
+        """What it says of itself beside how it moves."""
+        found: list[Report] = []
+        if self.home_m is not None:
+            found.append(HomeReport(now_us, 58.0, 15.0, self.home_m))
+        if self.says_status:
+            found.append(StatusReport(now_us, self.armed, self.guided, self.airborne, self.mode))
+        return found
 
 
 @dataclass
@@ -328,7 +347,7 @@ class Wire:
     # -- vehicles ----------------------------------------------------------------------------------------------
 
     def _report(self, unit: str, node: Node) -> None:
-        """Ten times a second: where the vehicle is, and that it flies under guidance."""
+        """Ten times a second: where the vehicle is, and what it says of itself."""
         if self.nodes.get(unit) is not node or node.vehicle is None:
             return
         self._later(100_000, lambda: self._report(unit, node))
@@ -339,8 +358,7 @@ class Wire:
         latitude = 58.0 + (vehicle.north_m + vehicle.north_m_s * since_s) * METRE_DEG
         longitude = 15.0 + (vehicle.east_m + vehicle.east_m_s * since_s) * METRE_DEG / 0.5299
         for report in (
-            HomeReport(now_us, 58.0, 15.0, 50.0),
-            StatusReport(now_us, True, True, True, "GUIDED"),
+            *vehicle.states(now_us),
             PositionReport(now_us, "GLOBAL_POSITION_INT", latitude, longitude, vehicle.altitude_m),
             VelocityReport(now_us, "GLOBAL_POSITION_INT", vehicle.north_m_s, vehicle.east_m_s, 0.0),
         ):
