@@ -87,11 +87,13 @@ class ImportProxy:
                 found.stream.on_owner(boot)
                 self._wake(found)
 
-    def heard_us(self, owner: str, semantic_label: str) -> int | None:
-        """When a stream of that label was last heard of, or None when none is expected."""
-        return max(
-            (i.heard_us for (o, s, _), i in self.imports.items() if o == owner and s == semantic_label), default=None
-        )
+    def heard_us(self) -> dict[tuple[str, str], int]:
+        """By owner and semantic label, when a stream that is expected was last heard of."""
+        heard: dict[tuple[str, str], int] = {}
+        for (owner, semantic_label, _), found in self.imports.items():
+            name = owner, semantic_label
+            heard[name] = max(found.heard_us, heard.get(name, found.heard_us))
+        return heard
 
     def on_arrived(self, event: Arrived, key: keys.StreamKey) -> None:
         """Samples were put on a stream's key.

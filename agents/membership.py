@@ -73,7 +73,7 @@ class Membership:
                 pass
             case _:
                 return False
-        if not isinstance(change, PlatformSuspected | LabelAppeared | LabelGone):
+        if isinstance(change, ServiceAppeared | ServiceGone) and change.service.service == FEDERATION.service.service:
             offering = self._p.directory.search(service=FEDERATION.service.service)
             self._found = tuple(entry.unit for entry in offering)
         self._p.bulletin.on_directory_change(change, now_us)

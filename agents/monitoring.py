@@ -219,13 +219,16 @@ class Monitors:
         self._schedule(named, member)
 
     def _feed(self, named: Named, member: str, instance: Instance, index: int) -> Feed:
-        on_sample, take, schedule = instance.synchronizer.on_sample, self._take, self._schedule
+        synchronizer, take, schedule = instance.synchronizer, self._take, self._schedule
+        on_sample = synchronizer.on_sample
 
         def feed(sample: Sample) -> None:
+            waits = synchronizer.sync_us is not None
             states = on_sample(index, sample, sample.available_us)
             if states:
                 take(instance, states, sample.available_us)
-            schedule(named, member)
+            if states or not waits:  # else it is due no earlier than before
+                schedule(named, member)
 
         return feed
 

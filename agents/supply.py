@@ -53,8 +53,14 @@ class Supply:
         for unit in [unit for unit in self._open if unit not in needs]:
             for conversation in self._open.pop(unit):
                 self.context.desk.cancel(unit, conversation, now_us)
+        heard_us = self.context.gateway.importer.heard_us() if needs else {}
         for unit, wanted in needs.items():
-            if self._lacks(unit, wanted, now_us):
+            silent = {
+                label
+                for label, period_us, _ in wanted
+                if (last_us := heard_us.get((unit, label))) is None or now_us - last_us > SILENT_US + 2 * period_us
+            }
+            if self._lacks(unit, silent, now_us):
                 self._ask(unit, wanted, now_us)
 
     def forget(self, unit: str) -> None:
@@ -63,21 +69,16 @@ class Supply:
         if self._open.pop(unit, None):
             self._renew.add(unit)
 
-    def _lacks(self, unit: str, wanted: set[tuple[str, int, int]], now_us: int) -> bool:
-        if now_us < self._asked_us.get(unit, -AGAIN_US) + AGAIN_US:
+    def _lacks(self, unit: str, silent: set[str], now_us: int) -> bool:
+        """Whether to ask for streams again: those of labels that are silent, or all after a return."""
+        is_renewed = unit in self._renew
+        if not (silent or is_renewed) or now_us < self._asked_us.get(unit, -AGAIN_US) + AGAIN_US:
             return False
         entry = self.context.directory.entry(unit)
         if entry is None or not self.context.directory.is_present(unit):
             return False
         offered = {label.label for label in entry.labels}
-        if unit in self._renew and offered:
-            return True
-        importer = self.context.gateway.importer
-        for label, period_us, _ in wanted:
-            heard_us = importer.heard_us(unit, label)
-            if label in offered and (heard_us is None or now_us - heard_us > SILENT_US + 2 * period_us):
-                return True
-        return False
+        return bool(offered) if is_renewed else not silent.isdisjoint(offered)
 
     def _ask(self, unit: str, wanted: set[tuple[str, int, int]], now_us: int) -> None:
         """Ask for all of it; what stood ends when all of that is agreed to, so that no stream ends in between."""

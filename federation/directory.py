@@ -36,6 +36,7 @@ from federation.transport import (
 from federation.wire import Description, LabelEntry, ServiceEntry
 
 HEARTBEAT_US = 200_000
+GREETING_US = 20_000
 LEAVING = 0
 """The description version that a heartbeat carries as good-bye."""
 
@@ -211,6 +212,8 @@ class Directory:
         """A token came or went, as `keys.parse_key` reads it; those of services and labels say: ask again."""
         if isinstance(token, keys.PlatformToken):
             session = f"{token.zid}/{token.version}"
+            if alive:
+                self._greet(token.unit, at_us)
             outcome = self._told(self._liveness.on_token(token.unit, session, token.kind, alive, at_us))
             return [*outcome, *self._replicas.want(token.unit, at_us)] if alive else outcome
         if isinstance(token, keys.ServiceToken | keys.LabelToken):
@@ -221,6 +224,12 @@ class Directory:
                 if listed != alive:
                     self._replicas.doubt(token.unit, at_us)
         return ()
+
+    def _greet(self, unit: str, at_us: int) -> None:
+        """Who comes has missed our heartbeats: the next one is soon. One for all who come together."""
+        peer = self._peers.get(unit)
+        if unit != self.unit and (peer is None or not peer.tokens):
+            self._beat_us = min(self._beat_us, max(at_us, self._beat_us - HEARTBEAT_US) + GREETING_US)
 
     def on_answered(self, answered: Answered) -> Sequence[Outcome]:
         """A description arrived; answers to questions of others are ignored."""
@@ -248,11 +257,12 @@ class Directory:
 
     @property
     def deadline_us(self) -> int:
-        due = [self._watchdog.deadline_us]
-        if self._started:
-            due.append(self._beat_us)
-        due += [at_us for at_us in (self._liveness.deadline_us, self._replicas.deadline_us) if at_us is not None]
-        return min(due)
+        due_us = self._watchdog.deadline_us
+        beat_us = self._beat_us if self._started else None
+        for at_us in (beat_us, self._liveness.deadline_us, self._replicas.deadline_us):
+            if at_us is not None and at_us < due_us:
+                due_us = at_us
+        return due_us
 
     def on_time(self, now_us: int, tails: _Tails = ()) -> list[Outcome]:
         """Judge who is silent, ask what is not known, beat."""

@@ -45,6 +45,7 @@ def _matching(pattern: re.Pattern[str], name: str, what: str) -> str:
     return name
 
 
+@lru_cache(maxsize=4096)
 def unit(name: str) -> str:
     """`name` if it can name a platform: a number, or a-z 0-9 _ with hyphens inside, at most 32 characters."""
     if name in _RESERVED:
@@ -52,6 +53,7 @@ def unit(name: str) -> str:
     return _matching(_UNIT, name, "a unit: a number, or a-z 0-9 _ with hyphens inside, 32 characters")
 
 
+@lru_cache(maxsize=4096)
 def label(name: str) -> str:
     """`name` if it can be a semantic label."""
     return _matching(_LABEL, name, "a semantic label: hyphenated lower-case words, 64 characters")
