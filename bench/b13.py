@@ -2,16 +2,23 @@
 
 import itertools
 import os
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
+from bench.members import Member, prepare
 from bench.meshes import newcomers
+from bench.raw import PATIENCE_S
 from bench.rows import Above, Options, Side
 
-TITLE = "discovery: n sessions opened at once, until every one holds the tokens of all"
+TITLE = "discovery: n opened at once, until every one holds the tokens (raw, edge) or the whole entries (ours) of all"
 SIZES = (2, 8, 16)
-BARS = tuple(Above(f"n{size}_ms", 50.0, ours="edge") for size in SIZES)
-KINDS = {"raw": "bench.meshes:RawNewcomer", "edge": "bench.meshes:EdgeNewcomer"}
+BARS = tuple(Above(f"n{size}_ms", 50.0) for size in SIZES)
+KINDS = {
+    "raw": "bench.meshes:RawNewcomer",
+    "edge": "bench.meshes:EdgeNewcomer",
+    "ours": "bench.b13:PlatformNewcomer",
+}
 
 
 @contextmanager
@@ -24,3 +31,39 @@ def sides(options: Options) -> Iterator[dict[str, Side]]:
                 measure = stack.enter_context(newcomers(what, SIZES))
                 found[side] = lambda measure=measure: measure(f"bench-b13-{os.getpid()}-{next(number)}")
         yield found
+
+
+class PlatformNewcomer:
+    """A whole platform: session, declarations, heartbeat, and the description of every other one asked for and read."""
+
+    def __init__(self, number: int) -> None:
+        prepare()
+        self._number = number
+
+    def discover(self, federation: str, size: int, start_ns: int) -> float:
+        """Milliseconds from the start until the directory holds all `size`, with their services and labels."""
+        time.sleep(max(0, start_ns - time.monotonic_ns()) / 1e9)
+        self._member = _Newcomer(str(self._number), federation, size)
+        until = time.monotonic() + PATIENCE_S
+        while not self._member.complete_ns:
+            if time.monotonic() > until:
+                raise TimeoutError(f"only {self._member.platform.membership.found} of {size} found")
+            time.sleep(0.001)
+        return (self._member.complete_ns - start_ns) / 1e6
+
+    def leave(self) -> bool:
+        self._member.close()
+        return True
+
+
+class _Newcomer(Member):
+    def __init__(self, unit: str, federation: str, size: int) -> None:
+        self._size, self.complete_ns = size, 0
+        super().__init__(unit, federation)
+
+    def _stepped(self) -> None:
+        if self.complete_ns or len(self.platform.membership.found) < self._size:
+            return
+        entries = self.platform.directory.entries()
+        if len(entries) == self._size and all(entry.labels for entry in entries):
+            self.complete_ns = time.monotonic_ns()
