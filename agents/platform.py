@@ -18,6 +18,7 @@ from agents.coordination import Coordination
 from agents.effects import Effect, Event, Halt, Leave, Note, Reported
 from agents.export_proxy import ExportProxy
 from agents.federation_agent import FederationAgent
+from agents.fixes import fix_of
 from agents.gateway import Gateway
 from agents.giving_way import GivingWay
 from agents.handlers import handlers_of, offers_of
@@ -32,7 +33,7 @@ from agents.plans import PlanBook
 from agents.services import ServiceTable
 from agents.supply import Supply
 from agents.tasks import TaskBook
-from dyknow import NO_VALUE, Label, Network, Sample, UnknownLabel, ValueNotAvailable
+from dyknow import Label, Network, Sample
 from dyknow.errors import DecodeError
 from federation import keys
 from federation.clock import FederationClock
@@ -370,8 +371,6 @@ class Platform:
             if not self.membership.on_directory(outcome, self._now_us):
                 self._out.append(outcome)  # type: ignore[arg-type]  # what is no event of the directory is an effect
 
-    # -- what the parts tell each other ------------------------------------------------------------------------
-
     def _on_estimate(self, sample: Sample) -> None:
         self.fly(self.pilot.on_estimate(sample))
         if self.giving_way.encounters:
@@ -400,26 +399,7 @@ class Platform:
 
     def _fix_of(self, unit: str) -> Fix | None:
         """Where a unit is, as far as this platform's streams know."""
-        if unit == self.unit:
-            return self.pilot.fix
-        try:
-            position = self.gateway.latest("heli-position", unit)
-            altitude = self.gateway.latest("heli-altitude", unit)
-        except (ValueNotAvailable, UnknownLabel):
-            return None
-        if NO_VALUE in (position.value, altitude.value):
-            return None
-        return Fix(position.valid_us, *position.value, *altitude.value, *self._velocity_of(unit))
-
-    def _velocity_of(self, unit: str) -> tuple[float, ...]:
-        """North, east, down in m/s, or nothing where it is not known."""
-        try:
-            value = self.gateway.latest("heli-velocity", unit).value
-        except (ValueNotAvailable, UnknownLabel):
-            return ()
-        return () if value is NO_VALUE else tuple(value)
-
-    # -- leaving -----------------------------------------------------------------------------------------------
+        return self.pilot.fix if unit == self.unit else fix_of(self.gateway, unit)
 
     def leave(self, now_us: int) -> None:
         """Unregister: streams that are set up go on while the process lives (thesis 9.3.4)."""
