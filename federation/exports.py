@@ -152,9 +152,14 @@ class Exports:
         )
 
     def is_shared(self, prefix: str) -> bool:
-        """Whether every stream of the contracts whose names begin with `prefix` has another contract."""
+        """Whether all receivers of the contracts whose names begin with `prefix` get the same streams by others, too."""
         named = {name for name in self._contracts if name.startswith(prefix)}
-        return all(self._exports[self._contracts[name].stream].contracts - named for name in named)
+        for name in named:
+            held = self._contracts[name]
+            others = self._exports[held.stream].contracts - named
+            if not held.receivers <= set().union(*(self._contracts[other].receivers for other in others)):
+                return False
+        return True
 
     def streams(self) -> list[tuple[ExportStream, tuple[str, ...]]]:
         """The living streams, and who receives each."""
