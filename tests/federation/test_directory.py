@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from time import perf_counter
 
 import pytest
 from hypothesis import given, settings
@@ -417,7 +416,7 @@ def test_a_killed_or_left_or_new_platform_is_no_deafness() -> None:
     assert reopened(box) == {}
 
 
-def test_heartbeats_of_a_hundred_platforms_cost_microseconds() -> None:
+def test_the_usual_heartbeats_of_a_hundred_platforms_change_nothing() -> None:
     directory = Directory("0", 1, "uav", 0)
     units = tuple(f"uav{number}" for number in range(100))
     for unit in units:
@@ -429,10 +428,8 @@ def test_heartbeats_of_a_hundred_platforms_cost_microseconds() -> None:
             if isinstance(ask, Ask) and isinstance(answer, Answer):
                 directory.on_answered(Answered(ask.question, ask.key, 0, answer.payload))
     beats = [Heartbeat(unit, 1, seq, 0, 1, units) for seq in range(2, 102) for unit in units]
-    start = perf_counter()
-    for at, beat in enumerate(beats):
-        directory.on_heartbeat(beat, at * 2_000)
-    assert (perf_counter() - start) / len(beats) < 20e-6, "a few microseconds on an idle machine"
+    told = [outcome for at, beat in enumerate(beats) for outcome in directory.on_heartbeat(beat, at * 2_000)]
+    assert told == [], "the usual heartbeat changes nothing and asks nothing"
     assert len(directory.entries()) == 101
 
 
