@@ -20,7 +20,7 @@ _JOIN_S, _SET_UP_S, _RING = 3.0, 4.0, 1000
 
 
 def _near(one: str, other: str) -> bool:
-    """On a ring, in radio range of two neighbours on one side and three on the other; the command centre of one."""
+    """On a ring, in radio range of the two next on either side and of the one across; the command centre of one."""
     if "cc" in {one, other}:
         return "0" in {one, other}
     apart = abs(int(one) - int(other))

@@ -27,7 +27,7 @@ class Link(NamedTuple):
 class Session:
     """What one process has declared, and how it is reached.
 
-    Declarations are dictionaries without values: sets that keep their order.
+    Declarations are dictionaries: sets that keep their order.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class Session:
         self.number, self.unit, self.zid, self.post, self.now_us = number, unit, zid, post, now_us
         self.alive, self.frozen = True, False
         self.reopened = 0
-        self.subscriptions: dict[str, None] = {}
+        self.subscriptions: dict[str, str] = {}
         self.queryables: dict[str, None] = {}
         self.tokens: dict[str, None] = {}
         self.watches: dict[str, None] = {}
@@ -49,11 +49,14 @@ class Session:
         """Whether it subscribes what is put on `key`."""
         found = self._wants.get(key)
         if found is None:
-            found = self._wants[key] = any(keys.matches(expr, key) for expr in self.subscriptions)
+            found = self._wants[key] = any(
+                key.startswith(begins) and keys.matches(expr, key) for expr, begins in self.subscriptions.items()
+            )
         return found
 
     def subscribe(self, key_expr: str) -> None:
-        self.subscriptions.setdefault(key_expr)
+        """Want what matches; kept with the letters that all of it begins with, which tell most keys apart."""
+        self.subscriptions.setdefault(key_expr, key_expr.partition("*")[0].rstrip("/$"))
         self._wants = {key: True for key, wanted in self._wants.items() if wanted}
 
     def unsubscribe(self, key_expr: str) -> None:
