@@ -23,7 +23,7 @@ from runtime.clock import NodeClock
 from runtime.loop import step
 from runtime.mailbox import Mailbox
 
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 PERIOD_US = 100_000
 _POLL_S = 0.02
 
