@@ -40,6 +40,7 @@ from federation.transport import (
     WireEffect,
     WireEvent,
 )
+from proxies.exchange import Exchange, Step, leave_within
 from proxies.open_asks import OpenAsks
 from proxies.tcp_close import stop_waiting
 from proxies.zenoh_config import ZenohOptions, zenoh_config
@@ -50,6 +51,7 @@ Post: TypeAlias = Callable[[WireEvent], None]
 
 _MAX_PUBLISHERS = 512
 _LOOK_S = 1.0
+_LEAVE_S = 2.0
 
 # All DROP, and none express: an express put costs its caller 25 us instead of 1, and a ping-pong of acts is not faster
 # for it (`python -m bench express`).
@@ -74,6 +76,7 @@ class ZenohEdge:
         self._config = json.dumps(zenoh_config(options, _address_of))
         self._post, self._now_us = post, now_us
         self._session: zenoh.Session | None = None
+        self._exchange: Exchange | None = None
         self._links: Any = None
         self._zid = ""
         self._publishers: dict[str, tuple[Urgency, zenoh.Publisher]] = {}
@@ -99,6 +102,11 @@ class ZenohEdge:
         """Identity of the first session, for the keys of tokens. A later session puts its own in its place."""
         return self._zid
 
+    @property
+    def is_open(self) -> bool:
+        """Whether there is a session; while one is exchanged for another there is none."""
+        return self._session is not None
+
     def peers(self) -> tuple[str, ...]:
         """Identities of the sessions that ours is linked with."""
         return tuple(sorted(map(str, self._opened.info.peers_zid())))
@@ -110,22 +118,31 @@ class ZenohEdge:
             SessionFailed: an endpoint cannot be listened on, or the configuration is refused.
         """
         try:
-            self._session = zenoh.open(zenoh.Config.from_json5(self._config))
+            self._take(zenoh.open(zenoh.Config.from_json5(self._config)))
         except zenoh.ZError as failed:
             raise SessionFailed(f"the session does not open: {_said(failed)}") from None
-        self._zid = self._zid or str(self._session.zid())
-        self._links = self._session.info.declare_link_events_listener(_on_link, history=True)
+
+    def _take(self, session: zenoh.Session) -> None:
+        self._session, self._zid = session, self._zid or str(session.zid())
+        self._links = session.info.declare_link_events_listener(_on_link, history=True)
 
     def perform(self, effect: WireEffect) -> None:
         """Carry out one effect. What Zenoh refuses is posted as `HandlerFailed`: a node outlives its session."""
         try:
-            self._performers[type(effect)](effect)
+            if self._exchange is None or self._is_exchanged(self._exchange):
+                self._performers[type(effect)](effect)
+            else:
+                self._defer(effect)
         except (zenoh.ZError, SessionFailed) as failed:
             self._post(HandlerFailed(type(effect).__name__, self._now_us(), _said(failed)))
 
     def close(self) -> None:
         """Leave: tokens first, the last declared before the others, so that peers see it. Again does nothing."""
-        self._release()
+        with contextlib.suppress(zenoh.ZError):
+            if self._exchange is not None:
+                self._session = self._exchange.result(_LEAVE_S)
+        self._exchange = None
+        leave_within(_LEAVE_S, self._left())
         self._declared.clear()
         self._watches.clear()
 
@@ -228,27 +245,47 @@ class ZenohEdge:
 
     def _reopen(self) -> None:
         """A new session with a new identity, since links of the old one may be half dead at the other side."""
-        self._release()
-        self.open()
-        again, self._declared = self._declared, {}
-        for effect in again:
-            self._declare(effect)
+        self._exchange = Exchange(self._left(), self._config)
 
-    def _release(self) -> None:
-        """Undeclare and close, but remember what was declared."""
+    def _is_exchanged(self, exchange: Exchange) -> bool:
+        """Whether the new session is there; then it is ours, and everything is declared on it."""
+        if not exchange.is_over:
+            return False
+        self._exchange = None
+        session = exchange.result()
+        if session is not None:
+            self._take(session)
+            again, self._declared = self._declared, {}
+            for effect in again:
+                self._declare(effect)
+        return True
+
+    def _defer(self, effect: WireEffect) -> None:
+        """Between two sessions: declarations wait, and what is put is lost as on a cut wire, to be said again."""
+        match effect:
+            case Ask(question):
+                self._post(AskEnded(question, self._now_us()))
+            case WatchTokens(key_expr):
+                self._watches.setdefault(effect, _TokenWatch(key_expr, self._post, self._now_us))
+                self._declared.setdefault(effect)
+            case Subscribe() | DeclareQueryable() | DeclareToken():
+                self._declared.setdefault(effect)
+            case Unsubscribe(key_expr):
+                self._declared.pop(Subscribe(key_expr), None)
+            case UndeclareToken(key):
+                self._declared.pop(DeclareToken(key), None)
+
+    def _left(self) -> list[Step]:
+        """The session is ours no more; returns the steps of leaving it. What was declared is remembered."""
         if self._session is None:
-            return
+            return []
         session, self._session = self._session, None
         tokens = [made for effect, made in self._declared.items() if isinstance(effect, DeclareToken)]
         others = [made for effect, made in self._declared.items() if not isinstance(effect, DeclareToken)]
         leaving = [*reversed(tokens), *reversed(others), *(publisher for _, publisher in self._publishers.values())]
         self._publishers.clear()
-        with contextlib.suppress(zenoh.ZError):  # a link may break meanwhile
-            for made in leaving:
-                made.undeclare()
         self._asks.end_all()
-        with contextlib.suppress(zenoh.ZError):  # peers that it cannot tell any more find out by themselves
-            _end(session.close)
+        return [*(made.undeclare for made in leaving if made is not None), session.close]
 
     # Events in
 

@@ -2,6 +2,7 @@
 
 import secrets
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -80,6 +81,14 @@ class Peer:
     def perform(self, *effects: object) -> None:
         for effect in effects:
             self.edge.perform(effect)
+
+    def exchanged(self) -> None:
+        """Beat, as a node does, until the new session is there."""
+        end, pause = time.monotonic() + PATIENCE_S, threading.Event()
+        while not self.edge.is_open:
+            assert time.monotonic() < end
+            pause.wait(0.02)
+            self.perform(Put(keys.heartbeat("1"), b"", Urgency.CONTROL))
 
     def token(self, unit: str) -> str:
         return keys.token_platform(self.edge.zid, unit, "uav", 1)
@@ -262,7 +271,10 @@ def test_a_reopened_session_has_a_new_identity_and_all_that_was_declared(peers: 
     one, two = peers.met(Subscribe(keys.inbox("1")), DeclareQueryable(keys.history_expr("1")))
     old, token = two.edge.zid, two.token("1")
     two.perform(WatchTokens(keys.TOKENS), Put(STREAM, b"", Urgency.STREAM), Reopen("deaf to 0"))
+    two.perform(Subscribe("x/**"), Ask(7, "q/0/battery", b"", SECOND_US), Put(STREAM, b"lost", Urgency.STREAM))
+    assert two.hears(AskEnded).question == 7, "what is asked between two sessions is answered by nobody"
     one.hears(TokenChanged, key=token, alive=False)
+    two.exchanged()
     again = one.hears(TokenChanged, alive=True)
     assert (found := keys.parse_key(again.key)) is not None
     assert isinstance(found, keys.PlatformToken)
@@ -273,6 +285,8 @@ def test_a_reopened_session_has_a_new_identity_and_all_that_was_declared(peers: 
     one.perform(Put(keys.act("1", "0", "interface"), b"hello", Urgency.ACT), Ask(1, "q/1/battery", b"", SECOND_US))
     assert two.hears(Arrived).payload == b"hello"
     assert two.hears(Asked).key == "q/1/battery"
+    one.perform(Put(STREAM, b"declared meanwhile", Urgency.STREAM))
+    assert two.hears(Arrived).payload == b"declared meanwhile"
     two.perform(UndeclareToken(token))
     one.hears(TokenChanged, key=again.key, alive=False)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from federation.transport import Reopen
+from federation.transport import Reopen, Subscribe
 from proxies.tcp_close import stop_waiting
 from proxies.zenoh_config import ZenohOptions
 from proxies.zenoh_edge import ZenohEdge
@@ -56,7 +56,9 @@ def linked(here: ZenohEdge, there: ZenohEdge) -> bool:
     """Wait until both have a link, and none that waits."""
     pause = threading.Event()
     for _ in range(round(PATIENCE_S / PACE_S)):
-        if here.peers() and there.peers() and not lingering():
+        for edge in (here, there):
+            edge.perform(Subscribe("x/**"))
+        if here.is_open and there.is_open and here.peers() and there.peers() and not lingering():
             return True
         pause.wait(PACE_S)
     return False
