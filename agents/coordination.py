@@ -129,6 +129,7 @@ class Coordination:
                 sample_period_s=period_us / US_PER_S,
                 delay_s=delay_us / US_PER_S,
                 to_units=others,
+                task=led.task,
             )
             asked.append(self._ask(led, unit, content, f"export of {', '.join(labels)}", now_us))
         for plan in led.plans:
@@ -233,6 +234,7 @@ class Coordination:
         self._cancel_all(led.members, now_us)
         self._cancel_all(led.former, now_us)
         self._federation.end_exports(led.exports, now_us)
+        self._c.tasks.end_parts(task, now_us)
 
     # -- a leader asks this platform for a monitor --------------------------------------------------------------
 
@@ -310,6 +312,7 @@ class Coordination:
             self._c.tasks.bury(task, asker)
             self._cancel_all(led.former, now_us)
             self._federation.end_exports(led.exports, now_us)
+            self._c.tasks.end_parts(task, now_us)
 
     # -- who comes and goes -------------------------------------------------------------------------------------
 

@@ -54,6 +54,7 @@ class Orphans:
                 if task.name == "create-monitor":
                     continue
                 if now_us < until_us and not self._p.federation.is_taken_over(conversation):
-                    self._due.set(conversation, until_us)
+                    self._due.set(conversation, min(until_us, now_us + ORPHAN_US))
+                    self._until_us[conversation] = until_us
                     continue
             self._p.tasks.cancel(conversation, now_us)

@@ -91,12 +91,14 @@ def distance_m(
 ) -> float:
     """Distance of two points on the ellipsoid, `up_m` apart vertically; within 1 mm of the geodesic up to 10 km.
 
-    Local radii at the middle latitude: M = a (1 - e2) / w^3, N = a / w, w = sqrt(1 - e2 sin2 lat);
-    sqrt((M dlat)^2 + (N cos lat dlon)^2 + up^2).
+    Local radii at the middle latitude: M = a (1 - e2) / w^3, N = a / w, w = sqrt(1 - e2 sin2 lat), and Gauss's
+    mid-latitude formula, to which meridians converge:
+    sqrt((M dlat cos(dlon / 2))^2 + (2 N cos lat sin(dlon / 2))^2 + up^2).
     """
     middle = math.radians((latitude_a_deg + latitude_b_deg) / 2)
-    east_deg = (longitude_b_deg - longitude_a_deg + 180.0) % 360.0 - 180.0
+    half = math.radians((longitude_b_deg - longitude_a_deg + 180.0) % 360.0 - 180.0) / 2
     w = math.sqrt(1 - ECCENTRICITY_2 * math.sin(middle) ** 2)
-    north_m = math.radians(latitude_b_deg - latitude_a_deg) * SEMI_MAJOR_M * (1 - ECCENTRICITY_2) / w**3
-    east_m = math.radians(east_deg) * math.cos(middle) * SEMI_MAJOR_M / w
+    metres = math.radians(latitude_b_deg - latitude_a_deg) * SEMI_MAJOR_M * (1 - ECCENTRICITY_2) / w**3
+    north_m = metres * math.cos(half)
+    east_m = 2.0 * math.sin(half) * math.cos(middle) * SEMI_MAJOR_M / w
     return math.hypot(north_m, east_m, up_m)

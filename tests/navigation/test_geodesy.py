@@ -66,7 +66,7 @@ def test_distance_agrees_with_the_straight_line_less_its_sagitta(lat, lon, north
     far = LocalFrame(lat, lon, 0.0).from_ned(north, east, 0.0)
     chord = math.dist(to_ecef(lat, lon, 0.0), to_ecef(far[0], far[1], 0.0))
     arc = chord * (1 + chord**2 / (24 * 6.37e6**2))
-    assert distance_m(lat, lon, far[0], far[1]) == pytest.approx(arc, abs=2e-2)
+    assert distance_m(lat, lon, far[0], far[1]) == pytest.approx(arc, abs=1e-3)
 
 
 def test_distance_crosses_the_date_line_and_takes_a_height() -> None:
