@@ -129,7 +129,6 @@ class Coordination:
                 sample_period_s=period_us / US_PER_S,
                 delay_s=delay_us / US_PER_S,
                 to_units=others,
-                task=led.task,
             )
             asked.append(self._ask(led, unit, content, f"export of {', '.join(labels)}", now_us))
         for plan in led.plans:
@@ -234,7 +233,7 @@ class Coordination:
         self._cancel_all(led.members, now_us)
         self._cancel_all(led.former, now_us)
         self._federation.end_exports(led.exports, now_us)
-        self._c.tasks.end_parts(task, now_us)
+        self._end_parts(now_us)
 
     # -- a leader asks this platform for a monitor --------------------------------------------------------------
 
@@ -312,7 +311,15 @@ class Coordination:
             self._c.tasks.bury(task, asker)
             self._cancel_all(led.former, now_us)
             self._federation.end_exports(led.exports, now_us)
-            self._c.tasks.end_parts(task, now_us)
+            self._end_parts(now_us)
+
+    def _end_parts(self, now_us: int) -> None:
+        """No task is left here: nobody leads on for those that asked for a part of one and are gone."""
+        if self.led:
+            return
+        for part in self._c.tasks.all():
+            if part.is_part and not self._c.directory.is_present(part.initiator):
+                self._c.tasks.cancel(part.conversation, now_us)
 
     # -- who comes and goes -------------------------------------------------------------------------------------
 

@@ -75,7 +75,6 @@ class FederationAgent:
                 lambda at_us: self.end_exports(contracts, at_us),
                 since_us=now_us,
                 is_part=entry is not None and entry.kind == "uav",
-                root=content.task,
                 streams=len(contracts),
             )
         )

@@ -18,7 +18,6 @@ class Task:
         name: the head of the request, e.g. `monitor-proximity`.
         state: what a person sees: `running`, `led by 1`, ...
         is_part: whether it belongs to a larger task, which people see and cancel.
-        root: the larger task's conversation, if that was said: the part ends with it, at the latest.
         streams: how many streams it has this platform export.
         take_down: undoes everything the task set up; told the time (node clock).
     """
@@ -30,7 +29,6 @@ class Task:
     state: str = "running"
     since_us: int = 0
     is_part: bool = False
-    root: str | None = None
     streams: int = 0
 
 
@@ -75,11 +73,6 @@ class TaskBook:
         self.bury(conversation, task.initiator)
         task.take_down(now_us)
         return True
-
-    def end_parts(self, root: str, now_us: int) -> None:
-        """A task is over here: take down what was asked for on its behalf, by whoever is not there to do so."""
-        for conversation in [task.conversation for task in self._tasks.values() if task.root == root]:
-            self.cancel(conversation, now_us)
 
     def forget(self, conversation: str) -> None:
         """The task is over, or passed to somebody else: drop it without taking anything down."""
