@@ -261,7 +261,7 @@ class Coordination:
                 conversation,
                 asker,
                 "create-monitor",
-                lambda at_us: self._leave(owner, name, asker, at_us),
+                lambda at_us: self._leave(owner, name, at_us),
                 since_us=now_us,
                 is_part=is_part,
             )
@@ -298,8 +298,8 @@ class Coordination:
             self._c.tasks.forget(earlier.conversation_id)
         led.own[plan.name] = act
 
-    def _leave(self, task: str, name: str, asker: str, now_us: int) -> None:
-        """The monitor `name` that `asker` wanted for the task is needed no more."""
+    def _leave(self, task: str, name: str, now_us: int) -> None:
+        """The monitor `name` of a task is needed no more."""
         self._c.gateway.monitors.remove(name, task)
         led = self.led.get(task)
         if led is None or led.leader == self._c.unit:
@@ -308,7 +308,6 @@ class Coordination:
         led.plans = tuple(plan for plan in led.plans if plan.name != name)
         if not led.plans:
             del self.led[task]
-            self._c.tasks.bury(task, asker)
             self._cancel_all(led.former, now_us)
             self._federation.end_exports(led.exports, now_us)
             self._end_parts(now_us)

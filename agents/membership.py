@@ -81,6 +81,9 @@ class Membership:
 
     def _appeared(self, change: PlatformAppeared, now_us: int) -> None:
         unit = change.unit
+        if change.kind == "uav":
+            for task in self._p.tasks.of(unit):  # it may have asked before it was known what it is
+                task.is_part = task.is_part or task.name == "create-multicast"
         self._end_exports(self._p.exports.receiver_appeared(unit, change.boot, now_us), now_us)
         self._p.importer.on_owner(unit, change.boot)
         self._p.emit(self._p.clocks.on_appeared(unit, change.boot, now_us))
@@ -182,7 +185,12 @@ class Membership:
         led = self._p.coordination.led.get(conversation)
         if led is not None and led.leader != self._p.unit:
             raise Refused(f"the task is led by {led.leader} now: cancel it there")
-        return self._p.tasks.cancel(conversation, now_us)
+        before = list(self._p.coordination.led)
+        is_known = self._p.tasks.cancel(conversation, now_us)
+        for ended in before:
+            if ended not in self._p.coordination.led:
+                self._p.tasks.bury(ended, unit)
+        return is_known
 
     @property
     def deadline_us(self) -> int | None:

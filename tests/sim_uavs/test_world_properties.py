@@ -167,14 +167,15 @@ def meeting(seed, offset_us=0, drift_ppm=0.0):
     ("offset_us", "drift_ppm"), [(300_000, 0.0), (-470_000, 0.0), (0, 100.0), (330_000, -100.0), (30_000, 0.0)]
 )
 def test_corrected_peers_give_the_alarms_that_right_clocks_give(seed, offset_us, drift_ppm):
+    """A clock that is off by a part of a period samples the same noise at other instants: up to two states more."""
+    slack_us = 2 * PERIOD_US if offset_us % PERIOD_US else 0
     right, wrong = meeting(seed), meeting(seed, offset_us, drift_ppm)
     for unit in ("0", "1"):
         expected, found = edges(right, unit), edges(wrong, unit)
         assert [edge[:2] for edge in found] == [edge[:2] for edge in expected]
         assert len(expected) == 4
         for (*_, at_us), (*_, expected_us) in zip(found, expected, strict=True):
-            uncorrected_us = 50_000 if abs(offset_us) <= 50_000 else 0  # synchronised: valid times as they are
-            assert abs(at_us - expected_us) <= PERIOD_US + uncorrected_us
+            assert abs(at_us - expected_us) <= PERIOD_US + slack_us
 
 
 @pytest.mark.parametrize("offset_us", [5 * S, -5 * S, 3_600 * S])
