@@ -92,6 +92,7 @@ class Pilot:
         """Take what the vehicle says of itself; a command it denied is tried again after `RETRY_US`."""
         if isinstance(report, StatusReport):
             self.status = report
+            self._mind_takeover(report)
         elif isinstance(report, HomeReport):
             self.home = report
         elif isinstance(report, TargetReport) and self._diversion is None:
@@ -99,6 +100,13 @@ class Pilot:
         elif isinstance(report, CommandResult) and report.number == self._number and not report.accepted:
             self._again_us = now_us + RETRY_US
         return []
+
+    def _mind_takeover(self, status: StatusReport) -> None:
+        """What a vehicle was told before somebody took it over is said again once it is given back, in one flight."""
+        if not status.armed:
+            self._goal = self._standing
+        elif not status.guided and not isinstance(self._standing, Land | ReturnHome):
+            self._goal = None
 
     def on_estimate(self, sample: Sample) -> list[Command]:
         """Take a fused estimate (see `navigation.PositionFilter`) and fly on."""

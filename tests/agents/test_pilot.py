@@ -277,6 +277,38 @@ def test_a_vehicle_that_somebody_else_guides_is_sent_back_to_where_that_one_had_
     assert orders(flown.resume()) == [GoTo(58.01, 15.0, 100.0)], "not to where giving way had sent it"
 
 
+TAKEN_OVER = StatusReport(0, armed=True, guided=False, airborne=True, mode="LOITER")
+LANDED = StatusReport(0, armed=False, guided=True, airborne=False, mode="GUIDED")
+
+
+def test_a_vehicle_that_was_taken_over_and_given_back_is_told_again_where_to_go() -> None:
+    flown = pilot(ROUTE)
+    assert at(flown) == [leg(NEAR)]
+    flown.on_report(TAKEN_OVER, 1)
+    assert at(flown, 1) == []
+    flown.on_report(FLIES, 2)
+    assert at(flown, 2) == [leg(NEAR)]
+    order = GoTo(58.0, 15.0, 90.0)
+    assert orders(flown.order(order)) == [order]
+    flown.on_report(TAKEN_OVER, 3)
+    flown.on_report(FLIES, 4)
+    assert at(flown, 4) == [order]
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_an_order_is_not_repeated_in_another_flight_nor_against_who_ended_a_landing(order: Order) -> None:
+    flown = pilot()
+    flown.order(order)
+    if isinstance(order, Land | ReturnHome):
+        flown.on_report(TAKEN_OVER, 1)
+        flown.on_report(FLIES, 2)
+        assert at(flown, 2) == []
+    flown.on_report(TAKEN_OVER, 3)
+    flown.on_report(LANDED, 4)
+    flown.on_report(FLIES, 5)
+    assert at(flown, 5) == []
+
+
 def test_without_control_the_pilot_watches() -> None:
     flown = pilot(ROUTE, control=False)
     assert at(flown) == []
