@@ -33,7 +33,7 @@ from federation.contents import Task as TaskEntry
 from federation.directory import (
     DirectoryEvent as DirectoryChange,
 )
-from federation.liveness import PlatformAppeared, PlatformGone, PlatformReturned, PlatformSuspected
+from federation.liveness import SUSPECT_US, PlatformAppeared, PlatformGone, PlatformReturned, PlatformSuspected
 from federation.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone
 from reasoning import AlarmEvent
 
@@ -44,7 +44,7 @@ ACTS_A_PAGE = 25
 MONITORS_A_PAGE = 100
 IMPORTS_A_PAGE = 200
 MISSED_US = 60_000_000
-"""How long a platform that fell silent is named when somebody asks who is there."""
+"""How long a platform that fell silent (stands still, or is cut off) is named when somebody asks who is there."""
 TEXT = 2000
 
 
@@ -187,14 +187,15 @@ class Bulletin:
                 self._c.desk.answer(act, P.INFORM, said, now_us)
 
     def _note_missing(self, change: DirectoryChange, now_us: int) -> None:
-        if isinstance(change, PlatformAppeared | PlatformReturned):
-            self._missing.pop(change.unit, None)
-        elif isinstance(change, PlatformSuspected | PlatformGone):
+        """Who fell silent is missed; whose token went while it still spoke has ended, and is not."""
+        if isinstance(change, PlatformSuspected):
             entry = self._c.directory.entry(change.unit)
-            if isinstance(change, PlatformGone) and change.why == "left":
-                self._missing.pop(change.unit, None)
-            elif entry is not None and entry.kind == "uav":
+            if entry is not None and entry.kind == "uav" and entry.since_us >= entry.heard_us + SUSPECT_US:
                 self._missing.setdefault(change.unit, now_us)
+        elif isinstance(change, PlatformAppeared | PlatformReturned) or (
+            isinstance(change, PlatformGone) and change.why == "left"
+        ):
+            self._missing.pop(change.unit, None)
         for unit in [unit for unit, since_us in self._missing.items() if now_us >= since_us + MISSED_US]:
             del self._missing[unit]
 

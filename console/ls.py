@@ -5,7 +5,7 @@ from typing import Any
 
 from console.client import Client, connected
 from console.command import Call
-from console.dialogue import Seen
+from console.dialogue import Dialogue, Seen
 from console.errors import DONE, NO
 from console.instants import span
 from console.output import unit_json, verbatim
@@ -24,8 +24,12 @@ def ls(call: Call, *, all_kinds: bool) -> int:
     with connected(call) as client:
         with call.out.waiting("looking for platforms"):
             client.settle()
-            there = _with_missed(client, client.centre.platforms(all_kinds=all_kinds))
+            there = client.centre.platforms(all_kinds=all_kinds)
+            alive = [seen.unit for seen in there if seen.kind == "uav" and seen.state == State.ALIVE.value]
+            around = asked_whom_they_miss(client, alive)
             ages = label_ages(client, there)
+            # Who came or went while they were asked is listed as it is now.
+            there = _with_missed(client, client.centre.platforms(all_kinds=all_kinds), around)
         records = [_record(client, seen, ages) for seen in there]
         centre = client.centre.unit
     if call.out.json_lines:
@@ -38,11 +42,9 @@ def ls(call: Call, *, all_kinds: bool) -> int:
     return DONE if any(seen.state in {"alive", "suspect"} for seen in there) else NO
 
 
-def _with_missed(client: Client, there: list[Seen]) -> list[Seen]:
+def _with_missed(client: Client, there: list[Seen], around: list[Dialogue]) -> list[Seen]:
     """Those that are there and those they miss: who fell silent before this command began is unknown to it."""
     known = [seen.unit for seen in there]
-    asked = [seen.unit for seen in there if seen.kind == "uav" and seen.state == State.ALIVE.value]
-    around = asked_whom_they_miss(client, asked)
     silent = [Seen(unit, "uav", State.SUSPECT.value, None) for unit in missed(client, known, around)]
     return sorted([*there, *silent], key=lambda seen: unit_order(seen.unit))
 

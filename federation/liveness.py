@@ -133,7 +133,7 @@ class Liveness:
     def heard(self, now_us: int) -> list[str]:
         """The units that this platform hears directly, for its own heartbeat."""
         since_us = now_us - SUSPECT_US
-        return [peer.unit for peer in self.peers.values() if peer.heard_us > since_us and not peer.left]
+        return [peer.unit for peer in self.peers.values() if peer.heard_us > since_us and peer.state is not State.GONE]
 
     def on_heartbeat(
         self, unit: str, boot: int, seq: int, version: int, hears: Sequence[str], at_us: int

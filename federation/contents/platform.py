@@ -80,7 +80,7 @@ class Search(Content):
 
 
 class Found(Content):
-    """Who does. `missing_units` were there and are not heard any more, but did not say good-bye."""
+    """Who does. `missing_units` were there and fell silent: they did not say good-bye, and no session ended first."""
 
     agents: Annotated[tuple[Agent, ...], Field(max_length=MAX_LIST)]
     missing_units: Units = ()

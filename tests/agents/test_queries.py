@@ -1,11 +1,14 @@
 """Queries by semantic label: latest, at and between, of one platform and of all, with whoever does not answer named."""
 
+from collections.abc import Callable
+
 import pytest
 
 from agents.effects import Leave
 from agents.platform import Platform
 from dyknow import US_PER_S, Sample
 from federation.acts import Performative
+from federation.codec import decode_heartbeat
 from federation.contents import Answers, Content, Found, Query, Samples, Search
 from tests.agents.wire import Question, Vehicle, Wire
 
@@ -189,26 +192,59 @@ def test_of_all_answers_one_is_selected_or_made(wire: Wire, eight: list[str], by
     assert [missing.unit for missing in answers.missing] == ["3"]
 
 
-def test_who_is_asked_who_is_there_names_who_fell_silent_and_not_who_left(wire: Wire, eight: list[str]) -> None:
-    def missing() -> tuple[str, ...]:
+@pytest.fixture
+def missing(wire: Wire, eight: list[str]) -> Callable[[], tuple[str, ...]]:
+    """Whom platform 0 misses."""
+
+    def asked() -> tuple[str, ...]:
         (found,) = wire.asked("cc", "0", Search(), P.QUERY_REF).contents
         assert isinstance(found, Found)
         return found.missing_units
 
+    return asked
+
+
+def test_who_fell_silent_is_missed_for_a_minute(wire: Wire, missing: Callable[[], tuple[str, ...]]) -> None:
     assert missing() == ()
     wire.freeze("3")
     wire.run(1.5)
     assert missing() == ("3",)
+    wire.run(0.5)
+    wire.expire("3")
     wire.run(3.0)
-    assert missing() == ("3",), "gone from the directory, not from memory"
+    assert missing() == ("3",), "gone from the directory, not from memory, also when its session expires"
+    wire.run(54.0)
+    assert missing() == ("3",)
+    wire.run(4.0)
+    assert missing() == ()
+
+
+def test_who_fell_silent_and_returns_is_not_missed(wire: Wire, missing: Callable[[], tuple[str, ...]]) -> None:
+    wire.freeze("3")
+    wire.run(5.0)
     wire.thaw("3")
     wire.run(1.0)
     assert missing() == ()
+
+
+def test_who_left_is_not_missed(wire: Wire, missing: Callable[[], tuple[str, ...]]) -> None:
     wire.perform("5", wire.platform("5").on_event(Leave(wire.now_us), wire.now_us))
     wire.run(1.0)
     assert missing() == ()
+
+
+def test_who_crashed_while_it_still_spoke_is_not_missed(wire: Wire, missing: Callable[[], tuple[str, ...]]) -> None:
     wire.kill("6")
-    wire.run(58.0)
-    assert missing() == ("6",)
-    wire.run(4.0)
-    assert missing() == ()
+    for _ in range(8):
+        wire.run(0.4)
+        assert missing() == ()
+
+
+def test_who_crashed_is_not_said_to_be_heard_once_it_is_gone(wire: Wire, eight: list[str]) -> None:
+    wire.kill("6")
+    wire.run(0.6)
+    gone_us = wire.now_us
+    wire.run(0.5)
+    beats = [decode_heartbeat(c.put.payload) for c in wire.log if c.at_us > gone_us and c.put.key.startswith("hb/")]
+    assert {beat.unit for beat in beats} == set(eight) - {"6"} | {"cc"}
+    assert not any("6" in beat.hears for beat in beats)

@@ -198,6 +198,11 @@ class Wire:
     def freeze(self, unit: str) -> None:
         self.nodes[unit].frozen = True
 
+    def expire(self, unit: str) -> None:
+        """The sessions of the others end theirs with a platform that has been silent for the length of a lease."""
+        for token in self.nodes[unit].tokens:
+            self._tell_token(unit, token, alive=False)
+
     def thaw(self, unit: str) -> None:
         node = self.nodes[unit]
         node.frozen = False

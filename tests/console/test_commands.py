@@ -124,6 +124,17 @@ def test_a_platform_that_froze_out_of_a_newcomers_reach_is_named_and_listed(
     assert {entry["unit"]: entry["state"] for entry in lines()} == {0: "alive", 1: "suspect", 2: "alive"}
 
 
+def test_a_platform_that_crashed_is_neither_named_nor_listed(world: World, call: Call, lines: Lines) -> None:
+    from console.ls import ls
+
+    world.kill("1")
+    world.run(0.5)
+    assert ls(call, all_kinds=False) == DONE
+    assert {entry["unit"]: entry["state"] for entry in lines()} == {0: "alive", 2: "alive"}
+    assert _query(call, label="battery") == DONE
+    assert {entry["unit"]: "error" in entry for entry in lines()} == {0: False, 2: False}
+
+
 def test_one_value_is_selected_or_made_of_all(world: World, call: Call, lines: Lines) -> None:
     assert _query(call, label="heli-altitude", merge="mean") == DONE
     [merged] = lines()

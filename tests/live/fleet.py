@@ -328,7 +328,7 @@ class Fleet:
 
     def ls(self, at: str = "cc-9") -> dict[str, str]:
         """`dyknow ls`: state by unit."""
-        return {str(line["unit"]): line["state"] for line in self.dyknow("ls", at=at) if line["state"] == "alive"}
+        return {str(line["unit"]): line["state"] for line in self.dyknow("ls", at=at)}
 
 
 def report(what: str, **figures: Any) -> None:

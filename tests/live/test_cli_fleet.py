@@ -1,5 +1,6 @@
 """Three simulated UAVs, started detached, and every command that asks them something."""
 
+import json
 import os
 import signal
 from collections.abc import Iterator
@@ -104,19 +105,32 @@ def test_a_formula_is_checked_on_a_platform(dyknow: Dyknow) -> None:
     assert dyknow.run("check", "always height[self] < 20", "--unit", "0", code=1)[0]["verdict"] == "false"
 
 
-def test_a_killed_platform_leaves_the_directory_and_the_rest_goes_on(dyknow: Dyknow) -> None:
-    state = (dyknow.directory / "dyknow" / dyknow.federation / "state.json").read_text()
-    import json
+def _pid(dyknow: Dyknow, unit: str) -> int:
+    state = json.loads((dyknow.directory / "dyknow" / dyknow.federation / "state.json").read_text())
+    return next(int(entry["pid"]) for entry in state["running"] if entry["unit"] == unit)
 
-    pids = {entry["unit"]: entry["pid"] for entry in json.loads(state)["running"]}
-    os.kill(pids["2"], signal.SIGKILL)
-    for _ in range(10):
-        found = [line["unit"] for line in dyknow.run("ls") if line["state"] == "alive"]
-        if found == [0, 1]:
-            break
-    assert found == [0, 1]
-    answers = dyknow.run("query", "heli-position")
-    assert {line["unit"] for line in answers if "error" not in line} == {0, 1}, "who fell silent is named beside them"
+
+def test_a_frozen_platform_is_listed_as_suspect_and_named_by_a_query(dyknow: Dyknow) -> None:
+    pid = _pid(dyknow, "1")
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        for _ in range(3):
+            states = {line["unit"]: line["state"] for line in dyknow.run("ls")}
+            assert states == {0: "alive", 1: "suspect", 2: "alive"}
+            answers = dyknow.run("query", "heli-position", "--timeout", "1s")
+            assert {line["unit"]: "error" in line for line in answers} == {0: False, 1: True, 2: False}
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    dyknow.until("ls", state="alive")
+    assert {line["unit"] for line in dyknow.run("query", "heli-position") if "value" in line} == {0, 1, 2}
+
+
+def test_a_killed_platform_leaves_the_directory_at_once_and_the_rest_goes_on(dyknow: Dyknow) -> None:
+    os.kill(_pid(dyknow, "2"), signal.SIGKILL)
+    for _ in range(2):
+        # A command is not in the federation before half a second is over.
+        assert [(line["unit"], line["state"]) for line in dyknow.run("ls")] == [(0, "alive"), (1, "alive")]
+    assert {line["unit"]: "error" in line for line in dyknow.run("query", "heli-position")} == {0: False, 1: False}
 
 
 def test_down_ends_them_and_says_so_and_then_there_is_nothing(dyknow: Dyknow, tmp_path: Path) -> None:
