@@ -9,7 +9,6 @@ from dyknow.values import NoValue
 from federation.contents.parts import (
     MAX_LIST,
     Content,
-    Conversation,
     Instant,
     Line,
     Part,
@@ -25,10 +24,7 @@ from federation.wire import Count, Hash, SemanticLabel
 
 
 class CreateMulticast(Content):
-    """Export the streams of some labels to some units: every `sample_period_s`, not later than `delay_s`.
-
-    What a `task` needs ends with it, at the latest.
-    """
+    """Export the streams of some labels to some units: every `sample_period_s`, not later than `delay_s`."""
 
     semantic_labels: SemanticLabels
     sample_period_s: Period
@@ -36,7 +32,6 @@ class CreateMulticast(Content):
     to_units: Units
     from_us: Instant | None = None
     to_us: Instant | None = None
-    task: Conversation | None = None
 
     @property
     def sample_us(self) -> int:

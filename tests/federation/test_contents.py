@@ -15,7 +15,7 @@ TEXTS = [
     "(done)",
     "(cancel)",
     '(progress step: "streams are set up" unit: 1)',
-    "(create-multicast semantic-labels: (sequence battery) sample-period: 0.1 delay: 0.0 to-units: (sequence uav1 7) from: 5 to: 6 task: 1-2-3)",
+    "(create-multicast semantic-labels: (sequence battery) sample-period: 0.1 delay: 0.0 to-units: (sequence uav1 7) from: 5 to: 6)",
     "(stop-multicast semantic-labels: (sequence battery) to-units: (sequence 0))",
     '(stream owner: 1 semantic-labels: (sequence battery) policy: "sample every 100" hash: ab12cd34)',
     "(end-stream owner: 1 semantic-labels: (sequence battery) hash: ab12cd34)",
