@@ -18,7 +18,6 @@ from federation import keys
 from federation.transport import (
     Answer,
     AnswerEnd,
-    Arrived,
     Ask,
     DeclareQueryable,
     DeclareToken,
@@ -34,6 +33,7 @@ from federation.transport import (
 )
 from sim_uavs.agenda import Agenda
 from sim_uavs.wire_questions import Questions
+from sim_uavs.wire_routes import Routes
 from sim_uavs.wire_sessions import Direction, Link, Session, Transport
 
 LEASE_US = 2_000_000
@@ -71,11 +71,12 @@ class Wire:
         self._links: dict[tuple[str, str], Link] = {}
         self._cut: set[tuple[str, str]] = set()
         self._numbers = 0
+        self._routes = Routes()
         self._questions = Questions(agenda, self._pass, self._sessions)
         self._perform: dict[type, Callable[[Session, Any], None]] = {
             Put: self._put,
-            Subscribe: lambda session, effect: session.subscribe(effect.key_expr),
-            Unsubscribe: lambda session, effect: session.unsubscribe(effect.key_expr),
+            Subscribe: lambda session, effect: self._routes.subscribe(session, effect.key_expr),
+            Unsubscribe: lambda session, effect: self._routes.unsubscribe(session, effect.key_expr),
             DeclareToken: self._declare_token,
             UndeclareToken: self._undeclare_token,
             WatchTokens: self._watch,
@@ -101,6 +102,7 @@ class Wire:
         """The process is gone, at once and without a word; what stood in its connections is lost."""
         session = self._sessions.pop(unit)
         session.alive = False
+        self._routes.close(session)
         self._questions.forget_who()
         self._questions.forget(session)
         self._dying[session.number] = session
@@ -187,23 +189,25 @@ class Wire:
 
     def _put(self, session: Session, effect: Put) -> None:
         key, payload = effect.key, effect.payload
-        for direction in session.outgoing:
-            if direction.passes and direction.to.wants(key):
-                self._pass(direction, 0, direction.to.take, Arrived, payload, key)
+        for direction in self._routes.of(session, key):
+            self._pass(direction, 0, direction.to.arrive, key, payload)
 
     def _pass(self, direction: Direction, not_before_us: int, arrive: Callable[..., None], *what: Any) -> int:
         """Send one message on its way: `arrive(*what)` when it is there. Returns when that is, or 0 if it is lost."""
-        link, random, agenda = direction.link, self._random.random, self._agenda
-        if link.loss and random() < link.loss:
+        delay_us, jitter_us, loss, duplication, reordering, late_us = direction.link
+        random, agenda = self._random.random, self._agenda
+        if loss and random() < loss:
             return 0
-        at_us = max(agenda.now_us + link.delay_us + int(random() * link.jitter_us), direction.last_us, not_before_us)
-        if link.reordering and random() < link.reordering:
-            at_us += int(random() * link.late_us)
+        at_us = agenda.now_us + delay_us + int(random() * jitter_us)
+        if at_us < direction.last_us or at_us < not_before_us:
+            at_us = max(direction.last_us, not_before_us)
+        if reordering and random() < reordering:
+            at_us += int(random() * late_us)
         else:
             direction.last_us = at_us
         agenda.at(at_us, arrive, *what)
-        if link.duplication and random() < link.duplication:
-            agenda.at(at_us + int(random() * link.late_us), arrive, *what)
+        if duplication and random() < duplication:
+            agenda.at(at_us + int(random() * late_us), arrive, *what)
         return at_us
 
     def _declare_queryable(self, session: Session, effect: DeclareQueryable) -> None:
@@ -328,6 +332,7 @@ class Wire:
         again = Session(self._numbers, unit, session.zid, session.post, session.now_us)
         again.take_over(session)
         self._sessions[unit] = again
+        self._routes.open(again)
         self._questions.forget_who()
         self._agenda.at(self._soon(REOPEN_US), self._opened, again)
 

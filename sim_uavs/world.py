@@ -7,7 +7,7 @@ seed gives the same events. Times are the world's, in microseconds since the epo
 
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from queue import Empty
 from random import Random
 from typing import Any
@@ -17,81 +17,18 @@ from agents.platform import Platform, PlatformConfig
 from dyknow.errors import TextError
 from federation.acts import Act, Performative
 from federation.contents import Content
-from federation.transport import Conflated
+from federation.transport import Conflated, WireEvent
 from navigation.vehicle import Command, Report
 from runtime.mailbox import Mailbox
 from sim_uavs.agenda import Agenda
 from sim_uavs.faults import Fault, parse_fault
-from sim_uavs.vehicles import SimulatedVehicle, Truth
+from sim_uavs.vehicles import SimulatedVehicle
 from sim_uavs.wire import LEASE_US, Wire
 from sim_uavs.wire_sessions import Link
+from sim_uavs.world_units import Dialogue, DriftingClock, Node
 
 START_US = 1_700_000_000_000_000
 TRUTH_US = 100_000
-
-
-class DriftingClock:
-    """A node's clock: UTC at its start, `offset_us` off, and from then on `drift_ppm` too fast; never set back."""
-
-    def __init__(self, now_us: int, offset_us: int = 0, drift_ppm: float = 0.0) -> None:
-        self._since_us, self._offset_us, self._ppb = now_us, offset_us, round(drift_ppm * 1000)
-
-    def node_us(self, now_us: int) -> int:
-        """What it shows at an instant of the world."""
-        return now_us + self._offset_us + (now_us - self._since_us) * self._ppb // 1_000_000_000
-
-    def world_us(self, node_us: int) -> int:
-        """The first instant of the world at which it shows that."""
-        elapsed_us = node_us - self._offset_us - self._since_us
-        found = self._since_us + elapsed_us * 1_000_000_000 // (1_000_000_000 + self._ppb) - 2
-        while self.node_us(found) < node_us:
-            found += 1
-        return found
-
-    def drift(self, now_us: int, drift_ppm: float) -> None:
-        """Run at another rate from now on."""
-        self._offset_us, self._since_us, self._ppb = self.node_us(now_us) - now_us, now_us, round(drift_ppm * 1000)
-
-
-@dataclass(slots=True)
-class Node:
-    """One unit: its process, while it runs, and its vehicle, which flies whatever becomes of the process.
-
-    Attributes:
-        lives: all platforms that have run under this name, the present one last.
-        halted: why a process of it ended by itself.
-        notes: what its processes told people.
-    """
-
-    config: PlatformConfig
-    vehicle: SimulatedVehicle | None
-    clock: DriftingClock
-    platform: Platform | None = None
-    frozen: bool = False
-    offset_us: int = 0
-    drift_ppm: float = 0.0
-    lives: list[Platform] = field(default_factory=list)
-    halted: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    truth: list[Truth] = field(default_factory=list)
-    due_us: int | None = None
-    asked_us: int | None = None
-    mailbox: Mailbox | None = None
-
-
-@dataclass(slots=True)
-class Dialogue:
-    """What somebody asked, and what came back: (world time, act, content), or why nothing did."""
-
-    by: str
-    to: str
-    conversation: str = ""
-    replies: list[tuple[int, Act, Content | None]] = field(default_factory=list)
-    silence: str | None = None
-
-    def contents(self, kind: type[Any]) -> list[Any]:
-        """The contents of one kind, in order."""
-        return [content for _, _, content in self.replies if isinstance(content, kind)]
 
 
 class World:
@@ -315,9 +252,17 @@ class World:
         def node_now_us() -> int:
             return node.clock.node_us(self.agenda.now_us)
 
-        def post(event: Event) -> None:
-            if node.platform is platform:
+        def post(event: WireEvent) -> None:
+            if node.platform is not platform:
+                return
+            if node.mailbox is not None or self._trace is not None:
                 self._reach(node, event)
+                return
+            effects = platform.on_event(event, event.at_us)  # it was stamped just now
+            if effects:
+                self._perform(node, effects)
+            if platform.deadline_us != node.asked_us:
+                self._wake(node)
 
         self.wire.open(unit, zid, post, node_now_us)
         self._perform(node, platform.start(node_us))

@@ -15,7 +15,7 @@ import pytest
 from federation.contents import MonitorProximity
 from federation.exports import LINGER_US
 from sim_uavs.mishaps import Mishap, arrange, draw_mishaps
-from sim_uavs.world import Dialogue
+from sim_uavs.world_units import Dialogue
 from tests.sim_uavs.oracle import PERIOD_US, heard_in, spans, truly_violated, unalarmed, unfounded
 from tests.sim_uavs.worlds import WatchedWorld, cancel_task, crowd, fly_scenario, is_down, leaders, raised
 

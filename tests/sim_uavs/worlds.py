@@ -16,7 +16,8 @@ from sim_uavs.routes import through
 from sim_uavs.scenarios import ORIGIN, scenario
 from sim_uavs.settings import Place, VehicleConfig
 from sim_uavs.vehicles import SimulatedVehicle
-from sim_uavs.world import Dialogue, Node, World
+from sim_uavs.world import World
+from sim_uavs.world_units import Dialogue, Node
 
 FRAME = LocalFrame(*ORIGIN)
 PLAN_US = 5_000_000
