@@ -45,12 +45,21 @@ def test_each_platform_of_the_stack_is_checked_and_started_under_its_own_name() 
             assert service["healthcheck"]["test"][3:6] == ["heli-position", "--unit", unit]
 
 
+def compose_command() -> list[str] | None:
+    """Docker's compose command, as a plugin or by itself; None where it is not."""
+    for command in (["docker", "compose"], ["docker-compose"]):
+        path = shutil.which(command[0])
+        if path and not subprocess.run([path, *command[1:], "version"], capture_output=True, check=False).returncode:
+            return [path, *command[1:]]
+    return None
+
+
 def test_docker_compose_accepts_the_stack() -> None:
-    docker = shutil.which("docker")
-    if docker is None or subprocess.run([docker, "compose", "version"], capture_output=True, check=False).returncode:
+    command = compose_command()
+    if command is None:
         pytest.skip("docker compose is not on this machine")
     done = subprocess.run(
-        [docker, "compose", "-f", str(STACK), "config", "--quiet"], capture_output=True, text=True, check=False
+        [*command, "-f", str(STACK), "config", "--quiet"], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
 
