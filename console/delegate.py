@@ -147,19 +147,23 @@ def tasks(call: Call) -> int:
     elif found:
         rows = [
             (
-                t.task,
+                f"{t.task}\n[dim]for {verbatim(_delegator(t))}[/dim]" if _delegator(t) else t.task,
                 t.unit,
-                (t.delegator or "").partition("@")[2],
                 verbatim(t.state),
-                clock_time(t.since_us or 0),
+                clock_time(t.since_us or 0).partition(".")[0],
                 t.conversation,
             )
-            for t in sorted(found, key=lambda task: not (task.delegator or "").partition("@")[2].startswith("cc"))
+            for t in sorted(found, key=lambda task: not _delegator(task).startswith("cc"))
         ]
-        call.out.table("", ("task", "on", "for", "state", "since", "conversation"), rows, whole=("conversation",))
+        call.out.table("", ("task", "on", "state", "since", "conversation"), rows, whole=("conversation",))
     else:
         call.out.note("no task is delegated; begin one with dyknow delegate monitor-proximity.")
     return DONE if found else NO
+
+
+def _delegator(task: Task) -> str:
+    """The unit that delegated it."""
+    return (task.delegator or "").partition("@")[2]
 
 
 def cancel(call: Call, conversation: str) -> int:

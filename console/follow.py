@@ -143,7 +143,7 @@ def monitors(call: Call) -> int:
             call.out.line(_monitor_json(monitor))
     elif found:
         rows = [_monitor_row(monitor, now_us) for monitor in found]
-        call.out.table("", ("by", "monitor", "units", "shows", "verdict", "inputs"), rows)
+        call.out.table("", ("by", "monitor", "units", "shows", "verdict", "inputs", "for"), rows)
     else:
         call.out.note("no monitor is set up; begin with dyknow delegate monitor-proximity.")
     return DONE if found else NO
@@ -164,15 +164,17 @@ def _monitor_json(monitor: Monitor) -> dict[str, Any]:
 
 def _monitor_row(monitor: Monitor, now_us: int) -> tuple[str, ...]:
     colour = _SHOWN.get(monitor.shows, "yellow")
-    since = f" for {span(max(0, now_us - monitor.since_us))}" if monitor.since_us is not None else ""
-    which = "".join(f"\n{verbatim(name)}" for name in monitor.which)
+    since = span(max(0, now_us - monitor.since_us)) if monitor.since_us is not None else ""
+    missing = (f"platform {name}" if name in monitor.units else name for name in monitor.which)
+    which = "".join(f"\n{verbatim(name)}" for name in missing)
     return (
         monitor.by,
         monitor.name,
         ", ".join(monitor.units),
         f"[{colour}]{monitor.shows}[/{colour}]",
         monitor.verdict,
-        f"{monitor.inputs}{since}{which}",
+        f"{monitor.inputs}{which}",
+        since,
     )
 
 

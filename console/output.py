@@ -4,7 +4,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -82,23 +82,14 @@ class Output:
         right: Sequence[str] = (),
         whole: Sequence[str] = (),
     ) -> None:
-        """A table for people, readable in 80 columns. Rows are markup.
+        """A table for people, readable also where the terminal is narrow. Rows are markup.
 
         Columns named in `right` are flushed right; those in `whole`, which are to be copied, are never broken.
         """
-        from rich import box
-        from rich.table import Table
+        from console.tables import Column, print_table
 
-        table = Table(
-            title=title or None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False, title_style="bold"
-        )
-        for at, column in enumerate(columns):
-            width = max((len(row[at]) for row in rows), default=0) if column in whole else None
-            justify: Literal["left", "right"] = "right" if column in right else "left"
-            table.add_column(column, justify=justify, overflow="fold", no_wrap=column in whole, min_width=width)
-        for row in rows:
-            table.add_row(*row)
-        self.console.print(table)
+        described = [Column(name, is_right=name in right, is_whole=name in whole) for name in columns]
+        print_table(self.console, title, described, rows)
 
     def note(self, text: str) -> None:
         """A remark beside the result, for people; no markup."""
