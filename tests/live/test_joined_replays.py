@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -53,7 +52,7 @@ def joining(directory: Path, federation: str, unit: str, log: str, *options: str
     try:
         yield joined
     finally:
-        child.send_signal(signal.SIGINT)
+        child.terminate()
         try:
             child.wait(END_S)
         except subprocess.TimeoutExpired:
