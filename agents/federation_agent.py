@@ -185,7 +185,7 @@ class FederationAgent:
         elif query.op == "at":
             found = [gateway.at(label, query.at_us or 0, federation_us)]
         else:
-            found = gateway.between(label, query.from_us or 0, query.to_us or 0)
+            found = gateway.between(label, query.from_us or 0, query.to_us or 0, federation_us)
         return [self._reading(label, sample) for sample in found]
 
     def _reading(self, label: str, sample: Sample) -> Reading:

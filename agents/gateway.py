@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from agents.export_proxy import ExportProxy
 from agents.import_proxy import ImportProxy
 from agents.monitoring import Monitors
-from dyknow import US_PER_S, Label, Network, Policy, Sample
+from dyknow import US_PER_S, Label, Network, Policy, Sample, print_span
 from dyknow.errors import Refused, UnknownLabel, ValueNotAvailable
 from federation.ontology import Ontology, Translation
 
@@ -27,6 +27,12 @@ def stream_policy(period_s: float, delay_s: float, from_us: int | None = None, t
         from_us=0 if from_us is None else from_us,
         to_us=to_us,
     )
+
+
+def _too_early(semantic_label: str, start_us: int, at_us: int, now_us: int) -> ValueNotAvailable:
+    """People read this: how long before, and how long ago (to be asked for again), say more than instants."""
+    before, ago_s = print_span(start_us - at_us), (now_us - start_us) / US_PER_S
+    return ValueNotAvailable(f"{before} before the first {semantic_label} that is held, {ago_s:.1f} s ago")
 
 
 class Gateway:
@@ -91,21 +97,30 @@ class Gateway:
             ValueNotAvailable: it lies before the history, whose start the message names.
         """
         if at_us > now_us:
-            raise Refused(f"not yet: {at_us} us is {(at_us - now_us) / 1e6:.3f} s in the future")
+            raise Refused(f"not yet: {print_span(at_us - now_us)} in the future")
         history = self.network.generator(self.local(semantic_label, unit)).history
         start_us = history.starts_us
         if start_us is not None and at_us < start_us:
-            raise ValueNotAvailable(f"{semantic_label} is held from {start_us} us on; {at_us} us lies before")
-        return self._semantic(semantic_label, history.most_recent_at(at_us, now_us))
+            raise _too_early(semantic_label, start_us, at_us, now_us)
+        try:
+            found = history.most_recent_at(at_us, now_us)
+        except ValueNotAvailable:
+            later = history.get_between(at_us, now_us)
+            if not later:
+                raise
+            raise _too_early(semantic_label, later[0].valid_us, at_us, now_us) from None
+        return self._semantic(semantic_label, found)
 
-    def between(self, semantic_label: str, from_us: int, to_us: int, unit: str | None = None) -> list[Sample]:
+    def between(
+        self, semantic_label: str, from_us: int, to_us: int, now_us: int, unit: str | None = None
+    ) -> list[Sample]:
         """All samples valid in [from, to], ordered by (valid, available), corrections included."""
         if from_us > to_us:
-            raise Refused(f"the interval is empty: from {from_us} us is after to {to_us} us")
+            raise Refused(f"the interval is empty: it ends {print_span(from_us - to_us)} before it begins")
         history = self.network.generator(self.local(semantic_label, unit)).history
         start_us = history.starts_us
         if start_us is not None and from_us < start_us:
-            raise ValueNotAvailable(f"{semantic_label} is held from {start_us} us on; {from_us} us lies before")
+            raise _too_early(semantic_label, start_us, from_us, now_us)
         return [self._semantic(semantic_label, sample) for sample in history.get_between(from_us, to_us)]
 
     def variance(self, semantic_label: str, sample: Sample) -> tuple[float, ...] | None:

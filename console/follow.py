@@ -7,9 +7,10 @@ from typing import Any
 from console.client import Client, connected
 from console.command import Call
 from console.errors import DONE, NO
-from console.instants import clock_time, span
+from console.instants import clock_time
 from console.output import unit_json, verbatim
 from dyknow.errors import TextError
+from dyknow.instants import print_span
 from federation.acts import Performative, parse_act
 from federation.contents import ActList, ActLog, Acts, Alarm, AlarmList, Alarms, Content, Monitor, MonitorList, Monitors
 
@@ -90,7 +91,7 @@ def _tell_alarm(call: Call, alarm: Alarm) -> None:
         call.out.line(alarm_json(alarm))
         return
     colour = "red" if alarm.event == "opened" else "green"
-    delay = span(alarm.detected_us - alarm.valid_us)
+    delay = print_span(alarm.detected_us - alarm.valid_us)
     call.out.console.print(
         f"[dim]{clock_time(alarm.valid_us)}[/dim]  [{colour}]{alarm.event}[/{colour}]  [bold]{alarm.monitor}[/bold] "
         f"{', '.join(alarm.units)}  [dim]by {alarm.by}, {delay} after the sample[/dim]"
@@ -104,7 +105,7 @@ def _quantity(name: str, value: Any) -> str:
     """A feature for people; the units are said already, and a duration is not read as microseconds."""
     feature = name.partition("[")[0]
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return f"{feature} {span(value) if feature.endswith('_time') else f'{value:.1f}'}"
+        return f"{feature} {print_span(value) if feature.endswith('_time') else f'{value:.1f}'}"
     return f"{feature} {value}"
 
 
@@ -164,7 +165,7 @@ def _monitor_json(monitor: Monitor) -> dict[str, Any]:
 
 def _monitor_row(monitor: Monitor, now_us: int) -> tuple[str, ...]:
     colour = _SHOWN.get(monitor.shows, "yellow")
-    since = span(max(0, now_us - monitor.since_us)) if monitor.since_us is not None else ""
+    since = print_span(max(0, now_us - monitor.since_us)) if monitor.since_us is not None else ""
     missing = (f"platform {name}" if name in monitor.units else name for name in monitor.which)
     which = "".join(f"\n{verbatim(name)}" for name in missing)
     return (

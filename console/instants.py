@@ -4,6 +4,7 @@ import re
 from datetime import UTC, datetime, timedelta
 
 from console.errors import WrongCall
+from dyknow.instants import print_span
 
 _UNITS_US = {"us": 1, "ms": 1_000, "s": 1_000_000, "min": 60_000_000, "h": 3_600_000_000}
 _DURATION = re.compile(r"(?P<number>[0-9]+(?:\.[0-9]+)?)(?P<unit>us|ms|s|min|h)?")
@@ -29,7 +30,9 @@ def duration_us(text: str, *, option: str, least_us: int = 0) -> int:
         raise WrongCall(f"{option}: {text!r} has no unit; say {number}ms or {number}s.")
     duration = round(float(found["number"]) * _UNITS_US[found["unit"]])
     if duration < least_us:
-        raise WrongCall(f"{option}: {text} is too short; write {span(least_us).replace(' ', '')} or more, as in 5s.")
+        raise WrongCall(
+            f"{option}: {text} is too short; write {print_span(least_us).replace(' ', '')} or more, as in 5s."
+        )
     return duration
 
 
@@ -63,15 +66,3 @@ def instant_us(text: str, now_us: int, *, option: str) -> int:
 def clock_time(instant: int) -> str:
     """The time of day of an instant, UTC, to the millisecond: `12:00:01.250`."""
     return (_EPOCH + timedelta(microseconds=instant)).strftime("%H:%M:%S.%f")[:-3]
-
-
-def span(microseconds: float) -> str:
-    """A length of time in at most six characters: `80 ms`, `1.2 s`, `3 min`."""
-    size = abs(microseconds)
-    if size < 1_000:
-        return f"{microseconds:.0f} us"
-    if size < 1_000_000:
-        return f"{microseconds / 1e3:.0f} ms"
-    if size < 100_000_000:
-        return f"{microseconds / 1e6:.1f} s"
-    return f"{microseconds / 60e6:.0f} min"

@@ -7,9 +7,9 @@ from console.client import Client, connected
 from console.command import Call
 from console.dialogue import Dialogue, Seen
 from console.errors import DONE, NO
-from console.instants import span
 from console.output import unit_json, verbatim
 from console.query import asked_whom_they_miss, missed
+from dyknow.instants import print_span
 from federation.acts import Performative
 from federation.contents import Query, Samples
 from federation.directory import unit_order
@@ -103,7 +103,11 @@ def show(call: Call, records: list[dict[str, Any]]) -> None:
     rows = []
     for record in records:
         colour = _STATES.get(record["state"], "red")
-        clock = "" if record["offset_us"] is None else f"{span(record['offset_us'])} ± {span(record['bound_us'])}"
+        clock = (
+            ""
+            if record["offset_us"] is None
+            else f"{print_span(record['offset_us'])} ± {print_span(record['bound_us'])}"
+        )
         services = [
             f"[dim]{visibility}[/dim] {', '.join(names)}"
             for visibility in ("public", "protected")
@@ -125,4 +129,4 @@ def show(call: Call, records: list[dict[str, Any]]) -> None:
 
 
 def _age(age_ms: int | None) -> str:
-    return "no sample" if age_ms is None else span(age_ms * 1000)
+    return "no sample" if age_ms is None else print_span(age_ms * 1000)

@@ -5,9 +5,10 @@ from typing import Any
 from console.client import Client, connected
 from console.command import Call
 from console.errors import DONE, NO, FederationFailed
-from console.instants import SHORTEST_US, clock_time, duration_us, span
+from console.instants import SHORTEST_US, clock_time, duration_us
 from console.output import unit_json, verbatim
 from console.query import check_label, value_text
+from dyknow.instants import print_span
 from dyknow.values import NO_VALUE
 from federation.acts import Performative
 from federation.codec import StreamSample
@@ -90,7 +91,7 @@ def _tell(call: Call, record: dict[str, Any]) -> None:
     if call.out.json_lines:
         call.out.line(record)
         return
-    delay = span(record["available_us"] - record["valid_us"])
+    delay = print_span(record["available_us"] - record["valid_us"])
     call.out.console.print(
         f"[bold]{record['unit']}[/bold]  [dim]{clock_time(record['valid_us'])} + {delay}[/dim]  "
         f"{verbatim(value_text(record['value']))}"

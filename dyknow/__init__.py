@@ -23,7 +23,7 @@ from dyknow.errors import (
 )
 from dyknow.generator import Consumer, Generator, Subscription
 from dyknow.history import History
-from dyknow.instants import US_PER_MS, US_PER_S, parse_duration, print_duration
+from dyknow.instants import US_PER_MS, US_PER_S, parse_duration, print_duration, print_span
 from dyknow.join import Inputs, Join, available, available_times, join, last_available, previous
 from dyknow.labels import Label
 from dyknow.network import Network
@@ -87,6 +87,7 @@ __all__ = [
     "parse_duration",
     "previous",
     "print_duration",
+    "print_span",
     "restrict",
     "sample_every",
     "strict_order",

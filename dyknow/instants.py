@@ -16,6 +16,14 @@ MAX_DURATION_US = 2**62
 
 _DURATION = re.compile(r"([0-9]{1,20}(?:\.[0-9]{1,20})?(?:[eE][+-]?[0-9]{1,2})?)\s?(us|ms|s|min|h)?")
 _PRINTED = ("h", "min", "s", "ms", "us")
+_ROUNDED = (
+    (1, 1_000, "us", 0),
+    (US_PER_MS, US_PER_S, "ms", 0),
+    (US_PER_S, 100 * US_PER_S, "s", 1),
+    (60 * US_PER_S, 6_000 * US_PER_S, "min", 0),
+    (3_600 * US_PER_S, 360_000 * US_PER_S, "h", 0),
+)
+"""Each unit, below which size it is used, and with how many decimals."""
 
 
 def parse_duration(text: str, default_unit: str = "ms") -> int:
@@ -49,3 +57,11 @@ def print_duration(duration_us: int) -> str:
         return "0s"
     unit = next(unit for unit in _PRINTED if amount % US_PER_UNIT[unit] == 0)
     return f"{sign}{amount // US_PER_UNIT[unit]}{unit}"
+
+
+def print_span(duration_us: float) -> str:
+    """A length of time as people read it, rounded: `80 ms`, `1.2 s`, `3 min`, `5 days`."""
+    for unit_us, below_us, unit, decimals in _ROUNDED:
+        if round(abs(duration_us) / unit_us, decimals) < below_us / unit_us:
+            return f"{duration_us / unit_us:.{decimals}f} {unit}"
+    return f"{duration_us / 86_400_000_000:.0f} days"

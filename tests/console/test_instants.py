@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from console.errors import WrongCall
-from console.instants import duration_us, instant_us, span
+from console.instants import duration_us, instant_us
 
 NOW = 1_700_000_000_000_000
 
@@ -49,8 +49,3 @@ def test_a_duration_is_a_number_and_a_unit(text: str, expected: int) -> None:
 def test_a_duration_without_a_unit_or_too_short_is_refused(text: str, said: str) -> None:
     with pytest.raises(WrongCall, match=f"^--every: .*{said}"):
         duration_us(text, option="--every", least_us=1_000)
-
-
-@pytest.mark.parametrize(("us", "shown"), [(12, "12 us"), (80_000, "80 ms"), (1_250_000, "1.2 s"), (-300, "-300 us")])
-def test_spans_are_short(us: int, shown: str) -> None:
-    assert span(us) == shown

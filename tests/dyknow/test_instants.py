@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dyknow import TextError, parse_duration, print_duration
+from dyknow import TextError, parse_duration, print_duration, print_span
 from dyknow.instants import MAX_DURATION_US
 
 
@@ -65,6 +65,17 @@ def test_durations_print_in_the_largest_exact_unit() -> None:
         "2h",
         "-5ms",
     ]
+
+
+@pytest.mark.parametrize(
+    ("us", "shown"),
+    [
+        (0, "0 us"), (12, "12 us"), (-300, "-300 us"), (80_000, "80 ms"), (999_400, "999 ms"), (999_600, "1.0 s"), (1_250_000, "1.2 s"), (75_000_000, "75.0 s"),
+        (180_000_000, "3 min"), (7_200_000_000, "2 h"), (432_000_000_000, "5 days"),
+    ],
+)  # fmt: skip
+def test_spans_are_rounded_for_people(us: int, shown: str) -> None:
+    assert print_span(us) == shown
 
 
 @given(st.text(max_size=80))
