@@ -191,10 +191,6 @@ def unicast(receiver: str, owner: str, semantic_label: str, contract: str) -> st
     return f"to/{unit(receiver)}/{unit(owner)}/{label(semantic_label)}/{conversation(contract)}"
 
 
-def unicast_inbox(receiver: str) -> str:
-    return f"to/{unit(receiver)}/**"
-
-
 def history(owner: str, semantic_label: str) -> str:
     return f"q/{unit(owner)}/{label(semantic_label)}"
 
@@ -226,11 +222,6 @@ def token_service(zid: str, name: str, service: str, version: int) -> str:
 
 def token_label(zid: str, name: str, semantic_label: str, type_hash: str, period_us: int) -> str:
     return f"@df/v1/{_zid(zid)}/{unit(name)}/L/{label(semantic_label)}/{_hash(type_hash)}/{_count(period_us)}"
-
-
-def tokens_of(zid: str) -> str:
-    """All tokens of one session."""
-    return f"@df/v1/{_zid(zid)}/**"
 
 
 _Build: TypeAlias = Callable[..., str]

@@ -7,7 +7,7 @@ A profile holds text: whoever can read formulas makes one of it (kpl/profiles.py
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from typing import Any, Final, TypeAlias, get_args
@@ -71,22 +71,6 @@ class Profile:
     def pairwise(self) -> bool:
         """Whether it is about the unit and another one."""
         return any(FEATURES[name].arity == 2 for name in self.features)
-
-    def with_thresholds(self, changed: Mapping[str, Threshold]) -> "Profile":
-        """The profile with other thresholds; names as people type them, `min-xy` is `MIN_XY`.
-
-        Raises:
-            TextError: if the profile has no such threshold, or the value is neither a number nor a time.
-        """
-        new = dict(self.thresholds)
-        for typed, value in changed.items():
-            name = typed.upper().replace("-", "_")
-            if name not in new:
-                raise TextError(
-                    f"{self.name} has no threshold {typed}", repair=", ".join(new) or "none: define a profile"
-                )
-            new[name] = _threshold(self.name, name, value)
-        return replace(self, thresholds=new)
 
 
 @cache

@@ -99,9 +99,6 @@ class Autopilot:
     def clear_faults(self) -> None:
         self._faults.clear()
 
-    def active_faults(self, now_us: int) -> tuple[Fault, ...]:
-        return self._faults.active(now_us)
-
     def on_time(self, now_us: int) -> Sent:
         """Fly, and send what is due. After a pause only the newest telemetry is sent, not what was missed."""
         sent: Sent = []

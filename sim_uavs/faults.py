@@ -126,9 +126,6 @@ class Faults:
         ppm = self.amount("clock-drift", now_us)
         return 0 if ppm is None else round(ppm * 1e-6 * (now_us - self._held["clock-drift"][1]))
 
-    def active(self, now_us: int) -> tuple[Fault, ...]:
-        return tuple(held[0] for kind, held in tuple(self._held.items()) if self.holds(kind, now_us))
-
 
 def spoil(reading: GpsReading, last: GpsReading | None, faults: Faults, now_us: int) -> GpsReading | None:
     """What the position sensor reports under the faults that hold; None: nothing, it has no fix."""

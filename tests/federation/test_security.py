@@ -72,7 +72,7 @@ def test_a_peer_may_do_what_the_federation_needs_in_its_own_name_only(message: s
 
 
 def test_nobody_reads_what_is_sent_to_another() -> None:
-    for expr in [keys.inbox("uav1"), keys.unicast_inbox("uav1"), "acl/**", "**", "to/**"]:
+    for expr in [keys.inbox("uav1"), "to/uav1/**", "acl/**", "**", "to/**"]:
         assert not allowed(SECURED, "0", "declare_subscriber", expr)
 
 

@@ -112,20 +112,6 @@ def test_energy_alarms_when_the_way_home_costs_more_than_the_charge_above_the_re
     assert not energy(battery=(0.67,), **far | {"heli-home": (58.001, 15.0)})
 
 
-def test_thresholds_are_overridden_by_the_names_people_type():
-    profile = builtin_profiles()["proximity-warn"].with_thresholds({"min-xy": 20, "within": "5s", "NEAR_Z": "25"})
-    text = print_formula(profile_formula(profile, "0"))
-    assert "cpa_xy[0, other] < 20.0" in text
-    assert "<= 5s" in text
-    assert "z_dist[0, other] < 25.0" in text
-
-
-@pytest.mark.parametrize(("name", "value"), [("max-xy", 3), ("min-xy", "far"), ("min-xy", True)])
-def test_thresholds_that_do_not_exist_or_are_no_numbers_are_refused(name, value):
-    with pytest.raises(TextError):
-        builtin_profiles()["proximity-warn"].with_thresholds({name: value})
-
-
 FENCE = """
 [field]
 formula = "always (fence_margin[self] >= MARGIN and height[self] <= 120)"
