@@ -49,6 +49,7 @@ def doctor(call: Call) -> int:
             "",
             ("", "what", "found"),
             [(shown[f.state], f.finding, verbatim(f.detail) + _remedy(f.remedy)) for f in findings],
+            wraps=("found",),
         )
     return NO if any(found.state == "missing" for found in findings) else DONE
 

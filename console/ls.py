@@ -125,7 +125,7 @@ def show(call: Call, records: list[dict[str, Any]]) -> None:
                 "\n".join(services),
             )
         )
-    call.out.table("", ("unit", "state", "clock", "labels (age)", "services"), rows)
+    call.out.table("", ("unit", "state", "clock", "labels (age)", "services"), rows, wraps=("clock", "services"))
 
 
 def _age(age_ms: int | None) -> str:

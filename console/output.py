@@ -80,20 +80,22 @@ class Output:
         rows: Sequence[Sequence[str]],
         *,
         right: Sequence[str] = (),
+        wraps: Sequence[str] = (),
         whole: Sequence[str] = (),
     ) -> None:
         """A table for people, readable also where the terminal is narrow. Rows are markup.
 
-        Columns named in `right` are flushed right; those in `whole`, which are to be copied, are never broken.
+        Columns named in `right` are flushed right, those in `wraps` may be broken between words; those in `whole`,
+        which are to be copied, are never broken.
         """
         from console.tables import Column, print_table
 
-        described = [Column(name, is_right=name in right, is_whole=name in whole) for name in columns]
+        described = [Column(name, name in right, name in wraps, name in whole) for name in columns]
         print_table(self.console, title, described, rows)
 
-    def note(self, text: str) -> None:
+    def note(self, text: str, *, style: str | None = None) -> None:
         """A remark beside the result, for people; no markup."""
-        self.terminal.print(text, markup=False, soft_wrap=True)
+        self.terminal.print(text, markup=False, soft_wrap=True, style=style)
 
     @contextmanager
     def waiting(self, text: str) -> Iterator[Callable[[str], None]]:

@@ -140,5 +140,5 @@ def _told(call: Call, members: list[Member]) -> int:
             )
         return DONE
     rows = [(m.unit, "[red]revoked[/red]" if m.revoked else m.role, m.key_text) for m in members]
-    call.out.table("", ("unit", "role", "key"), rows)
+    call.out.table("", ("unit", "role", "key"), rows, wraps=("key",))
     return DONE

@@ -18,10 +18,16 @@ _GAP = "  "
 
 
 class Column(NamedTuple):
-    """What its cells have in common; `is_whole`: they are to be copied, and never broken."""
+    """What its cells have in common.
+
+    Attributes:
+        wraps: their lines may be broken between words.
+        is_whole: they are to be copied, and are never broken, not even where the terminal is too narrow for them.
+    """
 
     name: str
     is_right: bool = False
+    wraps: bool = False
     is_whole: bool = False
 
 
@@ -35,21 +41,21 @@ def print_table(console: Console, title: str, columns: Sequence[Column], rows: S
     table = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False, title_style="bold")
     for column, width in zip(columns, widths, strict=True):
         justify: Literal["left", "right"] = "right" if column.is_right else "left"
-        table.add_column(column.name, justify=justify, overflow="fold", no_wrap=column.is_whole, width=width)
+        table.add_column(column.name, justify=justify, overflow="fold", no_wrap=not column.wraps, width=width)
     for row in texts:
         table.add_row(*row)
     console.print(table)
 
 
 def _widths(columns: Sequence[Column], rows: list[list[Text]], available: int) -> list[int] | None:
-    """Each column as wide as its text, the first before the last, and none narrower than its words; None: no room."""
+    """Each column as wide as its text; those that wrap as is left, but none narrower than its words; None: no room."""
     least, most = [], []
     for at, column in enumerate(columns):
         lines = [Text(column.name), *(line for row in rows for line in row[at].split())]
         words = [Text(word) for line in lines for word in line.plain.split()]
         most.append(max((line.cell_len for line in lines), default=0))
         longest = max((word.cell_len for word in words), default=0)
-        least.append(most[-1] if column.is_whole else min(longest, LONG))
+        least.append(min(longest, LONG) if column.wraps else most[-1])
     left = available - _EDGES - _BETWEEN * (len(columns) - 1) - sum(least)
     if left < 0:
         return None
