@@ -10,7 +10,7 @@ from console.instants import SHORTEST_US, duration_us, instant_us
 from console.launch import clock_of, configured, mavlink_endpoint, replayed, trust_of, wire_of
 from console.output import unit_json
 from console.processes import Fleet, interruptible, run_directory, uninterrupted
-from console.up import READY_S, Gathering
+from console.up import READY_S, Gathering, tell_notes
 from federation.keys import unit as unit_name
 from runtime.config import ClockConfig, MavlinkVehicle, NodeConfig, ReplayedVehicle
 
@@ -39,6 +39,7 @@ def join(call: Call, *, unit: str, duration: str | None, **chosen: Any) -> int:
                 unit=unit_json(unit),
                 labels=labels,
             )
+            tell_notes(call, gathering)
             code = fleet.wait()[unit]
         except KeyboardInterrupt:
             return INTERRUPTED

@@ -36,13 +36,14 @@ _LEAD_PER_UNIT_US = 200_000
 
 
 class Gathering:
-    """What the platforms have said so far: who joined, and whom each has found."""
+    """What the platforms have said so far: who joined, whom each has found, and what they note, each remark once."""
 
     def __init__(self, units: list[str]) -> None:
         self.units = set(units)
         self.joined_us: dict[str, int] = {}
         self.labels: dict[str, list[str]] = {}
         self.complete_us: dict[str, int] = {}
+        self.notes: list[str] = []
 
     def on_heard(self, unit: str, said: dict[str, Any]) -> None:
         if said.get("event") == "joined":
@@ -52,6 +53,8 @@ class Gathering:
             found = {str(name) for name in said["units"]} | {unit}
             if found >= self.units:
                 self.complete_us.setdefault(unit, int(said["at_us"]))
+        elif said.get("event") == "note" and (text := str(said["text"])) not in self.notes:
+            self.notes.append(text)
 
     def all_joined(self) -> bool:
         return self.joined_us.keys() >= self.units
@@ -189,6 +192,14 @@ def _say_ready(call: Call, fleet: Fleet, gathering: Gathering) -> None:
         pids={unit: fleet.running[unit].pid for unit in units},
         discovery_ms=gathering.discovery_ms,
     )
+    tell_notes(call, gathering)
+
+
+def tell_notes(call: Call, gathering: Gathering) -> None:
+    """What people should know of those that have started, such as that anybody may command them."""
+    if not call.out.json_lines:
+        for text in gathering.notes:
+            call.out.note(text, style="dim")
 
 
 def _stay(call: Call, fleet: Fleet) -> int:
