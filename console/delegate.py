@@ -29,6 +29,7 @@ from federation.contents import (
 P = Performative
 ANSWER_S = 3.0
 _STEP_S = 0.5
+HEIR_S = 8.0
 _ENDS = (Done, Verdict)
 
 
@@ -57,6 +58,8 @@ def delegate(call: Call, task: str, pairs: Sequence[str], *, to: str | None, wai
             if not call.out.json_lines:
                 call.out.note(f"The task goes on; end it with: dyknow cancel {dialogue.conversation}")
             return INTERRUPTED
+        if wait and dialogue.agreed and dialogue.failed and not _finished_well(dialogue):
+            raise FederationFailed(f"{dialogue.failed}. {_heir(client, dialogue)}")
         return _outcome(dialogue)
 
 
@@ -68,7 +71,31 @@ def _receiver(client: Client, content: Content, to: str | None) -> str:
 
 
 def _finished(dialogue: Dialogue) -> bool:
-    return dialogue.trouble is not None or any(isinstance(said, _ENDS) for said in dialogue.results)
+    return dialogue.trouble is not None or _finished_well(dialogue)
+
+
+def _finished_well(dialogue: Dialogue) -> bool:
+    return any(isinstance(said, _ENDS) for said in dialogue.results)
+
+
+def _heir(client: Client, dialogue: Dialogue) -> str:
+    """Who leads the task on, in words; another platform takes a few seconds to."""
+    found: list[str] = []
+
+    def look() -> bool:
+        others = [unit for unit in client.chosen(None) if unit != dialogue.unit]
+        found[:] = [unit for unit, task in all_tasks(client, others) if task.conversation == dialogue.conversation]
+        return bool(found)
+
+    until = client.federation_us() + round(HEIR_S * 1e6 * client.centre.clock.speed)
+    while not look() and client.federation_us() < until:
+        client.wait_for(lambda: False, _STEP_S)
+    if not found:
+        return "No other platform leads the task on; delegate it anew."
+    return (
+        f"Platform {found[0]} leads the task on: dyknow alarms --follow tells of it, "
+        f"dyknow cancel {dialogue.conversation} ends it."
+    )
 
 
 def _outcome(dialogue: Dialogue) -> int:
