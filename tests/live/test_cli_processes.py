@@ -78,3 +78,17 @@ def test_a_name_that_is_taken_is_refused(dyknow: Dyknow) -> None:
     _started(dyknow)
     _, err = dyknow.raw("join", "--unit", "1", "--mavlink", "udpin:127.0.0.1:0", code=2)
     assert "there is a platform 1" in err
+
+
+def test_who_waits_for_a_task_whose_leader_dies_is_told_who_leads_it_on(dyknow: Dyknow) -> None:
+    _, pids = _started(dyknow)
+    waiting = dyknow.start("delegate", "monitor-proximity", "--to", "0", "--wait", "--json")
+    told = lines(waiting)
+    while "proximity-warn" not in (said := next(told)).get("content", ""):
+        assert said["unit"] == 0
+    os.kill(pids[0], signal.SIGKILL)
+    _, err = waiting.communicate(timeout=PATIENCE_S)
+    assert waiting.returncode == 3
+    assert "platform 0 is gone" in err
+    assert "Platform 1 leads the task on" in err
+    assert [task["unit"] for task in dyknow.run("tasks")] == [1]
