@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 from agents.context import Context
-from agents.deadlines import Deadlines
 from dyknow import US_PER_S, Policy, Sample, State, StateInput, StatePolicy, Subscription, Synchronizer
 from dyknow.errors import Refused
 from federation.acts import Act, Performative
 from federation.contents import CheckFormula, Verdict
+from federation.deadlines import Deadlines
 from kpl import read_formula, unit_vocabulary
 from reasoning import Derivation, Progression, required_labels
 

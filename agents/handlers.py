@@ -12,7 +12,8 @@ from federation.acts import Act, Performative
 from navigation.vehicle import GoTo, Hold, Land, Order, ReturnHome
 
 if TYPE_CHECKING:
-    from agents.platform import Platform, PlatformConfig
+    from agents.config import PlatformConfig
+    from agents.platform import Platform
 
 P = Performative
 

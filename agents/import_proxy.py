@@ -4,12 +4,12 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from agents.deadlines import Deadlines
-from dyknow import Label, Network, Policy, PolicyAdapter, Sample
+from dyknow import Label, Network, Policy, PolicyAdapter, Sample, Value
 from dyknow.errors import SortError
 from federation import keys
 from federation.clock import FederationClock, Offset, Standing
 from federation.codec import StreamSample, decode_recovered, decode_samples
+from federation.deadlines import Deadlines
 from federation.ontology import Convert, Ontology, Translation
 from federation.streams import ImportStream
 from federation.transport import Answered, Arrived, AskEnded, Subscribe, Unsubscribe, WireEffect
@@ -30,7 +30,8 @@ class Import:
 
 
 class ImportProxy:
-    """Takes samples off the wire, once each, and pushes them into the local instance.
+    """Takes samples off the wire, once each, and pushes them into the local instance. `changes` counts streams that
+    began or ended.
 
     What a peer sends whose clock is skewed, or not compared yet, is refused and counted: one valid time far ahead would
     end an ordered stream. Valid times of a peer whose clock is off by 50 ms to 1 s are shifted, and approximated linearly onto the grid of
@@ -61,6 +62,8 @@ class ImportProxy:
         self._asked: dict[int, Import] = {}
         self._sinks: dict[tuple[str, str], Callable[[int, object, int], None]] = {}
         self._due: Deadlines[tuple[str, str, str]] = Deadlines()
+        self.changes = 0
+        self._told: dict[str, tuple[int, Sequence[tuple[str, str, int]]]] = {}
         self.refused: Counter[str] = Counter()
 
     def expect(self, owner: str, semantic_label: str, policy_hash: str, policy: Policy, now_us: int) -> None:
@@ -70,6 +73,8 @@ class ImportProxy:
             return
         stream = ImportStream(owner, semantic_label, policy_hash, self._questions)
         self.imports[name] = Import(stream, policy, now_us)
+        self._told.pop(owner, None)
+        self.changes += 1
         self._emit(Subscribe(keys.stream_expr(semantic_label, policy_hash)))
 
     def end(self, owner: str, semantic_label: str, policy_hash: str) -> None:
@@ -77,11 +82,14 @@ class ImportProxy:
         if self.imports.pop((owner, semantic_label, policy_hash), None) is None:
             return
         self._due.set((owner, semantic_label, policy_hash), None)
+        self._told.pop(owner, None)
+        self.changes += 1
         if not any(name[1:] == (semantic_label, policy_hash) for name in self.imports):
             self._emit(Unsubscribe(keys.stream_expr(semantic_label, policy_hash)))
 
     def on_owner(self, owner: str, boot: int) -> None:
         """The directory says which life of `owner` is there: what an older one numbered counts no more."""
+        self._told.pop(owner, None)
         for found in self.imports.values():
             if found.stream.owner == owner:
                 found.stream.on_owner(boot)
@@ -113,10 +121,15 @@ class ImportProxy:
 
         Returns whether anything is due because of it.
         """
+        if not tails or self._told.get(owner) == (boot, tails):
+            return False
         is_due = False
         for semantic_label, policy_hash, tail in tails:
             found = self.imports.get((owner, semantic_label, policy_hash))
-            if found is not None and not found.stream.has(boot, tail):
+            if found is None:
+                continue
+            self._told[owner] = boot, tails
+            if not found.stream.has(boot, tail):
                 found.stream.on_tail(boot, tail, now_us)
                 self._wake(found)
                 is_due = is_due or found.stream.deadline_us is not None
@@ -158,27 +171,29 @@ class ImportProxy:
 
     def _deliver(self, found: Import, entries: Sequence[StreamSample], at_us: int) -> None:
         owner, label = found.stream.owner, found.stream.label
-        self._wake(found)
+        if found.stream.deadline_us is not None:  # else an earlier one, if there is, finds nothing to do
+            self._wake(found)
         now_us = self._clock.federation_us(at_us)
         offset = self._offset_of(owner)
-        if offset is None or offset.standing is Standing.SKEWED:
+        standing = Standing.SKEWED if offset is None else offset.standing
+        if offset is None or standing is Standing.SKEWED:
             self.refused["clock"] += len(entries)
             return
         beyond_us = now_us + AHEAD_US
-        if any(entry.valid_us > beyond_us for entry in entries):
-            self.refused["future"] += sum(entry.valid_us > beyond_us for entry in entries)
-            entries = [entry for entry in entries if entry.valid_us <= beyond_us]
-        if offset.standing is not Standing.CORRECTED:
+        sound = [entry for entry in entries if entry.valid_us <= beyond_us]
+        if len(sound) < len(entries):
+            self.refused["future"] += len(entries) - len(sound)
+        if standing is not Standing.CORRECTED:
             found.regrid = None
-            for entry in entries:
-                self.push(owner, label, Sample(now_us, entry.valid_us, entry.value))
+            for _, valid_us, value in sound:
+                self._put(owner, label, valid_us, value, now_us)
             return
         shift_us = round(offset.offset_us * self._clock.speed)
         if found.regrid is None and found.policy.sample_us is not None:
             found.regrid = PolicyAdapter(
                 Policy(change="sample", sample_us=found.policy.sample_us, from_us=0, approximation="linear")
             )
-        for entry in entries:
+        for entry in sound:
             sample = Sample(now_us, entry.valid_us - shift_us, entry.value)
             for on_grid in [sample] if found.regrid is None else found.regrid.on_sample(sample, now_us):
                 self.push(owner, label, on_grid)
@@ -188,11 +203,14 @@ class ImportProxy:
 
         A value that is not of the label's sort is dropped and counted.
         """
+        self._put(sender, semantic_label, sample.valid_us, sample.value, sample.available_us)
+
+    def _put(self, sender: str, semantic_label: str, valid_us: int, value: Value, now_us: int) -> None:
         sink = self._sinks.get((sender, semantic_label))
         if sink is None:
             sink = self._sinks[sender, semantic_label] = self._source(sender, semantic_label)
         try:
-            sink(sample.valid_us, sample.value, sample.available_us)
+            sink(valid_us, value, now_us)
         except SortError:
             self.refused["sort"] += 1
 

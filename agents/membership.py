@@ -4,13 +4,13 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from agents.bulletin import alarm_content
-from agents.deadlines import Deadlines
 from agents.orphans import Orphans
 from agents.services import FEDERATION
 from dyknow.errors import Refused
 from federation.acts import Act
 from federation.clock import Standing
 from federation.conversations import is_lost
+from federation.deadlines import Deadlines
 from federation.directory import Outcome
 from federation.exports import ExportEvent
 from federation.liveness import NameConflict, PlatformAppeared, PlatformGone, PlatformReturned, PlatformSuspected
@@ -34,7 +34,7 @@ class Membership:
         self._p = platform
         self._orphans = Orphans(platform)
         self._departed: Deadlines[str] = Deadlines()
-        self._found: tuple[str, ...] = ()
+        self._found: tuple[str, ...] | None = None
         self._standing: dict[str, Standing] = {}
         self._twins: dict[int, int] = {}
 
@@ -43,6 +43,9 @@ class Membership:
     @property
     def found(self) -> tuple[str, ...]:
         """The platforms that offer the federation service, this one included."""
+        if self._found is None:
+            offering = self._p.directory.search(service=FEDERATION.service.service)
+            self._found = tuple(entry.unit for entry in offering)
         return self._found
 
     def on_directory(self, change: Outcome, now_us: int) -> bool:
@@ -74,8 +77,7 @@ class Membership:
             case _:
                 return False
         if isinstance(change, ServiceAppeared | ServiceGone) and change.service.service == FEDERATION.service.service:
-            offering = self._p.directory.search(service=FEDERATION.service.service)
-            self._found = tuple(entry.unit for entry in offering)
+            self._found = None
         self._p.bulletin.on_directory_change(change, now_us)
         return True
 
@@ -142,13 +144,17 @@ class Membership:
 
     # -- clocks ------------------------------------------------------------------------------------------------
 
-    def on_clock(self, unit: str, now_us: int) -> None:
-        """A clock was compared: monitors over a peer whose clock is skewed, or not known yet, count it as missing."""
+    def on_clock(self, unit: str, now_us: int) -> bool:
+        """A clock was compared: monitors over a peer whose clock is skewed, or not known yet, count it as missing.
+
+        Returns whether that changed.
+        """
         known = self._standing.get(unit)
         if known is self._p.clocks.standing(unit) or not self._p.monitors.has_member(unit):
-            return
+            return False
         if self._p.directory.is_present(unit):
             self._judge_clock(unit, now_us)
+        return True
 
     def _judge_clock(self, unit: str, now_us: int) -> None:
         standing = self._standing[unit] = self._p.clocks.standing(unit)

@@ -4,14 +4,16 @@ A named monitor whose formula quantifies over `units - {self} growing` has one i
 a state synchroniser of its own: a silent platform makes its own instance stale and no other. Federation time.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Set as AbstractSet
 from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
-from agents.deadlines import Deadlines
 from agents.plans import MonitorPlan, StateMaker
 from dyknow import Label, Network, Policy, Sample, State, StateInput, StatePolicy, Subscription, Synchronizer
 from dyknow.errors import DyknowError, Refused
+from federation.deadlines import Deadlines
 from federation.ontology import Convert
 from reasoning import AlarmEvent, Monitor
 
@@ -37,6 +39,8 @@ class Named:
     instances: dict[str, Instance] = field(default_factory=dict)
 
 
+Needs: TypeAlias = Mapping[str, AbstractSet[tuple[str, int, int]]]
+"""Which (semantic label, period, max delay) of which other unit the monitors live on."""
 Feed = Callable[[Sample], None]
 
 
@@ -79,6 +83,8 @@ class Monitors:
         self._taps: dict[tuple[str, str, Policy], Tap] = {}
         self._members: dict[str, str | None] = {}
         self._deadlines: Deadlines[tuple[str, str, bool]] = Deadlines()
+        self._needs: dict[str, set[tuple[str, int, int]]] | None = None
+        self._count = 0
 
     # -- what is monitored -------------------------------------------------------------------------------------
 
@@ -147,8 +153,13 @@ class Monitors:
             if member in named.instances:
                 self._end(named, member)
 
-    def needs(self) -> dict[str, set[tuple[str, int, int]]]:
-        """Which (semantic label, period, max delay) of which other unit the monitors live on."""
+    def needs(self) -> Needs:
+        """What they live on; the same object while that does not change."""
+        if self._needs is None:
+            self._needs = self._needed()
+        return self._needs
+
+    def _needed(self) -> dict[str, set[tuple[str, int, int]]]:
         found: dict[str, set[tuple[str, int, int]]] = {}
         for named in self.named.values():
             for instance in named.instances.values():
@@ -189,7 +200,7 @@ class Monitors:
 
     def _begin(self, named: Named, member: str, now_us: int) -> None:
         plan = named.plan
-        if sum(len(n.instances) for n in self.named.values()) >= MAX_INSTANCES:
+        if self._count >= MAX_INSTANCES:
             raise Refused(f"this platform keeps {MAX_INSTANCES} monitors already")
         key = (self.unit, member) if member else (self.unit,)
         maker = StateMaker(plan, member)
@@ -211,6 +222,7 @@ class Monitors:
             since_us=now_us,
         )
         instance = named.instances[member] = Instance(monitor, synchronizer, maker)
+        self._count, self._needs = self._count + 1, None
         for index, (label, unit) in enumerate(maker.inputs):
             self._tap(unit, label, wanted, instance, self._feed(named, member, instance, index))
         reason = self._members.get(member)
@@ -243,6 +255,7 @@ class Monitors:
 
     def _end(self, named: Named, member: str) -> None:
         instance = named.instances.pop(member)
+        self._count, self._needs = self._count - 1, None
         for tap, feed in instance.taps:
             tap.feeds = tuple(other for other in tap.feeds if other is not feed)
         for of_states in (True, False):

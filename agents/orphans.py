@@ -7,8 +7,8 @@ Times are the node clock.
 
 from typing import TYPE_CHECKING
 
-from agents.deadlines import Deadlines
 from agents.tasks import Task
+from federation.deadlines import Deadlines
 from federation.exports import LINGER_US
 
 if TYPE_CHECKING:

@@ -5,14 +5,15 @@ Federation time, which streams and monitors live in, follows from the node clock
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
 from itertools import count
 
 from agents.account import Account
 from agents.alarm_book import AlarmBook
+from agents.arrivals import Arrivals
 from agents.bulletin import Bulletin
 from agents.checks import Checks
+from agents.config import PlatformConfig
 from agents.context import Context
 from agents.coordination import Coordination
 from agents.effects import Effect, Event, Halt, Leave, Note, Reported
@@ -23,25 +24,24 @@ from agents.gateway import Gateway
 from agents.giving_way import GivingWay
 from agents.handlers import handlers_of, offers_of
 from agents.import_proxy import ImportProxy
-from agents.interface import InterfaceAgent, Trust
-from agents.limits import ACTS_BURST, ACTS_PER_S, Limits
+from agents.interface import InterfaceAgent
+from agents.limits import Limits
 from agents.membership import Membership
 from agents.monitoring import Monitors
 from agents.own_streams import OwnStreams
-from agents.pilot import Fix, FlightLimits, FlightPlan, Pilot
+from agents.pilot import Fix, Pilot
 from agents.plans import PlanBook
 from agents.services import ServiceTable
 from agents.supply import Supply
 from agents.tasks import TaskBook
+from agents.timetable import Timetable
 from dyknow import Label, Network, Sample
 from dyknow.errors import DecodeError
 from federation import keys
-from federation.clock import FederationClock
-from federation.codec import decode_heartbeat
-from federation.directory import Directory, Kind, Outcome
+from federation.directory import Directory, Outcome
 from federation.exports import Exports
 from federation.offsets import ClockOffsets
-from federation.ontology import Convert, Ontology, Translation, default_ontology
+from federation.ontology import Convert, Translation
 from federation.transport import (
     Answered,
     Arrived,
@@ -54,43 +54,9 @@ from federation.transport import (
     TokenChanged,
 )
 from navigation.vehicle import Command
-from reasoning import AlarmEvent, Profile, builtin_profiles
+from reasoning import AlarmEvent
 
 IMPORTED_HISTORY = 1200
-
-
-@dataclass(frozen=True, slots=True)
-class PlatformConfig:
-    """What makes one platform different from another.
-
-    Attributes:
-        unit: its name in the federation.
-        boot: which life of it this is; greater in each later one.
-        zid: identity of its session, for tokens.
-        vehicle: whether it has one, and so labels to offer.
-        simulated: whether faults can be injected.
-        control: whether it may command its vehicle.
-        period_us: the grid of its estimates.
-    """
-
-    unit: str
-    boot: int
-    zid: str = ""
-    kind: Kind = "uav"
-    clock: FederationClock = field(default_factory=FederationClock)
-    vehicle: bool = True
-    simulated: bool = False
-    control: bool = False
-    avoidance: bool = True
-    period_us: int = 100_000
-    plan: FlightPlan | None = None
-    limits: FlightLimits = field(default_factory=FlightLimits)
-    ontology: Ontology = field(default_factory=default_ontology)
-    translation: Translation | None = None
-    profiles: Mapping[str, Profile] = field(default_factory=builtin_profiles)
-    trust: Trust | None = None
-    acts_per_s: float = ACTS_PER_S
-    acts_burst: float = ACTS_BURST
 
 
 class Platform:
@@ -101,17 +67,20 @@ class Platform:
         self.refused: Counter[str] = Counter()
         self._out: list[Effect] = []
         self._now_us = now_us
-        self._due_us: int | None = None
         self._questions = count(1)
-        emit = self._out.append
-        self.network = Network()
-        translation = config.translation or Translation(config.ontology)
-        self._translation = translation
-        self.own = (
-            OwnStreams(config.unit, self.network, translation, config.period_us, self._on_estimate, self.note)
-            if config.vehicle
-            else None
+        self.account, self.tasks, self.alarms = Account(), TaskBook(), AlarmBook()
+        self._hold_federation(config, now_us)
+        self._hold_streams(config)
+        self._hold_agents(config)
+        parts = (self.clocks, self.interface, self.importer, self.exports, self.coordination, self.membership)
+        own = () if self.own is None else (self.own,)
+        self.timetable = Timetable(
+            config.clock, (*parts, self.supply, self.checks), (self.monitors, self.network, *own)
         )
+        self._arrivals = Arrivals(self)
+
+    def _hold_federation(self, config: PlatformConfig, now_us: int) -> None:
+        """What knows of the other platforms."""
         roster = None if config.trust is None else config.trust.roster.fingerprint
         self.directory = Directory(
             config.unit,
@@ -125,7 +94,27 @@ class Platform:
         )
         self.clocks = ClockOffsets(config.boot, self._questions)
         self.exports = Exports(config.unit, config.boot, config.clock)
-        self.account, self.tasks, self.alarms = Account(), TaskBook(), AlarmBook()
+        self.services = ServiceTable(offers_of(config))
+        self.interface = InterfaceAgent(
+            config.unit,
+            config.boot,
+            self.services,
+            self._out.append,
+            account=self.account,
+            limits=Limits(rate_per_s=config.acts_per_s, burst=config.acts_burst),
+            trust=config.trust,
+            offset_us_of=self._offset_us_of,
+        )
+
+    def _hold_streams(self, config: PlatformConfig) -> None:
+        """The local instance, what feeds it and what leaves it."""
+        self.network = Network()
+        translation = self._translation = config.translation or Translation(config.ontology)
+        self.own = (
+            OwnStreams(config.unit, self.network, translation, config.period_us, self._on_estimate, self.note)
+            if config.vehicle
+            else None
+        )
         self.monitors = Monitors(config.unit, self.network, self._source, self._on_alarm)
         self.importer = ImportProxy(
             self.network,
@@ -134,7 +123,7 @@ class Platform:
             config.clock,
             self.clocks.last,
             self._questions,
-            emit,
+            self._out.append,
             self._source,
         )
         self.gateway = Gateway(
@@ -142,22 +131,14 @@ class Platform:
             self.network,
             config.ontology,
             translation,
-            ExportProxy(self.exports, self.network, translation, emit),
+            ExportProxy(self.exports, self.network, translation, self._out.append),
             self.importer,
             self.monitors,
             self._variance_of,
         )
-        self.services = ServiceTable(offers_of(config))
-        self.interface = InterfaceAgent(
-            config.unit,
-            config.boot,
-            self.services,
-            emit,
-            account=self.account,
-            limits=Limits(rate_per_s=config.acts_per_s, burst=config.acts_burst),
-            trust=config.trust,
-            offset_us_of=self._offset_us_of,
-        )
+
+    def _hold_agents(self, config: PlatformConfig) -> None:
+        """The agents; what they share is the context."""
         self.pilot = Pilot(config.control, config.plan, config.limits)
         self.context = Context(
             config.unit,
@@ -199,54 +180,21 @@ class Platform:
         ]
         labels = () if self.own is None else self.own.entries()
         services = [offer.service for offer in self.services.offers]
-        self._take(self.directory.declare(services, labels, now_us))
-        self._take(self.directory.start(now_us))
+        self.take(self.directory.declare(services, labels, now_us))
+        self.take(self.directory.start(now_us))
         return self._done()
 
     def on_event(self, event: Event, now_us: int) -> list[Effect]:
         """Take one event; `now_us` is the node clock."""
         self._now_us = now_us
         try:
-            if type(event) is Arrived and self._is_quiet(event):
+            if type(event) is Arrived and self._arrivals.take(event):
                 return []
-            self._on_event(event)
+            if self._on_event(event):
+                return self._done()
         except DecodeError as wrong:
             self.refused[wrong.reason] += 1
-        return self._done()
-
-    def _is_quiet(self, event: Arrived) -> bool:
-        """Take a heartbeat or samples; whether it was that, and nothing follows from it. Most events are so.
-
-        Quiet ones change few deadlines, and every step pays for finding the earliest.
-        """
-        key = keys.parse_key(event.key)
-        if type(key) is keys.HeartbeatKey:
-            return self._is_quiet_beat(event, key)
-        if type(key) is not keys.StreamKey:
-            return False
-        self.importer.on_arrived(event, key)
-        if self._out or self.gateway.exporter.pending:
-            return False
-        self._hasten(self.importer.deadline_us)
-        for federation_us in (self.monitors.deadline_us, self.network.deadline_us):
-            self._hasten(None if federation_us is None else self.clock.wall_us(federation_us))
-        return True
-
-    def _is_quiet_beat(self, event: Arrived, key: keys.HeartbeatKey) -> bool:
-        beat = decode_heartbeat(event.payload)
-        if beat.unit != key.unit:
-            raise DecodeError("key")
-        if key.unit == self.unit and not self.membership.is_twin(beat.boot, event.at_us):
-            return True
-        outcome = self.directory.on_heartbeat(beat, event.at_us)
-        if self.importer.on_tails(beat.unit, beat.boot, beat.tails, event.at_us):
-            self._hasten(self.importer.deadline_us)
-        self._take(outcome)
-        return not outcome
-
-    def _hasten(self, at_us: int | None) -> None:
-        if at_us is not None and self._due_us is not None and at_us < self._due_us:
-            self._due_us = at_us
+        return self._effects()
 
     def on_time(self, now_us: int) -> list[Effect]:
         """Let time pass. Call at `deadline_us`; more often is harmless."""
@@ -256,7 +204,8 @@ class Platform:
             self.own.on_time(federation_us)
         self.network.on_time(federation_us)
         self.monitors.on_time(federation_us)
-        self._take(self.directory.on_time(now_us, self.exports.tails()))
+        tails = self.exports.tails() if self.directory.beats_at(now_us) else ()
+        self.take(self.directory.on_time(now_us, tails))
         self._out += self.clocks.on_time(now_us)
         self.interface.on_time(now_us)
         self.importer.on_time(now_us)
@@ -270,69 +219,79 @@ class Platform:
 
     @property
     def deadline_us(self) -> int:
-        """When `on_time` has work next (node clock). Worked out once per step: the loop asks before and after it waits."""
-        if self._due_us is None:
-            self._due_us = self._earliest_us()
-        return self._due_us
+        """When `on_time` has work next (node clock), or a little earlier."""
+        due_us = self.timetable.due_us
+        if due_us is None:
+            exporter = self.gateway.exporter
+            due_us = self._now_us if exporter.pending else self.timetable.earliest_us(self.directory.deadline_us)
+            self.timetable.due_us = due_us
+        return due_us
 
-    def _earliest_us(self) -> int:
-        if self.gateway.exporter.pending:
-            return self._now_us
-        due = self.directory.deadline_us
-        for part in (
-            self.clocks.deadline_us,
-            self.interface.deadline_us,
-            self.importer.deadline_us,
-            self.exports.deadline_us,
-            self.coordination.deadline_us,
-            self.membership.deadline_us,
-            self.supply.deadline_us,
-            self.checks.deadline_us,
-        ):
-            if part is not None and part < due:
-                due = part
-        own = None if self.own is None else self.own.deadline_us
-        for part in (self.monitors.deadline_us, self.network.deadline_us, own):
-            if part is not None:
-                due = min(due, self.clock.wall_us(part))
-        return due
+    @property
+    def is_owing(self) -> bool:
+        """Whether there are effects to return, or samples to put."""
+        return bool(self._out) or self.gateway.exporter.pending
 
     def _done(self) -> list[Effect]:
-        self._due_us = None
+        self.timetable.forget()
         self.interface.flush()
+        return self._effects()
+
+    def _effects(self) -> list[Effect]:
+        if not self._out:
+            return []
         effects = self._out[:]
         self._out.clear()
         return effects
 
     # -- events ------------------------------------------------------------------------------------------------
 
-    def _on_event(self, event: Event) -> None:
+    def _on_event(self, event: Event) -> bool:
+        """Whether it may have changed any deadline; those of the parts that most events are for are seen to here."""
         match event:
-            case Arrived():
-                self._on_arrived(event)
             case Reported():
-                self._on_reported(event)
+                return self._on_reported(event)
             case TokenChanged():
                 key = keys.parse_key(event.key)
-                if key is not None:
-                    self._take(self.directory.on_token(key, event.alive, event.at_us))
+                return key is not None and self._found(self.directory.on_token(key, event.alive, event.at_us))
             case Asked():
                 self._on_asked(event)
+                return False
             case Answered():
-                unit = self.clocks.on_answered(event)
-                if unit is not None:
-                    self.membership.on_clock(unit, self._now_us)
-                elif not self.importer.on_answered(event):
-                    self._take(self.directory.on_answered(event))
+                return self._on_answered(event)
             case AskEnded():
-                if not (self.clocks.on_ask_ended(event) or self.importer.on_ask_ended(event)):
-                    self.directory.on_ask_ended(event)
+                self._on_ask_ended(event)
+                return False
+            case Arrived():
+                self._on_arrived(event)
             case Conflated():
                 self.refused["conflated"] += event.lost
             case HandlerFailed():
                 self._out.append(Note(event.at_us, f"{event.where}: {event.error}"))
             case Leave():
                 self.leave(event.at_us)
+        return True
+
+    def _on_answered(self, event: Answered) -> bool:
+        unit = self.clocks.on_answered(event)
+        if unit is not None:
+            self.timetable.hasten(self.clocks)
+            return self.membership.on_clock(unit, self._now_us)
+        return self.importer.on_answered(event) or self._found(self.directory.on_answered(event))
+
+    def _on_ask_ended(self, event: AskEnded) -> None:
+        if self.clocks.on_ask_ended(event):
+            return
+        if self.importer.on_ask_ended(event):
+            self.timetable.hasten(self.importer)
+        else:
+            self.directory.on_ask_ended(event)
+            self.timetable.hasten(self.directory)
+
+    def _found(self, outcomes: Iterable[Outcome]) -> bool:
+        """Whether the directory had events; its own deadlines are seen to."""
+        self.timetable.hasten(self.directory)
+        return self.take(outcomes)
 
     def _on_arrived(self, event: Arrived) -> None:
         key = keys.parse_key(event.key)
@@ -353,23 +312,29 @@ class Platform:
             case keys.ClockKey(unit) if unit == self.unit:
                 self._out += self.clocks.on_asked(event, self._now_us)
             case keys.DescribeKey(unit) if unit == self.unit:
-                self._take(self.directory.on_asked(event))
+                self.take(self.directory.on_asked(event))
             case keys.HistoryKey(owner, label) if owner == self.unit:
                 self._out += self.exports.on_asked(event, label)
             case _:
                 self.refused["key"] += 1
 
-    def _on_reported(self, event: Reported) -> None:
+    def _on_reported(self, event: Reported) -> bool:
         federation_us = self.clock.federation_us(self._now_us)  # not when it was posted: timers may have gone since
         self.fly(self.pilot.on_report(event.report, federation_us))
         if self.own is not None:
             self.own.on_report(event.report, federation_us)
+            self.timetable.hasten_federation(self.own)
+        return self.is_owing
 
-    def _take(self, outcomes: Iterable[Outcome]) -> None:
-        """Effects of the directory go out, its events go to the agents."""
+    def take(self, outcomes: Iterable[Outcome]) -> bool:
+        """Effects of the directory go out, its events go to the agents; whether there were events."""
+        is_told = False
         for outcome in outcomes:
-            if not self.membership.on_directory(outcome, self._now_us):
+            if self.membership.on_directory(outcome, self._now_us):
+                is_told = True
+            else:
                 self._out.append(outcome)  # type: ignore[arg-type]  # what is no event of the directory is an effect
+        return is_told
 
     def _on_estimate(self, sample: Sample) -> None:
         self.fly(self.pilot.on_estimate(sample))
@@ -403,10 +368,10 @@ class Platform:
 
     def leave(self, now_us: int) -> None:
         """Unregister: streams that are set up go on while the process lives (thesis 9.3.4)."""
-        self._take(self.directory.leave(now_us))
+        self.take(self.directory.leave(now_us))
 
     def rejoin(self, now_us: int) -> None:
-        self._take(self.directory.start(now_us, self.exports.tails()))
+        self.take(self.directory.start(now_us, self.exports.tails()))
 
     def emit(self, effects: Iterable[Effect]) -> None:
         self._out += effects

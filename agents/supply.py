@@ -4,9 +4,11 @@ The leader of a task has streams set up at the start; afterwards every platform 
 newcomer, after a cut, after a restart. Times are the node clock.
 """
 
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 
 from agents.context import Context
+from agents.monitoring import Needs
 from dyknow import US_PER_S
 from federation.acts import Act, Performative
 from federation.contents import Content, CreateMulticast
@@ -15,6 +17,8 @@ FIRST_US = 250_000
 CHECK_US = 250_000
 AGAIN_US = 1_500_000
 SILENT_US = 1_000_000
+AGES_US = 2**62
+"""How long ago what never came was heard."""
 
 
 @dataclass(slots=True)
@@ -35,6 +39,9 @@ class Supply:
     _open: dict[str, list[str]] = field(default_factory=dict)
     _renew: set[str] = field(default_factory=set)
     _check_us: int | None = None
+    _look_us: dict[str, int] = field(default_factory=dict)
+    _needs: Needs | None = None
+    _changes: int = -1
 
     def wake(self, now_us: int) -> None:
         """A monitor was set up or a platform came: look soon."""
@@ -53,15 +60,20 @@ class Supply:
         for unit in [unit for unit in self._open if unit not in needs]:
             for conversation in self._open.pop(unit):
                 self.context.desk.cancel(unit, conversation, now_us)
-        heard_us = self.context.gateway.importer.heard_us() if needs else {}
-        for unit, wanted in needs.items():
-            silent = {
-                label
-                for label, period_us, _ in wanted
-                if (last_us := heard_us.get((unit, label))) is None or now_us - last_us > SILENT_US + 2 * period_us
+        importer = self.context.gateway.importer
+        if needs is not self._needs or importer.changes != self._changes:
+            self._look_us.clear()
+            self._needs, self._changes = needs, importer.changes
+        due = [unit for unit in needs if now_us >= self._look_us.get(unit, 0) or unit in self._renew]
+        heard_us = importer.heard_us() if due else {}
+        for unit in due:
+            silent_at_us = {
+                label: heard_us.get((unit, label), now_us - AGES_US) + SILENT_US + 2 * period_us
+                for label, period_us, _ in needs[unit]
             }
-            if self._lacks(unit, silent, now_us):
-                self._ask(unit, wanted, now_us)
+            self._look_us[unit] = min(silent_at_us.values()) + 1
+            if self._lacks(unit, {label for label, at_us in silent_at_us.items() if now_us > at_us}, now_us):
+                self._ask(unit, needs[unit], now_us)
 
     def forget(self, unit: str) -> None:
         """The platform is gone, and the conversations with it: what it exported to us is asked for anew if it returns."""
@@ -80,7 +92,7 @@ class Supply:
         offered = {label.label for label in entry.labels}
         return bool(offered) if is_renewed else not silent.isdisjoint(offered)
 
-    def _ask(self, unit: str, wanted: set[tuple[str, int, int]], now_us: int) -> None:
+    def _ask(self, unit: str, wanted: AbstractSet[tuple[str, int, int]], now_us: int) -> None:
         """Ask for all of it; what stood ends when all of that is agreed to, so that no stream ends in between."""
         self._asked_us[unit] = now_us
         self._renew.discard(unit)

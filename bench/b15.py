@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from agents.platform import PlatformConfig
+from agents.config import PlatformConfig
 from bench.rows import Figures, Limit, Options, Side
 from federation.contents import MonitorProximity
 from sim_uavs.plans import plan_of

@@ -9,9 +9,10 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import Any, NamedTuple
 
+from agents.config import PlatformConfig
 from agents.effects import Halt, Note
 from agents.plans import PlanBook
-from agents.platform import Platform, PlatformConfig
+from agents.platform import Platform
 from dyknow import Sample
 from federation import contents
 from federation.transport import Put

@@ -126,6 +126,8 @@ class Network:
     @property
     def deadline_us(self) -> int | None:
         """Next instant at which `on_time` has work, or None."""
+        if not self._timed:
+            return None
         return min((due_us for s in self._timed if (due_us := s.deadline_us) is not None), default=None)
 
     def _watch(self, subscription: Subscription) -> Subscription:

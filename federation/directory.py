@@ -200,10 +200,16 @@ class Directory:
     def on_heartbeat(self, beat: Heartbeat, at_us: int) -> Sequence[Outcome]:
         """A heartbeat arrived. The caller has compared its unit with the key."""
         unit = beat.unit
+        replica = self._replicas.of(unit)
+        if (
+            replica is not None
+            and replica.version == beat.description != LEAVING
+            and self._liveness.goes_on(beat, at_us)
+        ):
+            return ()
         if beat.description == LEAVING:
             return self._told(self._liveness.on_leaving(unit, beat.boot, beat.seq, at_us))
         events = self._liveness.on_heartbeat(unit, beat.boot, beat.seq, beat.description, beat.hears, at_us)
-        replica = self._replicas.of(unit)
         if not events and replica is not None and replica.version == beat.description:
             return ()
         return [*self._told(events), *self._replicas.want(unit, at_us)]
@@ -264,11 +270,15 @@ class Directory:
                 due_us = at_us
         return due_us
 
+    def beats_at(self, now_us: int) -> bool:
+        """Whether a heartbeat is due."""
+        return self._started and now_us >= self._beat_us
+
     def on_time(self, now_us: int, tails: _Tails = ()) -> list[Outcome]:
         """Judge who is silent, ask what is not known, beat."""
         outcome = self._told(self._liveness.on_time(now_us))
         outcome += self._replicas.on_time(now_us)
-        if self._started and now_us >= self._beat_us:
+        if self.beats_at(now_us):
             outcome += self._beat(now_us, tails)
         why = self._watchdog.on_time(self._peers, now_us)
         if why is not None and self._started:

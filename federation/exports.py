@@ -90,6 +90,7 @@ class Exports:
         self._contracts: dict[str, _Contract] = {}
         self._absent: dict[str, tuple[int, int | None]] = {}
         self._tails: dict[StreamName, int] = {}
+        self._due_us: int | None = None
 
     def open(self, contract: str, label: str, policy: Policy, receivers: Iterable[str]) -> tuple[ExportStream, bool]:
         """Promise a stream to receivers; returns it and whether it is new, that is, needs a local subscription.
@@ -110,6 +111,7 @@ class Exports:
             tail = self._tails.get(name, 0)
             stream = ExportStream(self.owner, label, name[1], self.boot, self._capacity, tail=tail)
             export = self._exports[name] = _Export(stream, policy, self._end_of(policy))
+            self._hasten(None if export.ends_us is None else export.ends_us + 1)
         export.retired_us = None
         export.contracts.add(contract)
         self._contracts.setdefault(contract, _Contract(name, set())).receivers |= wanted
@@ -122,6 +124,7 @@ class Exports:
     def receiver_gone(self, unit: str, now_us: int, boot: int | None = None) -> None:
         """The directory calls a receiver gone; its contracts end unless this life of it is back in time."""
         self._absent.setdefault(unit, (now_us, boot))
+        self._hasten(now_us + self._linger_us)
 
     def receiver_back(self, unit: str) -> None:
         """The same incarnation is back."""
@@ -189,8 +192,11 @@ class Exports:
             pages = [encode_recovered(Recovered(self.boot, beyond, 0, []))]
         return [*(Answer(asked.ask, asked.key, page) for page in pages), AnswerEnd(asked.ask)]
 
-    @property
-    def deadline_us(self) -> int | None:
+    def _hasten(self, due_us: int | None) -> None:
+        if due_us is not None and (self._due_us is None or due_us < self._due_us):
+            self._due_us = due_us
+
+    def _earliest_us(self) -> int | None:
         due = [since_us + self._linger_us for since_us, _ in self._absent.values()]
         for export in self._exports.values():
             if export.retired_us is not None:
@@ -199,9 +205,16 @@ class Exports:
                 due.append(export.ends_us + 1)
         return min(due, default=None)
 
+    @property
+    def deadline_us(self) -> int | None:
+        """When something may be over; that it has come back meanwhile is seen then."""
+        return self._due_us
+
     def on_time(self, now_us: int) -> list[ExportEvent]:
         """End what is over by now."""
         events: list[ExportEvent] = []
+        if self._due_us is None or now_us < self._due_us:
+            return events
         for unit in [unit for unit, (since_us, _) in self._absent.items() if now_us >= since_us + self._linger_us]:
             del self._absent[unit]
             events += self._drop(unit, now_us)
@@ -211,6 +224,7 @@ class Exports:
                     events += self._end(contract, Why.DURATION, now_us)
             elif export.retired_us is not None and now_us >= export.retired_us + self._linger_us:
                 self._forget(name)
+        self._due_us = self._earliest_us()
         return events
 
     def _drop(self, unit: str, now_us: int) -> list[ExportEvent]:
@@ -230,6 +244,7 @@ class Exports:
         events: list[ExportEvent] = [ContractEnded(contract, *held.stream, tuple(sorted(held.receivers)), why)]
         if not export.contracts:
             export.retired_us = now_us
+            self._hasten(now_us + self._linger_us)
             events.append(StreamEnded(*held.stream, why))
         return events
 

@@ -14,6 +14,8 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple, TypeAlias
 
+from federation.codec import Heartbeat
+
 SUSPECT_US = 1_000_000
 GONE_US = 2_500_000
 TOKEN_GONE_US = 500_000
@@ -149,6 +151,15 @@ class Liveness:
         if peer.state is State.ALIVE:
             return _NOTHING
         return self._beat_of_doubted(peer, at_us)
+
+    def goes_on(self, beat: Heartbeat, at_us: int) -> bool:
+        """Take the next heartbeat of a platform that is there and in no doubt; False, and not taken, if it is another."""
+        peer = self.peers.get(beat.unit)
+        if peer is None or peer.state is not State.ALIVE or peer.boot != beat.boot or beat.seq <= peer.seq:
+            return False
+        peer.seq, peer.version, peer.hears = beat.seq, beat.description, beat.hears
+        peer.heard_us = max(peer.heard_us, at_us)
+        return True
 
     def on_token(self, unit: str, zid: str, kind: str, alive: bool, at_us: int) -> Sequence[LivenessEvent]:
         """A platform token of a session of `unit` came or went."""

@@ -6,6 +6,7 @@ from dyknow.errors import DecodeError
 from federation import keys
 from federation.clock import PING_TIMEOUT_US, Offset, OffsetEstimator, Standing
 from federation.codec import Ping, Pong, decode_ping, decode_pong, encode_ping, encode_pong
+from federation.deadlines import Deadlines
 from federation.transport import Answer, Answered, AnswerEnd, Ask, Asked, AskEnded
 
 ABSENT = 512
@@ -24,7 +25,7 @@ class ClockOffsets:
         self._estimators: dict[str, OffsetEstimator] = {}
         self._absent: dict[str, OffsetEstimator] = {}
         self._asked: dict[int, tuple[str, int]] = {}
-        self._due_us: int | None = None
+        self._due: Deadlines[str] = Deadlines()
 
     def of(self, unit: str) -> Offset | None:
         """How far the clock of `unit` is ahead of ours, or None before that is known."""
@@ -51,13 +52,14 @@ class ClockOffsets:
             estimator = OffsetEstimator(now_us)
         estimator.hurry(now_us)
         self._estimators[unit] = estimator
-        self._due_us = now_us
+        self._due.set(unit, now_us)
         return self.on_time(now_us)
 
     def on_gone(self, unit: str) -> None:
         """A peer is gone: it is not asked any more; what was learned is kept for its return."""
         estimator = self._estimators.pop(unit, None)
         if estimator is not None:
+            self._due.set(unit, None)
             self._absent[unit] = estimator
             if len(self._absent) > ABSENT:
                 del self._absent[next(iter(self._absent))]
@@ -89,7 +91,7 @@ class ClockOffsets:
             self.refused += 1
             return unit
         estimator.on_stamps(pong.boot, sent_us, pong.received_us, pong.answered_us, answered.at_us)
-        self._wake(estimator.deadline_us)
+        self._due.set(unit, estimator.deadline_us)
         return unit
 
     def on_ask_ended(self, ended: AskEnded) -> bool:
@@ -98,22 +100,16 @@ class ClockOffsets:
 
     @property
     def deadline_us(self) -> int | None:
-        return self._due_us
+        return self._due.next_us
 
     def on_time(self, now_us: int) -> list[Ask]:
         """Ask whom it is time to ask."""
-        if self._due_us is None or now_us < self._due_us:
-            return []
-        self._due_us = None
         asks = []
-        for unit, estimator in self._estimators.items():
+        for unit in self._due.pop_due(now_us):
+            estimator = self._estimators[unit]
             for _ in range(estimator.due(now_us)):
                 question = next(self._questions)
                 self._asked[question] = (unit, now_us)
                 asks.append(Ask(question, keys.clock(unit), encode_ping(Ping(now_us)), PING_TIMEOUT_US))
-            self._wake(estimator.deadline_us)
+            self._due.set(unit, estimator.deadline_us)
         return asks
-
-    def _wake(self, due_us: int) -> None:
-        if self._due_us is None or due_us < self._due_us:
-            self._due_us = due_us

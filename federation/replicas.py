@@ -2,16 +2,18 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from typing import NamedTuple
 
 from dyknow.errors import DecodeError
 from federation import keys
 from federation.clock import FederationClock
 from federation.codec import decode_description
+from federation.deadlines import Deadlines
 from federation.liveness import Peer, State
 from federation.offers import NO_OFFERS, Offers, Service, Visibility
 from federation.transport import Answered, Ask, AskEnded
-from federation.wire import Description
+from federation.wire import Description, LabelEntry, ServiceEntry
 
 CONFIRM_US = 10_000_000
 RETRY_US = 50_000
@@ -30,11 +32,12 @@ class PlatformRefused(NamedTuple):
 class Replica:
     """What one incarnation of a platform says of itself; version 0 before it was asked successfully."""
 
-    __slots__ = ("asked", "backoff_us", "boot", "due_us", "offers", "refusal", "unit", "version")
+    __slots__ = ("asked", "backoff_us", "boot", "due_us", "found", "offers", "refusal", "unit", "version")
 
     def __init__(self, unit: str, boot: int, now_us: int) -> None:
         self.unit, self.boot = unit, boot
         self.version = 0
+        self.found: Description | None = None
         self.offers = NO_OFFERS
         self.refusal: str | None = None
         self.asked: int | None = None
@@ -56,11 +59,11 @@ class Replicas:
         self._peers, self._questions, self._clock, self._roster = peers, questions, clock, roster
         self._replicas: dict[str, Replica] = {}
         self._asking: dict[int, str] = {}
-        self._due_us: int | None = None
+        self._due: Deadlines[str] = Deadlines()
 
     @property
     def deadline_us(self) -> int | None:
-        return self._due_us
+        return self._due.next_us
 
     def of(self, unit: str) -> Replica | None:
         return self._replicas.get(unit)
@@ -70,6 +73,7 @@ class Replicas:
         replica = self._replicas.pop(unit, None)
         if replica is None:
             return NO_OFFERS
+        self._due.set(unit, None)
         if replica.asked is not None:
             self._asking.pop(replica.asked, None)
         return replica.offers
@@ -96,10 +100,10 @@ class Replicas:
         replica = self._replicas.get(unit)
         if replica is not None and replica.asked is None:
             replica.due_us = min(replica.due_us, now_us + RETRY_US)
-            self._wake(replica.due_us)
+            self._due.set(unit, replica.due_us)
 
     def on_answered(self, answered: Answered) -> tuple[Replica, Description] | None:
-        """A description that answers one of our questions and fits; `learn` takes it over."""
+        """A description that answers one of our questions, fits, and says something new; `learn` takes it over."""
         unit = self._asking.get(answered.question)
         replica = self._replicas.get(unit) if unit is not None else None
         if replica is None:
@@ -112,16 +116,12 @@ class Replicas:
         if found.unit != replica.unit or found.boot != replica.boot or found.version < replica.version:
             self.refused["description of another"] += 1
             return None
-        return replica, found
+        return None if found is replica.found else (replica, found)
 
     def learn(self, replica: Replica, found: Description) -> None:
         """Take a description over. What a platform offers with which we cannot federate is not listed."""
-        replica.version, replica.refusal = found.version, self._refusal(found)
-        if replica.refusal is not None:
-            replica.offers = NO_OFFERS
-            return
-        services = {s.service: Service(s.service, s.agent, Visibility(s.visibility), s.version) for s in found.services}
-        replica.offers = Offers(services, {entry.label: entry for entry in found.labels})
+        replica.found, replica.version, replica.refusal = found, found.version, self._refusal(found)
+        replica.offers = NO_OFFERS if replica.refusal is not None else _offered(found.services, found.labels)
 
     def on_ask_ended(self, ended: AskEnded) -> None:
         """A question is over; what it did not bring is asked again, ever later."""
@@ -135,20 +135,16 @@ class Replicas:
         else:
             replica.due_us = ended.at_us + replica.backoff_us
             replica.backoff_us = min(2 * replica.backoff_us, RETRY_MOST_US)
-        self._wake(replica.due_us)
+        self._due.set(replica.unit, replica.due_us)
 
     def on_time(self, now_us: int) -> list[Ask]:
         """Ask what is due."""
-        if self._due_us is None or now_us < self._due_us:
-            return []
-        self._due_us = None
         asks = []
-        for replica in self._replicas.values():
-            if now_us >= replica.due_us:
-                if replica.asked is not None:
-                    del self._asking[replica.asked]
-                asks.append(self._ask(replica, now_us))
-            self._wake(replica.due_us)
+        for unit in self._due.pop_due(now_us):
+            replica = self._replicas[unit]
+            if replica.asked is not None:
+                del self._asking[replica.asked]
+            asks.append(self._ask(replica, now_us))
         return asks
 
     def _is_current(self, replica: Replica) -> bool:
@@ -159,7 +155,7 @@ class Replicas:
         replica.asked = next(self._questions)
         replica.due_us = now_us + 2 * ASK_TIMEOUT_US
         self._asking[replica.asked] = replica.unit
-        self._wake(replica.due_us)
+        self._due.set(replica.unit, replica.due_us)
         return Ask(replica.asked, keys.describe(replica.unit), b"", ASK_TIMEOUT_US)
 
     def _refusal(self, found: Description) -> str | None:
@@ -169,6 +165,11 @@ class Replicas:
             return "it goes by another roster" if found.roster else "it goes by no roster"
         return None
 
-    def _wake(self, due_us: int) -> None:
-        if self._due_us is None or due_us < self._due_us:
-            self._due_us = due_us
+
+@lru_cache(maxsize=1024)
+def _offered(services: tuple[ServiceEntry, ...], labels: tuple[LabelEntry, ...]) -> Offers:
+    """Platforms offer much the same: what they offer is kept once."""
+    return Offers(
+        {s.service: Service(s.service, s.agent, Visibility(s.visibility), s.version) for s in services},
+        {entry.label: entry for entry in labels},
+    )

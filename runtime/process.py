@@ -15,11 +15,12 @@ from dataclasses import replace
 from queue import Empty
 from typing import Any, Protocol
 
+from agents.config import PlatformConfig
 from agents.effects import Event, Halt, InjectFault, Leave, Note, Reported
 from agents.interface import Trust
 from agents.own_streams import ESTIMATE
 from agents.plans import PlanBook
-from agents.platform import Platform, PlatformConfig
+from agents.platform import Platform
 from dyknow import Policy
 from dyknow.errors import DecodeError, DyknowError, RosterError
 from federation import contents

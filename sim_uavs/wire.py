@@ -10,7 +10,7 @@ What Zenoh does under faults (measured) is kept:
 * a deaf direction loses what is put while tokens stay; only a new session at either end mends it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from random import Random
 from typing import Any
 
@@ -188,9 +188,19 @@ class Wire:
         self._perform[type(effect)](session, effect)
 
     def _put(self, session: Session, effect: Put) -> None:
+        """Send it to everybody at once, as a medium does that all share; directions that are not like all go apart."""
         key, payload = effect.key, effect.payload
+        shared, is_plain, agenda = self.link, self.link.is_plain, self._agenda
+        at_us = agenda.now_us + shared.delay_us + int(self._random.random() * shared.jitter_us)
+        together: list[Session] = []
         for direction in self._routes.of(session, key):
-            self._pass(direction, 0, direction.to.arrive, key, payload)
+            if is_plain and direction.link is shared and direction.last_us <= at_us:
+                direction.last_us = at_us
+                together.append(direction.to)
+            else:
+                self._pass(direction, 0, direction.to.arrive, key, payload)
+        if together:
+            agenda.at(at_us, _arrive, together, key, payload)
 
     def _pass(self, direction: Direction, not_before_us: int, arrive: Callable[..., None], *what: Any) -> int:
         """Send one message on its way: `arrive(*what)` when it is there. Returns when that is, or 0 if it is lost."""
@@ -339,3 +349,8 @@ class Wire:
     def _opened(self, session: Session) -> None:
         if self._sessions.get(session.unit) is session:
             self._connect_all(session)
+
+
+def _arrive(sessions: Iterable[Session], key: str, payload: bytes) -> None:
+    for session in sessions:
+        session.arrive(key, payload)

@@ -25,6 +25,11 @@ class Link(NamedTuple):
     reordering: float = 0.0
     late_us: int = 60_000
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether everything that is sent arrives, once and in order."""
+        return not (self.loss or self.duplication or self.reordering)
+
 
 class Session:
     """What one process has declared, and how it is reached.

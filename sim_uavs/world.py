@@ -5,6 +5,7 @@ own, which may be wrong and drift. Nothing here reads the time: a minute takes w
 seed gives the same events. Times are the world's, in microseconds since the epoch, unless they are called a node's.
 """
 
+import gc
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
@@ -12,8 +13,9 @@ from queue import Empty
 from random import Random
 from typing import Any
 
+from agents.config import PlatformConfig
 from agents.effects import Effect, Event, Halt, InjectFault, Leave, Note, Reported
-from agents.platform import Platform, PlatformConfig
+from agents.platform import Platform
 from dyknow.errors import TextError
 from federation.acts import Act, Performative
 from federation.contents import Content
@@ -73,10 +75,16 @@ class World:
         return platform
 
     def run_until(self, at_us: int) -> None:
-        self.agenda.run_until(at_us)
+        """Let the world go on. Meanwhile garbage is collected seldom: nearly all that a world makes stays."""
+        thresholds = gc.get_threshold()
+        gc.set_threshold(max(thresholds[0], 50_000), *thresholds[1:])
+        try:
+            self.agenda.run_until(at_us)
+        finally:
+            gc.set_threshold(*thresholds)
 
     def run_for(self, seconds: float) -> None:
-        self.agenda.run_until(self.agenda.now_us + round(seconds * 1e6))
+        self.run_until(self.agenda.now_us + round(seconds * 1e6))
 
     def at(self, at_us: int, do: Callable[..., Any], *arguments: Any) -> None:
         """Have something done in the course of the run, e.g. `world.at(t, world.kill, "1")`."""

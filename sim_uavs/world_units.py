@@ -3,7 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-from agents.platform import Platform, PlatformConfig
+from agents.config import PlatformConfig
+from agents.platform import Platform
 from federation.acts import Act
 from federation.contents import Content
 from runtime.mailbox import Mailbox

@@ -8,8 +8,9 @@ from random import Random
 import psutil
 import pytest
 
+from agents.config import PlatformConfig
 from agents.interface import Trust
-from agents.platform import Platform, PlatformConfig
+from agents.platform import Platform
 from dyknow.errors import DecodeError
 from federation import keys
 from federation.acts import Act, AgentName, Performative

@@ -1,7 +1,8 @@
 """Two platforms of one name: the later one gives way (9.3.3: a unit number is a unique identifier)."""
 
+from agents.config import PlatformConfig
 from agents.effects import Halt, Note
-from agents.platform import Platform, PlatformConfig
+from agents.platform import Platform
 from federation import keys
 from federation.codec import Heartbeat, encode_heartbeat
 from federation.transport import Arrived

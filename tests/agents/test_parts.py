@@ -4,13 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.deadlines import Deadlines
 from agents.limits import Limits, TokenBucket
 from agents.platform import Platform
 from agents.readings import merge_inverse_variance, merge_mean, select_best, select_newest
 from agents.tasks import TOMBSTONES, Task, TaskBook
 from federation.acts import Performative
 from federation.contents import CheckFormula, Reading, Verdict
+from federation.deadlines import Deadlines
 from tests.agents.wire import Wire
 
 P = Performative

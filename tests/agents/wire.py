@@ -6,8 +6,9 @@ from heapq import heappop, heappush
 from itertools import count
 from typing import Any, NamedTuple
 
+from agents.config import PlatformConfig
 from agents.effects import Effect, Event, Halt, Note, Reported
-from agents.platform import Platform, PlatformConfig
+from agents.platform import Platform
 from federation import keys
 from federation.acts import Act, Performative
 from federation.codec import decode_act

@@ -7,8 +7,9 @@ from itertools import count
 from queue import Empty
 from typing import Any
 
+from agents.config import PlatformConfig
 from agents.effects import Halt, InjectFault, Reported
-from agents.platform import Platform, PlatformConfig
+from agents.platform import Platform
 from console.client import Surroundings
 from federation import keys
 from federation.clock import FederationClock

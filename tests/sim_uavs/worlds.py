@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any
 
+from agents.config import PlatformConfig
 from agents.pilot import FlightPlan
-from agents.platform import Platform, PlatformConfig
+from agents.platform import Platform
 from federation.acts import Act, AgentName, Performative
 from federation.contents import Alarm, Cancel
 from navigation.geodesy import LocalFrame

@@ -14,17 +14,24 @@ class Deadlines(Generic[K]):
         self._due: dict[K, int] = {}
         self._heap: list[tuple[int, int, K]] = []
         self._count = 0
+        self._next_us: int | None = None
+        self._is_known = True
 
     def set(self, key: K, due_us: int | None) -> None:
         """`key` is due at `due_us`, or (None) not at all."""
-        if due_us is None:
-            self._due.pop(key, None)
+        before_us = self._due.get(key)
+        if before_us == due_us:
             return
-        if self._due.get(key) == due_us:
+        if before_us is not None and before_us == self._next_us:
+            self._is_known = False
+        if due_us is None:
+            del self._due[key]
             return
         self._due[key] = due_us
         self._count += 1
         heappush(self._heap, (due_us, self._count, key))
+        if self._is_known and (self._next_us is None or due_us < self._next_us):
+            self._next_us = due_us
         if len(self._heap) > 64 + 4 * len(self._due):
             self._heap = [entry for entry in self._heap if self._due.get(entry[2]) == entry[0]]
             heapify(self._heap)
@@ -38,12 +45,21 @@ class Deadlines(Generic[K]):
             if self._due.get(key) == due_us:
                 del self._due[key]
                 found.append(key)
+                self._is_known = False
         return found
 
     @property
     def next_us(self) -> int | None:
         """The earliest deadline, or None."""
-        heap = self._heap
-        while heap and self._due.get(heap[0][2]) != heap[0][0]:
+        if not self._is_known:
+            self._is_known, self._next_us = True, self._earliest_us()
+        return self._next_us
+
+    def _earliest_us(self) -> int | None:
+        heap, due = self._heap, self._due
+        while heap:
+            due_us, _, key = heap[0]
+            if due.get(key) == due_us:
+                return due_us
             heappop(heap)
-        return heap[0][0] if heap else None
+        return None

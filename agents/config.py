@@ -1,0 +1,46 @@
+"""What makes one platform different from another."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from agents.interface import Trust
+from agents.limits import ACTS_BURST, ACTS_PER_S
+from agents.pilot import FlightLimits, FlightPlan
+from federation.clock import FederationClock
+from federation.directory import Kind
+from federation.ontology import Ontology, Translation, default_ontology
+from reasoning import Profile, builtin_profiles
+
+
+@dataclass(frozen=True, slots=True)
+class PlatformConfig:
+    """What makes one platform different from another.
+
+    Attributes:
+        unit: its name in the federation.
+        boot: which life of it this is; greater in each later one.
+        zid: identity of its session, for tokens.
+        vehicle: whether it has one, and so labels to offer.
+        simulated: whether faults can be injected.
+        control: whether it may command its vehicle.
+        period_us: the grid of its estimates.
+    """
+
+    unit: str
+    boot: int
+    zid: str = ""
+    kind: Kind = "uav"
+    clock: FederationClock = field(default_factory=FederationClock)
+    vehicle: bool = True
+    simulated: bool = False
+    control: bool = False
+    avoidance: bool = True
+    period_us: int = 100_000
+    plan: FlightPlan | None = None
+    limits: FlightLimits = field(default_factory=FlightLimits)
+    ontology: Ontology = field(default_factory=default_ontology)
+    translation: Translation | None = None
+    profiles: Mapping[str, Profile] = field(default_factory=builtin_profiles)
+    trust: Trust | None = None
+    acts_per_s: float = ACTS_PER_S
+    acts_burst: float = ACTS_BURST
