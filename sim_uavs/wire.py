@@ -72,7 +72,7 @@ class Wire:
         self._cut: set[tuple[str, str]] = set()
         self._numbers = 0
         self._routes = Routes()
-        self._questions = Questions(agenda, self._pass, self._sessions)
+        self._questions = Questions(agenda, self._pass)
         self._perform: dict[type, Callable[[Session, Any], None]] = {
             Put: self._put,
             Subscribe: lambda session, effect: self._routes.subscribe(session, effect.key_expr),
@@ -80,7 +80,7 @@ class Wire:
             DeclareToken: self._declare_token,
             UndeclareToken: self._undeclare_token,
             WatchTokens: self._watch,
-            DeclareQueryable: self._declare_queryable,
+            DeclareQueryable: lambda session, effect: self._questions.declare(session, effect.key_expr),
             Ask: self._questions.ask,
             Answer: self._questions.answer,
             AnswerEnd: self._questions.answer_end,
@@ -95,7 +95,6 @@ class Wire:
             raise ValueError(f"{unit} has a session already")
         self._numbers += 1
         session = self._sessions[unit] = Session(self._numbers, unit, zid, post, now_us)
-        self._questions.forget_who()
         self._connect_all(session)
 
     def kill(self, unit: str) -> None:
@@ -103,7 +102,6 @@ class Wire:
         session = self._sessions.pop(unit)
         session.alive = False
         self._routes.close(session)
-        self._questions.forget_who()
         self._questions.forget(session)
         self._dying[session.number] = session
         for transport in list(session.transports.values()):
@@ -219,10 +217,6 @@ class Wire:
         if duplication and random() < duplication:
             agenda.at(at_us + int(random() * late_us), arrive, *what)
         return at_us
-
-    def _declare_queryable(self, session: Session, effect: DeclareQueryable) -> None:
-        session.queryables.setdefault(effect.key_expr)
-        self._questions.forget_who()
 
     # -- tokens -------------------------------------------------------------------------------------------------
 
@@ -343,7 +337,7 @@ class Wire:
         again.take_over(session)
         self._sessions[unit] = again
         self._routes.open(again)
-        self._questions.forget_who()
+        self._questions.open(again)
         self._agenda.at(self._soon(REOPEN_US), self._opened, again)
 
     def _opened(self, session: Session) -> None:

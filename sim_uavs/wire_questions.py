@@ -1,10 +1,11 @@
 """Questions on the wire in a box: to every queryable that matches, with answers until all ended or the time is over."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TypeAlias
 
 from federation.transport import Answer, Answered, AnswerEnd, Ask, Asked, AskEnded
 from sim_uavs.agenda import Agenda
+from sim_uavs.wire_routes import Declared
 from sim_uavs.wire_sessions import Direction, Session, Transport
 
 NOBODY_US = 100
@@ -36,11 +37,11 @@ Send: TypeAlias = Callable[..., int]
 
 
 class Questions:
-    """All open questions. `sessions` are those that are open, by unit."""
+    """All open questions, and who can be asked."""
 
-    def __init__(self, agenda: Agenda, send: Send, sessions: Mapping[str, Session]) -> None:
-        self._agenda, self._send, self._sessions = agenda, send, sessions
-        self._who: dict[str, tuple[Session, ...]] = {}
+    def __init__(self, agenda: Agenda, send: Send) -> None:
+        self._agenda, self._send = agenda, send
+        self._queryables = Declared()
         self._asks = 0
         self._asked: dict[int, AskOf] = {}
         self._open: dict[tuple[int, int], Question] = {}
@@ -54,7 +55,7 @@ class Questions:
     def ask(self, asker: Session, effect: Ask) -> None:
         """Ask everybody whose queryable matches; those who cannot be reached keep the asker waiting."""
         question = self._open[asker.number, effect.question] = Question(asker, effect.question)
-        for session in self._answering(effect.key):
+        for session in self._queryables.matching(effect.key):
             transport = asker.transports.get(session.number)
             if transport is not None and transport.up:
                 self._asks += 1
@@ -66,15 +67,15 @@ class Questions:
         wait_us = effect.timeout_us if question.open else NOBODY_US
         self._agenda.at(self._agenda.now_us + wait_us, self.end, question)
 
-    def _answering(self, key: str) -> tuple[Session, ...]:
-        found = self._who.get(key)
-        if found is None:
-            found = self._who[key] = tuple(session for session in self._sessions.values() if session.answers(key))
-        return found
+    def declare(self, session: Session, key_expr: str) -> None:
+        """From now on `session` is asked what matches."""
+        session.queryables.setdefault(key_expr)
+        self._queryables.add(session, key_expr)
 
-    def forget_who(self) -> None:
-        """Who can be asked what has changed."""
-        self._who.clear()
+    def open(self, session: Session) -> None:
+        """A session is there that has declared already what the one before it did."""
+        for key_expr in session.queryables:
+            self._queryables.add(session, key_expr)
 
     def answer(self, by: Session, effect: Answer) -> None:
         asked = self._asked.get(effect.ask)
@@ -115,7 +116,9 @@ class Questions:
             self._ended(asked)
 
     def forget(self, asker: Session) -> None:
-        """The asker is no more."""
+        """The session is no more: it neither asks nor is asked."""
+        for key_expr in asker.queryables:
+            self._queryables.discard(asker, key_expr)
         for question in self.of(asker):
             for ask in question.open:
                 self._asked.pop(ask, None)

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from federation import keys
 from federation.transport import Arrived, WireEvent
 
 _new = tuple.__new__  # makes a NamedTuple in half the time
@@ -53,10 +52,6 @@ class Session:
         self.incoming: list[Direction] = []
         self.routes: dict[str, tuple[Direction, ...]] = {}
         self.routes_version = -1
-
-    def answers(self, key: str) -> bool:
-        """Whether one of its queryables is asked by a question to `key`."""
-        return any(keys.matches(expr, key) for expr in self.queryables)
 
     def named(self, token: str) -> str:
         """The token as others see it: a session that was opened again has another identity."""
