@@ -1,7 +1,8 @@
 """The account of a platform: every act that enters or leaves it, and what became of it (thesis 9.3.2)."""
 
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Literal, NamedTuple
 
 from federation.acts import Act
@@ -28,15 +29,32 @@ class Account:
         self.counts: Counter[tuple[Direction, str]] = Counter()
         self.on_entry: Callable[[Entry], None] | None = None
         self._number = 0
+        self._held: list[tuple[int, Direction, str, Act | None, str]] | None = None
 
     def enter(self, at_us: int, direction: Direction, peer: str, act: Act | None, outcome: str) -> None:
         """Note one act; `outcome` is `accepted`, `sent`, or a short reason that is counted."""
+        if self._held is not None:
+            self._held.append((at_us, direction, peer, act, outcome))
+            return
         self._number += 1
         entry = Entry(self._number, at_us, direction, peer, act, outcome)
         self.entries.append(entry)
         self.counts[direction, outcome.split(":", 1)[0]] += 1
         if self.on_entry is not None:
             self.on_entry(entry)
+
+    @contextmanager
+    def on_arrival(self, at_us: int, act: Act) -> Iterator[Callable[[str], None]]:
+        """While an act is looked at: it stands before whatever follows from it. What is yielded takes its outcome."""
+        held = self._held = []
+        outcomes = ["accepted"]
+        try:
+            yield outcomes.append
+        finally:
+            self._held = None
+            self.enter(at_us, "in", act.sender.unit, act, outcomes[-1])
+            for entry in held:
+                self.enter(*entry)
 
     @property
     def refused(self) -> Counter[str]:

@@ -263,19 +263,25 @@ class InterfaceAgent:
 
     def _incoming(self, act: Act, now_us: int) -> None:
         """Admit one act and pass it on; whatever becomes of it is noted."""
-        outcome = "accepted"
+        if act.sender.unit == self.unit:
+            self._consider(act, now_us)
+            return
+        with self.account.on_arrival(now_us, act) as comes_to:
+            comes_to(self._consider(act, now_us))
+
+    def _consider(self, act: Act, now_us: int) -> str:
+        """Do what the act asks for, or say why not; returns what came of it, in words."""
         try:
             self._admit(act, now_us)
         except ContentError as wrong:
-            outcome = f"not understood: {wrong}"
             self._say(act, P.NOT_UNDERSTOOD, str(wrong), now_us)
+            return f"not understood: {wrong}"
         except ValueNotAvailable as wrong:
             self._say(act, P.FAILURE, str(wrong), now_us)
         except DyknowError as wrong:
-            outcome = f"{wrong.kind if isinstance(wrong, Denied) else 'refused'}: {wrong}"
             self._say(act, P.REFUSE, str(wrong), now_us)
-        if act.sender.unit != self.unit:
-            self.account.enter(now_us, "in", act.sender.unit, act, outcome)
+            return f"{wrong.kind if isinstance(wrong, Denied) else 'refused'}: {wrong}"
+        return "accepted"
 
     def _say(self, act: Act, performative: Performative, reason: str, now_us: int) -> None:
         """Tell why not. Only what wants an answer gets one: no not-understood answers another."""

@@ -127,11 +127,11 @@ def test_who_follows_the_acts_is_told_of_all_but_of_that_telling(wire: Wire, nod
     wire.run(2.0)
     logs = [said.content for said in followed.answers if said.performative is P.INFORM]
     assert [(log.direction, log.peer, log.act is None) for log in logs] == [  # type: ignore[union-attr]
-        ("out", "1", False),
         ("in", "1", False),
+        ("out", "1", False),
         ("in", "1", True),
     ]
-    assert "task-list" in str(logs[0].act)  # type: ignore[union-attr]
+    assert "task-list" in str(logs[1].act)  # type: ignore[union-attr]
 
 
 def test_the_account_is_read_page_by_page(wire: Wire, node: Platform) -> None:
@@ -149,3 +149,14 @@ def test_a_put_under_our_own_name_is_counted_and_not_heard(wire: Wire, node: Pla
     wire.run(0.1)
     assert node.refused == {"our own name": 1}
     wire.log[:] = [crossed for crossed in wire.log if crossed.put.payload != b"\xc1"]
+
+
+def test_an_act_stands_before_what_follows_from_it(wire: Wire, node: Platform) -> None:
+    for performative, content in QUESTIONS[:6]:
+        wire.asked("1", "0", content, performative)
+    entries = node.account.entries
+    assert [entry.number for entry in entries] == sorted(entry.number for entry in entries)
+    came = {entry.act.reply_with: entry.number for entry in entries if entry.direction == "in" and entry.act}
+    answers = [e for e in entries if e.direction == "out" and e.act and e.act.in_reply_to and e.peer == "1"]
+    assert len(answers) >= 6
+    assert all(came[answer.act.in_reply_to] < answer.number for answer in answers)
