@@ -13,6 +13,7 @@
   + ContentError        an act whose content this agent does not understand
   + Refused             a request that is understood and declined; `reason` is told to the asker
   + SessionFailed       the session with other platforms does not open
+  + EndpointFailed      the endpoint at which a vehicle is to be heard does not open
   + RosterError         a roster that does not load, or a key that is not in it
 """
 
@@ -134,3 +135,7 @@ class RosterError(DyknowError):
 
 class SessionFailed(DyknowError):
     """The session with other platforms does not open, or is not open."""
+
+
+class EndpointFailed(DyknowError):
+    """The endpoint at which a vehicle is to be heard does not open."""

@@ -5,6 +5,7 @@ is bound to the address it was first heard from: while that address speaks, no o
 """
 
 import contextlib
+import errno
 import socket
 import threading
 import time
@@ -13,7 +14,7 @@ from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dyknow.errors import TextError
+from dyknow.errors import EndpointFailed, TextError
 from proxies.mavlink_frames import WANTED, Frame, decoded, frames
 from proxies.mavlink_reports import is_autopilot
 
@@ -22,6 +23,12 @@ _HEARTBEAT_S = 1.0
 _SILENT_S = 3.0
 _DATAGRAM = 65_535
 _SIGNATURE_EPOCH_S = 1_420_070_400  # 2015-01-01, where signature timestamps begin; they count 10 us
+
+_REMEDIES = {
+    errno.EADDRINUSE: "is another ground station on that port? End it, or choose another port",
+    errno.EACCES: "choose a port from 1024 on",
+    errno.EADDRNOTAVAIL: "name an address of this machine, such as 127.0.0.1",
+}
 
 Address = tuple[str, int]
 
@@ -62,7 +69,7 @@ class MavlinkPort:
 
     Raises:
         TextError: the endpoint does not parse.
-        OSError: the socket cannot be bound.
+        EndpointFailed: the socket cannot be bound, and what to do.
     """
 
     def __init__(self, endpoint: str, *, key: bytes | None = None, source: tuple[int, int] = (254, 190)) -> None:
@@ -222,7 +229,6 @@ def _opened(endpoint: str, kind: str, address: Address) -> socket.socket:
         opened.bind(local)
     except OSError as error:
         opened.close()
-        raise OSError(
-            error.errno, f"MAVLink endpoint {endpoint}: {error.strerror}; is another ground station on that port?"
-        ) from error
+        remedy = _REMEDIES.get(error.errno or 0, "check its host and port")
+        raise EndpointFailed(f"MAVLink endpoint {endpoint}: {error.strerror}; {remedy}") from None
     return opened

@@ -34,6 +34,17 @@ def test_a_mavlink_vehicle_joins_and_is_queried(dyknow: Dyknow) -> None:
     assert 55 < seen["value"]["altitude_m"] < 65
 
 
+def test_a_port_that_is_taken_is_told_with_its_remedy_and_nothing_else(dyknow: Dyknow) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        endpoint = f"udpin:127.0.0.1:{taken.getsockname()[1]}"
+        out, err = dyknow.raw("join", "--unit", "visitor", "--mavlink", endpoint, code=3)
+    assert "joined" not in out
+    assert f"MAVLink endpoint {endpoint}" in err
+    assert "choose another port" in err
+    assert "Traceback" not in err
+
+
 def test_two_recordings_share_one_time(dyknow: Dyknow) -> None:
     data = os.environ.get("DYKNOW_FLIGHT_DATA")
     if data is None:

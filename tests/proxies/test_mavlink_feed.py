@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dyknow.errors import TextError
+from dyknow.errors import EndpointFailed, TextError
 from navigation.vehicle import (
     Arm,
     BatteryReport,
@@ -245,8 +245,10 @@ def test_an_endpoint_that_is_none_says_what_one_looks_like() -> None:
 
 def test_a_port_in_use_is_named_with_its_remedy() -> None:
     held = MavlinkPort("udpin:127.0.0.1:0")
-    with pytest.raises(OSError, match="another ground station"):
+    with pytest.raises(EndpointFailed, match="another ground station"):
         MavlinkPort(f"udpin:127.0.0.1:{held.address[1]}")
+    with pytest.raises(EndpointFailed, match="name an address of this machine"):
+        MavlinkPort("udpin:192.0.2.1:0")
 
 
 def test_a_vehicle_that_waits_to_be_spoken_to_is_called_and_heard() -> None:
