@@ -2,7 +2,8 @@
 
 Sessions put, subscribe, declare tokens and queryables and ask, as `federation.transport` says. Between each two of
 them lies a transport with two directions, each with a delay, jitter, loss, duplication and reordering of its own.
-What Zenoh does under faults (measured) is kept:
+A put takes one delay to all whose direction is as the wire is by default, if that loses nothing, and one of its own to
+every other. What Zenoh does under faults (measured) is kept:
 
 * a killed process resets its connections: its tokens go within milliseconds; behind a cut only with the lease;
 * a direction that is cut, or a process that stands still, ends the transport with the lease, both ways; it comes back
