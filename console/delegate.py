@@ -20,11 +20,13 @@ from federation.contents import (
     MonitorProximity,
     Progress,
     Reason,
+    Rejoin,
     Task,
     TaskList,
     Tasks,
     Verdict,
 )
+from federation.keys import unit as unit_name
 
 P = Performative
 ANSWER_S = 3.0
@@ -64,6 +66,12 @@ def delegate(call: Call, task: str, pairs: Sequence[str], *, to: str | None, wai
 
 
 def _receiver(client: Client, content: Content, to: str | None) -> str:
+    """Who is asked; one that has left, and so is in no directory, hears that it may come back."""
+    if isinstance(content, Rejoin):
+        if to is None:
+            raise WrongCall("--to: say which platform shall come back; who has left is not listed.")
+        client.settle()
+        return unit_name(to)
     units = client.chosen(to)
     if len(units) > 1 and not isinstance(content, MonitorProximity):
         raise WrongCall(f"--to: say which platform shall do it; there are {', '.join(units)}.")

@@ -1,12 +1,21 @@
+import json
 import os
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from console import client
+from console.command import Call
+from console.output import Output
+from console.settings import Settings
+from tests.console.world import World
+
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
+Lines = Callable[[], list[dict[str, Any]]]
 
 
 @pytest.fixture
@@ -22,3 +31,23 @@ def dyknow(tmp_path: Path) -> Run:
         )  # fmt: skip
 
     return run
+
+
+@pytest.fixture
+def call() -> Call:
+    return Call(Settings(federation="test", dyknow_json=True), None, Output(json_lines=True))
+
+
+@pytest.fixture
+def world(monkeypatch: pytest.MonkeyPatch) -> World:
+    found = World()
+    for number in range(3):
+        found.add(str(number), 0.0, 200.0 * number, 2.0)
+    monkeypatch.setattr(client, "_surroundings", lambda _call: found.surroundings())
+    found.run(2.0)
+    return found
+
+
+@pytest.fixture
+def lines(capsys: pytest.CaptureFixture[str]) -> Lines:
+    return lambda: [json.loads(line) for line in capsys.readouterr().out.splitlines()]

@@ -1,6 +1,5 @@
 """The commands against real platforms on a fake wire: what is printed, and with which code they end."""
 
-import json
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
@@ -10,31 +9,9 @@ import pytest
 from console import client
 from console.command import Call
 from console.errors import DONE, NO, NothingFound, WrongCall
-from console.output import Output
-from console.settings import Settings
 from tests.console.world import START_US, World
 
 Lines = Callable[[], list[dict[str, Any]]]
-
-
-@pytest.fixture
-def call(monkeypatch: pytest.MonkeyPatch) -> Call:
-    return Call(Settings(federation="test", dyknow_json=True), None, Output(json_lines=True))
-
-
-@pytest.fixture
-def world(monkeypatch: pytest.MonkeyPatch) -> World:
-    found = World()
-    for number in range(3):
-        found.add(str(number), 0.0, 200.0 * number, 2.0)
-    monkeypatch.setattr(client, "_surroundings", lambda _call: found.surroundings())
-    found.run(2.0)
-    return found
-
-
-@pytest.fixture
-def lines(capsys: pytest.CaptureFixture[str]) -> Lines:
-    return lambda: [json.loads(line) for line in capsys.readouterr().out.splitlines()]
 
 
 def test_ls_shows_platforms_with_services_labels_ages_and_clock(world: World, call: Call, lines: Lines) -> None:

@@ -1,0 +1,41 @@
+"""A platform that leaves, comes back, or is asked for what it does not do."""
+
+import pytest
+
+from console.command import Call
+from console.delegate import delegate
+from console.errors import DONE, FederationFailed, NothingFound, WrongCall
+from console.ls import ls
+from tests.console.conftest import Lines
+from tests.console.world import World
+
+
+def _listed(world: World, call: Call, lines: Lines) -> list[int]:
+    world.run(1.0)
+    lines()
+    ls(call, all_kinds=False)
+    return [entry["unit"] for entry in lines()]
+
+
+def test_a_platform_that_left_comes_back_when_it_is_asked_to(world: World, call: Call, lines: Lines) -> None:
+    assert delegate(call, "leave", [], to="1", wait=False) == DONE
+    assert _listed(world, call, lines) == [0, 2]
+    with pytest.raises(NothingFound, match="no platform '1'"):
+        delegate(call, "hold", [], to="1", wait=False)
+    assert delegate(call, "rejoin", [], to="1", wait=False) == DONE
+    assert _listed(world, call, lines) == [0, 1, 2]
+
+
+def test_the_last_platform_comes_back_too(world: World, call: Call, lines: Lines) -> None:
+    for unit in ("0", "1", "2"):
+        assert delegate(call, "leave", [], to=unit, wait=False) == DONE
+    assert _listed(world, call, lines) == []
+    assert delegate(call, "rejoin", [], to="2", wait=False) == DONE
+    assert _listed(world, call, lines) == [2]
+
+
+def test_who_shall_come_back_is_named_and_may_not_be_there(world: World, call: Call) -> None:
+    with pytest.raises(WrongCall, match="--to"):
+        delegate(call, "rejoin", [], to=None, wait=False)
+    with pytest.raises(FederationFailed, match="platform 7"):
+        delegate(call, "rejoin", [], to="7", wait=False)
