@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from dyknow import Label, Network, Policy, PolicyAdapter, Sample, Value
 from dyknow.errors import SortError
@@ -15,6 +16,10 @@ from federation.streams import ImportStream
 from federation.transport import Answered, Arrived, AskEnded, Subscribe, Unsubscribe, WireEffect
 
 MAX_STREAMS = 4096
+_SKEWED, _CORRECTED = Standing.SKEWED, Standing.CORRECTED
+Sink: TypeAlias = Callable[[int, Value, int], None]
+"""Takes valid time, value and available time of a sample into the local instance."""
+
 AHEAD_US = 60_000_000
 """How far in the future a sample may be valid: a prediction is legal, a sample that ends its stream is not."""
 
@@ -27,6 +32,8 @@ class Import:
     policy: Policy
     heard_us: int
     regrid: PolicyAdapter | None = None
+    sink: Sink | None = None
+    due_us: int | None = None
 
 
 class ImportProxy:
@@ -60,7 +67,7 @@ class ImportProxy:
         )
         self.imports: dict[tuple[str, str, str], Import] = {}
         self._asked: dict[int, Import] = {}
-        self._sinks: dict[tuple[str, str], Callable[[int, object, int], None]] = {}
+        self._sinks: dict[tuple[str, str], Sink] = {}
         self._due: Deadlines[tuple[str, str, str]] = Deadlines()
         self.changes = 0
         self._told: dict[str, tuple[int, Sequence[tuple[str, str, int]]]] = {}
@@ -109,7 +116,7 @@ class ImportProxy:
         Raises:
             DecodeError: they are malformed.
         """
-        found = self.imports.get((key.owner, key.label, key.policy_hash))
+        found = self.imports.get(key)
         if found is None:
             return
         boot, entries = decode_samples(event.payload)
@@ -156,6 +163,7 @@ class ImportProxy:
             found = self.imports.get(name)
             if found is None:
                 continue
+            found.due_us = None
             for ask in found.stream.on_time(now_us):
                 self._asked[ask.question] = found
                 self._emit(ask)
@@ -167,54 +175,61 @@ class ImportProxy:
 
     def _wake(self, found: Import) -> None:
         stream = found.stream
-        self._due.set((stream.owner, stream.label, stream.policy_hash), stream.deadline_us)
+        if (due_us := stream.deadline_us) != found.due_us:
+            found.due_us = due_us
+            self._due.set((stream.owner, stream.label, stream.policy_hash), due_us)
 
     def _deliver(self, found: Import, entries: Sequence[StreamSample], at_us: int) -> None:
-        owner, label = found.stream.owner, found.stream.label
-        if found.stream.deadline_us is not None:  # else an earlier one, if there is, finds nothing to do
-            self._wake(found)
-        now_us = self._clock.federation_us(at_us)
-        offset = self._offset_of(owner)
-        standing = Standing.SKEWED if offset is None else offset.standing
-        if offset is None or standing is Standing.SKEWED:
+        self._wake(found)
+        offset = self._offset_of(found.stream.owner)
+        standing = _SKEWED if offset is None else offset.standing
+        if offset is None or standing is _SKEWED:
             self.refused["clock"] += len(entries)
             return
+        now_us = self._clock.federation_us(at_us)
         beyond_us = now_us + AHEAD_US
-        sound = [entry for entry in entries if entry.valid_us <= beyond_us]
-        if len(sound) < len(entries):
-            self.refused["future"] += len(entries) - len(sound)
-        if standing is not Standing.CORRECTED:
+        take = found.sink or self._sink(found)
+        if standing is _CORRECTED:
+            take = self._shifted(found, offset, take)
+        else:
             found.regrid = None
-            for _, valid_us, value in sound:
-                self._put(owner, label, valid_us, value, now_us)
-            return
+        for _, valid_us, value in entries:
+            if valid_us > beyond_us:
+                self.refused["future"] += 1
+            else:
+                take(valid_us, value, now_us)
+
+    def _shifted(self, found: Import, offset: Offset, take: Sink) -> Sink:
+        """Valid times as our clock has them, approximated on the grid of the stream."""
         shift_us = round(offset.offset_us * self._clock.speed)
-        if found.regrid is None and found.policy.sample_us is not None:
-            found.regrid = PolicyAdapter(
-                Policy(change="sample", sample_us=found.policy.sample_us, from_us=0, approximation="linear")
-            )
-        for entry in sound:
-            sample = Sample(now_us, entry.valid_us - shift_us, entry.value)
-            for on_grid in [sample] if found.regrid is None else found.regrid.on_sample(sample, now_us):
-                self.push(owner, label, on_grid)
+        if found.policy.sample_us is None:
+            return lambda valid_us, value, now_us: take(valid_us - shift_us, value, now_us)
+        if found.regrid is None:
+            policy = Policy(change="sample", sample_us=found.policy.sample_us, from_us=0, approximation="linear")
+            found.regrid = PolicyAdapter(policy)
+        regrid = found.regrid
+
+        def on_grid(valid_us: int, value: Value, now_us: int) -> None:
+            for sample in regrid.on_sample(Sample(now_us, valid_us - shift_us, value), now_us):
+                take(sample.valid_us, sample.value, sample.available_us)
+
+        return on_grid
 
     def push(self, sender: str, semantic_label: str, sample: Sample) -> None:
         """`push(m, s, v)` of 9.3.3: add the sample to the local source, made at the first sample of the label.
 
         A value that is not of the label's sort is dropped and counted.
         """
-        self._put(sender, semantic_label, sample.valid_us, sample.value, sample.available_us)
+        self._source(sender, semantic_label)(sample.valid_us, sample.value, sample.available_us)
 
-    def _put(self, sender: str, semantic_label: str, valid_us: int, value: Value, now_us: int) -> None:
-        sink = self._sinks.get((sender, semantic_label))
-        if sink is None:
-            sink = self._sinks[sender, semantic_label] = self._source(sender, semantic_label)
-        try:
-            sink(valid_us, value, now_us)
-        except SortError:
-            self.refused["sort"] += 1
+    def _sink(self, found: Import) -> Sink:
+        found.sink = self._source(found.stream.owner, found.stream.label)
+        return found.sink
 
-    def _source(self, sender: str, semantic_label: str) -> Callable[[int, object, int], None]:
+    def _source(self, sender: str, semantic_label: str) -> Sink:
+        known = self._sinks.get((sender, semantic_label))
+        if known is not None:
+            return known
         local, _ = self._declare(semantic_label, sender)
         check, to_local, push = (
             self._ontology[semantic_label].check,
@@ -222,8 +237,13 @@ class ImportProxy:
             self._network.push,
         )
 
-        def add(valid_us: int, value: object, now_us: int) -> None:
-            check(value)
+        def add(valid_us: int, value: Value, now_us: int) -> None:
+            try:
+                check(value)
+            except SortError:
+                self.refused["sort"] += 1
+                return
             push(local, valid_us, to_local(value), now_us)
 
+        self._sinks[sender, semantic_label] = add
         return add
