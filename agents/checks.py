@@ -1,12 +1,14 @@
 """A formula over a platform's live states, for a person who wants to know now (thesis 7.5). Node clock but for states."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 
 from agents.context import Context
-from dyknow import US_PER_S, Policy, Sample, State, StateInput, StatePolicy, Subscription, Synchronizer
+from dyknow import NO_VALUE, US_PER_S, Policy, Sample, State, StateInput, StatePolicy, Subscription, Synchronizer
 from dyknow.errors import Refused
 from federation.acts import Act, Performative
 from federation.contents import CheckFormula, Verdict
+from federation.contents.parts import MAX_LIST
 from federation.deadlines import Deadlines
 from kpl import read_formula, unit_vocabulary
 from reasoning import Derivation, Progression, required_labels
@@ -22,6 +24,7 @@ class Check:
     """One formula being progressed, and for whom."""
 
     act: Act
+    labels: tuple[str, ...]
     progression: Progression
     derivation: Derivation
     synchronizer: Synchronizer
@@ -30,6 +33,19 @@ class Check:
     due_us: int
     states: int = 0
     valid_us: int | None = None
+    valued: set[str] = field(default_factory=set)
+    """The features and inputs that have had a value."""
+
+    def progress(self, state: State) -> None:
+        """One more state."""
+        values = self.derivation.values(state.values)
+        self.valued.update(name for name, value in values.items() if value is not NO_VALUE)
+        self.progression.progress(state.valid_us, values, self.domains)
+        self.valid_us = state.valid_us
+
+    def unvalued(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Those of them that never had a value."""
+        return tuple(sorted(name for name in names if name not in self.valued))[:MAX_LIST]
 
 
 class Checks:
@@ -56,7 +72,8 @@ class Checks:
         formula = read_formula(content.text, unit_vocabulary(self._c.unit))
         units = (self._c.unit, *self._c.gateway.monitors.members)
         domains = {"units": units}
-        derivation = Derivation(required_labels(formula, domains))
+        labels = tuple(str(label) for label in required_labels(formula, domains))
+        derivation = Derivation(labels)
         policy = Policy(change="sample", sample_us=PERIOD_US, max_delay_us=MAX_DELAY_US)
         synchronizer = Synchronizer(
             [StateInput(name, policy) for name in derivation.input_names],
@@ -65,7 +82,9 @@ class Checks:
         timeout_us = round((content.timeout_s or TIMEOUT_S) * US_PER_S)
         for label, unit in derivation.inputs:
             self._c.gateway.local(label, unit)
-        check = Check(act, Progression(formula, PERIOD_US), derivation, synchronizer, domains, [], now_us + timeout_us)
+        check = Check(
+            act, labels, Progression(formula, PERIOD_US), derivation, synchronizer, domains, [], now_us + timeout_us
+        )
         check.subscriptions = [self._subscribe(conversation, check, at) for at in range(len(derivation.inputs))]
         self._open[conversation] = check
         self._c.desk.answer(act, Performative.AGREE, None, now_us)
@@ -76,9 +95,12 @@ class Checks:
         wanted = Policy(change="sample", sample_us=PERIOD_US, from_us=0, max_delay_us=MAX_DELAY_US)
         local = self._c.gateway.local(label, unit)
         to_semantic = self._c.gateway.translation.to_semantic(label)
+        name = check.derivation.input_names[at]
 
         def on_sample(sample: Sample) -> None:
             given = sample._replace(value=to_semantic(sample.value))
+            if given.value is not NO_VALUE:
+                check.valued.add(name)
             self._progress(
                 conversation, check, check.synchronizer.on_sample(at, given, sample.available_us), sample.available_us
             )
@@ -87,8 +109,7 @@ class Checks:
 
     def _progress(self, conversation: str, check: Check, states: list[State], now_us: int) -> None:
         for state in states:
-            check.progression.progress(state.valid_us, check.derivation.values(state.values), check.domains)
-            check.valid_us = state.valid_us
+            check.progress(state)
             if check.progression.verdict != "undecided":
                 self._end(conversation, self._c.clock.wall_us(now_us))
                 return
@@ -129,7 +150,11 @@ class Checks:
         verdict = check.progression.verdict
         decided = verdict != "undecided"
         said = Verdict(
-            verdict=verdict, valid_us=check.valid_us if decided else None, index=check.states if decided else None
+            verdict=verdict,
+            valid_us=check.valid_us if decided else None,
+            index=check.states if decided else None,
+            no_value=check.unvalued(check.labels),
+            missing=check.unvalued(check.derivation.input_names),
         )
         self._c.desk.answer(check.act, Performative.INFORM, said, now_us)
 

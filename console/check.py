@@ -1,11 +1,15 @@
 """`dyknow check`: a formula over a recorded trace, or over the live states of a platform."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from console.command import Call
-from console.errors import DONE, NO, FederationFailed, WrongCall, did_you_mean
+from console.errors import DONE, NO, FederationFailed, NothingFound, WrongCall, did_you_mean
 from console.instants import SHORTEST_US, clock_time, duration_us
+from dyknow.errors import DyknowError
+
+if TYPE_CHECKING:
+    from console.dialogue import Dialogue
 
 
 def check(call: Call, formula: str, *, trace: Path | None, unit: str | None, timeout: str) -> int:
@@ -40,9 +44,10 @@ def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:
     from console.client import connected
     from federation.acts import Performative
     from federation.contents import CheckFormula, Verdict
-    from kpl import read_formula
+    from federation.keys import unit as unit_name
+    from kpl import read_formula, unit_vocabulary
 
-    read_formula(text)
+    read_formula(text, unit_vocabulary(unit_name(unit)))
     with connected(call) as client:
         client.chosen(unit)
         content = CheckFormula(text=text, timeout_s=timeout_s)
@@ -51,12 +56,28 @@ def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:
             client.wait_for(lambda: bool(dialogue.trouble or dialogue.results), timeout_s + 3.0)
         found = next((said for said in dialogue.results if isinstance(said, Verdict)), None)
         if found is None:
-            raise FederationFailed(f"platform {unit}: {dialogue.trouble or 'no verdict came in time'}")
+            raise _failed(dialogue)
+    for label in found.no_value:
+        call.out.note(f"note: {label} has no value on platform {unit}.")
+    for label in found.missing:
+        if label not in found.no_value:
+            call.out.note(f"note: {label} has not come to platform {unit}.")
     t_ms = None if found.valid_us is None else found.valid_us / 1000
     return _told(call, found.verdict, t_ms, found.index, is_live=True)
 
 
+def _failed(dialogue: "Dialogue") -> DyknowError:
+    """What an answer without a verdict means, as for any other task."""
+    answers = {act.performative.value for act, _ in dialogue.said}
+    words = f"platform {dialogue.unit}: {dialogue.trouble or 'no verdict came in time'}"
+    if "not-understood" in answers:
+        return WrongCall(words)
+    return NothingFound(words) if "refuse" in answers else FederationFailed(words)
+
+
 def _told(call: Call, verdict: str, t_ms: float | None, index: int | None, *, is_live: bool = False) -> int:
+    if t_ms is not None and t_ms == round(t_ms):
+        t_ms = round(t_ms)
     record: dict[str, Any] = {"verdict": verdict, "t_ms": t_ms, "index": index}
     colour = {"true": "green", "false": "red"}.get(verdict, "yellow")
     when = ""

@@ -107,8 +107,10 @@ class CheckFormula(Content):
 
 
 class Verdict(Content):
-    """What a formula came to, and the state that decided it."""
+    """What a formula came to, and the state that decided it; `no_value` features had none, nor had `missing` inputs."""
 
     verdict: Truth
     valid_us: Instant | None = None
     index: Count | None = None
+    no_value: Annotated[tuple[Line, ...], Field(max_length=MAX_LIST)] = ()
+    missing: Annotated[tuple[Line, ...], Field(max_length=MAX_LIST)] = ()

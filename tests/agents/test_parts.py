@@ -95,6 +95,18 @@ def test_a_formula_is_checked_until_it_is_decided(wire: Wire, node: Platform) ->
     assert node.checks._open == {}
 
 
+def test_an_undecided_formula_names_what_never_had_a_value(wire: Wire, node: Platform) -> None:
+    """A vehicle that has reported where it is, and not how full its battery is."""
+    wire.run(1.0)
+    text = "always (battery[self] > 0.0 and altitude[self] > 0.0)"
+    question = wire.ask("cc", "0", CheckFormula(text=text, timeout_s=1.0))
+    wire.run(2.0)
+    (said,) = [c for c in question.contents if isinstance(c, Verdict)]
+    assert (said.verdict, said.index) == ("undecided", None)
+    assert said.no_value == ("battery[0]",)
+    assert said.missing == ("battery[0]",)
+
+
 def test_a_formula_about_a_stream_that_is_not_there_is_refused_and_leaves_nothing(wire: Wire, node: Platform) -> None:
     question = wire.asked("cc", "0", CheckFormula(text="always xy_dist[self, 1] > 5.0"))
     assert question.performatives == [P.REFUSE]

@@ -9,6 +9,8 @@ import pytest
 from console import client
 from console.command import Call
 from console.errors import DONE, NO, NothingFound, WrongCall
+from dyknow.errors import TextError
+from navigation.vehicle import BatteryReport
 from tests.console.world import START_US, World
 
 Lines = Callable[[], list[dict[str, Any]]]
@@ -298,9 +300,37 @@ def test_a_formula_is_checked_over_live_states(world: World, call: Call, lines: 
 
     assert check(call, "always height[self] < 20", trace=None, unit="0", timeout="3s") == NO
     [told] = lines()
-    assert told["verdict"] == "false"
+    assert (told["verdict"], type(told["t_ms"])) == ("false", int)
     assert check(call, "always height[self] > 20", trace=None, unit="0", timeout="2s") == DONE
     assert lines() == [{"verdict": "undecided", "t_ms": None, "index": None}]
+
+
+def test_a_formula_about_what_never_had_a_value_is_noted(
+    monkeypatch: pytest.MonkeyPatch, call: Call, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from console.check import check
+
+    world = World()
+    world.lacking.add(BatteryReport)
+    world.add("0", 0.0, 0.0)
+    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    assert check(call, "always speed[self] < 1000", trace=None, unit="0", timeout="1s") == DONE
+    assert capsys.readouterr().err == ""
+    assert check(call, "always battery[self] > 0", trace=None, unit="0", timeout="1s") == DONE
+    out, err = capsys.readouterr()
+    assert '"undecided"' in out
+    assert "note: battery[0] has no value on platform 0." in err.replace("\n", " ")
+
+
+@pytest.mark.parametrize("formula", ["always sped[self] < 3", "always speed[self, 1] < 3", "always speed[self] <"])
+def test_a_mistake_in_a_formula_about_a_platform_is_a_wrong_call(world: World, call: Call, formula: str) -> None:
+    from console.check import check
+    from console.errors import WRONG, exit_code
+
+    with pytest.raises(TextError) as told:
+        check(call, formula, trace=None, unit="0", timeout="1s")
+    assert exit_code(told.value) == WRONG
+    assert "^" in str(told.value)
 
 
 def test_a_federation_with_a_faster_clock_is_understood(

@@ -60,6 +60,8 @@ class World:
         self.sessions: list[Session] = []
         self.platforms: dict[str, tuple[Platform, Session]] = {}
         self.injected: list[InjectFault] = []
+        self.lacking: set[type] = set()
+        """Kinds of reports that vehicles do not send any more."""
         self._queue: list[tuple[int, int, Callable[[], None]]] = []
         self._numbers = count()
         self._asks: dict[int, tuple[Session, Ask]] = {}
@@ -161,7 +163,7 @@ class World:
             VelocityReport(valid_us, "global", north_m_s, 0.0, 0.0, 0.1),
         ):
             event = Reported(now_us, report)
-            if not session.frozen:
+            if not session.frozen and type(report) not in self.lacking:
                 self._perform(session, platform.on_event(event, now_us))
         self._later(PERIOD_US, lambda: self._report(unit, number + 1, north_m, east_m, north_m_s))
 
