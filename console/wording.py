@@ -42,8 +42,8 @@ TASKS: dict[str, type[Content]] = {
         Rejoin,
     )
 }
-_INNER = {CreateMonitor.head: ("coordinator", "delegator", "generation", "task")}
-"""What platforms tell each other about a task, and nobody types."""
+_INNER = {CreateMonitor.head: ("coordinator", "delegator", "generation", "parameters", "profile", "task")}
+"""What platforms tell each other about a task, or refuse in every case, and nobody types."""
 _WORDS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 
 
@@ -90,9 +90,6 @@ def _value(key: str, name: str, annotation: Any, text: str, now_us: int) -> Any:
     kinds = _kinds(annotation)
     if tuple in kinds:
         return tuple(part.strip() for part in text.split(",") if part.strip())
-    if dict in kinds:
-        entries = (part.partition(":") for part in text.split(",") if part.strip())
-        return {entry: _scalar(word) for entry, _, word in entries}
     if name.endswith("_us"):
         return instant_us(text, now_us, option=key)
     if name.endswith("_s"):
@@ -102,28 +99,17 @@ def _value(key: str, name: str, annotation: Any, text: str, now_us: int) -> Any:
             raise WrongCall(f"{key}: {text!r} is neither true nor false.")
         return _WORDS[text.lower()]
     if int in kinds or float in kinds:
-        found = _scalar(text)
-        if isinstance(found, str):
-            raise WrongCall(f"{key}: {text!r} is not a number.")
-        return float(found) if int not in kinds else found
+        try:
+            return int(text) if int in kinds else float(text)
+        except ValueError:
+            raise WrongCall(f"{key}: {text!r} is not a number.") from None
     return text
 
 
 def _kinds(annotation: Any) -> set[Any]:
     """The plain types in an annotation such as `tuple[str, ...] | None`."""
     origin = get_origin(annotation)
-    if origin is tuple or origin is dict:
+    if origin is tuple:
         return {origin}
     parts = get_args(annotation)
     return {kind for part in parts for kind in _kinds(part)} if parts else {annotation}
-
-
-def _scalar(text: str) -> bool | int | float | str:
-    if text.lower() in {"true", "false"}:
-        return text.lower() == "true"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
