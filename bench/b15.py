@@ -12,6 +12,7 @@ from federation.contents import MonitorProximity
 from sim_uavs.plans import plan_of
 from sim_uavs.scenarios import scenario
 from sim_uavs.vehicles import SimulatedVehicle
+from sim_uavs.wire_sessions import Link
 from sim_uavs.world import World
 
 TITLE = "the simulated world: processor seconds per simulated second, one core"
@@ -28,7 +29,7 @@ def _near(one: str, other: str) -> bool:
 
 
 def _world(count: int, period_us: int, **options: object) -> World:
-    world = World(1, truth_us=None, **options)  # type: ignore[arg-type]
+    world = World(1, truth_us=None, link=Link(jitter_us=0), **options)  # type: ignore[arg-type]
     for unit in scenario("swarm", count, 1).units:
         vehicle = SimulatedVehicle(
             unit.vehicle(unit.number % 254 + 1, airborne=True), world.now_us, phase_us=world.random.randrange(100_000)

@@ -2,8 +2,7 @@
 
 Sessions put, subscribe, declare tokens and queryables and ask, as `federation.transport` says. Between each two of
 them lies a transport with two directions, each with a delay, jitter, loss, duplication and reordering of its own.
-A put takes one delay to all whose direction is as the wire is by default, if that loses nothing, and one of its own to
-every other. What Zenoh does under faults (measured) is kept:
+What Zenoh does under faults (measured) is kept:
 
 * a killed process resets its connections: its tokens go within milliseconds; behind a cut only with the lease;
 * a direction that is cut, or a process that stands still, ends the transport with the lease, both ways; it comes back
@@ -187,13 +186,13 @@ class Wire:
         self._perform[type(effect)](session, effect)
 
     def _put(self, session: Session, effect: Put) -> None:
-        """Send it to everybody at once, as a medium does that all share; directions that are not like all go apart."""
+        """Send it to everybody; where the link is steady, all have it at the same instant: one event."""
         key, payload = effect.key, effect.payload
-        shared, is_plain, agenda = self.link, self.link.is_plain, self._agenda
-        at_us = agenda.now_us + shared.delay_us + int(self._random.random() * shared.jitter_us)
+        shared, is_steady, agenda = self.link, self.link.is_steady, self._agenda
+        at_us = agenda.now_us + shared.delay_us
         together: list[Session] = []
         for direction in self._routes.of(session, key):
-            if is_plain and direction.link is shared and direction.last_us <= at_us:
+            if is_steady and direction.link is shared and direction.last_us <= at_us:
                 direction.last_us = at_us
                 together.append(direction.to)
             else:

@@ -25,9 +25,9 @@ class Link(NamedTuple):
     late_us: int = 60_000
 
     @property
-    def is_plain(self) -> bool:
-        """Whether everything that is sent arrives, once and in order."""
-        return not (self.loss or self.duplication or self.reordering)
+    def is_steady(self) -> bool:
+        """Whether everything that is sent arrives, once, in order, and after the same time."""
+        return not (self.loss or self.duplication or self.reordering or self.jitter_us)
 
 
 class Session:
