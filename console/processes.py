@@ -57,8 +57,8 @@ def run_directory(federation: str) -> Path:
     return base / "dyknow" / federation
 
 
-def read_state(directory: Path) -> State:
-    """The processes of this federation that still run; the endpoints only if any does."""
+def noted_state(directory: Path) -> State:
+    """What was noted of this federation, whether those processes still run or not."""
     try:
         noted = json.loads((directory / STATE_FILE).read_text(encoding="utf-8"))
         running = tuple(
@@ -67,8 +67,14 @@ def read_state(directory: Path) -> State:
         endpoints = tuple(str(endpoint) for endpoint in noted["endpoints"])
     except (OSError, ValueError, KeyError, TypeError):
         return State()
-    alive = tuple(found for found in running if found.process() is not None)
-    return State(alive, endpoints if alive else ())
+    return State(running, endpoints)
+
+
+def read_state(directory: Path) -> State:
+    """The processes of this federation that still run; the endpoints only if any does."""
+    noted = noted_state(directory)
+    alive = tuple(found for found in noted.running if found.process() is not None)
+    return State(alive, noted.endpoints if alive else ())
 
 
 def write_state(directory: Path, state: State) -> None:

@@ -20,6 +20,7 @@ from console.processes import (
     State,
     end,
     interruptible,
+    noted_state,
     read_state,
     run_directory,
     uninterrupted,
@@ -225,17 +226,22 @@ def ended(fleet: Fleet) -> None:
 def down(call: Call) -> int:
     """End the platforms of this federation that `up` started on this machine, by their ids."""
     directory = run_directory(call.settings.federation)
-    running = read_state(directory).running
-    platforms = [found for found in running if found.unit]
-    if not running:
-        call.out.say(
-            f"nothing of federation {call.settings.federation} runs on this machine", event="stopped", units=[]
-        )
-        return NO
+    noted = noted_state(directory).running
+    running = [found for found in noted if found.process() is not None]
+    platforms = [found.unit for found in running if found.unit]
+    before = sorted((found.unit for found in noted if found.unit and found not in running), key=unit_order)
     # A supervisor that stayed ends its own platforms, which takes its grace; the others are ended here.
     end([found for found in running if not found.unit], grace_s=3 * GRACE_S)
-    end(platforms)
+    end([found for found in running if found.unit])
     (directory / STATE_FILE).unlink(missing_ok=True)
-    units = sorted((found.unit for found in platforms), key=unit_order)
-    call.out.say(f"stopped: platforms {', '.join(units)}", event="stopped", units=[unit_json(unit) for unit in units])
-    return DONE
+    units = sorted(platforms, key=unit_order)
+    if units:
+        text = f"stopped: platforms {', '.join(units)}"
+    else:
+        text = f"nothing that up --detach started runs in federation {call.settings.federation}"
+    record: dict[str, Any] = {"event": "stopped", "units": [unit_json(unit) for unit in units]}
+    if before:
+        text += f"; platform{'s' if len(before) > 1 else ''} {', '.join(before)} had ended before"
+        record["ended_before"] = [unit_json(unit) for unit in before]
+    call.out.say(text, **record)
+    return DONE if running else NO
