@@ -12,11 +12,13 @@ from dyknow.instants import print_span
 from dyknow.values import NO_VALUE
 from federation.acts import Performative
 from federation.codec import StreamSample
-from federation.contents import CreateMulticast
+from federation.contents import CreateMulticast, Query, Samples
 from federation.keys import label as label_name
 from federation.ontology import default_ontology
 
 SET_UP_S = 2.0
+SILENT_US = 2_000_000
+"""After this long, or two periods, without a sample it is said why."""
 _STEP_S = 0.5
 
 
@@ -32,9 +34,15 @@ def watch(call: Call, label: str, *, unit: str | None, every: str, max_delay: st
             _record(client, owner, name, sample, at_us)
         )
         tasks = _set_up(call, client, label, unit, every_us, delay_us)
+        silent_from_us: int | None = client.now_us()
         try:
             while count is None or seen < count:
                 client.wait_for(lambda: bool(came), _STEP_S)
+                if came:
+                    silent_from_us = client.now_us()
+                elif silent_from_us is not None and client.now_us() - silent_from_us >= max(SILENT_US, 2 * every_us):
+                    silent_from_us = None
+                    _tell_silence(call, client, label, [task.unit for task in tasks if not task.over], delay_us)
                 for record in came[: None if count is None else count - seen]:
                     _tell(call, record)
                     seen += 1
@@ -69,6 +77,22 @@ def _set_up(call: Call, client: Client, label: str, unit: str | None, every_us: 
     if not tasks:
         raise FederationFailed(f"no platform streams {label}; dyknow ls shows which labels there are.")
     return tasks
+
+
+def _tell_silence(call: Call, client: Client, label: str, units: list[str], delay_us: int) -> None:
+    """Nothing comes: say of each platform why, as far as its newest sample tells; once in each silence."""
+    for dialogue in client.ask(units, Query(semantic_label=label), Performative.QUERY_REF, SET_UP_S):
+        newest = next((said.samples[-1] for said in dialogue.results if isinstance(said, Samples) and said.samples), None)
+        if newest is None:
+            why = dialogue.trouble or f"it has no sample of {label} yet"
+        elif (took_us := newest.available_us - newest.valid_us) > delay_us:
+            why = (
+                f"its newest sample was there {print_span(took_us)} after it was valid, "
+                f"and --max-delay {print_span(delay_us)} drops what is later"
+            )
+        else:
+            why = f"its newest sample is {print_span(max(0, client.federation_us() - newest.valid_us))} old"
+        call.out.note(f"nothing comes from platform {dialogue.unit}: {why}.")
 
 
 def _record(client: Client, owner: str, label: str, sample: StreamSample, at_us: int) -> dict[str, Any]:

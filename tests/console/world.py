@@ -62,6 +62,8 @@ class World:
         self.injected: list[InjectFault] = []
         self.lacking: set[type] = set()
         """Kinds of reports that vehicles do not send any more."""
+        self.delay_us = 0
+        """How long a report is under way from its vehicle."""
         self._queue: list[tuple[int, int, Callable[[], None]]] = []
         self._numbers = count()
         self._asks: dict[int, tuple[Session, Ask]] = {}
@@ -163,9 +165,20 @@ class World:
             VelocityReport(valid_us, "global", north_m_s, 0.0, 0.0, 0.1),
         ):
             event = Reported(now_us, report)
-            if not session.frozen and type(report) not in self.lacking:
-                self._perform(session, platform.on_event(event, now_us))
+            if type(report) not in self.lacking:
+                self._reach(unit, event)
         self._later(PERIOD_US, lambda: self._report(unit, number + 1, north_m, east_m, north_m_s))
+
+    def _reach(self, unit: str, event: Reported) -> None:
+        """A report arrives, at once or after `delay_us`."""
+
+        def arrive() -> None:
+            self._step(unit, lambda: self.platforms[unit][0].on_event(event._replace(at_us=self.now_us), self.now_us))
+
+        if self.delay_us:
+            self._later(self.delay_us, arrive)
+        else:
+            arrive()
 
     # The wire
 

@@ -1,0 +1,34 @@
+"""A watched stream from which nothing comes is not left without a word."""
+
+import pytest
+
+from console.command import Call
+from console.errors import DONE, FederationFailed
+from console.watch import watch
+from navigation.vehicle import PositionReport
+from tests.console.world import World
+
+
+def test_a_stream_that_falls_silent_is_told_once_with_the_age_of_its_newest_sample(
+    world: World, call: Call, capsys: pytest.CaptureFixture[str]
+) -> None:
+    world.lacking.add(PositionReport)
+    world.run(10.0)
+    world._later(9_000_000, world.lacking.clear)
+    assert watch(call, "heli-position", unit="0", every="200ms", max_delay="1s", count=3) == DONE
+    out, err = capsys.readouterr()
+    assert len(out.splitlines()) == 3
+    assert err.count("nothing comes from platform 0: its newest sample is") == 1
+
+
+def test_a_stream_whose_samples_are_all_too_late_is_told_with_how_late_they_are(
+    world: World, call: Call, capsys: pytest.CaptureFixture[str]
+) -> None:
+    world.delay_us = 30_000
+    world.run(5.0)
+    world._later(5_000_000, lambda: world.kill("0"))
+    with pytest.raises(FederationFailed, match="the streams have ended"):
+        watch(call, "heli-position", unit="0", every="200ms", max_delay="1ms", count=1)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "ms after it was valid, and --max-delay 1 ms drops what is later" in err
