@@ -152,7 +152,6 @@ class World:
     def _report(self, unit: str, number: int, north_m: float, east_m: float, north_m_s: float) -> None:
         if unit not in self.platforms:
             return
-        platform, session = self.platforms[unit]
         now_us = self.now_us
         valid_us = self.clock.federation_us(now_us)
         place = FRAME.from_ned(north_m + north_m_s * number * PERIOD_US / 1e6, east_m, -40.0)
