@@ -82,7 +82,9 @@ def _set_up(call: Call, client: Client, label: str, unit: str | None, every_us: 
 def _tell_silence(call: Call, client: Client, label: str, units: list[str], delay_us: int) -> None:
     """Nothing comes: say of each platform why, as far as its newest sample tells; once in each silence."""
     for dialogue in client.ask(units, Query(semantic_label=label), Performative.QUERY_REF, SET_UP_S):
-        newest = next((said.samples[-1] for said in dialogue.results if isinstance(said, Samples) and said.samples), None)
+        newest = next(
+            (said.samples[-1] for said in dialogue.results if isinstance(said, Samples) and said.samples), None
+        )
         if newest is None:
             why = dialogue.trouble or f"it has no sample of {label} yet"
         elif (took_us := newest.available_us - newest.valid_us) > delay_us:
