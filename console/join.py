@@ -21,7 +21,7 @@ def join(call: Call, *, unit: str, duration: str | None, **chosen: Any) -> int:
     """Run the platform until its duration is over, it fails, or somebody interrupts."""
     unit_name(unit)
     config = _config(call, unit, duration, chosen)
-    _name_is_free(call, unit)
+    _fits_in(call, config)
     fleet = Fleet(run_directory(call.settings.federation), lifeline=True)
     gathering = Gathering([unit])
     with interruptible():
@@ -51,12 +51,22 @@ def join(call: Call, *, unit: str, duration: str | None, **chosen: Any) -> int:
     return DONE
 
 
-def _name_is_free(call: Call, unit: str) -> None:
-    """Two platforms of one name would be taken for one; raises WrongCall."""
+def _fits_in(call: Call, config: NodeConfig) -> None:
+    """Two platforms of one name would be taken for one, and two clocks are two federations; raises WrongCall."""
+    unit, speed = config.unit, config.clock.speed
     with connected(call) as client:
-        if unit in {seen.unit for seen in client.settle(_LOOK_S)}:
+        there = {seen.unit: seen for seen in client.settle(_LOOK_S)}
+        if unit in there:
             raise WrongCall(
                 f"--unit: there is a platform {unit} in federation {call.settings.federation} already; choose another name."
+            )
+        known = any(seen.entry is not None and seen.entry.version for seen in there.values())
+        runs = client.centre.clock.speed
+        if known and runs != speed:
+            remedy = f"join with --speed {runs:g}" if config.vehicle.kind == "replay" else "join another federation"
+            raise WrongCall(
+                f"--speed: federation {call.settings.federation} runs {runs:g} times as fast as the wall, "
+                f"this platform would run {speed:g} times as fast; {remedy}."
             )
 
 

@@ -229,8 +229,22 @@ def replayed(file: Path, from_: str, epoch: str, now_us: int, *, place: str) -> 
         raise WrongCall(f"{place}: {file} is no recording that can be replayed; known: {', '.join(sorted(known))}.")
     if not file.is_file():
         raise WrongCall(f"{place}: there is no file {file}; check the path.")
+    from_us = duration_us(from_, option=f"{place} from")
+    if from_us:
+        _reaches(file, from_us, place)
     return ReplayedVehicle(
         file=file.resolve(),
-        from_us=duration_us(from_, option=f"{place} from"),
+        from_us=from_us,
         epoch_us=instant_us(epoch, now_us, option=f"{place} epoch"),
     )
+
+
+def _reaches(file: Path, from_us: int, place: str) -> None:
+    """Raises WrongCall if nothing of the recording is left at `from_us`."""
+    from proxies.recordings import Recording
+
+    lasting_us = Recording.open(file).lasting_us(from_us)
+    if lasting_us < from_us:
+        raise WrongCall(
+            f"{place} from: {file} ends {lasting_us // 1_000_000} s after its first position; begin before that."
+        )

@@ -80,6 +80,19 @@ class Recording(ABC):
             self.problems.clear()
         return self._first_position_us
 
+    def lasting_us(self, enough_us: int) -> int:
+        """How long reports go on after the first position; read until that is `enough_us`, and no further.
+
+        Raises:
+            DecodeError: it is damaged before.
+        """
+        lasting_us = 0
+        for record_us, _ in self.reports():
+            lasting_us = max(lasting_us, record_us - self.first_position_us)
+            if lasting_us >= enough_us:
+                break
+        return lasting_us
+
     def damage(self, offset: int, cause: str, remedy: str = "the flight up to there can be replayed") -> DecodeError:
         return DecodeError("recording", f"{self.path}, byte {offset}: {cause}; {remedy}")
 

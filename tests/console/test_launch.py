@@ -13,6 +13,7 @@ from console.output import Output
 from console.settings import Settings
 from console.up import planned
 from runtime.config import MavlinkVehicle, ReplayedVehicle, SimulatedVehicle
+from tests.proxies import logs
 
 COMPOSE = sorted((Path(__file__).resolve().parents[2] / "compose").glob("*.toml"))
 NOW_US = 1_800_000_000_000_000
@@ -38,14 +39,14 @@ def test_each_simulated_uav_gets_its_place_in_the_scenario() -> None:
 
 
 def test_a_federations_file_has_its_say_per_unit(tmp_path: Path) -> None:
-    (tmp_path / "a.tlog").write_bytes(b"")
+    (tmp_path / "a.tlog").write_bytes(logs.tlog())
     file = FederationFile.model_validate(
         {
             "name": "f",
             "unit": {
                 "1": {"persona": "px4", "avoidance": False},
                 "visitor": {"mavlink": "udpin:127.0.0.1:14560", "sysid": 3, "control": True},
-                "log": {"replay": str(tmp_path / "a.tlog"), "from": "30s"},
+                "log": {"replay": str(tmp_path / "a.tlog"), "from": "3s"},
             },
         }
     )
@@ -58,7 +59,7 @@ def test_a_federations_file_has_its_say_per_unit(tmp_path: Path) -> None:
     assert isinstance(visitor, MavlinkVehicle)
     assert (visitor.endpoint, visitor.sysid, visitor.control) == ("udpin:127.0.0.1:14560", 3, True)
     assert isinstance(log, ReplayedVehicle)
-    assert (log.from_us, log.epoch_us) == (30_000_000, NOW_US)
+    assert (log.from_us, log.epoch_us) == (3_000_000, NOW_US)
 
 
 def test_only_starts_one_of_them_in_its_own_place() -> None:
