@@ -67,6 +67,8 @@ class FederationFile(_Strict):
     discover: Discover | None = None
     interface: str | None = None
     roster: Path | None = None
+    journal: Path | None = None
+    """Directory in which each platform keeps what reaches it, as `<unit>.mcap`, anew with every start."""
     unit: dict[str, UnitFile] = Field(default_factory=dict)
 
 
@@ -86,5 +88,5 @@ def read_federation(path: Path) -> FederationFile:
             name: base / given for name in ("replay", "translation", "profiles") if (given := getattr(special, name))
         }
         units[unit] = special.model_copy(update=changes)
-    roster = base / found.roster if found.roster else None
-    return found.model_copy(update={"unit": units, "roster": roster})
+    whole = {name: base / given for name in ("roster", "journal") if (given := getattr(found, name))}
+    return found.model_copy(update={"unit": units, **whole})

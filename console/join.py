@@ -7,7 +7,7 @@ from console.client import connected
 from console.command import Call
 from console.errors import DONE, INTERRUPTED, FederationFailed, WrongCall
 from console.instants import SHORTEST_US, duration_us, instant_us
-from console.launch import clock_of, configured, mavlink_endpoint, replayed, trust_of, wire_of
+from console.launch import clock_of, configured, journal_of, mavlink_endpoint, replayed, trust_of, wire_of
 from console.output import unit_json
 from console.processes import Fleet, interruptible, run_directory, uninterrupted
 from console.up import READY_S, Gathering, tell_notes
@@ -101,6 +101,7 @@ def _config(call: Call, unit: str, duration: str | None, chosen: dict[str, Any])
             "clock": clock,
             "trust": trust_of(call, unit),
             "vehicle": vehicle,
+            "journal": journal_of(call.file, unit, vehicle),
             "avoidance": chosen["avoidance"],
             "translation": chosen["translation"],
             "duration_s": duration_us(duration, option="--duration", least_us=SHORTEST_US) / 1e6 if duration else None,

@@ -1,5 +1,6 @@
 """From what a person asked to what each platform process is configured with."""
 
+import os
 import socket
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -129,6 +130,27 @@ def clock_of(file: FederationFile | None, speed: float | None, now_us: int) -> C
     return ClockConfig(epoch_us=None if chosen == 1.0 else now_us, speed=chosen)
 
 
+def journal_of(file: FederationFile | None, unit: str, vehicle: Any) -> Path | None:
+    """Where the platform keeps its journal, if the federation's file wants journals.
+
+    Raises:
+        WrongCall: nothing can be written there, or the flight to be replayed would be overwritten.
+    """
+    if file is None or file.journal is None:
+        return None
+    try:
+        file.journal.mkdir(parents=True, exist_ok=True)
+        is_writable = os.access(file.journal, os.W_OK | os.X_OK)
+    except OSError:
+        is_writable = False
+    if not is_writable:
+        raise WrongCall(f"journal: {file.journal} is no directory that can be written; name another.")
+    found = file.journal.resolve() / f"{unit}.mcap"
+    if isinstance(vehicle, ReplayedVehicle) and vehicle.file == found:
+        raise WrongCall(f"journal: {found} is what platform {unit} replays, and would be overwritten; name another.")
+    return found
+
+
 def configured(fields: Mapping[str, Any]) -> NodeConfig:
     """A NodeConfig; raises WrongCall that names the option that does not fit."""
     try:
@@ -157,13 +179,15 @@ def fleet_of(call: Call, chosen: Mapping[str, Any], now_us: int) -> list[NodeCon
     for name in only_these(names, chosen["only"]):
         unit_name(name)
         own = special.get(name, _NOTHING)
+        vehicle = _vehicle(name, own, simulated, chosen, now_us)
         fields = {
             "unit": name,
             "wire": wire_of(call, name, own),
             "clock": clock,
             "trust": trust_of(call, name),
             "avoidance": chosen["avoidance"] if own.avoidance is None else own.avoidance,
-            "vehicle": _vehicle(name, own, simulated, chosen, now_us),
+            "vehicle": vehicle,
+            "journal": journal_of(call.file, name, vehicle),
             "translation": own.translation,
             "profiles": own.profiles,
             "duration_s": duration / 1e6 if duration is not None else None,

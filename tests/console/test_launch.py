@@ -7,7 +7,7 @@ import pytest
 
 from console.command import Call
 from console.errors import WrongCall
-from console.federations import FederationFile
+from console.federations import FederationFile, read_federation
 from console.launch import fleet_of, free_ports, wire_of
 from console.output import Output
 from console.settings import Settings
@@ -126,3 +126,27 @@ def test_every_federation_that_is_ready_to_start_can_be_started(path: Path) -> N
 
 def test_free_ports_are_distinct() -> None:
     assert len(set(free_ports(8))) == 8
+
+
+def test_platforms_keep_their_journals_where_the_file_says(tmp_path: Path) -> None:
+    path = tmp_path / "f.toml"
+    path.write_text('name = "f"\njournal = "flights/today"\n')
+    configs = fleet_of(_call(read_federation(path)), CHOSEN, NOW_US)
+    assert [config.journal for config in configs] == [
+        tmp_path / "flights" / "today" / f"{unit}.mcap" for unit in (0, 1)
+    ]
+    assert all(config.journal is None for config in fleet_of(_call(), CHOSEN, NOW_US))
+
+
+def test_a_journal_that_cannot_be_kept_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_bytes(b"")
+    with pytest.raises(WrongCall, match=r"journal: .*taken is no directory that can be written"):
+        fleet_of(_call(FederationFile(name="f", journal=tmp_path / "taken")), CHOSEN, NOW_US)
+    flown = tmp_path / "log.mcap"
+    flown.write_bytes(b"")
+    file = FederationFile.model_validate(
+        {"name": "f", "journal": str(tmp_path), "unit": {"log": {"replay": str(flown), "from": "0s"}}}
+    )
+    with pytest.raises(WrongCall, match="is what platform log replays"):
+        fleet_of(_call(file), CHOSEN, NOW_US)
+    assert flown.exists()
