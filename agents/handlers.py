@@ -81,9 +81,9 @@ def _then_supply(p: "Platform", handler: Any) -> Handler:
     return handle
 
 
-def _done(p: "Platform", act: Act, now_us: int) -> None:
+def _done(p: "Platform", act: Act, now_us: int, text: str | None = None) -> None:
     p.interface.answer(act, P.AGREE, None, now_us)
-    p.interface.answer(act, P.INFORM, contents.Done(), now_us)
+    p.interface.answer(act, P.INFORM, contents.Done(text=text), now_us)
 
 
 def _doing(p: "Platform", do: Any) -> Handler:
@@ -101,9 +101,9 @@ def _leave(p: "Platform", act: Act, now_us: int) -> None:
 
 
 def _fly(p: "Platform", act: Act, order: Order, now_us: int) -> None:
-    """Raises Refused, naming the rule."""
+    """What is done is the command: how far the vehicle has come, its position tells. Raises Refused, naming the rule."""
     p.fly(p.pilot.order(order))
-    _done(p, act, now_us)
+    _done(p, act, now_us, "commanded")
 
 
 def _fault(p: "Platform", act: Act, content: contents.Fault, now_us: int) -> None:
