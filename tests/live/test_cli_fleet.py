@@ -135,5 +135,5 @@ def test_a_killed_platform_leaves_the_directory_at_once_and_the_rest_goes_on(dyk
 
 def test_down_ends_them_and_says_so_and_then_there_is_nothing(dyknow: Dyknow, tmp_path: Path) -> None:
     [stopped] = dyknow.run("down")
-    assert stopped == {"event": "stopped", "units": [0, 1]}
+    assert stopped == {"event": "stopped", "units": [0, 1], "ended_before": [2]}, "platform 2 was killed"
     assert dyknow.run("down", code=1) == [{"event": "stopped", "units": []}]
