@@ -18,7 +18,7 @@ class PlatformConfig:
 
     Attributes:
         unit: its name in the federation.
-        boot: which life of it this is; greater in each later one.
+        boot: which life of it this is: the node clock at its beginning, in milliseconds; greater in each later one.
         zid: identity of its session, for tokens.
         vehicle: whether it has one, and so labels to offer.
         simulated: whether faults can be injected.

@@ -67,7 +67,7 @@ class CommandCentre:
         keyring: Keyring | None = None,
         clock: FederationClock | None = None,
     ) -> None:
-        self.unit, self.boot, self.federation = unit, now_us, federation
+        self.unit, self.boot, self.federation = unit, now_us // 1000, federation
         self.refused: Counter[str] = Counter()
         self.dialogues: dict[str, Dialogue] = {}
         self.on_sample: OnSample = lambda _owner, _label, _sample, _at_us: None

@@ -75,7 +75,8 @@ def _record(client: Client, seen: Seen, ages: Mapping[tuple[str, str], int]) -> 
         "unit": unit_json(seen.unit),
         "kind": seen.kind,
         "state": seen.state,
-        "since_us": entry.since_us if entry else None,
+        # A life is numbered by the millisecond in which it began, on the platform's own clock.
+        "since_us": entry.boot * 1000 if entry and entry.boot else None,
         "offset_us": offset.offset_us if offset else None,
         "bound_us": offset.bound_us if offset else None,
         "clock": offset.standing.value if offset else "unknown",

@@ -31,6 +31,18 @@ def test_ls_shows_platforms_with_services_labels_ages_and_clock(world: World, ca
     assert abs(shown[0]["offset_us"]) <= shown[0]["bound_us"] <= 1000
 
 
+def test_ls_tells_since_when_each_platform_lives_whoever_asks(world: World, call: Call, lines: Lines) -> None:
+    from console.ls import ls
+
+    for _ in range(2):
+        assert ls(call, all_kinds=True) == DONE
+        shown = lines()
+        assert {entry["unit"]: entry["since_us"] for entry in shown if entry["kind"] == "uav"} == dict.fromkeys(
+            range(3), START_US
+        )
+        world.run(1.0)
+
+
 def test_ls_finds_nobody_in_an_empty_federation(call: Call, lines: Lines, monkeypatch: pytest.MonkeyPatch) -> None:
     from console.ls import ls
 

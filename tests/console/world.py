@@ -73,7 +73,7 @@ class World:
     def add(self, unit: str, north_m: float, east_m: float, north_m_s: float = 0.0, **config: Any) -> Platform:
         """A platform whose vehicle flies north at a constant speed, 40 m above home."""
         found = PlatformConfig(
-            unit, self.now_us, zid=f"{1000 + len(self.sessions):x}", clock=self.clock, simulated=True, **config
+            unit, self.now_us // 1000, zid=f"{1000 + len(self.sessions):x}", clock=self.clock, simulated=True, **config
         )
         platform = Platform(found, self.now_us)
         session = Session(unit, lambda event: self._step(unit, lambda: platform.on_event(event, self.now_us)))
