@@ -92,13 +92,12 @@ def _tell_alarm(call: Call, alarm: Alarm) -> None:
         return
     colour = "red" if alarm.event == "opened" else "green"
     delay = print_span(alarm.detected_us - alarm.valid_us)
-    call.out.console.print(
-        f"[dim]{clock_time(alarm.valid_us)}[/dim]  [{colour}]{alarm.event}[/{colour}]  [bold]{alarm.monitor}[/bold] "
-        f"{', '.join(alarm.units)}  [dim]by {alarm.by}, {delay} after the sample[/dim]"
+    said = (
+        f"[{colour}]{alarm.event}[/{colour}]  [bold]{alarm.monitor}[/bold] {', '.join(alarm.units)}  "
+        f"[dim]by {alarm.by}, {delay} after the sample[/dim]"
     )
     values = ", ".join(_quantity(name, value) for name, value in alarm.values.items())
-    if values:
-        call.out.console.print(f"              [dim]{verbatim(values)}[/dim]")
+    call.out.aside(clock_time(alarm.valid_us), f"{said}\n[dim]{verbatim(values)}[/dim]" if values else said)
 
 
 def _quantity(name: str, value: Any) -> str:

@@ -1,6 +1,7 @@
 """From what a person asked to what each platform process is configured with."""
 
 import os
+import re
 import socket
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -30,6 +31,8 @@ from runtime.config import (
 COMMAND_CENTRE = "cc"
 """The member of a roster as which the commands of `dyknow` speak; each process adds its number."""
 _NOTHING = UnitFile()
+_PROTOCOLS = ("tcp", "tls", "udp", "quic", "ws")
+_ENDPOINT = re.compile(rf"(?:{'|'.join(_PROTOCOLS)})/[^/\s]+:[0-9]{{1,5}}(?:[?#]\S*)?|unixsock-stream/\S+")
 
 
 def wire_of(call: Call, unit: str, special: UnitFile = _NOTHING) -> WireConfig:
@@ -38,9 +41,12 @@ def wire_of(call: Call, unit: str, special: UnitFile = _NOTHING) -> WireConfig:
     Where an endpoint begins with `tls/`, both sides show the certificates that belong to the roster.
 
     Raises:
-        WrongCall: such an endpoint without a roster, or without a certificate for `unit`.
+        WrongCall: an endpoint that is none, an interface that is not there; such an endpoint without a roster, or
+            without a certificate for `unit`.
     """
     settings = call.settings
+    _checked_wire(settings.listen or (), settings.connect or (), settings.interface)
+    _checked_wire(special.listen or (), special.connect or (), None)
     connect = special.connect if special.connect is not None else settings.connect or ()
     listen = special.listen if special.listen is not None else settings.listen or ()
     security = None
@@ -61,6 +67,26 @@ def wire_of(call: Call, unit: str, special: UnitFile = _NOTHING) -> WireConfig:
             "security": security,
         }
     )
+
+
+def _checked_wire(listen: Sequence[str], connect: Sequence[str], interface: str | None) -> None:
+    """Raises WrongCall for what no session could be opened with."""
+    for option, endpoints in (("--listen", listen), ("--connect", connect)):
+        for endpoint in endpoints:
+            if not _ENDPOINT.fullmatch(endpoint):
+                raise WrongCall(
+                    f"{option}: {endpoint!r} is no endpoint; write protocol/host:port, e.g. tcp/127.0.0.1:7447 "
+                    f"(protocols: {', '.join(_PROTOCOLS)})."
+                )
+    if interface is None:
+        return
+    import psutil
+
+    present = psutil.net_if_addrs()
+    if not any(address.family == socket.AF_INET for address in present.get(interface, [])):
+        raise WrongCall(
+            f"--interface: {interface!r} has no IPv4 address on this machine; there are {', '.join(sorted(present))}."
+        )
 
 
 def commands_wire(call: Call) -> WireConfig:

@@ -73,6 +73,16 @@ class Output:
         grid.add_row(*cells)
         self.console.print(grid)
 
+    def aside(self, when: str, text: str) -> None:
+        """For people: what happened (rich markup) beside when, indented also where it needs several lines."""
+        from rich.table import Table
+
+        grid = Table.grid(padding=(0, 2))
+        grid.add_column(no_wrap=True)
+        grid.add_column(overflow="fold")
+        grid.add_row(f"[dim]{when}[/dim]", text)
+        self.console.print(grid)
+
     def table(
         self,
         title: str,

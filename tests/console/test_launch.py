@@ -150,3 +150,23 @@ def test_a_journal_that_cannot_be_kept_is_refused(tmp_path: Path) -> None:
     with pytest.raises(WrongCall, match="is what platform log replays"):
         fleet_of(_call(file), CHOSEN, NOW_US)
     assert flown.exists()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"connect": ("garbage",)},
+        {"connect": ("tcp/127.0.0.1",)},
+        {"listen": ("foo/1.2.3.4:5",)},
+        {"interface": "nope0"},
+    ],
+)
+def test_what_no_session_opens_with_is_a_wrong_call(wrong: dict[str, Any]) -> None:
+    [option] = wrong
+    with pytest.raises(WrongCall, match=f"^--{option}: "):
+        wire_of(_call(**wrong), "0")
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/[::1]:7447", "udp/router:7447", "ws/10.0.0.1:80", "unixsock-stream//tmp/x"])
+def test_endpoints_of_every_kind_are_taken(endpoint: str) -> None:
+    assert wire_of(_call(connect=(endpoint,)), "0").connect == (endpoint,)

@@ -31,6 +31,17 @@ def test_json_lines_hold_no_words_for_people(capsys: pytest.CaptureFixture[str])
     assert (caught.out, caught.err) == ('{"event":"ready"}\n', "")
 
 
+def test_an_alarm_in_a_narrow_terminal_stays_beside_its_time(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    Output(json_lines=False).aside("12:00:01.250", "opened  proximity  0, 1  by 0, 10 ms after the sample")
+    first, *rest = capsys.readouterr().out.splitlines()
+    assert first.startswith("12:00:01.250  opened")
+    assert rest
+    assert all(line.startswith(" " * 14) for line in rest)
+
+
 def test_what_is_to_be_copied_is_never_broken(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
