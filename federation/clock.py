@@ -94,7 +94,7 @@ class _Exchange(NamedTuple):
 
     def bound_us(self, now_us: int) -> int:
         """Half the round trip, and what two clocks may have drifted apart since."""
-        return (self.round_trip_us + 1) // 2 + max(0, now_us - self.at_us) * DRIFT_PPM // 1_000_000
+        return (self.round_trip_us + 1) // 2 - max(0, now_us - self.at_us) * DRIFT_PPM // -1_000_000
 
     def agrees(self, other: "_Exchange") -> bool:
         """Whether one true offset explains both, drift between them allowed."""

@@ -83,7 +83,7 @@ def test_the_bound_holds_between_clocks_that_drift_apart(offset_us: int, seed: i
         end_us = exchange(estimator, now_us, true_us, random.randrange(50_000), random.randrange(50_000))
         if estimator.offset is not None:
             error_us = abs(estimator.offset.offset_us - (offset_us + round(end_us * drift)))
-            assert error_us <= estimator.offset.bound_us
+            assert error_us <= estimator.offset.bound_us + 1, "the stamps of this test are rounded, both ways"
         now_us += PERIOD_US
 
 
