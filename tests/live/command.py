@@ -14,6 +14,8 @@ from typing import Any
 import psutil
 
 PATIENCE_S = 100.0
+RUN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from console.main import main; main()"
+"""As a terminal starts it: what runs in the background of a shell ignores Ctrl-C, and so would its children."""
 
 
 @dataclass
@@ -32,7 +34,7 @@ class Dyknow:
         command, *rest = arguments
         common = ["--federation", self.federation, *self.options]
         started = subprocess.Popen(
-            [sys.executable, "-c", "from console.main import main; main()", command, *common, *rest],
+            [sys.executable, "-c", RUN, command, *common, *rest],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
         )  # fmt: skip
         self.started.append(started)
