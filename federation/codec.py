@@ -281,7 +281,7 @@ def encode_samples(boot: int, samples: Sequence[StreamSample], pack: Callable[[o
 
 @lru_cache(maxsize=256)
 def decode_samples(payload: bytes) -> tuple[int, Sequence[StreamSample]]:
-    """Which life of the owner sent them, and the samples; raises DecodeError. Shared like heartbeats."""
+    """Which life of the owner sent them, and the samples; raises DecodeError. Read once for all in a process."""
     boot, samples = array(payload, 2)
     return count(boot), tuple(_samples(samples))
 
@@ -355,9 +355,7 @@ def encode_heartbeat(heartbeat: Heartbeat) -> bytes:
     return pack((VERSION, *heartbeat))
 
 
-@lru_cache(maxsize=256)
 def decode_heartbeat(payload: bytes) -> Heartbeat:
-    """Read one heartbeat. Many platforms in one process hear the same bytes: they are read once."""
     unit, boot, seq, wall_us, description, hears, tails = array(payload, 7)
     for name in items(hears):
         named(keys.unit, name)

@@ -127,6 +127,7 @@ def test_five_per_cent_of_loss_cost_no_sample_and_no_platform(network: Network, 
     network.lab.lose(0.0)
     report("5 % loss", lasted=f"{lasts_s} s", streams=mended(fleet, before, began_us), directory_changes=len(changes))
     agreed_after(fleet, fleet.now_us(), 5.0)
+    assert changes == [], "nobody seems to come or go"
 
 
 def test_a_cable_out_for_two_seconds_costs_no_sample(network: Network, fleet: Fleet) -> None:
