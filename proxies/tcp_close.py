@@ -9,20 +9,32 @@ kernel delivers what it can in its own time and nobody waits.
 import contextlib
 import os
 import socket
+import stat
 import struct
 from pathlib import Path
 
 _LINGER = struct.Struct("ii")  # whether to wait, and for how many seconds
 
 
-def stop_waiting() -> int:
-    """Have every TCP socket of this process that waits on closing not do so; returns how many did."""
-    found = 0
-    for opened in Path("/dev/fd").iterdir():
-        if opened.is_socket():
-            with contextlib.suppress(OSError), socket.socket(fileno=os.dup(int(opened.name))) as copy:
-                found += _stop_waiting(copy)  # an OSError: closed meanwhile
-    return found
+class Closing:
+    """Sees to it that no TCP socket of this process waits when it is closed. A socket is looked at once."""
+
+    def __init__(self) -> None:
+        self._seen = frozenset[int]()
+
+    def stop_waiting(self) -> int:
+        """Look at the sockets that are new; returns how many of them would have waited."""
+        found, here = 0, set[int]()
+        for name in Path("/dev/fd").iterdir():
+            with contextlib.suppress(OSError):  # closed meanwhile
+                opened = name.stat()
+                if stat.S_ISSOCK(opened.st_mode):
+                    here.add(opened.st_ino)
+                    if opened.st_ino not in self._seen:
+                        with socket.socket(fileno=os.dup(int(name.name))) as copy:
+                            found += _stop_waiting(copy)
+        self._seen = frozenset(here)
+        return found
 
 
 def _stop_waiting(copy: socket.socket) -> bool:

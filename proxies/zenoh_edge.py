@@ -42,7 +42,7 @@ from federation.transport import (
 )
 from proxies.exchange import Exchange, Step, leave_within
 from proxies.open_asks import OpenAsks
-from proxies.tcp_close import stop_waiting
+from proxies.tcp_close import Closing
 from proxies.zenoh_config import ZenohOptions, zenoh_config
 
 T = TypeVar("T")
@@ -78,6 +78,7 @@ class ZenohEdge:
         self._session: zenoh.Session | None = None
         self._exchange: Exchange | None = None
         self._links: Any = None
+        self._closing = Closing()
         self._zid = ""
         self._publishers: dict[str, tuple[Urgency, zenoh.Publisher]] = {}
         self._declared: dict[Declaration, Any] = {}
@@ -124,7 +125,7 @@ class ZenohEdge:
 
     def _take(self, session: zenoh.Session) -> None:
         self._session, self._zid = session, self._zid or str(session.zid())
-        self._links = session.info.declare_link_events_listener(_on_link, history=True)
+        self._links = session.info.declare_link_events_listener(self._on_link, history=True)
 
     def perform(self, effect: WireEffect) -> None:
         """Carry out one effect. What Zenoh refuses is posted as `HandlerFailed`: a node outlives its session."""
@@ -292,6 +293,10 @@ class ZenohEdge:
     def _on_sample(self, found: zenoh.Sample) -> None:
         self._post(Arrived(str(found.key_expr), self._now_us(), found.payload.to_bytes()))
 
+    def _on_link(self, event: zenoh.LinkEvent) -> None:
+        if event.kind == zenoh.SampleKind.PUT:
+            self._closing.stop_waiting()
+
     def _guarded(self, where: str, handler: Callable[[T], None]) -> Callable[[T], None]:
         def guarded(found: T) -> None:
             try:
@@ -331,11 +336,6 @@ class _TokenWatch:
     def _set(self, key: str, *, alive: bool) -> None:
         (self._alive.add if alive else self._alive.discard)(key)
         self._post(TokenChanged(key, self._now_us(), alive))
-
-
-def _on_link(event: zenoh.LinkEvent) -> None:
-    if event.kind == zenoh.SampleKind.PUT:
-        stop_waiting()
 
 
 def _said(failed: Exception) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from federation.transport import Reopen, Subscribe
-from proxies.tcp_close import stop_waiting
+from proxies.tcp_close import Closing
 from proxies.zenoh_config import ZenohOptions
 from proxies.zenoh_edge import ZenohEdge
 
@@ -26,9 +26,15 @@ def test_a_socket_that_waits_on_closing_does_so_no_more() -> None:
         lingers.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 10))
         other.bind(("127.0.0.1", 0))
         opened = len(list(OPENED.iterdir()))
-        assert stop_waiting() >= 1
+        closing = Closing()
+        assert closing.stop_waiting() >= 1
         assert not waits(lingers)
-        assert stop_waiting() == 0
+        assert Closing().stop_waiting() == 0
+        lingers.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 10))
+        with socket.socket() as another:
+            another.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 10))
+            assert closing.stop_waiting() == 1, "a socket is looked at once"
+            assert not waits(another)
         assert len(list(OPENED.iterdir())) == opened
 
 
