@@ -11,7 +11,7 @@ from federation.transport import Arrived
 if TYPE_CHECKING:
     from agents.platform import Platform
 
-_HEARTBEATS = keys.HEARTBEATS.removesuffix("*")
+_HEARTBEATS = keys.HEARTBEATS.removesuffix("**")
 
 
 @lru_cache(maxsize=256)

@@ -88,7 +88,7 @@ class Membership:
                 task.is_part = task.is_part or task.name == "create-multicast"
         self._end_exports(self._p.exports.receiver_appeared(unit, change.boot, now_us), now_us)
         self._p.importer.on_owner(unit, change.boot)
-        self._p.emit(self._p.clocks.on_appeared(unit, change.boot, now_us))
+        self._p.clocks.on_appeared(unit, change.boot, now_us)
         self._p.interface.peer_appeared(unit, change.boot, now_us)
 
     def _present(self, unit: str, now_us: int) -> None:

@@ -298,6 +298,8 @@ class Platform:
         match key:
             case keys.StreamKey() | keys.HeartbeatKey():
                 pass  # it was taken already
+            case keys.AnnouncementKey(unit):
+                self._found(self.directory.on_announced(unit, event.payload, event.at_us))
             case keys.ActKey():
                 if key.sender == self.unit:
                     self.refused["our own name"] += 1

@@ -5,6 +5,7 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from threading import Event
 
 from bench.members import Member, prepare
 from bench.meshes import newcomers
@@ -44,11 +45,8 @@ class PlatformNewcomer:
         """Milliseconds from the start until the directory holds all `size`, with their services and labels."""
         time.sleep(max(0, start_ns - time.monotonic_ns()) / 1e9)
         self._member = _Newcomer(str(self._number), federation, size)
-        until = time.monotonic() + PATIENCE_S
-        while not self._member.complete_ns:
-            if time.monotonic() > until:
-                raise TimeoutError(f"only {self._member.platform.membership.found} of {size} found")
-            time.sleep(0.001)
+        if not self._member.complete.wait(PATIENCE_S):
+            raise TimeoutError(f"only {self._member.platform.membership.found} of {size} found")
         return (self._member.complete_ns - start_ns) / 1e6
 
     def leave(self) -> bool:
@@ -58,7 +56,7 @@ class PlatformNewcomer:
 
 class _Newcomer(Member):
     def __init__(self, unit: str, federation: str, size: int) -> None:
-        self._size, self.complete_ns = size, 0
+        self._size, self.complete, self.complete_ns = size, Event(), 0
         super().__init__(unit, federation)
 
     def _stepped(self) -> None:
@@ -67,3 +65,4 @@ class _Newcomer(Member):
         entries = self.platform.directory.entries()
         if len(entries) == self._size and all(entry.labels for entry in entries):
             self.complete_ns = time.monotonic_ns()
+            self.complete.set()

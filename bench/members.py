@@ -15,6 +15,7 @@ from agents.plans import PlanBook
 from agents.platform import Platform
 from dyknow import Sample
 from federation import contents
+from federation.ontology import default_ontology
 from federation.transport import Put
 from navigation.fusion import Estimate
 from proxies.zenoh_config import ZenohOptions
@@ -158,4 +159,5 @@ def prepare() -> None:
     import filterpy.kalman  # noqa: F401  as `sim_uavs.node` does
 
     contents.prepare()
+    default_ontology()
     PlanBook("0", builtin_profiles()).prepare()

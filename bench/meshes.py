@@ -4,6 +4,7 @@ import resource
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from threading import Event
 from typing import Any
 
 import zenoh
@@ -152,19 +153,17 @@ class _Seen:
     """Tokens by key, and when the last of `size` was first seen."""
 
     def __init__(self, size: int) -> None:
-        self._size, self._keys, self._complete_ns = size, set[str](), 0
+        self._size, self._keys, self._complete, self._complete_ns = size, set[str](), Event(), 0
 
     def add(self, key: str) -> None:
         self._keys.add(key)
         if len(self._keys) == self._size and not self._complete_ns:
             self._complete_ns = time.monotonic_ns()
+            self._complete.set()
 
     def wait(self, start_ns: int) -> float:
-        until = time.monotonic() + PATIENCE_S
-        while not self._complete_ns:
-            if time.monotonic() > until:
-                raise TimeoutError(f"only {len(self._keys)} of {self._size} tokens seen")
-            time.sleep(0.001)
+        if not self._complete.wait(PATIENCE_S):
+            raise TimeoutError(f"only {len(self._keys)} of {self._size} tokens seen")
         return (self._complete_ns - start_ns) / 1e6
 
 

@@ -217,6 +217,8 @@ class CommandCentre:
                 if (stream := self._imports.get((beat.unit, label, policy_hash))) is not None:
                     stream.on_tail(beat.boot, tail, event.at_us)
             return self._told(self.directory.on_heartbeat(beat, event.at_us), event.at_us)
+        if isinstance(key, keys.AnnouncementKey):
+            return self._told(self.directory.on_announced(key.unit, event.payload, event.at_us), event.at_us)
         if isinstance(key, keys.StreamKey):
             self._on_samples(key, event)
             return []
@@ -308,7 +310,7 @@ class CommandCentre:
                     self.refused["undelivered"] += 1
                 case PlatformAppeared():
                     self.changed_us = now_us
-                    effects += self.offsets.on_appeared(outcome.unit, outcome.boot, now_us)
+                    self.offsets.on_appeared(outcome.unit, outcome.boot, now_us)
                     effects += self._told(self.conversations.peer_appeared(outcome.unit, outcome.boot, now_us), now_us)
                 case PlatformGone():
                     self.changed_us = now_us

@@ -16,7 +16,7 @@ from federation.codec import Heartbeat, encode_description, encode_heartbeat
 from federation.deafness import DeafnessWatchdog
 from federation.liveness import Liveness, LivenessEvent, Peer, PlatformAppeared, PlatformGone, State
 from federation.offers import NO_OFFERS, OfferEvent, Offers, Service, Visibility, changes
-from federation.replicas import PlatformRefused, Replicas
+from federation.replicas import PlatformRefused, Replica, Replicas
 from federation.transport import (
     Answer,
     Answered,
@@ -97,7 +97,7 @@ class Directory:
         self._offers = NO_OFFERS
         self._described: bytes | None = None
         self._superseded: list[str] = []
-        self._started = False
+        self._started = self._is_greeting = False
         self._beat_us = self._since_us = now_us
         self._beats = 0
 
@@ -110,11 +110,12 @@ class Directory:
 
     def start(self, now_us: int, tails: _Tails = ()) -> list[Outcome]:
         """Come into the federation: listen, be askable, then declare what is offered, the platform itself last."""
-        self._started, self._beat_us = True, now_us
+        self._started = self._is_greeting = True
+        self._beat_us = now_us
         return [
             Subscribe(keys.HEARTBEATS),
             DeclareQueryable(keys.describe(self.unit)),
-            WatchTokens(keys.TOKENS),
+            WatchTokens(keys.PLATFORM_TOKENS),
             *map(DeclareToken, self._tokens()),
             *self._beat(now_us, tails),
         ]
@@ -135,7 +136,7 @@ class Directory:
         self._superseded.append(known.pop())
         outcome += [UndeclareToken(token) for token in known if token not in tokens]
         self._beat_us = now_us + HEARTBEAT_US
-        return [*outcome, self._heartbeat(now_us, self.version, tails)]
+        return [*outcome, self._heartbeat(now_us, self.version, tails), self._announcement()]
 
     def leave(self, now_us: int) -> list[Outcome]:
         """Go out of the federation: the platform's token first, and a last heartbeat as good-bye."""
@@ -165,9 +166,15 @@ class Directory:
 
     def on_asked(self, asked: Asked) -> list[Outcome]:
         """Somebody asks for our description."""
+        return [Answer(asked.ask, asked.key, self._encoded()), AnswerEnd(asked.ask)]
+
+    def _announcement(self) -> Put:
+        return Put(keys.announcement(self.unit), self._encoded(), Urgency.CONTROL)
+
+    def _encoded(self) -> bytes:
         if self._described is None:
             self._described = encode_description(self.description())
-        return [Answer(asked.ask, asked.key, self._described), AnswerEnd(asked.ask)]
+        return self._described
 
     def _outside(self) -> Iterator[tuple[Service, Literal["public", "protected"]]]:
         for offer in self._offers.services.values():
@@ -183,11 +190,13 @@ class Directory:
         ]
 
     def _beat(self, now_us: int, tails: _Tails) -> list[Outcome]:
-        """A heartbeat, and the end of the platform token of an earlier version: both were there for a while."""
+        """A heartbeat, for who is new with what we are; and the end of the platform token of an earlier version."""
         self._beat_us = max(self._beat_us + HEARTBEAT_US, now_us + HEARTBEAT_US // 2)
         superseded = [UndeclareToken(token) for token in self._superseded]
         self._superseded.clear()
-        return [self._heartbeat(now_us, self.version, tails), *superseded]
+        greeting = [self._announcement()] if self._is_greeting else []
+        self._is_greeting = False
+        return [self._heartbeat(now_us, self.version, tails), *greeting, *superseded]
 
     def _heartbeat(self, now_us: int, version: int, tails: _Tails) -> Put:
         self._beats += 1
@@ -212,41 +221,48 @@ class Directory:
         events = self._liveness.on_heartbeat(unit, beat.boot, beat.seq, beat.description, beat.hears, at_us)
         if not events and replica is not None and replica.version == beat.description:
             return ()
-        return [*self._told(events), *self._replicas.want(unit, at_us)]
+        outcome = self._told(events)
+        self._replicas.want(unit, at_us)
+        return outcome
 
     def on_token(self, token: keys.Key, alive: bool, at_us: int) -> Sequence[Outcome]:
-        """A token came or went, as `keys.parse_key` reads it; those of services and labels say: ask again."""
-        if isinstance(token, keys.PlatformToken):
-            session = f"{token.zid}/{token.version}"
-            if alive:
-                self._greet(token.unit, at_us)
-            outcome = self._told(self._liveness.on_token(token.unit, session, token.kind, alive, at_us))
-            return [*outcome, *self._replicas.want(token.unit, at_us)] if alive else outcome
-        if isinstance(token, keys.ServiceToken | keys.LabelToken):
-            replica = self._replicas.of(token.unit)
-            if replica is not None and replica.version:
-                offers = replica.offers
-                listed = token[2] in (offers.services if isinstance(token, keys.ServiceToken) else offers.labels)
-                if listed != alive:
-                    self._replicas.doubt(token.unit, at_us)
-        return ()
+        """A token of a platform came or went, as `keys.parse_key` reads it.
+
+        Those of services and labels tell others who look from outside; a platform's version tells that they changed.
+        """
+        if not isinstance(token, keys.PlatformToken):
+            return ()
+        session = f"{token.zid}/{token.version}"
+        if alive:
+            self._greet(token.unit, at_us)
+        outcome = self._told(self._liveness.on_token(token.unit, session, token.kind, alive, at_us))
+        if alive:
+            self._replicas.want(token.unit, at_us)
+        return outcome
 
     def _greet(self, unit: str, at_us: int) -> None:
-        """Who comes has missed our heartbeats: the next one is soon. One for all who come together."""
+        """Who comes has missed our heartbeats and knows nothing of us: both soon, once for all who come together."""
         peer = self._peers.get(unit)
         if unit != self.unit and (peer is None or not peer.tokens):
+            self._is_greeting = True
             self._beat_us = min(self._beat_us, max(at_us, self._beat_us - HEARTBEAT_US) + GREETING_US)
 
     def on_answered(self, answered: Answered) -> Sequence[Outcome]:
         """A description arrived; answers to questions of others are ignored."""
-        found = self._replicas.on_answered(answered)
+        return self._learnt(self._replicas.on_answered(answered), answered.at_us)
+
+    def on_announced(self, unit: str, payload: bytes, at_us: int) -> Sequence[Outcome]:
+        """A platform says unasked what it is. One of which no heartbeat was heard yet will be asked."""
+        return self._learnt(self._replicas.on_announced(unit, payload, at_us), at_us)
+
+    def _learnt(self, found: tuple[Replica, Description] | None, at_us: int) -> Sequence[Outcome]:
         if found is None:
             return ()
         replica, description = found
         unit = replica.unit
-        outcome = self._told(self._liveness.on_kind(unit, description.kind, answered.at_us))
+        outcome = self._told(self._liveness.on_kind(unit, description.kind, at_us))
         before, is_news = replica.offers, description.version != replica.version
-        self._replicas.learn(replica, description)
+        self._replicas.learn(replica, description, at_us)
         if self._peers[unit].present:
             outcome += changes(unit, before, replica.offers)
             if replica.refusal is not None and is_news:

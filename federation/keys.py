@@ -120,6 +120,12 @@ class HeartbeatKey(NamedTuple):
     unit: str
 
 
+class AnnouncementKey(NamedTuple):
+    """What a platform says of itself unasked; below its heartbeat, so that one subscriber hears both in order."""
+
+    unit: str
+
+
 class ClockKey(NamedTuple):
     unit: str
 
@@ -155,6 +161,7 @@ Key: TypeAlias = (
     | HistoryKey
     | DescribeKey
     | HeartbeatKey
+    | AnnouncementKey
     | ClockKey
     | PlatformToken
     | ServiceToken
@@ -163,7 +170,9 @@ Key: TypeAlias = (
 
 TOKENS = "@df/v1/**"
 """All liveliness tokens. Spelt out: wildcards never match a chunk that begins with @."""
-HEARTBEATS = "hb/*"
+PLATFORM_TOKENS = "@df/v1/*/*/P/**"
+HEARTBEATS = "hb/**"
+"""All heartbeats and announcements."""
 BROADCAST = f"acl/{EVERYBODY}/**"
 
 
@@ -206,6 +215,10 @@ def describe(name: str) -> str:
 
 def heartbeat(name: str) -> str:
     return f"hb/{unit(name)}"
+
+
+def announcement(name: str) -> str:
+    return f"hb/{unit(name)}/df"
 
 
 def clock(name: str) -> str:
@@ -254,6 +267,8 @@ def _parse(key: str) -> Key | None:
         parts = [*chunks[2:4], *chunks[5:-1], int(chunks[-1]) if _COUNT.fullmatch(chunks[-1]) else -1]
     elif chunks[-1] == "df" and len(chunks) == 2:
         entry, parts = (DescribeKey, describe), chunks[:1]
+    elif chunks[-1] == "df" and len(chunks) == 3:
+        entry, parts = (AnnouncementKey, announcement), chunks[1:2]
     else:
         entry, parts = _SCHEME.get((chunks[0], len(chunks))), chunks[1:]
     if entry is None:

@@ -10,6 +10,8 @@ from federation.deadlines import Deadlines
 from federation.transport import Answer, Answered, AnswerEnd, Ask, Asked, AskEnded
 
 ABSENT = 512
+SETTLE_US = 200_000
+"""How long a peer is met before its clock is asked for: the rush of meeting would spoil what is measured."""
 
 
 class ClockOffsets:
@@ -45,15 +47,14 @@ class ClockOffsets:
         """By unit, for people."""
         return {unit: estimator.offset for unit, estimator in self._estimators.items()}
 
-    def on_appeared(self, unit: str, boot: int, now_us: int) -> list[Ask]:
-        """A peer is met: eight exchanges at once. The same incarnation, seen again, keeps what was learned of it."""
+    def on_appeared(self, unit: str, boot: int, now_us: int) -> None:
+        """A peer is met: eight exchanges soon. The same incarnation, seen again, keeps what was learned of it."""
         estimator = self._estimators.get(unit) or self._absent.pop(unit, None)
         if estimator is None or estimator.boot not in (None, boot):
             estimator = OffsetEstimator(now_us)
-        estimator.hurry(now_us)
+        estimator.hurry(now_us + SETTLE_US)
         self._estimators[unit] = estimator
-        self._due.set(unit, now_us)
-        return self.on_time(now_us)
+        self._due.set(unit, estimator.deadline_us)
 
     def on_gone(self, unit: str) -> None:
         """A peer is gone: it is not asked any more; what was learned is kept for its return."""

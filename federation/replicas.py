@@ -16,6 +16,8 @@ from federation.transport import Answered, Ask, AskEnded
 from federation.wire import Description, LabelEntry, ServiceEntry
 
 CONFIRM_US = 10_000_000
+UNASKED_US = 200_000
+"""How long a platform is given to say unasked what it is, or what has changed."""
 RETRY_US = 50_000
 RETRY_MOST_US = 2_000_000
 ASK_TIMEOUT_US = 1_000_000
@@ -48,7 +50,8 @@ class Replica:
 class Replicas:
     """A replica of each platform that is heard, kept at the version that its heartbeats announce.
 
-    A description is asked for until it is had, again when its version changes, and once in 10 s in any case.
+    A platform says what it is when others come and when that changes. What does not arrive is asked for until it is
+    had, and confirmed once in 10 s in any case.
     `peers` is the view of `Liveness`, `questions` numbers the questions of the whole node.
     """
 
@@ -78,50 +81,62 @@ class Replicas:
             self._asking.pop(replica.asked, None)
         return replica.offers
 
-    def want(self, unit: str, now_us: int) -> list[Ask]:
-        """See to it that the announced version of a platform that is heard is asked for."""
+    def want(self, unit: str, now_us: int) -> None:
+        """See to it that the announced version of a platform that is heard is had."""
         peer = self._peers.get(unit)
         if peer is None or peer.seq < 0 or peer.state is State.GONE:
-            return []
+            return
         replica = self._replicas.get(unit)
         if replica is None or replica.boot != peer.boot:
             self.drop(unit)
-            replica = self._replicas[unit] = Replica(unit, peer.boot, now_us)
-        elif self._is_current(replica):
-            return []
-        elif replica.asked is None and replica.backoff_us == RETRY_US:
-            replica.due_us = min(replica.due_us, now_us)
-        if replica.asked is not None or now_us < replica.due_us:
-            return []
-        return [self._ask(replica, now_us)]
+            self._replicas[unit] = Replica(unit, peer.boot, now_us + UNASKED_US)
+            self._due.set(unit, now_us + UNASKED_US)
+        elif not self._is_current(replica) and replica.backoff_us == RETRY_US:
+            self.doubt(unit, now_us)
 
     def doubt(self, unit: str, now_us: int) -> None:
-        """A token says otherwise than the replica: ask again soon."""
+        """The replica is not what its platform has now: ask again soon."""
         replica = self._replicas.get(unit)
         if replica is not None and replica.asked is None:
-            replica.due_us = min(replica.due_us, now_us + RETRY_US)
+            replica.due_us = min(replica.due_us, now_us + UNASKED_US)
             self._due.set(unit, replica.due_us)
 
+    def on_announced(self, unit: str, payload: bytes, at_us: int) -> tuple[Replica, Description] | None:
+        """A platform says unasked what it is; the description if it fits and says something new, for `learn`."""
+        replica = self._replicas.get(unit)
+        return None if replica is None else self._read(replica, payload, at_us)
+
     def on_answered(self, answered: Answered) -> tuple[Replica, Description] | None:
-        """A description that answers one of our questions, fits, and says something new; `learn` takes it over."""
+        """The same in answer to one of our questions."""
         unit = self._asking.get(answered.question)
         replica = self._replicas.get(unit) if unit is not None else None
-        if replica is None:
-            return None
+        return None if replica is None else self._read(replica, answered.payload, answered.at_us)
+
+    def _read(self, replica: Replica, payload: bytes, at_us: int) -> tuple[Replica, Description] | None:
         try:
-            found = decode_description(answered.payload)
+            found = decode_description(payload)
         except DecodeError as error:
             self.refused[error.reason] += 1
             return None
         if found.unit != replica.unit or found.boot != replica.boot or found.version < replica.version:
             self.refused["description of another"] += 1
             return None
-        return None if found is replica.found else (replica, found)
+        if found is replica.found:
+            self._confirmed(replica, at_us)
+            return None
+        return replica, found
 
-    def learn(self, replica: Replica, found: Description) -> None:
+    def learn(self, replica: Replica, found: Description, at_us: int) -> None:
         """Take a description over. What a platform offers with which we cannot federate is not listed."""
         replica.found, replica.version, replica.refusal = found, found.version, self._refusal(found)
         replica.offers = NO_OFFERS if replica.refusal is not None else _offered(found.services, found.labels)
+        self._confirmed(replica, at_us)
+
+    def _confirmed(self, replica: Replica, at_us: int) -> None:
+        """The replica was compared with its platform: if it is current there is nothing to ask for a while."""
+        if replica.asked is None and self._is_current(replica):
+            replica.due_us, replica.backoff_us = at_us + CONFIRM_US, RETRY_US
+            self._due.set(replica.unit, replica.due_us)
 
     def on_ask_ended(self, ended: AskEnded) -> None:
         """A question is over; what it did not bring is asked again, ever later."""
@@ -130,12 +145,10 @@ class Replicas:
         if replica is None or replica.asked != ended.question:
             return
         replica.asked = None
-        if self._is_current(replica):
-            replica.due_us, replica.backoff_us = ended.at_us + CONFIRM_US, RETRY_US
-        else:
-            replica.due_us = ended.at_us + replica.backoff_us
-            replica.backoff_us = min(2 * replica.backoff_us, RETRY_MOST_US)
+        replica.due_us = ended.at_us + replica.backoff_us
+        replica.backoff_us = min(2 * replica.backoff_us, RETRY_MOST_US)
         self._due.set(replica.unit, replica.due_us)
+        self._confirmed(replica, ended.at_us)
 
     def on_time(self, now_us: int) -> list[Ask]:
         """Ask what is due."""

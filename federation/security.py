@@ -117,7 +117,7 @@ def _own_rule(root: str) -> dict[str, Any]:
 def _rules(peer: Member, root: str) -> list[dict[str, Any]]:
     """What we take from a peer: its own words, life and answers; and what it may listen to and ask for."""
     names = [peer.unit, f"{peer.unit}-$*"] if peer.role == "command-centre" else [peer.unit]
-    said = ["acl/*/{}/**", "x/{}/**", "to/*/{}/**", "hb/{}"]
+    said = ["acl/*/{}/**", "x/{}/**", "to/*/{}/**", "hb/{}/**"]
     answered = ["q/{}/**", "{}/df", "time/{}"]
     heard = ["acl/{}/**", "to/{}/**"]
     everybody = [keys.BROADCAST, "x/**", keys.HEARTBEATS]

@@ -39,6 +39,7 @@ class Node:
     events: list[tuple[int, DirectoryEvent]] = field(default_factory=list)
     tokens: set[str] = field(default_factory=set)
     reopened: list[int] = field(default_factory=list)
+    asks: int = 0
     alive: bool = True
     frozen: bool = False
     waiting: list[Callable[[], None]] = field(default_factory=list)
@@ -139,7 +140,7 @@ class Box:
         for effect in outcome:
             match effect:
                 case Put(key, payload):
-                    self._each(unit, lambda other, to, p=payload: self._hear(to, lambda: self._beat(to, p)))
+                    self._each(unit, lambda _, to, k=key, p=payload: self._hear(to, lambda: self._put(to, k, p)))
                 case DeclareToken(key):
                     node.tokens.add(key)
                     self._broadcast_token(unit, key, alive=True)
@@ -147,6 +148,7 @@ class Box:
                     node.tokens.discard(key)
                     self._broadcast_token(unit, key, alive=False)
                 case Ask():
+                    node.asks += 1
                     self._ask(unit, node, effect)
                 case Reopen():
                     node.reopened.append(self.now_us)
@@ -155,8 +157,13 @@ class Box:
                 case tuple() if type(effect).__module__.startswith("federation.") and not _is_wire(effect):
                     node.events.append((self.now_us, effect))  # type: ignore[arg-type]
 
-    def _beat(self, node: Node, payload: bytes) -> None:
-        self._perform(node.directory.unit, node, node.directory.on_heartbeat(decode_heartbeat(payload), self.now_us))
+    def _put(self, node: Node, key: str, payload: bytes) -> None:
+        directory, parsed = node.directory, keys.parse_key(key)
+        if isinstance(parsed, keys.AnnouncementKey):
+            outcome = directory.on_announced(parsed.unit, payload, self.now_us)
+        else:
+            outcome = directory.on_heartbeat(decode_heartbeat(payload), self.now_us)
+        self._perform(directory.unit, node, outcome)
 
     def _each(self, sender: str, deliver: Callable[[str, Node], None]) -> None:
         for unit, node in list(self.nodes.items()):

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from dyknow.errors import PolicyError
 from federation.clock import PERIOD_US, FederationClock, Offset, OffsetEstimator, Standing
-from federation.offsets import ClockOffsets
-from federation.transport import Answer, Answered, Asked, AskEnded
+from federation.offsets import SETTLE_US, ClockOffsets
+from federation.transport import Answer, Answered, Ask, Asked, AskEnded
 
 SPEEDS = st.sampled_from([0.1, 0.5, 1.0, 2.0, 3.0, 10.0, 1 / 3]) | st.floats(0.01, 1000)
 INSTANTS = st.integers(-(10**16), 10**16)
@@ -178,9 +178,17 @@ def test_eight_exchanges_at_once_then_one_every_five_seconds() -> None:
     assert estimator.due(end_us + PERIOD_US) == 1
 
 
+def asked_after(offsets: ClockOffsets, unit: str, boot: int, at_us: int) -> list[Ask]:
+    """What is asked at an instant of a peer that appeared when the rush of meeting had still to pass."""
+    offsets.on_appeared(unit, boot, at_us - SETTLE_US)
+    assert offsets.deadline_us == at_us
+    assert offsets.on_time(at_us - 1) == []
+    return offsets.on_time(at_us)
+
+
 def test_two_nodes_measure_each_other_over_the_wire() -> None:
     mine, theirs = ClockOffsets(1, count(1)), ClockOffsets(2, count(1))
-    asks = mine.on_appeared("b", 2, 1_000_000)
+    asks = asked_after(mine, "b", 2, 1_000_000)
     assert len(asks) == 8
     for ask in asks[:5]:
         answer, _end = theirs.on_asked(Asked(ask.question, ask.key, 1_250_100, ask.payload), 1_250_120)
@@ -194,7 +202,7 @@ def test_two_nodes_measure_each_other_over_the_wire() -> None:
     assert all(mine.on_ask_ended(AskEnded(ask.question, 2_000_000)) for ask in asks[5:])
     mine.on_gone("b")
     assert (mine.of("b"), mine.on_time(60_000_000)) == (None, [])
-    assert len(mine.on_appeared("b", 2, 60_000_000)) == 8
+    assert len(asked_after(mine, "b", 2, 60_000_000)) == 8
     assert mine.of("b") == offset, "the same incarnation is known already"
     mine.on_gone("b")
     mine.on_appeared("b", 3, 70_000_000)
@@ -203,8 +211,8 @@ def test_two_nodes_measure_each_other_over_the_wire() -> None:
 
 def test_an_answer_that_is_malformed_or_to_another_question_teaches_nothing() -> None:
     mine, theirs = ClockOffsets(1, count(1)), ClockOffsets(2, count(1))
-    first, *rest = mine.on_appeared("b", 2, 1_000_000)
-    other = ClockOffsets(1, count(1)).on_appeared("b", 2, 5)[0]
+    first, *rest = asked_after(mine, "b", 2, 1_000_000)
+    other = asked_after(ClockOffsets(1, count(1)), "b", 2, 5)[0]
     answer, _end = theirs.on_asked(Asked(1, first.key, 1_000_100, other.payload), 1_000_100)
     assert isinstance(answer, Answer)
     mine.on_answered(Answered(first.question, answer.key, 1_000_200, answer.payload))

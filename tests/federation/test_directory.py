@@ -20,15 +20,23 @@ from federation.liveness import (
     State,
 )
 from federation.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone, Visibility
-from federation.replicas import PlatformRefused
+from federation.replicas import UNASKED_US, PlatformRefused
 from federation.transport import Answer, Answered, Ask, Asked, DeclareToken, Put, UndeclareToken
 from tests.federation.box import ALARMS, ALTITUDE, FEDERATION, POSITION, SECRET, Box
 
 US = 1_000_000
+IN_ORDER = 1
+"""A delay that keeps the order of what is sent, as a link does."""
 
 
-def three() -> Box:
-    box = Box()
+def described(directory: Directory) -> bytes:
+    """What it says of itself."""
+    (answer,) = (said for said in directory.on_asked(Asked(1, "", 0, b"")) if isinstance(said, Answer))
+    return answer.payload
+
+
+def three(delay_us: int = 500) -> Box:
+    box = Box(delay_us=delay_us)
     for unit in ("0", "1", "2"):
         box.join(unit)
     box.run(2)
@@ -53,6 +61,30 @@ def test_a_late_joiner_is_known_to_all_and_knows_all_within_half_a_second() -> N
     assert box.present("7") == {"0", "1", "2"}
     assert all("7" in box.present(unit) for unit in ("0", "1", "2"))
     assert all(entry.labels for unit in box.nodes for entry in box.nodes[unit].directory.entries())
+
+
+def test_what_a_platform_is_need_not_be_asked() -> None:
+    box = three(delay_us=IN_ORDER)
+    box.join("7")
+    box.run(2)
+    node = box.nodes["0"]
+    box._perform("0", node, node.directory.declare([FEDERATION, ALARMS], [ALTITUDE], box.now_us))
+    box.run(2)
+    assert all(box.present(unit) == set(box.nodes) - {unit} for unit in box.nodes)
+    assert [entry.unit for entry in box.nodes["7"].directory.search(service="alarms")] == ["0"]
+    assert sum(node.asks for node in box.nodes.values()) == 0
+
+
+def test_an_announcement_that_is_lost_is_asked_for() -> None:
+    box = three(delay_us=IN_ORDER)
+    node = box.nodes["0"]
+    _, *rest = node.directory.declare([FEDERATION, ALARMS], [POSITION], box.now_us)
+    box._perform("0", node, [said for said in rest if not (isinstance(said, Put) and said.key == "hb/0/df")])
+    box.run(0.5)
+    assert [entry.unit for entry in box.nodes["1"].directory.search(service="alarms")] == ["0"]
+    assert (box.nodes["1"].asks, box.nodes["2"].asks) == (1, 1)
+    box.run(10.5)
+    assert box.nodes["1"].asks > 1, "what is known is confirmed now and then"
 
 
 def test_a_private_service_leaves_its_platform_neither_as_token_nor_in_the_description() -> None:
@@ -209,11 +241,8 @@ def test_a_platform_of_another_clock_or_roster_is_there_but_offers_nothing() -> 
     ):
         other.declare([FEDERATION], [POSITION], 0)
         mine.on_token(keys.PlatformToken("2", other.unit, "uav", 1), True, 1)
-        _, ask = mine.on_heartbeat(Heartbeat(other.unit, 2, 1, 0, 1), 2)
-        assert isinstance(ask, Ask)
-        answer = other.on_asked(Asked(1, ask.key, 3, b""))[0]
-        assert isinstance(answer, Answer)
-        (event,) = mine.on_answered(Answered(ask.question, ask.key, 4, answer.payload))
+        mine.on_heartbeat(Heartbeat(other.unit, 2, 1, 0, 1), 2)
+        (event,) = mine.on_announced(other.unit, described(other), 4)
         assert isinstance(event, PlatformRefused)
         assert [entry.unit for entry in mine.search(service="dyknow-federation")] == []
         assert len(mine.entries()) == number + 2
@@ -222,14 +251,16 @@ def test_a_platform_of_another_clock_or_roster_is_there_but_offers_nothing() -> 
 def test_a_description_that_is_malformed_or_of_another_is_not_taken_over() -> None:
     mine, other = Directory("0", 1, "uav", 0), Directory("2", 2, "uav", 0)
     mine.on_token(keys.PlatformToken("2", "1", "uav", 1), True, 1)
-    _, ask = mine.on_heartbeat(Heartbeat("1", 2, 1, 0, 1), 2)
-    assert isinstance(ask, Ask)
-    answer = other.on_asked(Asked(1, ask.key, 3, b""))[0]
-    assert isinstance(answer, Answer)
-    assert list(mine.on_answered(Answered(ask.question, ask.key, 4, answer.payload))) == []
-    assert list(mine.on_answered(Answered(ask.question, ask.key, 4, b"\x93\x01\x02"))) == []
-    assert list(mine.on_answered(Answered(99, ask.key, 4, answer.payload))) == []
+    mine.on_heartbeat(Heartbeat("1", 2, 1, 0, 1), 2)
+    assert list(mine.on_announced("1", described(other), 4)) == []
+    assert list(mine.on_announced("1", b"\x93\x01\x02", 4)) == []
+    assert list(mine.on_announced("2", described(other), 4)) == [], "no heartbeat of it was heard"
     assert sum(mine.refused.values()) == 2
+    (ask,) = (found for found in mine.on_time(2 + UNASKED_US) if isinstance(found, Ask))
+    assert list(mine.on_answered(Answered(ask.question, ask.key, 4, described(other)))) == []
+    assert list(mine.on_answered(Answered(ask.question, ask.key, 4, b"\x93\x01\x02"))) == []
+    assert list(mine.on_answered(Answered(99, ask.key, 4, described(other)))) == []
+    assert sum(mine.refused.values()) == 4
 
 
 def test_heartbeats_go_out_five_times_a_second_with_whom_we_hear_and_our_tails() -> None:
@@ -421,12 +452,8 @@ def test_the_usual_heartbeats_of_a_hundred_platforms_change_nothing() -> None:
     units = tuple(f"uav{number}" for number in range(100))
     for unit in units:
         directory.on_token(keys.PlatformToken("1", unit, "uav", 1), True, 0)
-        outcome = directory.on_heartbeat(Heartbeat(unit, 1, 1, 0, 1), 0)
-        described = Directory(unit, 1, "uav", 0)
-        answer = described.on_asked(Asked(1, "", 0, b""))[0]
-        for ask in outcome:
-            if isinstance(ask, Ask) and isinstance(answer, Answer):
-                directory.on_answered(Answered(ask.question, ask.key, 0, answer.payload))
+        directory.on_heartbeat(Heartbeat(unit, 1, 1, 0, 1), 0)
+        directory.on_announced(unit, described(Directory(unit, 1, "uav", 0)), 0)
     beats = [Heartbeat(unit, 1, seq, 0, 1, units) for seq in range(2, 102) for unit in units]
     told = [outcome for at, beat in enumerate(beats) for outcome in directory.on_heartbeat(beat, at * 2_000)]
     assert told == [], "the usual heartbeat changes nothing and asks nothing"
