@@ -8,6 +8,10 @@ the two do not reopen in step:
   the greater unit of the pair goes first, after 5 s, and the lesser after 6 s if that did not help;
 * a peer does not hear us for 4 s although we hear it. Where a third platform can tell it so, it will act itself and
   we only after 7 s;
+* a peer is heard again, but its token, which went, is not told again for 2 s: we gave up the link to it and have a
+  new one, which it has added to the old, as Zenoh does when both sides dial and only one lease was over. So it
+  declares nothing anew, and on that link questions, acts and samples go astray for good;
+* this process stood still for the length of a lease: at once, since the others have given up their links to it;
 * we hear nobody any more: after 4 s if tokens say that somebody is there, else after 6 s.
 
 Reopening that does not help is repeated ever more rarely: it disturbs those who hear each other.
@@ -22,6 +26,8 @@ MOST_US = 4_000_000
 FIRST_US = 5_000_000
 SECOND_US = 6_000_000
 BACKUP_US = 7_000_000
+ASTRAY_US = 2_000_000
+STOOD_US = 2_000_000
 ALONE_US = 6_000_000
 ALONE_FOR_US = 300_000_000
 PERIOD_US = 500_000
@@ -37,6 +43,7 @@ class DeafnessWatchdog:
     def __init__(self, unit: str, now_us: int) -> None:
         self.unit = unit
         self._next_us = now_us + PERIOD_US
+        self._looked_us: int | None = None
         self._mentioned_us: dict[str, int] = {}
         self._unlisted_us: dict[str, int] = {}
         self._opened_us = now_us
@@ -53,7 +60,7 @@ class DeafnessWatchdog:
         if now_us < self._next_us:
             return None
         self._next_us = now_us + PERIOD_US
-        why = self._why(peers, now_us)
+        why = self._stood_still(peers, now_us) or self._why(peers, now_us)
         if why is None:
             if now_us >= self._trouble_us + QUIET_US:
                 self._reopened = 0
@@ -72,6 +79,13 @@ class DeafnessWatchdog:
         doubled: int = 2 ** min(8, max(0, self._reopened - PATIENT))
         return min(BETWEEN_MOST_US, BETWEEN_US * doubled)
 
+    def _stood_still(self, peers: Mapping[str, Peer], now_us: int) -> str | None:
+        """Whether this look comes late by the length of a lease, and there is somebody whose link may have ended."""
+        before_us, self._looked_us = self._looked_us, now_us
+        if before_us is None or now_us < before_us + STOOD_US or not any(peer.present for peer in peers.values()):
+            return None
+        return f"this process stood still for {(now_us - before_us) / 1e6:.1f} s"
+
     def _why(self, peers: Mapping[str, Peer], now_us: int) -> str | None:
         heard = {unit for unit, peer in peers.items() if peer.heard_us > now_us - SUSPECT_US and not peer.left}
         if not heard:
@@ -86,6 +100,9 @@ class DeafnessWatchdog:
                 return f"others hear {unit} and {len(deaf_us) - 1} more, this session does not"
             if silent_us >= (FIRST_US if self.unit > unit else SECOND_US):
                 return f"others hear {unit}, this session does not"
+        for unit in sorted(heard):
+            if _untold_for_us(peers[unit], now_us) >= ASTRAY_US:
+                return f"{unit} is heard, but knows this session as another"
         for unit, silent_us in sorted(unlisted_us.items()):
             if silent_us >= MOST_US:
                 told = not hearing_us.isdisjoint(peers[unit].hears)
@@ -121,3 +138,8 @@ class DeafnessWatchdog:
         silent_us = now_us - max(last_us, self._opened_us)
         patience_us = MOST_US if any(peer.tokens for peer in peers) else ALONE_US + self._spread_us
         return "nobody is heard any more" if silent_us >= patience_us else None
+
+
+def _untold_for_us(peer: Peer, now_us: int) -> int:
+    """How long a peer has been back, and heard, while its token is not."""
+    return 0 if peer.untold_us is None else now_us - max(peer.untold_us, peer.since_us)

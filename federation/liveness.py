@@ -78,7 +78,7 @@ _NOTHING: Sequence[LivenessEvent] = ()
 
 
 class Peer:
-    """What this platform knows of the life of another."""
+    """What this platform knows of the life of another. `untold_us`: since when it has no token, if it had one."""
 
     __slots__ = (
         "beats",
@@ -93,6 +93,7 @@ class Peer:
         "token_gone_us",
         "tokens",
         "unit",
+        "untold_us",
         "version",
     )
 
@@ -104,6 +105,7 @@ class Peer:
         self.hears: Sequence[str] = ()
         self.tokens: dict[str, int] = {}
         self.token_gone_us: int | None = None
+        self.untold_us: int | None = None
         self.beats = 0
         self.left = False
 
@@ -174,7 +176,7 @@ class Liveness:
             peer = self._meet(unit, at_us)
             if peer is None:
                 return _NOTHING
-        peer.tokens[zid], peer.token_gone_us = at_us, None
+        peer.tokens[zid], peer.token_gone_us, peer.untold_us = at_us, None, None
         if peer.state is State.SUSPECT and at_us < peer.heard_us + SUSPECT_US:
             return self._return(peer, at_us)
         return self.on_kind(unit, kind, at_us)
@@ -201,7 +203,7 @@ class Liveness:
         """Our session is a new one: tokens will be told again, and their absence until then means nothing."""
         for peer in self.peers.values():
             peer.tokens.clear()
-            peer.token_gone_us = None
+            peer.token_gone_us = peer.untold_us = None
 
     def on_time(self, now_us: int) -> list[LivenessEvent]:
         """Judge silence. A node that stood still itself hears first what came meanwhile."""
@@ -272,7 +274,7 @@ class Liveness:
         if peer.seq >= 0:
             peer.tokens = {zid: since_us for zid, since_us in peer.tokens.items() if since_us > peer.heard_us}
         peer.boot, peer.seq, peer.version, peer.hears, peer.heard_us = boot, seq, version, hears, at_us
-        peer.left = False
+        peer.left, peer.untold_us = False, None
         if peer.kind:
             events.append(self._appear(peer, at_us))
         else:
@@ -301,6 +303,7 @@ class Liveness:
         return [PlatformReturned(peer.unit, peer.boot)]
 
     def _token_went(self, peer: Peer, at_us: int) -> Sequence[LivenessEvent]:
+        peer.untold_us = at_us
         if not peer.present:
             return _NOTHING
         peer.token_gone_us, peer.beats = at_us, 0

@@ -223,3 +223,12 @@ class Box:
 
 def _is_wire(effect: object) -> bool:
     return type(effect).__module__ == "federation.transport"
+
+
+def three(delay_us: int = 500) -> Box:
+    """Platforms 0, 1, 2 that have found each other."""
+    box = Box(delay_us=delay_us)
+    for unit in ("0", "1", "2"):
+        box.join(unit)
+    box.run(2)
+    return box

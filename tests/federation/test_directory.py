@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from itertools import pairwise
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -22,7 +21,7 @@ from federation.liveness import (
 from federation.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone, Visibility
 from federation.replicas import UNASKED_US, PlatformRefused
 from federation.transport import Answer, Answered, Ask, Asked, DeclareToken, Put, UndeclareToken
-from tests.federation.box import ALARMS, ALTITUDE, FEDERATION, POSITION, SECRET, Box
+from tests.federation.box import ALARMS, ALTITUDE, FEDERATION, POSITION, SECRET, Box, three
 
 US = 1_000_000
 IN_ORDER = 1
@@ -33,14 +32,6 @@ def described(directory: Directory) -> bytes:
     """What it says of itself."""
     (answer,) = (said for said in directory.on_asked(Asked(1, "", 0, b"")) if isinstance(said, Answer))
     return answer.payload
-
-
-def three(delay_us: int = 500) -> Box:
-    box = Box(delay_us=delay_us)
-    for unit in ("0", "1", "2"):
-        box.join(unit)
-    box.run(2)
-    return box
 
 
 def test_platforms_find_each_other_and_what_they_offer() -> None:
@@ -349,102 +340,6 @@ def told(events: Sequence[tuple[int, object]]) -> set[str]:
             case ServiceGone(unit, offer) | LabelGone(unit, offer):
                 offers.remove((unit, offer))
     return set(there)
-
-
-# Deafness
-
-
-def reopened(box: Box) -> dict[str, int]:
-    return {unit: len(node.reopened) for unit, node in box.nodes.items() if node.reopened}
-
-
-def test_a_pair_that_others_hear_is_reopened_by_one_side_within_eight_seconds() -> None:
-    box = three()
-    start_us = box.now_us
-    box.cut(["0"], ["1"])
-    box.run(8)
-    assert reopened(box) == {"1": 1}, "the greater unit of the pair"
-    assert box.nodes["1"].reopened[0] - start_us < 7 * US
-    assert box.present("0") == {"1", "2"}
-    assert box.present("1") == {"0", "2"}
-
-
-def test_a_session_that_is_deaf_to_most_is_reopened_and_nobody_else_is() -> None:
-    box = Box()
-    units = [str(number) for number in range(8)]
-    for unit in units:
-        box.join(unit)
-    box.run(2)
-    box.cut(["3"], [unit for unit in units if unit not in ("3", "5")])
-    box.run(8)
-    assert reopened(box) == {"3": 1}
-    assert all(len(box.present(unit)) == 7 for unit in units)
-
-
-@pytest.mark.parametrize("speaker", ["0", "1"])
-def test_a_one_way_cut_is_mended_within_eight_seconds_by_one_side(speaker: str) -> None:
-    for others in ((), ("2", "3")):
-        box = Box()
-        for unit in ("0", "1", *others):
-            box.join(unit)
-        box.run(2)
-        listener = "1" if speaker == "0" else "0"
-        box.cut([speaker], [listener], both_ways=False)
-        box.run(8)
-        assert sum(reopened(box).values()) == 1
-        assert listener in box.present(speaker)
-        assert speaker in box.present(listener)
-
-
-def test_who_hears_nobody_any_more_reopens() -> None:
-    for box in (two_alone := Box(), three()):
-        if box is two_alone:
-            box.join("0")
-            box.join("1")
-            box.run(2)
-        box.cut(["0"], [unit for unit in box.nodes if unit != "0"])
-        box.run(8)
-        assert reopened(box).get("0") == 1
-        assert all(box.present(unit) == box.nodes.keys() - {unit} for unit in box.nodes)
-
-
-def test_reopening_that_does_not_help_is_repeated_ever_more_rarely() -> None:
-    box = three()
-    box.heals_by_reopening = False
-    box.cut(["0"], ["1"])
-    box.run(300)
-    for node in box.nodes.values():
-        gaps = [b - a for a, b in pairwise(node.reopened)]
-        assert all(gap >= 6 * US for gap in gaps)
-        assert all(gap >= 59 * US for gap in gaps[7:])
-        assert len(node.reopened) <= 12
-    assert not box.nodes["2"].reopened, "who hears both has no reason"
-
-
-def test_a_partition_is_no_deafness_of_sessions() -> None:
-    box = Box()
-    for unit in ("0", "1", "2", "3"):
-        box.join(unit)
-    box.run(2)
-    box.heals_by_reopening = False
-    box.cut(["0", "1"], ["2", "3"])
-    box.run(15)
-    assert reopened(box) == {}
-    assert box.present("0") == {"1"}
-    box.heal()
-    box.run(1)
-    assert all(len(box.present(unit)) == 3 for unit in box.nodes)
-
-
-def test_a_killed_or_left_or_new_platform_is_no_deafness() -> None:
-    box = three()
-    box.kill("2", token_after_us=None)
-    box.run(30)
-    box.join("2")
-    box.run(10)
-    box.kill("2")
-    box.run(10)
-    assert reopened(box) == {}
 
 
 def test_the_usual_heartbeats_of_a_hundred_platforms_change_nothing() -> None:
