@@ -291,6 +291,7 @@ class Coordination:
             self._step_down(led, leader)
         led.leader, led.generation, led.leader_boot = leader, content.generation or 1, act.boot
         led.heir_at_us, led.avoidance = None, avoidance
+        self._c.tasks.revive(task)
         if plan not in led.plans:
             led.plans = (*led.plans, plan)
         earlier = led.own.get(plan.name)

@@ -9,7 +9,7 @@ from agents.services import FEDERATION
 from dyknow.errors import Refused
 from federation.acts import Act
 from federation.clock import Standing
-from federation.conversations import is_lost
+from federation.conversations import is_given_up, is_lost
 from federation.deadlines import Deadlines
 from federation.directory import Outcome
 from federation.exports import ExportEvent
@@ -194,7 +194,7 @@ class Membership:
         before = list(self._p.coordination.led)
         is_known = self._p.tasks.cancel(conversation, now_us)
         for ended in before:
-            if ended not in self._p.coordination.led:
+            if ended not in self._p.coordination.led and not is_given_up(act):
                 self._p.tasks.bury(ended, unit)
         return is_known
 

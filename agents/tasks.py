@@ -84,6 +84,10 @@ class TaskBook:
         if len(self._ended) > TOMBSTONES:
             del self._ended[next(iter(self._ended))]
 
+    def revive(self, name: str) -> None:
+        """What went by `name` is set up anew by who ended it: from now on others may do so, too."""
+        self._ended.pop(name, None)
+
     def was_cancelled(self, name: str, asker: str) -> bool:
         """Whether what goes by `name` ended here, on behalf of another than `asker`, who may set up anew what was its."""
         return self._ended.get(name, asker) != asker

@@ -42,6 +42,8 @@ PEERS = 512
 ANSWERED = 1024
 LOST = Expr("cancel", {"because": "lost"})
 """The content of a cancel that follows from the loss of a peer."""
+GIVEN_UP = Expr("cancel", {"because": "silence"})
+"""The content of a cancel that follows from an answer that did not come in time."""
 
 Outcome: TypeAlias = Put | ConversationEvent
 """What a step returns: puts for the wire and events for the agents, in order."""
@@ -263,7 +265,7 @@ class Conversations:
         if act.performative is not P.AGREE or act.conversation_id in self._answered:
             return []
         mine = AgentName(act.receiver.agent, self.unit)
-        cancel = Act(P.CANCEL, mine, act.sender, Expr("cancel"), act.conversation_id, act.protocol)
+        cancel = Act(P.CANCEL, mine, act.sender, GIVEN_UP, act.conversation_id, act.protocol)
         return [self.delivery.send(cancel, now_us)[1]]
 
     def _asked(self, conversation: str, act: Act, now_us: int) -> list[Outcome]:
@@ -298,7 +300,7 @@ class Conversations:
         """Silence. The participant of a standing conversation may have begun all the same: it is told to stop."""
         outcome: list[Outcome] = [TimedOut(conversation, found.opening, why)]
         if found.standing and found.phase is not Phase.CANCELLING and found.peer != keys.EVERYBODY:
-            outcome.append(self.delivery.send(_cancel(found.opening), now_us)[1])
+            outcome.append(self.delivery.send(_cancel(found.opening, GIVEN_UP), now_us)[1])
         return outcome
 
     def _no(self, to: Act, performative: Performative, reason: str) -> Act:
@@ -319,6 +321,11 @@ class Conversations:
 def is_lost(cancel: Act) -> bool:
     """Whether a cancel was said only because its sender had lost sight of the receiver, not because anybody wants it."""
     return cancel.content == LOST
+
+
+def is_given_up(cancel: Act) -> bool:
+    """Whether a cancel was said only because its sender waited in vain: it may ask again, or somebody else may."""
+    return cancel.content == GIVEN_UP
 
 
 def _cancel(opening: Act, content: Expr | None = None) -> Act:
