@@ -27,7 +27,8 @@ FIRST_US = 5_000_000
 SECOND_US = 6_000_000
 BACKUP_US = 7_000_000
 ASTRAY_US = 2_000_000
-STOOD_US = 2_000_000
+STOOD_US = 1_800_000
+"""A lease of 2 s, less the pause between two heartbeats."""
 ALONE_US = 6_000_000
 ALONE_FOR_US = 300_000_000
 PERIOD_US = 500_000
