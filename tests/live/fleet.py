@@ -300,10 +300,20 @@ class Fleet:
             found = self.monitors(units, by)
             if condition(found):
                 return found
-            said = [f"{one.by} {one.name} {one.units} {one.inputs} {one.shows} {one.which}" for one in found]
-            said = ["the monitors are not as they should be", *said, str(self.troubles), *self.notes(until_us)]
-            assert self.now_us() < until_us, "\n".join(said)
+            if self.now_us() >= until_us:
+                said = [f"{one.by} {one.name} {one.units} {one.inputs} {one.shows} {one.which}" for one in found]
+                said = ["the monitors are not as they should be", *said, str(self.troubles), *self.notes(until_us)]
+                raise AssertionError("\n".join([*said, *self.known(units, by)]))
             self.pause()
+
+    def known(self, units: Sequence[str], by: str = "cc-1") -> list[str]:
+        """What these platforms know: whom they find, what they import, which acts passed; for when a test fails."""
+        says = ["(search service: dyknow-federation)", "(import-list)", "(tasks)"]
+        heard = [(say, one) for say in says for one in self.ask(units, say, by=by)]
+        said = [f"{one.unit} {say}: {one.trouble or [str(c.expr()) for c in one.contents]}" for say, one in heard]
+        acts = sorted(self.dyknow("acts"), key=lambda line: int(line.get("at_us", 0)))
+        acts = [act for act in acts if str(act.get("peer")) in self.nodes][-400:]
+        return [*said, f"the directory: {self.dyknow('ls')}", *map(str, acts)]
 
     def imports(self, units: Iterable[str], by: str = "cc-1") -> dict[tuple[str, str, str], ImportAccount]:
         """What became of the samples of each stream, by (receiver, owner, label)."""
