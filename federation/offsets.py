@@ -10,7 +10,7 @@ from federation.deadlines import Deadlines
 from federation.transport import Answer, Answered, AnswerEnd, Ask, Asked, AskEnded
 
 ABSENT = 512
-SETTLE_US = 200_000
+SETTLE_US = 100_000
 """How long a peer is met before its clock is asked for: the rush of meeting would spoil what is measured."""
 
 
