@@ -35,6 +35,8 @@ class Arrivals:
     def __init__(self, platform: "Platform") -> None:
         self._p = platform
         self._unit = platform.unit
+        self._importer, self._timetable = platform.importer, platform.timetable
+        self._goes_on = platform.directory.goes_on
 
     def take(self, event: Arrived) -> bool:
         """Whether it was a heartbeat or samples, and nothing follows from it for now.
@@ -42,30 +44,40 @@ class Arrivals:
         Raises:
             DecodeError: it is malformed.
         """
-        if event.key.startswith(_HEARTBEATS):
-            beat = _beat(event.key, event.payload)
-            return beat is not None and self._is_quiet(beat, event.at_us)
-        key = keys.parse_key(event.key)
-        if type(key) is not keys.StreamKey:
+        key, at_us, payload = event
+        if not key.startswith(_HEARTBEATS):
+            return self._importer.on_arrived(event) and self._is_settled()
+        beat = _beat(key, payload)
+        if beat is None:
             return False
-        platform = self._p
-        platform.importer.on_arrived(event, key)
+        if not self._goes_on(beat, at_us):
+            return self._is_quiet(beat, at_us)
+        if beat.tails:
+            self._follow(beat, at_us)
+        return True
+
+    def _is_settled(self) -> bool:
+        """Whether samples that came are all dealt with; what they made due earlier is seen to."""
+        platform, timetable = self._p, self._timetable
         if platform.is_owing:
             return False
-        timetable = platform.timetable
-        timetable.hasten(platform.importer)
+        timetable.hasten(self._importer)
         timetable.hasten_federation(platform.monitors)
         timetable.hasten_federation(platform.network)
         return True
 
     def _is_quiet(self, beat: Heartbeat, at_us: int) -> bool:
-        platform, unit = self._p, beat.unit
-        if unit == self._unit and not platform.membership.is_twin(beat.boot, at_us):
+        """The same of a heartbeat that may tell of a change."""
+        platform = self._p
+        if beat.unit == self._unit and not platform.membership.is_twin(beat.boot, at_us):
             return True
         outcome = platform.directory.on_heartbeat(beat, at_us)
-        if beat.tails and platform.importer.on_tails(unit, beat.boot, beat.tails, at_us):
-            platform.timetable.hasten(platform.importer)
+        self._follow(beat, at_us)
         if not outcome:
             return True
         platform.take(outcome)
         return False
+
+    def _follow(self, beat: Heartbeat, at_us: int) -> None:
+        if self._importer.on_tails(beat.unit, beat.boot, beat.tails, at_us):
+            self._timetable.hasten(self._importer)

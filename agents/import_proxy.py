@@ -26,7 +26,7 @@ AHEAD_US = 60_000_000
 
 @dataclass(slots=True)
 class Import:
-    """One stream of one owner, and the policy it was promised under."""
+    """One stream of one owner, and the policy it was promised under; `standing` is that of `offset`."""
 
     stream: ImportStream
     policy: Policy
@@ -34,6 +34,8 @@ class Import:
     regrid: PolicyAdapter | None = None
     sink: Sink | None = None
     due_us: int | None = None
+    offset: Offset | None = None
+    standing: Standing = _SKEWED
 
 
 class ImportProxy:
@@ -66,6 +68,7 @@ class ImportProxy:
             source,
         )
         self.imports: dict[tuple[str, str, str], Import] = {}
+        self._listening: dict[str, Import] = {}
         self._asked: dict[int, Import] = {}
         self._sinks: dict[tuple[str, str], Sink] = {}
         self._due: Deadlines[tuple[str, str, str]] = Deadlines()
@@ -79,7 +82,7 @@ class ImportProxy:
         if name in self.imports or len(self.imports) >= MAX_STREAMS or semantic_label not in self._ontology:
             return
         stream = ImportStream(owner, semantic_label, policy_hash, self._questions)
-        self.imports[name] = Import(stream, policy, now_us)
+        self.imports[name] = self._listening[keys.stream(*name)] = Import(stream, policy, now_us)
         self._told.pop(owner, None)
         self.changes += 1
         self._emit(Subscribe(keys.stream_expr(semantic_label, policy_hash)))
@@ -88,6 +91,7 @@ class ImportProxy:
         """The stream ended; its source and history stay for queries."""
         if self.imports.pop((owner, semantic_label, policy_hash), None) is None:
             return
+        del self._listening[keys.stream(owner, semantic_label, policy_hash)]
         self._due.set((owner, semantic_label, policy_hash), None)
         self._told.pop(owner, None)
         self.changes += 1
@@ -110,25 +114,28 @@ class ImportProxy:
             heard[name] = max(found.heard_us, heard.get(name, found.heard_us))
         return heard
 
-    def on_arrived(self, event: Arrived, key: keys.StreamKey) -> None:
-        """Samples were put on a stream's key.
+    def on_arrived(self, event: Arrived) -> bool:
+        """Samples were put on a stream's key; False if it is no stream's.
 
         Raises:
             DecodeError: they are malformed.
         """
-        found = self.imports.get(key)
+        key, at_us, payload = event
+        found = self._listening.get(key)
         if found is None:
-            return
-        boot, entries = decode_samples(event.payload)
-        found.heard_us = event.at_us
-        self._deliver(found, found.stream.on_samples(boot, entries, event.at_us), event.at_us)
+            return type(keys.parse_key(key)) is keys.StreamKey
+        boot, entries = decode_samples(payload)
+        found.heard_us = at_us
+        self._deliver(found, found.stream.on_samples(boot, entries, at_us), at_us)
+        return True
 
     def on_tails(self, owner: str, boot: int, tails: Sequence[tuple[str, str, int]], now_us: int) -> bool:
         """A heartbeat of `owner` says how far its streams have come: what was lost last shows, too.
 
         Returns whether anything is due because of it.
         """
-        if not tails or self._told.get(owner) == (boot, tails):
+        told = self._told.get(owner)
+        if not tails or (told is not None and told[1] is tails and told[0] == boot):
             return False
         is_due = False
         for semantic_label, policy_hash, tail in tails:
@@ -182,7 +189,10 @@ class ImportProxy:
     def _deliver(self, found: Import, entries: Sequence[StreamSample], at_us: int) -> None:
         self._wake(found)
         offset = self._offset_of(found.stream.owner)
-        standing = _SKEWED if offset is None else offset.standing
+        standing = found.standing
+        if offset is not found.offset or offset is None:
+            found.offset = offset
+            standing = found.standing = _SKEWED if offset is None else offset.standing
         if offset is None or standing is _SKEWED:
             self.refused["clock"] += len(entries)
             return
@@ -232,9 +242,9 @@ class ImportProxy:
             return known
         local, _ = self._declare(semantic_label, sender)
         check, to_local, push = (
-            self._ontology[semantic_label].check,
+            self._ontology[semantic_label].sort.check,
             self._translation.to_local(semantic_label),
-            self._network.push,
+            self._network.generator(local).push,
         )
 
         def add(valid_us: int, value: Value, now_us: int) -> None:
@@ -243,7 +253,7 @@ class ImportProxy:
             except SortError:
                 self.refused["sort"] += 1
                 return
-            push(local, valid_us, to_local(value), now_us)
+            push(valid_us, to_local(value), now_us)
 
         self._sinks[sender, semantic_label] = add
         return add

@@ -199,9 +199,7 @@ class _ImportingNode:
 
     def on_event(self, event: Any, _now_us: int) -> list[WireEffect]:
         if isinstance(event, Arrived):
-            key = keys.parse_key(event.key)
-            if isinstance(key, keys.StreamKey):
-                self._importer.on_arrived(event, key)
+            self._importer.on_arrived(event)
         elif isinstance(event, Answered):
             self._importer.on_answered(event)
         elif isinstance(event, AskEnded):

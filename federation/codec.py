@@ -356,17 +356,33 @@ def encode_heartbeat(heartbeat: Heartbeat) -> bytes:
 
 
 def decode_heartbeat(payload: bytes) -> Heartbeat:
+    """A heartbeat; what one has in common with that before it, whom it hears above all, is the same object in both."""
     unit, boot, seq, wall_us, description, hears, tails = array(payload, 7)
-    for name in items(hears):
-        named(keys.unit, name)
+    if not all(type(name) is str for name in items(hears)):
+        fail("name")
     for tail in items(tails):
         if type(tail) is not tuple or len(tail) != 3:
             fail("shape")
-        named(keys.label, tail[0])
-        digest(tail[1])
+        if type(tail[0]) is not str or type(tail[1]) is not str:
+            fail("name")
         count(tail[2])
     numbers = count(boot), count(seq), count(wall_us), count(description)
-    return Heartbeat(named(keys.unit, unit), *numbers, hears, tails)
+    return Heartbeat(named(keys.unit, unit), *numbers, _heard(hears), _tails(tails))
+
+
+@lru_cache(maxsize=1024)
+def _heard(units: tuple[str, ...]) -> tuple[str, ...]:
+    for name in units:
+        named(keys.unit, name)
+    return units
+
+
+@lru_cache(maxsize=1024)
+def _tails(tails: tuple[tuple[str, str, int], ...]) -> tuple[tuple[str, str, int], ...]:
+    for label, policy_hash, _ in tails:
+        named(keys.label, label)
+        digest(policy_hash)
+    return tails
 
 
 def encode_description(description: Description) -> bytes:

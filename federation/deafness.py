@@ -17,7 +17,7 @@ the two do not reopen in step:
 Reopening that does not help is repeated ever more rarely: it disturbs those who hear each other.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from zlib import crc32
 
 from federation.liveness import SUSPECT_US, Peer
@@ -47,6 +47,7 @@ class DeafnessWatchdog:
         self._looked_us: int | None = None
         self._mentioned_us: dict[str, int] = {}
         self._unlisted_us: dict[str, int] = {}
+        self._settled: dict[str, Sequence[str]] = {}
         self._opened_us = now_us
         self._reopened = 0
         self._trouble_us = now_us
@@ -71,8 +72,7 @@ class DeafnessWatchdog:
             return None
         self._reopened += 1
         self._opened_us = now_us
-        self._unlisted_us.clear()
-        self._mentioned_us.clear()
+        self._forget()
         return why
 
     @property
@@ -90,9 +90,10 @@ class DeafnessWatchdog:
     def _why(self, peers: Mapping[str, Peer], now_us: int) -> str | None:
         heard = {unit for unit, peer in peers.items() if peer.heard_us > now_us - SUSPECT_US and not peer.left}
         if not heard:
-            self._mentioned_us.clear()
-            self._unlisted_us.clear()
+            self._forget()
             return self._alone(peers.values(), now_us)
+        if self._is_settled(peers, heard):
+            return None
         deaf_us = self._deaf_us(peers, heard, now_us)
         hearing_us = {unit for unit in heard if self.unit in peers[unit].hears}
         unlisted_us = self._note(self._unlisted_us, heard - hearing_us, now_us)
@@ -109,7 +110,21 @@ class DeafnessWatchdog:
                 told = not hearing_us.isdisjoint(peers[unit].hears)
                 if silent_us >= BACKUP_US or not told:
                     return f"{unit} does not hear this session"
+        if not unlisted_us and self._mentioned_us.keys() <= heard:
+            self._settled = {unit: peers[unit].hears for unit in heard}
         return None
+
+    def _is_settled(self, peers: Mapping[str, Peer], heard: set[str]) -> bool:
+        """Whether all say, word for word, what they said when all heard all the last time, and have their tokens."""
+        settled = self._settled
+        return settled.keys() == heard and all(
+            peers[unit].hears is hears and peers[unit].untold_us is None for unit, hears in settled.items()
+        )
+
+    def _forget(self) -> None:
+        self._mentioned_us.clear()
+        self._unlisted_us.clear()
+        self._settled.clear()
 
     def _deaf_us(self, peers: Mapping[str, Peer], heard: set[str], now_us: int) -> dict[str, int]:
         """For each unit that others hear and we do not: for how long."""

@@ -72,7 +72,8 @@ class Entry(NamedTuple):
 class Directory:
     """Own entry, replicas of the others, liveness, heartbeat and deafness watchdog of one platform.
 
-    Every step returns effects and events. `tails` are those of the platform's exports, for the heartbeat.
+    Every step returns effects and events. `tails` are those of the platform's exports, for the heartbeat. `goes_on` is
+    `on_heartbeat` for those that tell nothing new, nearly all: whether this is one.
     """
 
     def __init__(
@@ -92,6 +93,7 @@ class Directory:
         self._clock, self._roster = clock or FederationClock(), roster
         self._liveness = Liveness(unit, boot)
         self._peers = self._liveness.peers
+        self.goes_on = self._liveness.goes_on
         self._replicas = Replicas(self._peers, questions or count(1), self._clock, roster)
         self._watchdog = DeafnessWatchdog(unit, now_us)
         self._offers = NO_OFFERS
@@ -208,17 +210,13 @@ class Directory:
 
     def on_heartbeat(self, beat: Heartbeat, at_us: int) -> Sequence[Outcome]:
         """A heartbeat arrived. The caller has compared its unit with the key."""
-        unit = beat.unit
-        replica = self._replicas.of(unit)
-        if (
-            replica is not None
-            and replica.version == beat.description != LEAVING
-            and self._liveness.goes_on(beat, at_us)
-        ):
+        if self._liveness.goes_on(beat, at_us):
             return ()
+        unit = beat.unit
         if beat.description == LEAVING:
             return self._told(self._liveness.on_leaving(unit, beat.boot, beat.seq, at_us))
         events = self._liveness.on_heartbeat(unit, beat.boot, beat.seq, beat.description, beat.hears, at_us)
+        replica = self._replicas.of(unit)
         if not events and replica is not None and replica.version == beat.description:
             return ()
         outcome = self._told(events)

@@ -74,15 +74,20 @@ class NameConflict(NamedTuple):
 
 
 LivenessEvent: TypeAlias = PlatformAppeared | PlatformSuspected | PlatformReturned | PlatformGone | NameConflict
+_ALIVE = State.ALIVE
 _NOTHING: Sequence[LivenessEvent] = ()
 
 
 class Peer:
-    """What this platform knows of the life of another. `untold_us`: since when it has no token, if it had one."""
+    """What this platform knows of the life of another.
+
+    `described` is the version of its description that is had; `untold_us`: since when it has no token, if it had one.
+    """
 
     __slots__ = (
         "beats",
         "boot",
+        "described",
         "heard_us",
         "hears",
         "kind",
@@ -101,6 +106,7 @@ class Peer:
         self.unit = unit
         self.state = State.ANNOUNCED
         self.boot, self.seq, self.version, self.kind = 0, -1, 0, ""
+        self.described = 0
         self.heard_us, self.since_us = 0, now_us
         self.hears: Sequence[str] = ()
         self.tokens: dict[str, int] = {}
@@ -155,11 +161,21 @@ class Liveness:
         return self._beat_of_doubted(peer, at_us)
 
     def goes_on(self, beat: Heartbeat, at_us: int) -> bool:
-        """Take the next heartbeat of a platform that is there and in no doubt; False, and not taken, if it is another."""
-        peer = self.peers.get(beat.unit)
-        if peer is None or peer.state is not State.ALIVE or peer.boot != beat.boot or beat.seq <= peer.seq:
+        """Take the next heartbeat of a platform that is there, in no doubt, and described; False, and not taken, if it
+        is another.
+        """
+        unit, boot, seq, _, description, hears, _ = beat
+        peer = self.peers.get(unit)
+        if (
+            peer is None
+            or peer.state is not _ALIVE
+            or peer.boot != boot
+            or seq <= peer.seq
+            or peer.described != description
+            or not description
+        ):
             return False
-        peer.seq, peer.version, peer.hears = beat.seq, beat.description, beat.hears
+        peer.seq, peer.version, peer.hears = seq, description, hears
         peer.heard_us = max(peer.heard_us, at_us)
         return True
 

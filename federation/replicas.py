@@ -77,6 +77,7 @@ class Replicas:
         if replica is None:
             return NO_OFFERS
         self._due.set(unit, None)
+        self._describe(unit, 0)
         if replica.asked is not None:
             self._asking.pop(replica.asked, None)
         return replica.offers
@@ -130,7 +131,14 @@ class Replicas:
         """Take a description over. What a platform offers with which we cannot federate is not listed."""
         replica.found, replica.version, replica.refusal = found, found.version, self._refusal(found)
         replica.offers = NO_OFFERS if replica.refusal is not None else _offered(found.services, found.labels)
+        self._describe(replica.unit, replica.version)
         self._confirmed(replica, at_us)
+
+    def _describe(self, unit: str, version: int) -> None:
+        """Say so where its heartbeats are taken: one that announces what is had already needs no look here."""
+        peer = self._peers.get(unit)
+        if peer is not None:
+            peer.described = version
 
     def _confirmed(self, replica: Replica, at_us: int) -> None:
         """The replica was compared with its platform: if it is current there is nothing to ask for a while."""
