@@ -1,19 +1,19 @@
 """The monitors of a platform: states out of local and imported streams, formulas over the states (thesis 9.4.2).
 
 A named monitor whose formula quantifies over `units - {self} growing` has one instance per other platform, each with
-a state synchroniser of its own: a silent platform makes its own instance stale and no other. Federation time.
+a state stream of its own: a silent platform makes its own instance stale and no other. What this platform brings to
+all of them is synchronised once. Federation time.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from collections.abc import Set as AbstractSet
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from agents.plans import MonitorPlan, StateMaker
-from dyknow import Label, Network, Policy, Sample, State, StateInput, StatePolicy, Subscription, Synchronizer
+from dyknow import Label, Network, Policy, Sample, SharedState, SharedSynchronizer, Strand, Subscription
 from dyknow.errors import DyknowError, Refused
-from federation.deadlines import Deadlines
 from federation.ontology import Convert
 from reasoning import AlarmEvent, Monitor
 
@@ -25,18 +25,39 @@ class Instance:
     """One monitor over one set of units, and what feeds it."""
 
     monitor: Monitor
-    synchronizer: Synchronizer
     maker: StateMaker
     taps: list[tuple["Tap", "Feed"]] = field(default_factory=list)
 
 
 @dataclass(slots=True)
 class Named:
-    """One named monitor: its instances by member (`""` when it has no members), and who asked for it."""
+    """One named monitor: its instances by member (`""` when it has no members), and who asked for it.
+
+    Attributes:
+        states: of all instances, while there are any.
+        taps: what feeds all instances alike.
+        check_us: the inputs of no instance go stale or missing before this.
+    """
 
     plan: MonitorPlan
     owners: set[str]
     instances: dict[str, Instance] = field(default_factory=dict)
+    states: SharedSynchronizer[str] | None = None
+    taps: list[tuple["Tap", "Feed"]] = field(default_factory=list)
+    check_us: int | None = None
+
+    @property
+    def deadline_us(self) -> int | None:
+        """When time changes something, or somewhat earlier."""
+        states_us = None if self.states is None else self.states.deadline_us
+        check_us = self.check_us
+        return states_us if check_us is None or (states_us is not None and states_us < check_us) else check_us
+
+    def wake(self, monitor: Monitor) -> None:
+        """The inputs of `monitor` may go stale or missing earlier than was known."""
+        due_us, known_us = monitor.deadline_us, self.check_us
+        if due_us is not None and (known_us is None or due_us < known_us):
+            self.check_us = due_us
 
 
 Needs: TypeAlias = Mapping[str, AbstractSet[tuple[str, int, int]]]
@@ -82,7 +103,6 @@ class Monitors:
         self._network, self._source, self._on_alarm = network, source, on_alarm
         self._taps: dict[tuple[str, str, Policy], Tap] = {}
         self._members: dict[str, str | None] = {}
-        self._deadlines: Deadlines[tuple[str, str, bool]] = Deadlines()
         self._needs: dict[str, set[tuple[str, int, int]]] | None = None
         self._count = 0
 
@@ -132,8 +152,9 @@ class Monitors:
                 with suppress(Refused):
                     self._begin(named, member, now_us)
             else:
-                named.instances[member].monitor.mark_present(member, now_us)
-                self._schedule(named, member)
+                monitor = named.instances[member].monitor
+                monitor.mark_present(member, now_us)
+                named.wake(monitor)
 
     def doubt(self, member: str, reason: str, now_us: int) -> None:
         """The platform is gone or its clock is skewed: its inputs count as missing."""
@@ -144,7 +165,7 @@ class Monitors:
             found = named.instances.get(member)
             if found is not None:
                 found.monitor.mark_missing(member, now_us, reason)
-                self._schedule(named, member)
+                named.wake(found.monitor)
 
     def leave(self, member: str) -> None:
         """The platform left for good: its instances end."""
@@ -181,20 +202,28 @@ class Monitors:
 
     @property
     def deadline_us(self) -> int | None:
-        return self._deadlines.next_us
+        """When `on_time` has work, or somewhat earlier."""
+        found_us = None
+        for named in self.named.values():
+            due_us = named.deadline_us
+            if due_us is not None and (found_us is None or due_us < found_us):
+                found_us = due_us
+        return found_us
 
     def on_time(self, now_us: int) -> None:
-        for name, member, of_states in self._deadlines.pop_due(now_us):
-            named = self.named.get(name)
-            instance = None if named is None else named.instances.get(member)
-            if named is None or instance is None:
-                continue
-            if of_states:
-                self._take(instance, instance.synchronizer.on_time(now_us), now_us)
-            else:
-                for event in instance.monitor.on_time(now_us):
-                    self._on_alarm(event)
-            self._schedule(named, member)
+        for named in list(self.named.values()):
+            if named.states is not None:
+                self._take(named, named.states.on_time(now_us), now_us)
+            if named.check_us is not None and now_us >= named.check_us:
+                self._check(named, now_us)
+
+    def _check(self, named: Named, now_us: int) -> None:
+        """Whose inputs go stale or missing by now."""
+        named.check_us = None
+        for instance in list(named.instances.values()):
+            for event in instance.monitor.on_time(now_us):
+                self._on_alarm(event)
+            named.wake(instance.monitor)
 
     # -- inside ------------------------------------------------------------------------------------------------
 
@@ -203,13 +232,7 @@ class Monitors:
         if self._count >= MAX_INSTANCES:
             raise Refused(f"this platform keeps {MAX_INSTANCES} monitors already")
         key = (self.unit, member) if member else (self.unit,)
-        maker = StateMaker(plan, member)
-        wanted = Policy(change="sample", sample_us=plan.period_us, from_us=0, max_delay_us=plan.max_delay_us)
-        given = Policy(change="sample", sample_us=plan.period_us, max_delay_us=plan.max_delay_us)
-        synchronizer = Synchronizer(
-            [StateInput(name, given) for name in maker.input_names],
-            StatePolicy(plan.period_us, plan.max_delay_us, approximation="none"),
-        )
+        maker = StateMaker(plan, member, self.unit)
         monitor = Monitor(
             plan.name,
             maker.formula,
@@ -221,61 +244,69 @@ class Monitors:
             inputs=maker.input_names,
             since_us=now_us,
         )
-        instance = named.instances[member] = Instance(monitor, synchronizer, maker)
+        instance = named.instances[member] = Instance(monitor, maker)
         self._count, self._needs = self._count + 1, None
-        for index, (label, unit) in enumerate(maker.inputs):
-            self._tap(unit, label, wanted, instance, self._feed(named, member, instance, index))
+        states = named.states
+        if states is None:
+            states = named.states = SharedSynchronizer(len(maker.shared), plan.period_us, plan.max_delay_us)
+            for index, (label, unit) in enumerate(maker.shared):
+                named.taps.append(self._tap(unit, label, plan, self._shared_feed(named, states, index)))
+        strand = states.add(member, len(maker.own))
+        for index, (label, unit) in enumerate(maker.own):
+            instance.taps.append(self._tap(unit, label, plan, self._feed(named, states, strand, index)))
         reason = self._members.get(member)
         if reason is not None:
             monitor.mark_missing(member, now_us, reason)
-        self._schedule(named, member)
+        named.wake(monitor)
 
-    def _feed(self, named: Named, member: str, instance: Instance, index: int) -> Feed:
-        synchronizer, take, schedule = instance.synchronizer, self._take, self._schedule
-        on_sample = synchronizer.on_sample
-
+    def _shared_feed(self, named: Named, states: SharedSynchronizer[str], index: int) -> Feed:
         def feed(sample: Sample) -> None:
-            waits = synchronizer.sync_us is not None
-            states = on_sample(index, sample, sample.available_us)
-            if states:
-                take(instance, states, sample.available_us)
-            if states or not waits:  # else it is due no earlier than before
-                schedule(named, member)
+            self._take(named, states.on_shared(index, sample, sample.available_us), sample.available_us)
 
         return feed
 
-    def _tap(self, unit: str, label: str, policy: Policy, instance: Instance, feed: Feed) -> None:
+    def _feed(self, named: Named, states: SharedSynchronizer[str], strand: Strand[str], index: int) -> Feed:
+        on_own, take = states.on_own, self._take
+
+        def feed(sample: Sample) -> None:
+            found = on_own(strand, index, sample, sample.available_us)
+            if found:
+                take(named, found, sample.available_us)
+
+        return feed
+
+    def _tap(self, unit: str, label: str, plan: MonitorPlan, feed: Feed) -> tuple[Tap, Feed]:
+        policy = Policy(change="sample", sample_us=plan.period_us, from_us=0, max_delay_us=plan.max_delay_us)
         tap = self._taps.get((unit, label, policy))
         if tap is None:
             local, to_semantic = self._source(label, unit)
             tap = self._taps[unit, label, policy] = Tap(to_semantic)
             tap.subscription = self._network.subscribe(local, policy, tap.on_sample)
         tap.feeds = (*tap.feeds, feed)
-        instance.taps.append((tap, feed))
+        return tap, feed
 
     def _end(self, named: Named, member: str) -> None:
         instance = named.instances.pop(member)
         self._count, self._needs = self._count - 1, None
-        for tap, feed in instance.taps:
+        ended = instance.taps
+        if named.states is not None:
+            named.states.remove(member)
+        if not named.instances:
+            ended, named.taps, named.states, named.check_us = ended + named.taps, [], None, None
+        for tap, feed in ended:
             tap.feeds = tuple(other for other in tap.feeds if other is not feed)
-        for of_states in (True, False):
-            self._deadlines.set((named.plan.name, member, of_states), None)
         for name in [name for name, tap in self._taps.items() if not tap.feeds]:
             subscription = self._taps.pop(name).subscription
             if subscription is not None:
                 subscription.cancel()
 
-    def _take(self, instance: Instance, states: Iterable[State], now_us: int) -> None:
-        maker, monitor = instance.maker, instance.monitor
-        for state in states:
-            values, lacks = maker.values(state)
-            for event in monitor.on_state(state.valid_us, now_us, values, lacks=lacks):
+    def _take(self, named: Named, states: list[SharedState[str]], now_us: int) -> None:
+        for member, valid_us, shared_and_own in states:
+            instance = named.instances.get(member)
+            if instance is None:
+                continue  # what an alarm before it led to has ended it
+            monitor = instance.monitor
+            values, lacks = instance.maker.values(shared_and_own)
+            for event in monitor.on_state(valid_us, now_us, values, lacks=lacks):
                 self._on_alarm(event)
-
-    def _schedule(self, named: Named, member: str) -> None:
-        instance = named.instances.get(member)
-        if instance is None:
-            return
-        name = named.plan.name
-        self._deadlines.set((name, member, True), instance.synchronizer.deadline_us)
-        self._deadlines.set((name, member, False), instance.monitor.deadline_us)
+            named.wake(monitor)

@@ -30,6 +30,7 @@ from dyknow.network import Network
 from dyknow.policy import Approximation, Change, Order, Policy
 from dyknow.sample import Sample, Value
 from dyknow.sampling import PolicyAdapter, interpolate
+from dyknow.shared_states import SharedState, SharedSynchronizer, Strand
 from dyknow.states import Category, State, StateInput, StatePolicy, Synchronizer
 from dyknow.values import NO_VALUE, Field, NoValue, Sort
 
@@ -58,11 +59,14 @@ __all__ = [
     "PolicyAdapter",
     "PolicyError",
     "Sample",
+    "SharedState",
+    "SharedSynchronizer",
     "Sort",
     "SortError",
     "State",
     "StateInput",
     "StatePolicy",
+    "Strand",
     "Subscription",
     "Synchronizer",
     "TextError",

@@ -55,7 +55,7 @@ class Watch:
     def __init__(self, phi: Operator, close_after: int = 2) -> None:
         self.open = False
         self.doubtful = False
-        self._phi, self._close_after = phi, close_after
+        self._start, self._close_after = phi.start, close_after
         self._rest: Residual = True
         self._runs: deque[_Run] = deque()
         self._clean = 0
@@ -64,10 +64,12 @@ class Watch:
     def on_moment(self, moment: Moment) -> Change | None:
         """Take one state; `doubtful` tells whether phi is undecided in it for good."""
         rest: Any = self._rest
-        if is_pending(rest):
+        if rest is not True and is_pending(rest):
             rest = self._rest = rest.step(moment)
-        found = self._phi.start(moment)
+        found = self._start(moment)
         self.doubtful = found is None
+        if found is False:
+            return self._violated(moment)
         if not self.open:
             if found is not True and found is not None:
                 rest = self._rest = conjoin((rest, found))

@@ -144,10 +144,6 @@ def _number(value: Value) -> float | None:
     return float(value[0] if isinstance(value, tuple) else value)
 
 
-def _both(at: tuple[int | None, int | None], inputs: Sequence[Value]) -> tuple[Value, Value]:
-    return _at(at[0], inputs), _at(at[1], inputs)
-
-
 def _at(at: int | None, inputs: Sequence[Value]) -> Value:
     return NO_VALUE if at is None else inputs[at]
 
@@ -156,8 +152,10 @@ class _Pair:
     """Features of two units."""
 
     def __init__(self, units: tuple[str, ...], names: dict[str, str], index: dict[Input, int], vertical: str) -> None:
-        self._names = names
+        self._names = tuple(names.items())
+        self._in_space = "dist_3d" in names
         self._moving = bool({"cpa_time", "cpa_xy", "cpa_z"} & set(names))
+        self._closing = bool({"hmd", "closing_xy"} & set(names))
         own, other = units
         self._positions = index.get(Input(POSITION, own)), index.get(Input(POSITION, other))
         self._verticals = index.get(Input(vertical, own)), index.get(Input(vertical, other))
@@ -165,34 +163,48 @@ class _Pair:
 
     def put(self, inputs: Sequence[Value], found: dict[str, Value]) -> None:
         values = self._values(inputs)
-        for name, label in self._names.items():
+        for name, label in self._names:
             value = values.get(name)
             found[label] = value if value is not None and isfinite(value) else NO_VALUE
 
     def _values(self, inputs: Sequence[Value]) -> dict[str, float]:
+        """Those that are wanted and can be had, and their parts."""
         values: dict[str, float] = {}
-        a, b = _both(self._positions, inputs)
-        low, high = (None if at is None else _number(inputs[at]) for at in self._verticals)
-        u, v = _both(self._velocities, inputs)
-        down_m = None if low is None or high is None else low - high
+        down_m = self._down_m(inputs)
         if down_m is not None:
             values["z_dist"] = abs(down_m)
-        if a is NO_VALUE or b is NO_VALUE:
+        one, other = self._positions
+        if one is None or other is None or inputs[one] is NO_VALUE or inputs[other] is NO_VALUE:
             return values
-        north_m, east_m = offset_m(a, b)
+        offset = north_m, east_m = offset_m(inputs[one], inputs[other])
         xy_m = values["xy_dist"] = sqrt(north_m * north_m + east_m * east_m)
-        if down_m is not None:
+        if down_m is not None and self._in_space:
             values["dist_3d"] = sqrt(xy_m * xy_m + down_m * down_m)
+        if self._moving or self._closing:
+            self._add_motion(values, offset, down_m, inputs)
+        return values
+
+    def _down_m(self, inputs: Sequence[Value]) -> float | None:
+        one, other = self._verticals
+        if one is None or other is None:
+            return None
+        low, high = _number(inputs[one]), _number(inputs[other])
+        return None if low is None or high is None else low - high
+
+    def _add_motion(
+        self, values: dict[str, float], offset: tuple[float, float], down_m: float | None, inputs: Sequence[Value]
+    ) -> None:
+        u, v = (_at(at, inputs) for at in self._velocities)
         if u is NO_VALUE or v is NO_VALUE:
-            return values
+            return
+        north_m, east_m = offset
         velocity = v[0] - u[0], v[1] - u[1], v[2] - u[2]
         if down_m is not None and self._moving:
             time_s, values["cpa_xy"], values["cpa_z"] = closest_approach((north_m, east_m, down_m), velocity)
             values["cpa_time"] = time_s * US_PER_S
-        if "hmd" in self._names or "closing_xy" in self._names:
-            values["hmd"] = horizontal_miss_m((north_m, east_m), velocity)
+        if self._closing:
+            values["hmd"] = horizontal_miss_m(offset, velocity)
             values["closing_xy"] = -(north_m * velocity[0] + east_m * velocity[1])
-        return values
 
 
 class _Single:

@@ -15,7 +15,11 @@ STALE_FOR_US: Final = 2 * US_PER_S
 
 
 class Inputs:
-    """The state of one monitor's inputs; `names` are all of them, for when no state at all comes."""
+    """The state of one monitor's inputs; `names` are all of them, for when no state at all comes.
+
+    Attributes:
+        deadline_us: when the state of the inputs changes by itself; None: only by what comes.
+    """
 
     def __init__(self, names: Sequence[str], period_us: int, max_delay_us: int, since_us: int = 0) -> None:
         self.names = tuple(names)
@@ -24,15 +28,8 @@ class Inputs:
         self.which: tuple[str, ...] = self.names
         self.marked: dict[str, str] = {}
         self._grace_us = 2 * period_us + max_delay_us
-        self._complete_us: int | None = None
         self._lacking: tuple[str, ...] = self.names
-
-    @property
-    def deadline_us(self) -> int | None:
-        """When the state of the inputs changes by itself."""
-        if self.state == "fresh" and self._complete_us is not None:
-            return self._complete_us + self._grace_us
-        return self.since_us + STALE_FOR_US if self.state == "stale" else None
+        self.deadline_us: int | None = None
 
     def on_state(self, valid_us: int, now_us: int, lacking: tuple[str, ...]) -> None:
         """A state came; `lacking` are the inputs without a value in it, nothing if it is complete."""
@@ -41,7 +38,7 @@ class Inputs:
             if self.state != "fresh":
                 self.which = self._lacking
             return
-        self._complete_us, self._lacking = valid_us, self.names
+        self.deadline_us, self._lacking = valid_us + self._grace_us, self.names
         if self.state != "fresh":
             self.state, self.since_us, self.which = "fresh", now_us, ()
 
@@ -50,8 +47,11 @@ class Inputs:
         changed = False
         while (due_us := self.deadline_us) is not None and now_us >= due_us:
             changed = True
-            self.state, self.since_us = ("stale" if self.state == "fresh" else "missing"), due_us
-            self.which = self._lacking
+            if self.state == "fresh":
+                self.state, self.deadline_us = "stale", due_us + STALE_FOR_US
+            else:
+                self.state, self.deadline_us = "missing", None
+            self.since_us, self.which = due_us, self._lacking
         return changed
 
     def mark(self, name: str, now_us: int, reason: str) -> None:
@@ -59,7 +59,7 @@ class Inputs:
         self.marked[name] = reason
         self.which = tuple(self.marked) if self.state == "fresh" else tuple(dict.fromkeys((*self.marked, *self.which)))
         if self.state != "missing":
-            self.state, self.since_us = "missing", now_us
+            self.state, self.since_us, self.deadline_us = "missing", now_us, None
 
     def unmark(self, name: str) -> None:
         """The source is back; the inputs are fresh with the first complete state."""

@@ -7,13 +7,14 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Literal, TypeAlias
 
 from dyknow.sample import Value
-from dyknow.values import NO_VALUE
 from reasoning.alarms import AlarmEvent, Change, Watch
 from reasoning.evaluation import Moment, NoValuePolicy
 from reasoning.formulas import Always, Domains, Exists, Forall, Formula, required_labels, walk
 from reasoning.inputs import Freshness, Inputs
 from reasoning.progression import Changes, Verdict, compile_operator, lacking, verdict_of
 from reasoning.residuals import Residual
+
+_new = tuple.__new__  # makes a NamedTuple in half the time; every state of a monitor is one
 
 Shown: TypeAlias = Literal["ok", "alarm", "unknown"]
 
@@ -129,15 +130,16 @@ class Monitor:
         domains = self._domains if domains is None else domains
         if self._quantified:
             self._read_domains(domains)
-        no_values = tuple(label for label in self._labels if values.get(label, NO_VALUE) is NO_VALUE)
-        lacks = no_values if lacks is None else lacks
+        if lacks is None:
+            lacks = lacking(self._labels, values)
         self._inputs.on_state(valid_us, now_us, lacks)
         if self._inputs.marked:
-            values, no_values = {}, self._labels
-        if no_values and self.no_value == "skip":
+            values = {}
+        if self.no_value == "skip" and lacking(self._labels, values):
             found = None
         else:
-            found = self._take(Moment(valid_us, values, domains, events, self._changes.after(valid_us, values)))
+            changed_us = self._changes.after(valid_us, values)
+            found = self._take(_new(Moment, (valid_us, values, domains, events, changed_us)))
             self._doubtful = self._watch is not None and self._watch.doubtful and not lacks
         self.on_time(now_us)
         return [self._event(found, now_us)] if found else []
@@ -166,8 +168,11 @@ class Monitor:
 
     def on_time(self, now_us: int) -> list[AlarmEvent]:
         """Let time pass. Changes only the state of the inputs: alarms wait for states."""
-        if self._inputs.on_time(now_us) and isinstance(self._watch, Watch):
-            self._watch.forget_clean()
+        due_us = self._inputs.deadline_us
+        if due_us is not None and now_us >= due_us:
+            self._inputs.on_time(now_us)
+            if isinstance(self._watch, Watch):
+                self._watch.forget_clean()
         return []
 
     def mark_missing(self, which: str, now_us: int, reason: str = "gone") -> list[AlarmEvent]:

@@ -9,7 +9,7 @@ ranges over the members of that state. Over a temporal body members that appear 
 evaluated from the state where they appear, and members that leave are dropped; without any member it waits.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -129,14 +129,13 @@ def compile_operator(
     return _Builder(Compiler(domains, no_value), period_us).build(formula)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Atom:
-    """A formula about one state."""
+    """A formula about one state: nothing is left of it after that."""
 
-    test: Test
+    __slots__ = ("start",)
 
-    def start(self, moment: Moment) -> Residual:
-        return self.test(moment)
+    def __init__(self, test: Test) -> None:
+        self.start: Callable[[Moment], Residual] = test
 
 
 @dataclass(frozen=True, slots=True, eq=False)

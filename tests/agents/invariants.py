@@ -52,7 +52,10 @@ def _subscriptions_in_the_instance_have_a_reason(platform: Platform) -> None:
     assert len(platform.gateway.exporter._subscriptions) == len(platform.exports.streams())
     taps = platform.monitors._taps
     used = {
-        id(tap) for named in platform.monitors.named.values() for i in named.instances.values() for tap, _ in i.taps
+        id(tap)
+        for named in platform.monitors.named.values()
+        for fed in (named, *named.instances.values())
+        for tap, _ in fed.taps
     }
     assert {id(tap) for tap in taps.values()} == used
 
