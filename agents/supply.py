@@ -40,6 +40,7 @@ class Supply:
     _renew: set[str] = field(default_factory=set)
     _check_us: int | None = None
     _look_us: dict[str, int] = field(default_factory=dict)
+    _next_us: int = 0
     _needs: Needs | None = None
     _changes: int = -1
 
@@ -64,6 +65,9 @@ class Supply:
         if needs is not self._needs or importer.changes != self._changes:
             self._look_us.clear()
             self._needs, self._changes = needs, importer.changes
+            self._next_us = 0
+        if now_us < self._next_us and not self._renew:
+            return
         due = [unit for unit in needs if now_us >= self._look_us.get(unit, 0) or unit in self._renew]
         heard_us = importer.heard_us() if due else {}
         for unit in due:
@@ -74,6 +78,7 @@ class Supply:
             self._look_us[unit] = min(silent_at_us.values()) + 1
             if self._lacks(unit, {label for label, at_us in silent_at_us.items() if now_us > at_us}, now_us):
                 self._ask(unit, needs[unit], now_us)
+        self._next_us = min((self._look_us[unit] for unit in needs), default=0)
 
     def forget(self, unit: str) -> None:
         """The platform is gone, and the conversations with it: what it exported to us is asked for anew if it returns."""

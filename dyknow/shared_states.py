@@ -94,6 +94,11 @@ class SharedSynchronizer(Generic[K]):
         period_us: distance of the synchronisation points. A stream begins with the first sample after it was added.
         max_delay_us: a state is computed at the latest so long after its valid time.
 
+    Attributes:
+        deadline_us: when `on_time` has work next, or somewhat earlier; None: nothing waits.
+        refused: samples too far ahead: valid more than `CATCH_UP` periods from now.
+        skipped: points without a state: due before the first sample, or more than `CATCH_UP` behind.
+
     Raises:
         PolicyError: the period is not positive, or the delay negative.
     """
@@ -108,6 +113,7 @@ class SharedSynchronizer(Generic[K]):
         self._idle: dict[K, Strand[K]] = {}
         self._least_us = _NEVER_US  # no synchronisation point is before this
         self._hidden_us = -_NEVER_US  # beyond this the shared inputs are the same for all
+        self.deadline_us: int | None = None
         self.refused = self.skipped = 0
 
     def __len__(self) -> int:
@@ -163,14 +169,9 @@ class SharedSynchronizer(Generic[K]):
             for strand in self._strands.values():
                 if strand.sync_us <= due_us:
                     self._catch_up(strand, now_us, clock_us, found)
-            self._least_us = min([strand.sync_us for strand in self._strands.values()], default=_NEVER_US)
+            self._await(min([strand.sync_us for strand in self._strands.values()], default=_NEVER_US))
             self._shared.forget(self._least_us)
         return found
-
-    @property
-    def deadline_us(self) -> int | None:
-        """When `on_time` has work next, or somewhat earlier; None: nothing waits."""
-        return None if self._least_us == _NEVER_US else self._least_us + self._max_delay_us
 
     def _is_near(self, sample: Sample, now_us: int) -> bool:
         """One sample from the far future would say that all before it is known."""
@@ -184,7 +185,11 @@ class SharedSynchronizer(Generic[K]):
         del self._idle[strand.key]
         strand.sync_us = -(-sample.valid_us // self._period_us) * self._period_us
         self._skip(strand, now_us, 0)
-        self._least_us = min(self._least_us, strand.sync_us)
+        self._await(min(self._least_us, strand.sync_us))
+
+    def _await(self, least_us: int) -> None:
+        self._least_us = least_us
+        self.deadline_us = None if least_us == _NEVER_US else least_us + self._max_delay_us
 
     def _catch_up(self, strand: Strand[K], now_us: int, clock_us: int, found: list[SharedState[K]]) -> None:
         """After a silence of the caller only the last points get states."""

@@ -109,6 +109,7 @@ class PositionFilter:
         self._velocity: Measurement | None = None
         self._position_us = self._altitude_us = 0
         self._interval_us = horizon_us * 2 // 5
+        self._end_us = self._last_predictable_us()
         self._next_us = 0
         self._available_us = 0
 
@@ -138,8 +139,7 @@ class PositionFilter:
     def on_time(self, now_us: int) -> list[Sample]:
         return self._until(now_us)
 
-    @property
-    def _end_us(self) -> int:
+    def _last_predictable_us(self) -> int:
         """The last instant that may be predicted to."""
         shortened = max(2 * self._period_us, self._interval_us * 5 // 2)
         return min(self._position_us, self._altitude_us) + min(self._horizon_us, shortened)
@@ -148,8 +148,11 @@ class PositionFilter:
         """Put out the grid points whose wait is over at `now_us`, and go stale when the last of them has been."""
         if self.health.state == "stale":
             return []
-        found = self._grid(min(now_us - self._wait_us, self._end_us), now_us)
-        if self._next_us > self._end_us and now_us >= self._end_us + self._wait_us:
+        due_us, end_us = now_us - self._wait_us, self._end_us
+        if due_us < self._next_us and due_us < end_us:
+            return []
+        found = self._grid(min(due_us, end_us), now_us)
+        if self._next_us > end_us and due_us >= end_us:
             fresh = self._position_us > self._altitude_us
             reason = faults.NO_ALTITUDE if fresh and self._reason == faults.SILENT else self._reason
             self.health = Health("stale", reason, min(self._position_us, self._altitude_us))
@@ -211,6 +214,7 @@ class PositionFilter:
         self._position_us = max(self._position_us, report.valid_us)
         if report.altitude_m is not None:
             self._altitude_us = max(self._altitude_us, report.valid_us)
+        self._end_us = self._last_predictable_us()
         if self.health.state == "stale":
             next_us = max(self._next_us, -(-report.valid_us // self._period_us) * self._period_us)
             if next_us > self._end_us:

@@ -11,6 +11,7 @@ of states is kept, and a late one is fused where it belongs.
 
 from collections import deque
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -48,6 +49,14 @@ class State(NamedTuple):
     covariance: Vector
 
 
+class _Steps(NamedTuple):
+    """F (6, 6), Q (6, 6), and B (6, 3), which turns a mean acceleration into u."""
+
+    transition: Vector
+    noise: Vector
+    push: Vector
+
+
 class _Kept(NamedTuple):
     state: State
     measurement: Measurement | None
@@ -75,6 +84,7 @@ class Motion:
     ) -> None:
         self._filter = kalman
         self._acceleration, self._densities = acceleration, densities
+        self._foreseen: tuple[State, State, tuple[float, float, float] | None] | None = None
         mean = np.zeros(6)
         mean[: len(start.values)] = start.values
         variances = [*start.variances, *[1e6] * (3 - len(start.variances)), *[_UNKNOWN_SPEED_VARIANCE] * 3]
@@ -121,22 +131,35 @@ class Motion:
     def _predicted(self, state: State, valid_us: int) -> State:
         if valid_us == state.valid_us:
             return state
-        dt = (valid_us - state.valid_us) / 1e6
         measured = self._acceleration(state.valid_us, valid_us)
-        density = self._densities[measured is not None]
-        transition = _IDENTITY + dt * _SHIFT
-        noise = density * (dt**3 / 3 * _PLACES + dt * dt / 2 * _BETWEEN + dt * _SPEEDS)
+        before = self._foreseen
+        if before is not None and before[0] is state and before[1].valid_us == valid_us and before[2] == measured:
+            return before[1]  # who asks whether a measurement fits asks for the same as who fuses it
+        steps = _steps((valid_us - state.valid_us) / 1e6, self._densities[measured is not None])
         kalman = self._filter
         kalman.x, kalman.P = state.mean, state.covariance
         if measured is None:
-            kalman.predict(F=transition, Q=noise)
+            kalman.predict(F=steps.transition, Q=steps.noise)
         else:
-            push = dt * dt / 2 * _PUSH_PLACE + dt * _PUSH_SPEED
-            kalman.predict(u=np.array(measured), B=push, F=transition, Q=noise)
-        return State(valid_us, kalman.x, kalman.P)
+            kalman.predict(u=np.array(measured), B=steps.push, F=steps.transition, Q=steps.noise)
+        foreseen = State(valid_us, kalman.x, kalman.P)
+        self._foreseen = state, foreseen, measured
+        return foreseen
 
     def _updated(self, state: State, measurement: Measurement) -> State:
         kalman = self._filter
         kalman.x, kalman.P = state.mean, state.covariance
-        kalman.update(np.array(measurement.values), R=np.diag(measurement.variances), H=_MATRICES[measurement.kind])
+        kalman.update(np.array(measurement.values), R=_diagonal(measurement.variances), H=_MATRICES[measurement.kind])
         return State(state.valid_us, kalman.x, kalman.P)
+
+
+@lru_cache(maxsize=256)
+def _steps(dt: float, density: float) -> _Steps:
+    """The matrices of a prediction over `dt` seconds; most vehicles report in even steps."""
+    noise = density * (dt**3 / 3 * _PLACES + dt * dt / 2 * _BETWEEN + dt * _SPEEDS)
+    return _Steps(_IDENTITY + dt * _SHIFT, noise, dt * dt / 2 * _PUSH_PLACE + dt * _PUSH_SPEED)
+
+
+@lru_cache(maxsize=256)
+def _diagonal(variances: tuple[float, ...]) -> Vector:
+    return np.diag(variances)

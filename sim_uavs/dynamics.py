@@ -27,7 +27,7 @@ class Vector(NamedTuple):
         )
 
     def minus(self, other: "Vector") -> "Vector":
-        return self.plus(other, -1.0)
+        return Vector(self.north - other.north, self.east - other.east, self.down - other.down)
 
     @property
     def horizontal(self) -> float:
@@ -130,10 +130,11 @@ def step(
     if position.down >= 0.0:
         position, velocity = Vector(position.north, position.east, 0.0), ZERO
     turn = _turn(wrapped(yaw_rad - body.yaw_rad), limits.yaw_rate_rad_s * dt_s) if motors else 0.0
+    north, east, down = velocity.minus(body.velocity)
     moved = Body(
         position,
         velocity,
-        Vector(*((after - before) / dt_s for after, before in zip(velocity, body.velocity, strict=True))),
+        Vector(north / dt_s, east / dt_s, down / dt_s),
         wrapped(body.yaw_rad + turn),
         turn / dt_s,
         body.charge,
@@ -143,27 +144,34 @@ def step(
 
 
 def _next_velocity(velocity: Vector, demand: Vector, wind: Vector, dt_s: float, limits: Limits, motors: bool) -> Vector:
-    drag = wind.minus(velocity)
-    drag = Vector(*(limits.drag_per_s * component for component in drag))
+    north, east, down = wind.minus(velocity)
+    drag_per_s = limits.drag_per_s
+    drag = Vector(drag_per_s * north, drag_per_s * east, drag_per_s * down)
     if not motors:
         return velocity.plus(drag.plus(Vector(0.0, 0.0, GRAVITY_M_S2)), dt_s)
-    error = _within_speed(demand, limits).minus(velocity)
+    north, east, down = _within_speed(demand, limits).minus(velocity)
     response_s = max(limits.response_s, dt_s)
-    wanted = Vector(*(component / response_s for component in error)).minus(drag)
+    wanted = Vector(north / response_s - drag.north, east / response_s - drag.east, down / response_s - drag.down)
     thrust = _within_acceleration(wanted, limits)
     return _within_speed(velocity.plus(_within_acceleration(thrust.plus(drag), limits), dt_s), limits)
 
 
 def _within_speed(velocity: Vector, limits: Limits) -> Vector:
-    scale = min(1.0, limits.speed_m_s / velocity.horizontal) if velocity.horizontal > 0 else 1.0
-    down = min(limits.descent_m_s, max(-limits.climb_m_s, velocity.down))
-    return Vector(velocity.north * scale, velocity.east * scale, down)
+    north, east, down = velocity
+    scale = _shortened(hypot(north, east), limits.speed_m_s)
+    return Vector(north * scale, east * scale, min(limits.descent_m_s, max(-limits.climb_m_s, down)))
 
 
 def _within_acceleration(wanted: Vector, limits: Limits) -> Vector:
-    scale = min(1.0, limits.acceleration_m_s2 / wanted.horizontal) if wanted.horizontal > 0 else 1.0
+    north, east, down = wanted
+    scale = _shortened(hypot(north, east), limits.acceleration_m_s2)
     most = limits.vertical_acceleration_m_s2
-    return Vector(wanted.north * scale, wanted.east * scale, min(most, max(-most, wanted.down)))
+    return Vector(north * scale, east * scale, min(most, max(-most, down)))
+
+
+def _shortened(length: float, most: float) -> float:
+    """The factor that makes a length no more than `most`."""
+    return min(1.0, most / length) if length > 0 else 1.0
 
 
 def _drained(body: Body, airspeed: Vector, dt_s: float, limits: Limits, motors: bool) -> Body:

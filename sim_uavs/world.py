@@ -257,8 +257,10 @@ class World:
         node.lives.append(platform)
         self._say(unit, "booted")
 
+        agenda, clock, timetable = self.agenda, node.clock, platform.timetable
+
         def node_now_us() -> int:
-            return node.clock.node_us(self.agenda.now_us)
+            return clock.node_us(agenda.now_us)
 
         def post(event: WireEvent) -> None:
             if node.platform is not platform:
@@ -269,7 +271,7 @@ class World:
             effects = platform.on_event(event, event.at_us)  # it was stamped just now
             if effects:
                 self._perform(node, effects)
-            if platform.deadline_us != node.asked_us:
+            if timetable.due_us != node.asked_us:
                 self._wake(node)
 
         self.wire.open(unit, zid, post, node_now_us)
