@@ -36,6 +36,7 @@ class Arrivals:
         self._p = platform
         self._unit = platform.unit
         self._importer, self._timetable = platform.importer, platform.timetable
+        self._told = platform.importer.told
         self._goes_on = platform.directory.goes_on
 
     def take(self, event: Arrived) -> bool:
@@ -52,7 +53,7 @@ class Arrivals:
             return False
         if not self._goes_on(beat, at_us):
             return self._is_quiet(beat, at_us)
-        if beat.tails:
+        if self._told.get(beat.unit) is not beat.tails:
             self._follow(beat, at_us)
         return True
 

@@ -15,7 +15,7 @@ from agents.federation_agent import FederationAgent
 from agents.plans import MonitorPlan, PlanBook
 from agents.services import FEDERATION
 from agents.tasks import Task
-from dyknow import US_PER_S
+from dyknow import US_PER_S, earlier
 from dyknow.errors import DyknowError, Refused
 from federation.acts import Act, Performative
 from federation.contents import Content, CreateMonitor, CreateMulticast, Done, MonitorProximity, Progress, Reason
@@ -348,6 +348,9 @@ class Coordination:
 
     def on_time(self, now_us: int) -> None:
         """Ask again who failed, and lead on where the leader died and nobody before us did."""
+        due_us = self.deadline_us
+        if due_us is None or now_us < due_us:
+            return
         for led in list(self.led.values()):
             for unit in [unit for unit, due_us in led.again_us.items() if due_us <= now_us]:
                 del led.again_us[unit]
@@ -368,8 +371,12 @@ class Coordination:
 
     @property
     def deadline_us(self) -> int | None:
-        due = [led.heir_at_us for led in self.led.values() if led.heir_at_us is not None]
-        return min([*due, *(at_us for led in self.led.values() for at_us in led.again_us.values())], default=None)
+        found_us = None
+        for led in self.led.values():
+            found_us = earlier(found_us, led.heir_at_us)
+            if led.again_us:
+                found_us = earlier(found_us, min(led.again_us.values()))
+        return found_us
 
     # -- alarms ------------------------------------------------------------------------------------------------
 

@@ -40,7 +40,7 @@ class Import:
 
 class ImportProxy:
     """Takes samples off the wire, once each, and pushes them into the local instance. `changes` counts streams that
-    began or ended.
+    began or ended; `told` has the tails that `on_tails` need not be told of again, by owner.
 
     What a peer sends whose clock is skewed, or not compared yet, is refused and counted: one valid time far ahead would
     end an ordered stream. Valid times of a peer whose clock is off by 50 ms to 1 s are shifted, and approximated linearly onto the grid of
@@ -73,7 +73,7 @@ class ImportProxy:
         self._sinks: dict[tuple[str, str], Sink] = {}
         self._due: Deadlines[tuple[str, str, str]] = Deadlines()
         self.changes = 0
-        self._told: dict[str, tuple[int, Sequence[tuple[str, str, int]]]] = {}
+        self.told: dict[str, Sequence[tuple[str, str, int]]] = {}
         self.refused: Counter[str] = Counter()
 
     def expect(self, owner: str, semantic_label: str, policy_hash: str, policy: Policy, now_us: int) -> None:
@@ -83,7 +83,7 @@ class ImportProxy:
             return
         stream = ImportStream(owner, semantic_label, policy_hash, self._questions)
         self.imports[name] = self._listening[keys.stream(*name)] = Import(stream, policy, now_us)
-        self._told.pop(owner, None)
+        self.told.pop(owner, None)
         self.changes += 1
         self._emit(Subscribe(keys.stream_expr(semantic_label, policy_hash)))
 
@@ -93,14 +93,14 @@ class ImportProxy:
             return
         del self._listening[keys.stream(owner, semantic_label, policy_hash)]
         self._due.set((owner, semantic_label, policy_hash), None)
-        self._told.pop(owner, None)
+        self.told.pop(owner, None)
         self.changes += 1
         if not any(name[1:] == (semantic_label, policy_hash) for name in self.imports):
             self._emit(Unsubscribe(keys.stream_expr(semantic_label, policy_hash)))
 
     def on_owner(self, owner: str, boot: int) -> None:
         """The directory says which life of `owner` is there: what an older one numbered counts no more."""
-        self._told.pop(owner, None)
+        self.told.pop(owner, None)
         for found in self.imports.values():
             if found.stream.owner == owner:
                 found.stream.on_owner(boot)
@@ -134,15 +134,12 @@ class ImportProxy:
 
         Returns whether anything is due because of it.
         """
-        told = self._told.get(owner)
-        if not tails or (told is not None and told[1] is tails and told[0] == boot):
-            return False
         is_due = False
         for semantic_label, policy_hash, tail in tails:
             found = self.imports.get((owner, semantic_label, policy_hash))
             if found is None:
                 continue
-            self._told[owner] = boot, tails
+            self.told[owner] = tails
             if not found.stream.has(boot, tail):
                 found.stream.on_tail(boot, tail, now_us)
                 self._wake(found)

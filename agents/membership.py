@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from agents.bulletin import alarm_content
 from agents.orphans import Orphans
 from agents.services import FEDERATION
+from dyknow import earlier
 from dyknow.errors import Refused
 from federation.acts import Act
 from federation.clock import Standing
@@ -200,8 +201,7 @@ class Membership:
 
     @property
     def deadline_us(self) -> int | None:
-        due = [at_us for at_us in (self._orphans.deadline_us, self._departed.next_us) if at_us is not None]
-        return min(due, default=None)
+        return earlier(self._orphans.deadline_us, self._departed.next_us)
 
     def on_time(self, now_us: int) -> None:
         self._orphans.on_time(now_us)

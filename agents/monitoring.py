@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from agents.plans import MonitorPlan, StateMaker
-from dyknow import Label, Network, Policy, Sample, SharedState, SharedSynchronizer, Strand, Subscription
+from dyknow import Label, Network, Policy, Sample, SharedState, SharedSynchronizer, Strand, Subscription, earlier
 from dyknow.errors import DyknowError, Refused
 from federation.ontology import Convert
 from reasoning import AlarmEvent, Monitor
@@ -49,15 +49,15 @@ class Named:
     @property
     def deadline_us(self) -> int | None:
         """When time changes something, or somewhat earlier."""
-        states_us = None if self.states is None else self.states.deadline_us
-        check_us = self.check_us
-        return states_us if check_us is None or (states_us is not None and states_us < check_us) else check_us
+        return self.check_us if self.states is None else earlier(self.states.deadline_us, self.check_us)
 
-    def wake(self, monitor: Monitor) -> None:
-        """The inputs of `monitor` may go stale or missing earlier than was known."""
+    def wake(self, monitor: Monitor) -> bool:
+        """Whether the inputs of `monitor` may go stale or missing earlier than was known; it is seen to."""
         due_us, known_us = monitor.deadline_us, self.check_us
-        if due_us is not None and (known_us is None or due_us < known_us):
-            self.check_us = due_us
+        if due_us is None or (known_us is not None and due_us >= known_us):
+            return False
+        self.check_us = due_us
+        return True
 
 
 Needs: TypeAlias = Mapping[str, AbstractSet[tuple[str, int, int]]]
@@ -105,6 +105,8 @@ class Monitors:
         self._members: dict[str, str | None] = {}
         self._needs: dict[str, set[tuple[str, int, int]]] | None = None
         self._count = 0
+        self._due_us: int | None = None
+        self._is_due_known = True
 
     # -- what is monitored -------------------------------------------------------------------------------------
 
@@ -138,6 +140,7 @@ class Monitors:
             for member in list(known.instances):
                 self._end(known, member)
             del self.named[name]
+            self._hasten()
 
     def join(self, member: str, now_us: int) -> None:
         """A platform is there: it gets its instances, or its inputs count again (F6 growing).
@@ -155,6 +158,7 @@ class Monitors:
                 monitor = named.instances[member].monitor
                 monitor.mark_present(member, now_us)
                 named.wake(monitor)
+                self._hasten()
 
     def doubt(self, member: str, reason: str, now_us: int) -> None:
         """The platform is gone or its clock is skewed: its inputs count as missing."""
@@ -166,6 +170,7 @@ class Monitors:
             if found is not None:
                 found.monitor.mark_missing(member, now_us, reason)
                 named.wake(found.monitor)
+                self._hasten()
 
     def leave(self, member: str) -> None:
         """The platform left for good: its instances end."""
@@ -203,14 +208,21 @@ class Monitors:
     @property
     def deadline_us(self) -> int | None:
         """When `on_time` has work, or somewhat earlier."""
-        found_us = None
-        for named in self.named.values():
-            due_us = named.deadline_us
-            if due_us is not None and (found_us is None or due_us < found_us):
-                found_us = due_us
-        return found_us
+        if not self._is_due_known:
+            self._is_due_known, self._due_us = True, None
+            for named in self.named.values():
+                self._due_us = earlier(self._due_us, named.deadline_us)
+        return self._due_us
+
+    def _hasten(self) -> None:
+        """Something may be due earlier than was known."""
+        self._is_due_known = False
 
     def on_time(self, now_us: int) -> None:
+        due_us = self.deadline_us
+        if due_us is None or now_us < due_us:
+            return
+        self._hasten()
         for named in list(self.named.values()):
             if named.states is not None:
                 self._take(named, named.states.on_time(now_us), now_us)
@@ -248,7 +260,8 @@ class Monitors:
         self._count, self._needs = self._count + 1, None
         states = named.states
         if states is None:
-            states = named.states = SharedSynchronizer(len(maker.shared), plan.period_us, plan.max_delay_us)
+            shared = len(maker.shared)
+            states = named.states = SharedSynchronizer(shared, plan.period_us, plan.max_delay_us, self._hasten)
             for index, (label, unit) in enumerate(maker.shared):
                 named.taps.append(self._tap(unit, label, plan, self._shared_feed(named, states, index)))
         strand = states.add(member, len(maker.own))
@@ -258,6 +271,7 @@ class Monitors:
         if reason is not None:
             monitor.mark_missing(member, now_us, reason)
         named.wake(monitor)
+        self._hasten()
 
     def _shared_feed(self, named: Named, states: SharedSynchronizer[str], index: int) -> Feed:
         def feed(sample: Sample) -> None:
@@ -309,4 +323,5 @@ class Monitors:
             values, lacks = instance.maker.values(shared_and_own)
             for event in monitor.on_state(valid_us, now_us, values, lacks=lacks):
                 self._on_alarm(event)
-            named.wake(monitor)
+            if named.wake(monitor):
+                self._hasten()

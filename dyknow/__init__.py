@@ -23,7 +23,7 @@ from dyknow.errors import (
 )
 from dyknow.generator import Consumer, Generator, Subscription
 from dyknow.history import History
-from dyknow.instants import US_PER_MS, US_PER_S, parse_duration, print_duration, print_span
+from dyknow.instants import US_PER_MS, US_PER_S, earlier, parse_duration, print_duration, print_span
 from dyknow.join import Inputs, Join, available, available_times, join, last_available, previous
 from dyknow.labels import Label
 from dyknow.network import Network
@@ -80,6 +80,7 @@ __all__ = [
     "available",
     "available_times",
     "duration",
+    "earlier",
     "interpolate",
     "join",
     "last_available",

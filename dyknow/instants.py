@@ -26,6 +26,13 @@ _ROUNDED = (
 """Each unit, below which size it is used, and with how many decimals."""
 
 
+def earlier(one_us: int | None, other_us: int | None) -> int | None:
+    """The earlier of two deadlines, of which there may be none."""
+    if one_us is None or (other_us is not None and other_us < one_us):
+        return other_us
+    return one_us
+
+
 def parse_duration(text: str, default_unit: str = "ms") -> int:
     """Microseconds of `200`, `200ms`, `2s`, `1.5 min`, `1e3us`.
 

@@ -7,7 +7,7 @@ it. So it is enough to know up to when all the shared inputs are known, and all 
 what a `Synchronizer` for each stream puts out.
 """
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Generic, NamedTuple, TypeVar
 
 from dyknow.errors import PolicyError
@@ -93,6 +93,7 @@ class SharedSynchronizer(Generic[K]):
         shared: how many inputs all streams have in common.
         period_us: distance of the synchronisation points. A stream begins with the first sample after it was added.
         max_delay_us: a state is computed at the latest so long after its valid time.
+        on_begin: told when a stream begins: only then `deadline_us` may have become earlier.
 
     Attributes:
         deadline_us: when `on_time` has work next, or somewhat earlier; None: nothing waits.
@@ -103,11 +104,13 @@ class SharedSynchronizer(Generic[K]):
         PolicyError: the period is not positive, or the delay negative.
     """
 
-    def __init__(self, shared: int, period_us: int, max_delay_us: int) -> None:
+    def __init__(
+        self, shared: int, period_us: int, max_delay_us: int, on_begin: Callable[[], None] = lambda: None
+    ) -> None:
         if period_us <= 0 or max_delay_us < 0:
             raise PolicyError(f"states every {period_us} us with a delay of {max_delay_us} us cannot be computed")
         self._period_us, self._max_delay_us = period_us, max_delay_us
-        self._lead_us = CATCH_UP * period_us
+        self._lead_us, self._on_begin = CATCH_UP * period_us, on_begin
         self._shared = _Side(shared)
         self._strands: dict[K, Strand[K]] = {}
         self._idle: dict[K, Strand[K]] = {}
@@ -186,6 +189,7 @@ class SharedSynchronizer(Generic[K]):
         strand.sync_us = -(-sample.valid_us // self._period_us) * self._period_us
         self._skip(strand, now_us, 0)
         self._await(min(self._least_us, strand.sync_us))
+        self._on_begin()
 
     def _await(self, least_us: int) -> None:
         self._least_us = least_us

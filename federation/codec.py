@@ -367,7 +367,7 @@ def decode_heartbeat(payload: bytes) -> Heartbeat:
             fail("name")
         count(tail[2])
     numbers = count(boot), count(seq), count(wall_us), count(description)
-    return Heartbeat(named(keys.unit, unit), *numbers, _heard(hears), _tails(tails))
+    return Heartbeat(named(keys.unit, unit), *numbers, _heard(hears), _tails(boot, tails))
 
 
 @lru_cache(maxsize=1024)
@@ -378,7 +378,8 @@ def _heard(units: tuple[str, ...]) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=1024)
-def _tails(tails: tuple[tuple[str, str, int], ...]) -> tuple[tuple[str, str, int], ...]:
+def _tails(_boot: int, tails: tuple[tuple[str, str, int], ...]) -> tuple[tuple[str, str, int], ...]:
+    """Those of another life are another object."""
     for label, policy_hash, _ in tails:
         named(keys.label, label)
         digest(policy_hash)

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeAlias
 
+from dyknow import earlier
 from dyknow.errors import Refused
 from federation import keys
 from federation.acts import Act, AgentName, Performative
@@ -215,8 +216,7 @@ class Conversations:
 
     @property
     def deadline_us(self) -> int | None:
-        due = [at_us for at_us in (self._due_us, self.delivery.deadline_us) if at_us is not None]
-        return min(due, default=None)
+        return earlier(self._due_us, self.delivery.deadline_us)
 
     def on_time(self, now_us: int) -> list[Outcome]:
         """Put again what is not acknowledged, and close what was not answered in time."""

@@ -230,11 +230,15 @@ class Liveness:
         events: list[LivenessEvent] = []
         next_us: int | None = None
         for peer in list(self.peers.values()):
-            if peer.present and now_us >= peer.due_us:
+            if not peer.present:
+                continue
+            due_us = peer.due_us
+            if now_us >= due_us:
                 events += self._judge(peer, now_us)
-            if peer.present:
+                if not peer.present:
+                    continue
                 due_us = peer.due_us
-                next_us = due_us if next_us is None or due_us < next_us else next_us
+            next_us = due_us if next_us is None or due_us < next_us else next_us
         self._check_us = next_us
         return events
 
