@@ -37,6 +37,7 @@ from federation.wire import Description, LabelEntry, ServiceEntry
 
 HEARTBEAT_US = 200_000
 GREETING_US = 20_000
+BETWEEN_GREETINGS_US = 50_000
 LEAVING = 0
 """The description version that a heartbeat carries as good-bye."""
 
@@ -100,7 +101,7 @@ class Directory:
         self._described: bytes | None = None
         self._superseded: list[str] = []
         self._started = self._is_greeting = False
-        self._beat_us = self._since_us = now_us
+        self._beat_us = self._since_us = self._greeted_us = now_us
         self._beats = 0
 
     @property
@@ -196,8 +197,9 @@ class Directory:
         self._beat_us = max(self._beat_us + HEARTBEAT_US, now_us + HEARTBEAT_US // 2)
         superseded = [UndeclareToken(token) for token in self._superseded]
         self._superseded.clear()
-        greeting = [self._announcement()] if self._is_greeting else []
-        self._is_greeting = False
+        greeting: list[Outcome] = []
+        if self._is_greeting:
+            greeting, self._is_greeting, self._greeted_us = [self._announcement()], False, now_us
         return [self._heartbeat(now_us, self.version, tails), *greeting, *superseded]
 
     def _heartbeat(self, now_us: int, version: int, tails: _Tails) -> Put:
@@ -243,7 +245,7 @@ class Directory:
         peer = self._peers.get(unit)
         if unit != self.unit and (peer is None or not peer.tokens):
             self._is_greeting = True
-            self._beat_us = min(self._beat_us, max(at_us, self._beat_us - HEARTBEAT_US) + GREETING_US)
+            self._beat_us = min(self._beat_us, max(at_us + GREETING_US, self._greeted_us + BETWEEN_GREETINGS_US))
 
     def on_answered(self, answered: Answered) -> Sequence[Outcome]:
         """A description arrived; answers to questions of others are ignored."""

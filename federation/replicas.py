@@ -16,7 +16,7 @@ from federation.transport import Answered, Ask, AskEnded
 from federation.wire import Description, LabelEntry, ServiceEntry
 
 CONFIRM_US = 10_000_000
-UNASKED_US = 200_000
+UNASKED_US = 300_000
 """How long a platform is given to say unasked what it is, or what has changed."""
 RETRY_US = 50_000
 RETRY_MOST_US = 2_000_000
