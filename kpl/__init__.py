@@ -1,7 +1,9 @@
 from kpl.checking import Constant, FeatureType, Vocabulary, check, read_formula
+from kpl.listing import print_declaration, print_specification
 from kpl.parsing import parse_formula
 from kpl.printing import print_formula
 from kpl.profiles import profile_formula, unit_vocabulary
+from kpl.statements import parse_specification, read_specification
 
 __all__ = [
     "Constant",
@@ -9,8 +11,12 @@ __all__ = [
     "Vocabulary",
     "check",
     "parse_formula",
+    "parse_specification",
+    "print_declaration",
     "print_formula",
+    "print_specification",
     "profile_formula",
     "read_formula",
+    "read_specification",
     "unit_vocabulary",
 ]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from dyknow.errors import TextError
 from kpl.mistakes import Mark, Mistake, explain, learn
+from kpl.statement_mistakes import STATEMENT_MISTAKES
 
 if TYPE_CHECKING:
     from lark import Lark, Token, Tree
@@ -38,7 +39,9 @@ def parser() -> "Lark":
 
 @cache
 def _marks(start: str) -> Mapping[Mark, Mistake]:
-    return learn(lambda sample: parser().parse(sample, start=start))
+    if start == "formula_only":
+        return learn(lambda sample: parser().parse(sample, start=start))
+    return learn(lambda sample: parser().parse(sample, start=start), STATEMENT_MISTAKES)
 
 
 def parse_tree(text: str, start: str, file: str = "") -> "Tree[Token]":

@@ -5,7 +5,7 @@ mark by which the same mistake is recognised elsewhere. Spellings of other langu
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from dyknow.errors import TextError
@@ -287,12 +287,12 @@ def _mark(error: "UnexpectedInput") -> Mark:
     return (getattr(state, "position", -1), "" if token is None else token.type)
 
 
-def learn(parse: Callable[[str], Any]) -> Mapping[Mark, Mistake]:
+def learn(parse: Callable[[str], Any], mistakes: Iterable[Mistake] = MISTAKES) -> Mapping[Mark, Mistake]:
     """The marks of all samples with this parser; the first sample with a mark owns it."""
     from lark.exceptions import UnexpectedCharacters, UnexpectedToken
 
     marks: dict[Mark, Mistake] = {}
-    for mistake in MISTAKES:
+    for mistake in mistakes:
         for sample in mistake.samples:
             try:
                 parse(sample)

@@ -63,7 +63,7 @@ def parse_formula(text: str, file: str = "") -> Formula:
 def read_tree(text: str, file: str = "") -> tuple[Formula, list[TextError]]:
     """One formula, and what is wrong with it beyond the grammar; raises TextError where it leaves the grammar."""
     tree = parse_tree(text, "formula_only", file)
-    reader = _Reader(text, file)
+    reader = FormulaReader(text, file)
     try:
         return reader.read(tree.children[0], frozenset()), reader.errors
     except RecursionError:
@@ -85,28 +85,28 @@ def place_of(node: "Tree[Token] | Token", text: str) -> Place:
     return Place(int(at.line), int(at.column), max(1, width), start, end)
 
 
-class _Reader:
+class FormulaReader:
     """Reads the tree from the top, so that every name meets the variables bound around it."""
 
     def __init__(self, text: str, file: str) -> None:
         self.errors: list[TextError] = []
-        self._text, self._file = text, file
+        self.text, self.file = text, file
 
     def error(self, message: str, place: Place, repair: str = "") -> None:
         self.errors.append(
             TextError(
                 message,
-                text=self._text,
+                text=self.text,
                 line=place.line,
                 column=place.column,
                 width=place.width,
                 repair=repair,
-                file=self._file,
+                file=self.file,
             )
         )
 
     def read(self, node: Any, bound: frozenset[str]) -> Formula:
-        place, parts = place_of(node, self._text), node.children
+        place, parts = place_of(node, self.text), node.children
         match node.data:
             case "group":
                 return self.read(parts[0], bound)
@@ -153,9 +153,9 @@ class _Reader:
             case "abs":
                 return Abs(self.read(parts[0], bound), place=place)
             case "since":
-                return Since(self._feature(parts[0], bound), place=place)
+                return Since(self.feature(parts[0], bound), place=place)
             case "occurred":
-                return Occurred(self._feature(parts[0], bound), place=place)
+                return Occurred(self.feature(parts[0], bound), place=place)
         return self._label(node, bound, place)
 
     def _each(self, parts: list[Any], bound: frozenset[str]) -> tuple[Formula, ...]:
@@ -179,32 +179,32 @@ class _Reader:
         sets: list[DomainSet] = []
         for each in node.children:
             if each.data == "members":
-                sets.append(tuple(self._object(one, bound) for one in each.children))
+                sets.append(tuple(self.object(one, bound) for one in each.children))
             else:
                 sets.append(str(each.children[0].children[0]))
-        return Domain(sets[0], tuple(sets[1:]), place=place_of(node, self._text))
+        return Domain(sets[0], tuple(sets[1:]), place=place_of(node, self.text))
 
     def _label(self, node: Any, bound: frozenset[str], place: Place) -> Formula:
-        feature = self._feature(node, bound)
+        feature = self.feature(node, bound)
         if feature.objects or feature.attribute:
             return feature
         if feature.name in bound:
             return Variable(feature.name, place=place)
         return Now(place=place) if feature.name == "now" else feature
 
-    def _feature(self, node: Any, bound: frozenset[str]) -> Feature:
+    def feature(self, node: Any, bound: frozenset[str]) -> Feature:
         names = [str(part.children[0]) for part in node.children if part.data == "name"]
-        objects = tuple(self._object(part, bound) for part in node.children if part.data == "object")
+        objects = tuple(self.object(part, bound) for part in node.children if part.data == "object")
         attribute = names[1] if len(names) > 1 else None
-        return Feature(names[0], objects, attribute, place=place_of(node, self._text))
+        return Feature(names[0], objects, attribute, place=place_of(node, self.text))
 
-    def _object(self, node: Any, bound: frozenset[str]) -> Object:
+    def object(self, node: Any, bound: frozenset[str]) -> Object:
         inside = node.children[0]
         name = str(inside if not hasattr(inside, "children") else inside.children[0])
         if name in bound:
-            return Variable(name, place=place_of(node, self._text))
+            return Variable(name, place=place_of(node, self.text))
         if name[0].isdecimal() and not _OBJECT_NUMBER.fullmatch(name):
-            self.error("objects are names or whole numbers", place_of(node, self._text), "speed[uav1], xy_dist[0, 1]")
+            self.error("objects are names or whole numbers", place_of(node, self.text), "speed[uav1], xy_dist[0, 1]")
         return name
 
     def _number(self, token: "Token", place: Place) -> Formula:
@@ -224,11 +224,11 @@ class _Reader:
         lo_us = self._bound(first)
         hi_us = None if getattr(last, "type", "") == "OO" else self._bound(last)
         if isinstance(lo_us, int) and isinstance(hi_us, int) and hi_us < lo_us:
-            self.error("the interval ends before it begins", place_of(parts[0], self._text), "[from, to], from <= to")
+            self.error("the interval ends before it begins", place_of(parts[0], self.text), "[from, to], from <= to")
         return lo_us, hi_us
 
     def _bound(self, node: Any) -> Bound:
-        inside, place = node.children[0], place_of(node, self._text)
+        inside, place = node.children[0], place_of(node, self.text)
         if hasattr(inside, "children"):
             return Feature(str(inside.children[0]), place=place)
         try:
@@ -239,7 +239,7 @@ class _Reader:
 
     def _readings(self, node: Any) -> None:
         """Refuse an always or eventually without parentheses as a left operand."""
-        text, whole = self._text, place_of(node, self._text)
+        text, whole = self.text, place_of(node, self.text)
         for part in node.children[:-1]:
             if part.data not in _PREFIXED:
                 continue

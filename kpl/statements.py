@@ -1,0 +1,298 @@
+"""KPL specifications from text: the parse tree becomes the tree of specification.py (grammar: kpl.lark).
+
+All errors of a text are reported. Where a text leaves the grammar its statements are read one by one, so that one wrong
+statement hides none after it. In `refinement(a with max delay 100, monotone order, b)` the commas of constraints and of
+arguments are one list in the parse tree; here each constraint goes to the stream before it.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final, cast
+
+from dyknow.errors import PolicyError, TextError
+from dyknow.labels import Label
+from dyknow.policy import Policy
+from kpl.grammar import LIMIT_CHARACTERS, parse_tree
+from kpl.numbers import is_time, parse_number
+from kpl.parsing import FormulaReader, place_of, raise_all
+from kpl.specification import (
+    ANY_UPDATE,
+    ChronicleFile,
+    Declaration,
+    Define,
+    Export,
+    ForEach,
+    FromSource,
+    GeneratorDeclaration,
+    Import,
+    Link,
+    Making,
+    Merge,
+    MonitorDeclaration,
+    Refinement,
+    Select,
+    SourceDeclaration,
+    Specification,
+    StateStream,
+    StreamDeclaration,
+    StreamTerm,
+    UnitDeclaration,
+)
+from reasoning.evaluation import NoValuePolicy
+from reasoning.formulas import Place
+
+if TYPE_CHECKING:
+    from lark import Token, Tree
+
+_STATEMENT = re.compile(
+    r"^[ \t]*(?:source|compunit|strmgen|stream|for|export|import|define|monitor|chronicle)\b", re.MULTILINE
+)
+_COMMENT = re.compile(r"#[^\n]*")
+_FREE: Final = frozenset[str]()
+_LINKED: Final = frozenset({"from", "to"})
+MAX_CLOSE_AFTER: Final = 1_000_000
+MAX_ERRORS: Final = 100
+"""After so many statements that leave the grammar reading ends."""
+
+
+def parse_specification(text: str, file: str = "") -> Specification:
+    """Read a KPL specification.
+
+    Raises:
+        TextErrors: with all that is wrong: where the text leaves the grammar, policies that cannot be, numbers,
+            formulas that read in two ways.
+        TextError: a limit is passed.
+    """
+    found, errors = read_specification(text, file)
+    raise_all(errors)
+    return found
+
+
+def read_specification(text: str, file: str = "") -> tuple[Specification, list[TextError]]:
+    """The declarations that could be read, and what is wrong with the text; raises TextError at a limit."""
+    reader = _StatementReader(text, file)
+    try:
+        return reader.declarations(parse_tree(text, "start", file)), reader.errors
+    except TextError as wrong:
+        starts = [found.start() for found in _STATEMENT.finditer(text)]
+        if len(text) > LIMIT_CHARACTERS or len(starts) < 2:
+            raise
+        first = wrong
+    found: list[Declaration] = []
+    for start, end in zip([0, *starts[1:]], [*starts[1:], len(text)], strict=True):
+        lines = text.count("\n", 0, start)
+        try:
+            found += reader.declarations(_moved(parse_tree(text[start:end], "start", file), start, lines))
+        except TextError as wrong:
+            reader.errors.append(_placed(wrong, text, lines))
+            if len(reader.errors) >= MAX_ERRORS:
+                break
+    return tuple(found), reader.errors or [first]
+
+
+class _StatementReader(FormulaReader):
+    """Reads declarations; offsets of the parse tree are those of the whole text."""
+
+    def declarations(self, tree: "Tree[Token]") -> tuple[Declaration, ...]:
+        found = []
+        for node in tree.children:
+            try:
+                found.append(self.declaration(node))
+            except RecursionError:
+                self.error("nested too deep for where this is read", place_of(node, self.text), "nest less")
+        return tuple(found)
+
+    def declaration(self, node: Any) -> Declaration:
+        read: Mapping[str, Callable[[Any, Place], Declaration]] = {
+            "source": self._source,
+            "compunit": self._unit,
+            "strmgen": self._generator,
+            "stream": self._stream,
+            "for_each": self._for_each,
+            "export": self._export,
+            "import_": self._import,
+            "define": self._define,
+            "monitor": self._monitor,
+            "chronicle_file": self._chronicle_file,
+        }
+        return read[node.data](node, place_of(node, self.text))
+
+    # Declarations
+
+    def _source(self, node: Any, place: Place) -> Declaration:
+        sort, name = map(_name, node.children)
+        return SourceDeclaration(sort, name, place=place)
+
+    def _unit(self, node: Any, place: Place) -> Declaration:
+        sort, name, *inputs = map(_name, node.children)
+        return UnitDeclaration(sort, name, tuple(inputs), place=place)
+
+    def _generator(self, node: Any, place: Place) -> GeneratorDeclaration:
+        label, _equals, made = node.children
+        return GeneratorDeclaration(self.label(label), self._made(made, place_of(made, self.text)), place=place)
+
+    def _made(self, node: Any, place: Place) -> Making:
+        parts = node.children
+        match node.data:
+            case "from_source":
+                return FromSource(str(parts[0]), place=place)
+            case "refine":
+                return Refinement(str(parts[0]), self._terms(parts[1:]), place=place)
+            case "state":
+                constrained = parts[-1].data == "policy"
+                policy = self._policy(parts[-1].children) if constrained else ANY_UPDATE
+                return StateStream(self._terms(parts[:-1] if constrained else parts), policy, place=place)
+            case "link":
+                source, unit, *conditions = parts
+                establish, reestablish, maintain = (self.read(condition, _LINKED) for condition in conditions)
+                return Link(self.label(source), _name(unit), establish, reestablish, maintain, place=place)
+        member, variable, domain = parts
+        make = Select if node.data == "select" else Merge
+        return make(self._member(member), _name(variable), self._member(domain), place=place)
+
+    def _stream(self, node: Any, place: Place) -> Declaration:
+        name, _equals, label, *policy = node.children
+        return StreamDeclaration(_name(name), self._term(label, policy), place=place)
+
+    def _for_each(self, node: Any, place: Place) -> Declaration:
+        variable, domain, body = node.children
+        generator = self._generator(body, place_of(body, self.text))
+        return ForEach(_name(variable), self._member(domain), generator, place=place)
+
+    def _export(self, node: Any, place: Place) -> Declaration:
+        semantic, _equals, label, *policy = node.children
+        return Export(_name(semantic), self._term(label, policy), place=place)
+
+    def _import(self, node: Any, place: Place) -> Declaration:
+        semantic, unit, label, *policy = node.children
+        return Import(_name(semantic), str(self.object(unit, _FREE)), self._term(label, policy), place=place)
+
+    def _define(self, node: Any, place: Place) -> Declaration:
+        label, _equals, formula = node.children
+        feature = self.feature(label, _FREE)
+        return Define(feature, self.read(formula, frozenset(map(str, feature.objects))), place=place)
+
+    def _monitor(self, node: Any, place: Place) -> Declaration:
+        name, _equals, formula, *options = node.children
+        no_value: NoValuePolicy = "undecided"
+        close_after, constraints = 2, []
+        seen = set[str]()
+        for option in options:
+            if option.data in seen and option.data in {"no_value", "close_after"}:
+                self.error("a monitor has one such option", place_of(option, self.text), "leave one out")
+            seen.add(option.data)
+            if option.data == "no_value":
+                no_value = cast("NoValuePolicy", str(option.children[-1]))
+            elif option.data == "close_after":
+                close_after = self._count(option.children[0])
+            else:
+                constraints.append(option)
+        inside = self.read(formula, _FREE)
+        return MonitorDeclaration(_name(name), inside, self._policy(constraints), no_value, close_after, place=place)
+
+    def _chronicle_file(self, node: Any, place: Place) -> Declaration:
+        return ChronicleFile(str(node.children[0])[1:-1], place=place)
+
+    # What they are made of
+
+    def label(self, node: Any) -> Label:
+        feature = self.feature(node, _FREE)
+        stem = f"{feature.name}.{feature.attribute}" if feature.attribute else feature.name
+        return Label(stem, tuple(map(str, feature.objects)))
+
+    def _term(self, label: Any, policy: Sequence[Any]) -> StreamTerm:
+        """A label, and the constraints of an optional policy."""
+        constraints = policy[0].children if policy else ()
+        return StreamTerm(self.label(label), self._policy(constraints), place=place_of(label, self.text))
+
+    def _member(self, node: Any) -> StreamTerm:
+        label, *policy = node.children
+        return self._term(label, policy)
+
+    def _terms(self, flat: Iterable[Any]) -> tuple[StreamTerm, ...]:
+        """Streams and the constraints of those before them, as they come."""
+        grouped: list[tuple[Any, list[Any]]] = []
+        for node in flat:
+            if node.data == "label_with":
+                label, *first = node.children
+                grouped.append((label, first))
+            elif grouped[-1][1]:
+                grouped[-1][1].append(node)
+            else:
+                self.error("constraints follow a label and `with`", place_of(node, self.text), "pos[car1] with ...")
+        return tuple(
+            StreamTerm(self.label(label), self._policy(constraints), place=place_of(label, self.text))
+            for label, constraints in grouped
+        )
+
+    def _policy(self, constraints: Sequence[Any]) -> Policy:
+        """One reader for policies wherever they stand: here it gets the words of the constraints, without comments."""
+        if not constraints:
+            return ANY_UPDATE
+        places = [place_of(constraint, self.text) for constraint in constraints]
+        words = [_blank(self.text[place.start : place.end]) for place in places]
+        try:
+            return Policy.parse(", ".join(words))
+        except TextError as wrong:
+            offset = wrong.column - 1
+            for place, said in zip(places, words, strict=True):
+                if offset <= len(said):
+                    self.error(wrong.message, place, wrong.repair)
+                    break
+                offset -= len(said) + 2
+            else:
+                self.error(wrong.message, places[-1], wrong.repair)
+        except PolicyError as wrong:
+            whole = places[0]._replace(width=max(1, _line_width(self.text, places[0].start, places[-1].end)))
+            self.error(str(wrong), whole)
+        return ANY_UPDATE
+
+    def _count(self, token: "Token") -> int:
+        place = place_of(token, self.text)
+        try:
+            found = -1 if is_time(str(token)) else parse_number(str(token))
+        except ValueError as wrong:
+            self.error(str(wrong), place)
+            return 1
+        if not isinstance(found, int) or not 1 <= found <= MAX_CLOSE_AFTER:
+            self.error(f"a number of states is from 1 to {MAX_CLOSE_AFTER}", place, "close after 3")
+            return 1
+        return found
+
+
+def _name(node: Any) -> str:
+    return str(node.children[0])
+
+
+def _moved(tree: "Tree[Token]", offset: int, lines: int) -> "Tree[Token]":
+    """The tree of a part of the text, with the places that it has in the whole."""
+    for node in tree.iter_subtrees():
+        inside: list[Any] = [node.meta, *(child for child in node.children if not hasattr(child, "children"))]
+        for at in inside:
+            if getattr(at, "start_pos", None) is not None:
+                at.start_pos, at.end_pos, at.line = at.start_pos + offset, at.end_pos + offset, at.line + lines
+    return tree
+
+
+def _placed(wrong: TextError, text: str, lines: int) -> TextError:
+    return TextError(
+        wrong.message,
+        text=text,
+        line=wrong.line + lines,
+        column=wrong.column,
+        width=wrong.width,
+        repair=wrong.repair,
+        file=wrong.file,
+    )
+
+
+def _blank(text: str) -> str:
+    """The same length on one line, without comments."""
+    return (
+        _COMMENT.sub(lambda found: " " * len(found[0]), text).replace("\n", " ").replace("\t", " ").replace("\r", " ")
+    )
+
+
+def _line_width(text: str, start: int, end: int) -> int:
+    line_end = text.find("\n", start)
+    return min(end, line_end if line_end >= 0 else end) - start

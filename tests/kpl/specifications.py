@@ -1,0 +1,124 @@
+"""Random KPL specifications, such as the parser could have made."""
+
+from dataclasses import fields, is_dataclass, replace
+
+from hypothesis import strategies as st
+
+from dyknow.labels import Label
+from dyknow.policy import Policy
+from kpl.specification import (
+    ChronicleFile,
+    Define,
+    Export,
+    ForEach,
+    FromSource,
+    GeneratorDeclaration,
+    Import,
+    Link,
+    Merge,
+    MonitorDeclaration,
+    Refinement,
+    Select,
+    SourceDeclaration,
+    StateStream,
+    StreamDeclaration,
+    StreamTerm,
+    UnitDeclaration,
+)
+from reasoning.formulas import Domain, Feature, Variable
+from tests.kpl.strategies import formulas, names, numbered
+
+TYPED_ONLY = ["link", "state", "select", "merge"]
+made_of = names.filter(lambda name: name not in TYPED_ONLY)
+features = names | st.builds("{}.{}".format, names, names)
+labels = st.builds(Label, features, st.lists(names | numbered, max_size=3).map(tuple))
+milliseconds = st.integers(0, 10**6).map(lambda found: found * 1_000)
+microseconds = st.integers(1, 10**7)
+
+
+@st.composite
+def policies(draw):
+    """What the thesis' constraints and ours can say together."""
+    found = {"max_delay_us": draw(st.none() | milliseconds | microseconds)}
+    if draw(st.booleans()):
+        found["from_us"] = draw(milliseconds)
+        found["to_us"] = draw(st.none() | milliseconds.map(lambda more: found["from_us"] + more))
+    elif draw(st.booleans()):
+        found["to_us"] = draw(milliseconds)
+    if draw(st.booleans()):
+        found |= {"change": "sample", "sample_us": draw(microseconds)}
+        kinds = ["none", "linear"]
+        if found.get("from_us") is not None and found["max_delay_us"] is not None:
+            kinds.append("most recent")
+        found["approximation"] = draw(st.sampled_from(kinds))
+    else:
+        found["change"] = draw(st.sampled_from(["any update", "any change"]))
+        found["order"] = draw(st.sampled_from(["any", "monotone", "strict"]))
+    return Policy(**found)
+
+
+terms = st.builds(StreamTerm, labels, st.just(Policy()) | policies())
+many_terms = st.lists(terms, min_size=1, max_size=3).map(tuple)
+plain = formulas(2)
+
+
+def with_ends(node):
+    """`from` and `to` are the variables of a link condition."""
+    if isinstance(node, tuple):
+        return tuple(map(with_ends, node))
+    if not is_dataclass(node):
+        return node
+    found = {each.name: with_ends(getattr(node, each.name)) for each in fields(node) if each.name != "place"}
+    if isinstance(node, Feature):
+        found["objects"] = tuple(Variable(one) if one in ("from", "to") else one for one in found["objects"])
+    if isinstance(node, Domain):
+        found["base"], *minus = (ends_of_set(one) for one in (found["base"], *found["minus"]))
+        found["minus"] = tuple(minus)
+    return replace(node, **found)
+
+
+def ends_of_set(found):
+    return (
+        tuple(Variable(one) if one in ("from", "to") else one for one in found) if isinstance(found, tuple) else found
+    )
+
+
+linked = plain.map(with_ends)
+making = (
+    st.builds(FromSource, made_of)
+    | st.builds(Refinement, made_of, many_terms)
+    | st.builds(StateStream, many_terms, st.just(Policy()) | policies())
+    | st.builds(Link, labels, names, linked, linked, linked)
+    | st.builds(Select, terms, names, terms)
+    | st.builds(Merge, terms, names, terms)
+)
+generators = st.builds(GeneratorDeclaration, labels, making)
+
+
+@st.composite
+def definitions(draw):
+    parameters = draw(st.lists(names, max_size=2, unique=True))
+    feature = Feature(draw(names), tuple(parameters))
+    return Define(feature, draw(formulas(2, frozenset(parameters))))
+
+
+declarations = (
+    st.builds(SourceDeclaration, names, names)
+    | st.builds(UnitDeclaration, names, names, st.lists(names, min_size=1, max_size=3).map(tuple))
+    | generators
+    | st.builds(StreamDeclaration, names, terms)
+    | st.builds(ForEach, names, terms, generators)
+    | st.builds(Export, names, terms)
+    | st.builds(Import, names, names | numbered, terms)
+    | definitions()
+    | st.builds(
+        MonitorDeclaration,
+        names,
+        plain,
+        st.just(Policy()) | policies(),
+        st.sampled_from(["undecided", "skip", "true", "false"]),
+        st.integers(1, 9),
+    )
+    | st.builds(ChronicleFile, st.sampled_from(["overtake.chr", "a b/c.chr", ""]))
+)
+specifications = st.lists(declarations, max_size=6).map(tuple)
