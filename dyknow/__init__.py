@@ -28,7 +28,7 @@ from dyknow.join import Inputs, Join, available, available_times, join, last_ava
 from dyknow.labels import Label
 from dyknow.network import Network
 from dyknow.policy import Approximation, Change, Order, Policy
-from dyknow.sample import Sample, Value
+from dyknow.sample import SURE, Quality, Sample, Value
 from dyknow.sampling import PolicyAdapter, interpolate
 from dyknow.shared_states import SharedState, SharedSynchronizer, Strand
 from dyknow.states import Category, State, StateInput, StatePolicy, Synchronizer
@@ -36,6 +36,7 @@ from dyknow.values import NO_VALUE, Field, NoValue, Sort
 
 __all__ = [
     "NO_VALUE",
+    "SURE",
     "US_PER_MS",
     "US_PER_S",
     "Accept",
@@ -58,6 +59,7 @@ __all__ = [
     "Policy",
     "PolicyAdapter",
     "PolicyError",
+    "Quality",
     "Sample",
     "SharedState",
     "SharedSynchronizer",

@@ -4,6 +4,7 @@ A filter compares a sample with the one accepted before it. They define what `Po
 the same in one step per sample.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeAlias
 
@@ -68,6 +69,28 @@ def duration(from_us: int | None, to_us: int | None) -> Accept:
     return lambda sample, _last: (
         (from_us is None or from_us <= sample.valid_us) and (to_us is None or sample.valid_us <= to_us)
     )
+
+
+def min_certainty(least: float) -> Accept:
+    """Accept samples that are right with at least this probability (thesis 12.3).
+
+    Raises:
+        PolicyError: if `least` is no probability.
+    """
+    if not 0 <= least <= 1:
+        raise PolicyError(f"a certainty is from 0 to 1, got {least}")
+    return lambda sample, _last: sample.quality.certainty >= least
+
+
+def max_deviation(limit: float) -> Accept:
+    """Accept samples none of whose components has a greater standard deviation; in their unit (thesis 12.3).
+
+    Raises:
+        PolicyError: if `limit` is negative or no finite number.
+    """
+    if not 0 <= limit < math.inf:
+        raise PolicyError(f"a deviation is a number >= 0, got {limit}")
+    return lambda sample, _last: sample.quality.deviation <= limit
 
 
 def any_order(_sample: Sample, _last: Sample | None) -> bool:

@@ -1,10 +1,11 @@
 """Computational units: refinement processes with one output (thesis, 4.3.4, Def. 4.3.15)."""
 
 from collections.abc import Callable
+from math import prod
 from typing import TypeAlias
 
 from dyknow.join import Inputs
-from dyknow.sample import Sample, Value
+from dyknow.sample import SURE, Quality, Sample, Value
 from dyknow.values import NO_VALUE
 
 UnitFunction: TypeAlias = Callable[[int, Inputs, Value], tuple[Sample | None, Value]]
@@ -39,6 +40,12 @@ def latest_valid_us(inputs: Inputs) -> int | None:
     return max((s.valid_us for s in inputs if s is not None), default=None)
 
 
+def _quality(inputs: Inputs) -> Quality:
+    """A value is right when what it was computed from is, each by itself."""
+    qualities = [s.quality for s in inputs if s is not None and s.quality is not SURE]
+    return Quality(prod(quality.certainty for quality in qualities)) if qualities else SURE
+
+
 def of_values(function: Callable[..., Value]) -> UnitFunction:
     """A unit that computes a value from the values of its inputs, once all are there; `NO_VALUE` if one has none."""
 
@@ -47,6 +54,7 @@ def of_values(function: Callable[..., Value]) -> UnitFunction:
         valid_us = latest_valid_us(inputs)
         if valid_us is None or len(values) < len(inputs):
             return None, state
-        return Sample(now_us, valid_us, NO_VALUE if any(v is NO_VALUE for v in values) else function(*values)), state
+        value = NO_VALUE if any(v is NO_VALUE for v in values) else function(*values)
+        return Sample(now_us, valid_us, value, _quality(inputs)), state
 
     return step

@@ -6,7 +6,7 @@ from typing import TypeAlias
 from dyknow.history import History
 from dyknow.labels import Label
 from dyknow.policy import Policy
-from dyknow.sample import Sample, Value
+from dyknow.sample import SURE, Quality, Sample, Value
 from dyknow.sampling import PolicyAdapter
 from dyknow.values import Sort
 
@@ -75,11 +75,11 @@ class Generator:
         self._adapted: tuple[Subscription, ...] = ()
         self._last_us = -(2**80)
 
-    def push(self, valid_us: int, value: Value, now_us: int) -> Sample:
+    def push(self, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> Sample:
         """Add a sample that became available at `now_us` and hand it on. A tie of available times is moved by 1 us."""
         available_us = now_us if now_us > self._last_us else self._last_us + 1
         self._last_us = available_us
-        sample = _new(Sample, (available_us, valid_us, value))
+        sample = _new(Sample, (available_us, valid_us, value, quality))
         self.history.add(sample)
         for subscription in self._open:
             subscription.consumer(sample)

@@ -8,7 +8,7 @@ from dyknow.errors import LabelAlreadyExists, UnknownLabel
 from dyknow.generator import Consumer, Generator, Subscription
 from dyknow.labels import Label
 from dyknow.policy import Policy
-from dyknow.sample import Sample, Value
+from dyknow.sample import SURE, Quality, Sample, Value
 from dyknow.values import Sort
 
 
@@ -39,7 +39,7 @@ class Network:
         self._generators[label] = generator
         return generator
 
-    def push(self, label: Label, valid_us: int, value: Value, now_us: int) -> None:
+    def push(self, label: Label, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
         """A source has a new sample.
 
         Raises:
@@ -48,7 +48,7 @@ class Network:
         generator = self._generators.get(label)
         if generator is None:
             raise self._unknown(label)
-        generator.push(valid_us, value, now_us)
+        generator.push(valid_us, value, now_us, quality)
 
     def add_unit(
         self, label: Label, sort: Sort, function: UnitFunction, inputs: Sequence[tuple[Label, Policy]]
@@ -67,7 +67,7 @@ class Network:
         def on_input(i: int, sample: Sample) -> None:
             output = unit.on_sample(i, sample, sample.available_us)
             if output is not None:
-                generator.push(output.valid_us, output.value, sample.available_us)
+                generator.push(output.valid_us, output.value, sample.available_us, output.quality)
 
         self._unit_inputs[label] = [
             self._watch(source.subscribe(policy, partial(on_input, i)))

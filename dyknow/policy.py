@@ -1,8 +1,9 @@
 """Policies: what a stream must be like for the one who subscribes to it (thesis, Def. 4.4.8 to 4.4.13, 4.5.11)."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
+from math import inf
 from typing import Literal, TypeAlias, get_args
 
 from dyknow import adapters
@@ -28,6 +29,9 @@ class Policy:
         approximation: what may stand in for a missing sample. `most recent` needs `sample`, `from_us` and
             `max_delay_us`, so that it is known what is missing, and when; `linear` needs `sample`.
         delay_before_us: of state streams: how long to wait before an approximation is used (7.8.2).
+        min_certainty: samples are right with at least this probability, in [0, 1]; None is no limit (12.3).
+        max_deviation: no component has a greater standard deviation, in its unit; None is no limit (12.3).
+        importance: which streams are to suffer last when there is too much to do; says nothing of the samples.
 
     Raises:
         PolicyError: the constraints cannot hold together.
@@ -41,6 +45,9 @@ class Policy:
     order: Order = "any"
     approximation: Approximation = "none"
     delay_before_us: int | None = None
+    min_certainty: float | None = None
+    max_deviation: float | None = None
+    importance: float = 1.0
 
     def __post_init__(self) -> None:
         self._check_words()
@@ -48,6 +55,8 @@ class Policy:
         if (self.change == "sample") != (self.sample_us is not None):
             raise PolicyError("a sample period goes with the constraint `sample every`, and only with it")
         self._constraints()  # each refuses a number that is wrong by itself
+        if not 0 < self.importance < inf:
+            raise PolicyError(f"an importance is a number > 0, got {self.importance}")
         if self.approximation != "none" and self.sample_us is None:
             raise PolicyError(f"`use {self.approximation}` needs `sample every`: else nothing is missing")
         if self.approximation == "most recent" and (self.from_us is None or self.max_delay_us is None):
@@ -71,8 +80,8 @@ class Policy:
         return True
 
     def content_hash(self) -> str:
-        """8 hexadecimal digits of the canonical text: equal policies, equal keys."""
-        return sha256(str(self).encode()).hexdigest()[:8]
+        """8 hexadecimal digits of the canonical text, importance left out: equal streams, equal keys."""
+        return sha256(str(replace(self, importance=1.0)).encode()).hexdigest()[:8]
 
     @classmethod
     def parse(cls, text: str) -> "Policy":
@@ -103,6 +112,10 @@ class Policy:
             found.append(adapters.duration(self.from_us, self.to_us))
         if self.order != "any":
             found.append(adapters.strict_order if self.order == "strict" else adapters.monotone_order)
+        if self.min_certainty is not None:
+            found.append(adapters.min_certainty(self.min_certainty))
+        if self.max_deviation is not None:
+            found.append(adapters.max_deviation(self.max_deviation))
         return tuple(found)
 
     def _check_words(self) -> None:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from math import inf
 from typing import Any, NamedTuple, NoReturn
 
 from dyknow.errors import TextError
@@ -12,9 +13,11 @@ MAX_POLICY = 1024
 """Longest policy in characters."""
 
 _TOKEN = re.compile(r"\s*(?:([A-Za-z][A-Za-z0-9_]*|[0-9][0-9A-Za-z.+-]*|,)|(\S))")
+_QUANTITY = re.compile(r"[0-9]{1,40}(?:\.[0-9]{1,40})?(?:[eE][+-]?[0-9]{1,3})?")
 _CONSTRAINTS = (
     "any update", "any change", "sample every T", "max delay T", "from T to T", "any order", "monotone order", "strict order",
     "no approximation", "use most recent", "use linear", "delay before approximation T",
+    "min certainty P", "max deviation D", "importance N",
 )  # fmt: skip
 _FLAGS: Mapping[tuple[str, ...], tuple[str, str]] = {
     ("any", "update"): ("change", "any update"),
@@ -68,6 +71,12 @@ class _Reader:
             self.put("max_delay_us", self.duration_or_oo(), start)
         elif self.words("delay", "before", "approximation"):
             self.put("delay_before_us", self.duration(), start)
+        elif self.words("min", "certainty"):
+            self.put("min_certainty", self.quantity(), start)
+        elif self.words("max", "deviation"):
+            self.put("max_deviation", self.quantity(), start)
+        elif self.words("importance"):
+            self.put("importance", self.quantity(), start)
         elif self.words("from"):
             self.put("from_us", self.duration(), start)
             if self.words("to"):
@@ -112,6 +121,16 @@ class _Reader:
         except TextError as wrong:
             self.fail(wrong.message, token, wrong.repair)
 
+    def quantity(self) -> float:
+        """A number without a suffix."""
+        token = self.take()
+        if not _QUANTITY.fullmatch(token.text):
+            self.fail(f"a number is wanted, found {token.text!r}", token, "0.95")
+        found = float(token.text)
+        if found == inf:
+            self.fail("the number is too large", token, "0.95")
+        return found
+
     def peek(self) -> _Token:
         return self.tokens[self.next] if self.next < len(self.tokens) else _Token("", len(self.text))
 
@@ -153,12 +172,19 @@ def print_policy(policy: Policy) -> str:
         f"{policy.order} order" if policy.order != "any" and policy.sample_us is None else "",
         f"use {policy.approximation}" if policy.approximation != "none" else "",
         _said("delay before approximation", policy.delay_before_us),
+        _number("min certainty", policy.min_certainty),
+        _number("max deviation", policy.max_deviation),
+        _number("importance", None if policy.importance == 1 else policy.importance),
     ]
     return ", ".join(filter(None, said)) or "any update"
 
 
 def _said(words: str, time_us: int | None) -> str:
     return "" if time_us is None else f"{words} {_time(time_us)}"
+
+
+def _number(words: str, number: float | None) -> str:
+    return "" if number is None else f"{words} {number:g}" if float(f"{number:g}") == number else f"{words} {number!r}"
 
 
 def _duration(from_us: int | None, to_us: int | None) -> str:

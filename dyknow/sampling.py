@@ -2,10 +2,11 @@
 
 from collections import Counter
 from collections.abc import Callable
+from math import inf
 from typing import Final
 
 from dyknow.policy import Policy
-from dyknow.sample import Sample, Value
+from dyknow.sample import SURE, Quality, Sample, Value
 from dyknow.upcoming import Upcoming
 from dyknow.values import NO_VALUE
 
@@ -30,10 +31,12 @@ class PolicyAdapter:
     """
 
     __slots__ = (
-        "_anchor_us", "_changes", "_from_us", "_last", "_late", "_least_step_us", "_max_delay_us", "_no_change", "_off_grid",
-        "_out_of_order", "_outside", "_owed", "_period_us", "_previous", "_to_us", "gaps", "on_sample", "policy",
+        "_anchor_us", "_changes", "_from_us", "_last", "_late", "_least_certainty", "_least_step_us", "_max_delay_us",
+        "_most_deviation", "_no_change", "_off_grid", "_out_of_order", "_outside", "_owed", "_period_us", "_previous",
+        "_take", "_to_us", "_uncertain", "gaps", "on_sample", "policy",
     )  # fmt: skip
     on_sample: Callable[[Sample, int], list[Sample]]
+    _take: Callable[[Sample, int], list[Sample]]
 
     def __init__(self, policy: Policy) -> None:
         self.policy = policy
@@ -53,6 +56,11 @@ class PolicyAdapter:
         self.on_sample = {"none": self._exact, "most recent": self._most_recent, "linear": self._linear}[
             policy.approximation
         ]
+        self._uncertain = 0
+        self._least_certainty = 0.0 if policy.min_certainty is None else policy.min_certainty
+        self._most_deviation = inf if policy.max_deviation is None else policy.max_deviation
+        if policy.min_certainty is not None or policy.max_deviation is not None:
+            self._take, self.on_sample = self.on_sample, self._good
 
     def on_time(self, now_us: int) -> list[Sample]:
         """What is due at `now_us`; more often than at `deadline_us` is harmless."""
@@ -70,11 +78,19 @@ class PolicyAdapter:
             reason: count
             for reason, count in (
                 ("late", self._late), ("out of order", self._out_of_order), ("outside duration", self._outside),
-                ("no change", self._no_change), ("off grid", self._off_grid),
+                ("no change", self._no_change), ("off grid", self._off_grid), ("uncertain", self._uncertain),
                 ("overflow", self._owed.upcoming.refused if self._owed else 0),
             )
             if count
         })  # fmt: skip
+
+    def _good(self, sample: Sample, now_us: int) -> list[Sample]:
+        """What is too uncertain is as if it had not come."""
+        quality = sample.quality
+        if quality.certainty < self._least_certainty or quality.deviation > self._most_deviation:
+            self._uncertain += 1
+            return self.on_time(now_us - 1)
+        return self._take(sample, now_us)
 
     def _exact(self, sample: Sample, now_us: int) -> list[Sample]:
         valid_us = sample.valid_us
@@ -103,7 +119,7 @@ class PolicyAdapter:
             return []
         if sample.available_us < now_us or (last is not None and sample.available_us <= last.available_us):
             earliest_us = now_us if last is None else max(now_us, last.available_us + 1)
-            sample = Sample(max(earliest_us, sample.available_us), valid_us, sample.value)
+            sample = Sample(max(earliest_us, sample.available_us), valid_us, sample.value, sample.quality)
         self._last = sample
         return [sample]
 
@@ -126,7 +142,8 @@ class PolicyAdapter:
             ):
                 value = interpolate(previous, sample, grid_us)
                 if value is not NO_VALUE:
-                    found += self._exact(Sample(now_us, grid_us, value), now_us)
+                    quality = between(previous, sample, grid_us)
+                    found += self._exact(Sample(now_us, grid_us, value, quality), now_us)
         if (valid_us - anchor_us) % period_us == 0:
             found += self._exact(sample, now_us)
         return found
@@ -157,7 +174,7 @@ class PolicyAdapter:
             available_us = now_us if last is None or now_us > last.available_us else last.available_us + 1
             if last is not None:
                 self.gaps += owed.next_us - last.valid_us > self._period_us
-            self._last = Sample(available_us, owed.next_us, value[0])
+            self._last = Sample(available_us, owed.next_us, *value)
             found.append(self._last)
             owed.advance()
         return found
@@ -177,16 +194,16 @@ class _Owed:
     def deadline_us(self) -> int | None:
         return self.next_us + self.delay_us if self.next_us <= self.to_us else None
 
-    def settled(self, clock_us: int) -> tuple[Value] | None:
-        """The value of the next point, once it is exact or its time is over."""
+    def settled(self, clock_us: int) -> tuple[Value, Quality] | None:
+        """Value and quality of the next point, once it is exact or its time is over."""
         if self.next_us > self.to_us:
             return None
         best = self.upcoming.best
         if best is not None and best.valid_us == self.next_us:
-            return (best.value,)
+            return best.value, best.quality
         if self.next_us + self.delay_us > clock_us:
             return None
-        return (NO_VALUE if best is None else best.value,)
+        return (NO_VALUE, SURE) if best is None else (best.value, best.quality)
 
     def advance(self, points: int = 1) -> None:
         self.next_us += points * self.period_us
@@ -213,6 +230,22 @@ def interpolate(before: Sample, after: Sample, valid_us: int) -> Value:
         return NO_VALUE
     components = tuple(_between(a, b, share) for a, b in zip(before.value, after.value, strict=True))
     return NO_VALUE if NO_VALUE in components else components
+
+
+def between(before: Sample, after: Sample, valid_us: int) -> Quality:
+    """The quality of the value that `interpolate` gives; errors of the two samples are taken as independent."""
+    one, other = before.quality, after.quality
+    if one is SURE and other is SURE:
+        return SURE
+    certainty = min(one.certainty, other.certainty)
+    if len(one.covariance) != len(other.covariance):
+        return Quality(certainty, max(one, other, key=lambda quality: quality.deviation).covariance)
+    share = (valid_us - before.valid_us) / (after.valid_us - before.valid_us)
+    rows = zip(one.covariance, other.covariance, strict=True)
+    return Quality(
+        certainty,
+        tuple(tuple((1 - share) ** 2 * a + share**2 * b for a, b in zip(*row, strict=True)) for row in rows),
+    )
 
 
 def _between(before: Value, after: Value, share: float) -> Value:

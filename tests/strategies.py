@@ -4,7 +4,7 @@ from itertools import accumulate
 
 from hypothesis import strategies as st
 
-from dyknow import Label, Policy, Sample
+from dyknow import SURE, Label, Policy, Quality, Sample
 from dyknow.labels import RESERVED
 
 times_us = st.integers(min_value=0, max_value=400)
@@ -13,6 +13,11 @@ names = st.from_regex(r"[a-zA-Z_][a-zA-Z0-9_]{0,4}(-[a-zA-Z0-9_]{1,3})?", fullma
     lambda n: n not in RESERVED
 )
 labels = st.builds(Label, names, st.lists(names | st.integers(0, 99).map(str), max_size=3).map(tuple))
+
+
+qualities = st.sampled_from(
+    [SURE, SURE, Quality(0.5), Quality(0.96, ((4.0,),)), Quality(1.0, ((9.0, 1.0), (1.0, 1.0)))]
+)
 
 
 @st.composite
@@ -35,6 +40,12 @@ def gridded_streams(draw: st.DrawFn, period_us: int = 20, max_size: int = 20) ->
 
 
 @st.composite
+def rated_streams(draw: st.DrawFn) -> list[Sample]:
+    """As above, of samples that say how good they are."""
+    return [sample._replace(quality=draw(qualities)) for sample in draw(gridded_streams())]
+
+
+@st.composite
 def policies(draw: st.DrawFn, period_us: st.SearchStrategy[int] = st.sampled_from([5, 10, 20, 40])) -> Policy:  # noqa: B008
     """Every kind of valid policy."""
     from_us = draw(st.none() | times_us)
@@ -52,4 +63,7 @@ def policies(draw: st.DrawFn, period_us: st.SearchStrategy[int] = st.sampled_fro
         order=draw(st.sampled_from(["any", "monotone", "strict"])),
         approximation=draw(st.sampled_from(approximations)),
         delay_before_us=draw(st.none() | times_us),
+        min_certainty=draw(st.none() | st.sampled_from([0.0, 0.95, 1.0])),
+        max_deviation=draw(st.none() | st.sampled_from([0.0, 2.0, 3.0])),
+        importance=draw(st.sampled_from([1.0, 0.5, 10.0])),
     )

@@ -25,6 +25,9 @@ READ = {
     ),
     "sample every 5, use linear": Policy(change="sample", sample_us=5_000, approximation="linear"),
     "delay before approximation 70": Policy(delay_before_us=70_000),
+    "min certainty 0.95, max deviation 2.5, importance 3": Policy(
+        min_certainty=0.95, max_deviation=2.5, importance=3.0
+    ),
 }
 
 

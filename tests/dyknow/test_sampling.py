@@ -16,6 +16,8 @@ from dyknow import (
     sample_every,
     strict_order,
 )
+from dyknow.compunits import ComputationalUnit, of_values
+from dyknow.sample import Quality
 from dyknow.sampling import CATCH_UP
 from dyknow.upcoming import MAX_AHEAD
 from tests.fakes import FakeClock
@@ -209,3 +211,34 @@ def test_interpolation_stays_between_its_ends(a: float, b: float, length_us: int
 )
 def test_values_without_a_line_have_no_value_between_them(a: object, b: object) -> None:
     assert interpolate(Sample(0, 0, a), Sample(0, 10, b), 5) is NO_VALUE
+
+
+def test_what_is_too_uncertain_is_dropped_and_counted() -> None:
+    adapter = PolicyAdapter(Policy(min_certainty=0.95, max_deviation=2.0))
+    good, unsure = Sample(1, 1, "a", Quality(0.95, ((4.0,),))), Sample(2, 2, "b", Quality(0.9))
+    spread = Sample(3, 3, "c", Quality(1.0, ((1.0, 0.0), (0.0, 4.1))))
+    assert delivered(adapter, [good, unsure, spread, Sample(4, 4, "d")]) == [good, Sample(4, 4, "d")]
+    assert adapter.dropped == {"uncertain": 2}
+
+
+def test_what_is_too_uncertain_stands_in_for_nothing() -> None:
+    """The most recent value is that of a sample which is good enough, and what it is worth comes with it."""
+    policy = Policy.parse("from 0, sample every 10us, max delay 5us, use most recent, min certainty 0.5")
+    adapter = PolicyAdapter(policy)
+    assert adapter.on_sample(Sample(0, 0, "a", Quality(0.7)), 0) == [Sample(0, 0, "a", Quality(0.7))]
+    assert adapter.on_sample(Sample(9, 9, "b", Quality(0.4)), 9) == []
+    assert adapter.on_time(15) == [Sample(15, 10, "a", Quality(0.7))]
+
+
+def test_between_two_samples_certainty_is_the_lesser_and_errors_are_independent() -> None:
+    adapter = PolicyAdapter(Policy.parse("sample every 10us, use linear"))
+    adapter.on_sample(Sample(0, 0, 1.0, Quality(0.9, ((4.0,),))), 0)
+    (middle, last) = adapter.on_sample(Sample(20, 20, 3.0, Quality(0.8, ((4.0,),))), 20)
+    assert middle == Sample(20, 10, 2.0, Quality(0.8, ((2.0,),)))
+    assert last.quality == Quality(0.8, ((4.0,),))
+
+
+def test_a_unit_is_as_sure_as_all_that_it_computes_from() -> None:
+    unit = ComputationalUnit(of_values(lambda a, b: a + b), 2)
+    unit.on_sample(0, Sample(1, 1, 1, Quality(0.5)), 1)
+    assert unit.on_sample(1, Sample(2, 2, 2, Quality(0.5)), 2) == Sample(2, 2, 3, Quality(0.25))

@@ -54,6 +54,9 @@ def policies(draw):
     else:
         found["change"] = draw(st.sampled_from(["any update", "any change"]))
         found["order"] = draw(st.sampled_from(["any", "monotone", "strict"]))
+    found["min_certainty"] = draw(st.none() | st.floats(0, 1))
+    found["max_deviation"] = draw(st.none() | st.floats(0, 1e9))
+    found["importance"] = draw(st.sampled_from([1.0, 2.0, 0.125]))
     return Policy(**found)
 
 

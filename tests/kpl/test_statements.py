@@ -63,6 +63,7 @@ def test_example_4_4_1() -> None:
         "strmgen all_pos = merge pos[car] for car in car_ids with max delay 1000",
         "for car in car_ids strmgen dist[car, uav1] = Distance(pos[car], pos[uav1])",
         "export heli-position = pos[self]",
+        "stream sure = pos[car1] with min certainty 0.95, max deviation 2, importance 3",
         "import heli-position from 1 as pos[uav1] with sample every 1000, max delay 1000",
         "define hasCargo[u] = exists c in carryable: attached[u, c]",
         "define MIN_XY = 15.0",

@@ -52,7 +52,7 @@ def test_example_4_3_2_no_value_and_nested_tuples_are_values() -> None:
 def test_example_4_3_3_and_4_3_4_valid_time_stays_while_processing_delays_what_is_available() -> None:
     measured = Sample(available_us=11, valid_us=10, value="v")
     filtered = Sample(available_us=measured.available_us + 3 + 2, valid_us=measured.valid_us, value="v'")
-    assert filtered == (16, 10, "v'")
+    assert filtered[:3] == (16, 10, "v'")
     assert (measured.delay_us, filtered.delay_us) == (1, 6)
 
 
@@ -177,6 +177,7 @@ def test_example_4_3_11_join() -> None:
     for case in WORKED["joins"]:
         joined = join(*map(stream, case["streams"]))
         expected = [
-            (at * 1_000, valid * 1_000, tuple(s and sample(s) for s in pair)) for at, valid, pair in case["joined"]
+            Sample(at * 1_000, valid * 1_000, tuple(s and sample(s) for s in pair))
+            for at, valid, pair in case["joined"]
         ]
         assert joined == expected

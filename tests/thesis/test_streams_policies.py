@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from dyknow import NO_VALUE, Label, Network, Policy, PolicyError, Sample, Sort
-from tests.strategies import gridded_streams, policies, streams, times_us
+from tests.strategies import gridded_streams, policies, rated_streams, streams, times_us
 from tests.thesis.stream_definitions import (
     WORKED,
     is_substream,
@@ -65,13 +65,15 @@ def test_definition_4_4_12_order_constraints(f: list[Sample]) -> None:
     assert not Policy(change="sample", sample_us=20).satisfied_by(f) or Policy(order="strict").satisfied_by(f)
 
 
-@given(policies(), gridded_streams())
+@given(policies(), rated_streams())
 def test_definition_4_5_11_a_policy_holds_when_each_constraint_does(policy: Policy, f: list[Sample]) -> None:
     each = [
         Policy(change=policy.change, sample_us=policy.sample_us),
         Policy(max_delay_us=policy.max_delay_us),
         Policy(from_us=policy.from_us, to_us=policy.to_us),
         Policy(order=policy.order),
+        Policy(min_certainty=policy.min_certainty),
+        Policy(max_deviation=policy.max_deviation),
     ]
     assert policy.satisfied_by(f) == all(constraint.satisfied_by(f) for constraint in each)
 
@@ -97,7 +99,7 @@ def test_definition_4_5_10_what_is_delivered_is_a_substream_that_satisfies_the_p
     assert len(kept) + sum(adapter.dropped.values()) == len(f), "what is dropped is counted"
 
 
-@given(exact_policies, gridded_streams())
+@given(exact_policies, rated_streams())
 def test_definition_4_5_10_what_is_delivered_is_maximal(policy: Policy, f: list[Sample]) -> None:
     """No dropped sample could be added, at the time it arrived, to what was delivered, as far as is known then."""
     kept, adapter = run(f, policy)
@@ -111,7 +113,7 @@ def test_definition_4_5_10_what_is_delivered_is_maximal(policy: Policy, f: list[
         assert not (on_grid and policy.satisfied_by([*until_then, dropped])), adapter.dropped
 
 
-@given(policies(), gridded_streams())
+@given(policies(), rated_streams())
 def test_every_adapted_stream_satisfies_its_policy(policy: Policy, f: list[Sample]) -> None:
     got, _ = run(f, policy)
     assert policy.satisfied_by(got)
