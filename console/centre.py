@@ -218,6 +218,8 @@ class CommandCentre:
                     stream.on_tail(beat.boot, tail, event.at_us)
             return self._told(self.directory.on_heartbeat(beat, event.at_us), event.at_us)
         if isinstance(key, keys.AnnouncementKey):
+            if self._learns_clock(event):
+                return self._told(self.directory.start(event.at_us), event.at_us)
             return self._told(self.directory.on_announced(key.unit, event.payload, event.at_us), event.at_us)
         if isinstance(key, keys.StreamKey):
             self._on_samples(key, event)
@@ -275,15 +277,15 @@ class CommandCentre:
             for sample in stream.on_recovered(decode_recovered(event.payload), event.at_us):
                 self.on_sample(stream.owner, stream.label, sample, event.at_us)
             return []
-        self.changed_us = event.at_us
-        if not self._clock_known and self._learn_clock(event):
+        if self._learns_clock(event):
             return self._told(self.directory.start(event.at_us), event.at_us)
         return self._told(self.directory.on_answered(event), event.at_us)
 
-    def _learn_clock(self, event: Answered) -> bool:
+    def _learns_clock(self, event: Answered | Arrived) -> bool:
         """The first platform's description tells which clock the federation runs by; whether ours was another."""
+        self.changed_us = event.at_us
         found = decode_description(event.payload)
-        if found.kind == KIND:
+        if self._clock_known or found.kind == KIND:
             return False
         self._clock_known = True
         if self.clock.agrees(found.clock_epoch_us, found.clock_speed):

@@ -198,6 +198,27 @@ def check(
     return run(call, formula, trace=trace, unit=unit, timeout=timeout)
 
 
+kpl = typer.Typer(help="Specifications of knowledge processing, in KPL.", no_args_is_help=True)
+app.add_typer(kpl, name="kpl")
+SpecificationFile = Annotated[Path, typer.Argument(metavar="FILE", help="A specification, mission.kpl.")]
+
+
+@command(kpl, name="check", example="dyknow kpl check mission.kpl")
+def kpl_check(call: Call, file: SpecificationFile) -> int:
+    """Every error of a specification with its place and repair, and what nobody reaches; exit 1 if there is an error."""
+    from console.specifications import check as run
+
+    return run(call, file)
+
+
+@command(kpl, name="show", example="dyknow kpl show mission.kpl")
+def kpl_show(call: Call, file: SpecificationFile) -> int:
+    """A specification as it is understood: one declaration a line."""
+    from console.specifications import show as run
+
+    return run(call, file)
+
+
 # Tasks and what comes of them
 
 

@@ -50,6 +50,10 @@ class SortError(DyknowError):
     """A value does not belong to the sort of its stream."""
 
 
+WIDEST = 66
+"""So many characters of a line are drawn."""
+
+
 class TextError(DyknowError):
     """A text that somebody typed is wrong: where, what was expected, and the repair.
 
@@ -78,10 +82,21 @@ class TextError(DyknowError):
         parts = [f"{place}{self.message}"]
         lines = self.text.splitlines()
         if 1 <= self.line <= len(lines):
-            parts += [f"    {lines[self.line - 1]}", " " * (3 + self.column) + "^" * self.width]
+            parts += _pointed(lines[self.line - 1], self.column - 1, self.width)
         if self.repair:
             parts.append(f"    write: {self.repair}")
         return "\n".join(parts)
+
+
+def _pointed(line: str, at: int, width: int) -> list[str]:
+    """A line and a caret under the place in question; of a long line the part around it."""
+    if len(line) <= WIDEST:
+        return [f"    {line}", " " * (4 + at) + "^" * width]
+    start = max(0, min(at - WIDEST // 3, len(line) - WIDEST))
+    shown = line[start : start + WIDEST]
+    before, after = "..." if start else "", "..." if start + WIDEST < len(line) else ""
+    room = max(1, start + WIDEST - at)
+    return [f"    {before}{shown}{after}", " " * (4 + len(before) + at - start) + "^" * min(width, room)]
 
 
 class TextErrors(TextError):

@@ -3,13 +3,20 @@ from kpl.listing import print_declaration, print_specification
 from kpl.parsing import parse_formula
 from kpl.printing import print_formula
 from kpl.profiles import profile_formula, unit_vocabulary
+from kpl.specification import Declaration, Specification
+from kpl.specification_checking import Findings, Known, check_specification
 from kpl.statements import parse_specification, read_specification
 
 __all__ = [
     "Constant",
+    "Declaration",
     "FeatureType",
+    "Findings",
+    "Known",
+    "Specification",
     "Vocabulary",
     "check",
+    "check_specification",
     "parse_formula",
     "parse_specification",
     "print_declaration",

@@ -31,6 +31,7 @@ from kpl.specification import (
 from reasoning.formulas import Feature, Node, walk
 
 STATE = "state"
+SELF = "self"
 LONGEST_GUESS = 64
 MOST_GUESSES = 50
 _NONE: Mapping[str, str] = {}
@@ -368,9 +369,9 @@ def _needs(declaration: GeneratorDeclaration, variables: frozenset[str]) -> Iter
 
 
 def _fit(one: Label, free: frozenset[str], other: Label, also_free: frozenset[str]) -> bool:
-    """Whether two labels of one feature can become the same; free objects stand for any."""
+    """Whether two labels of one feature can become the same: free objects stand for any, `self` for one unit."""
     return len(one.objects) == len(other.objects) and all(
-        a in free or b in also_free or a == b for a, b in zip(one.objects, other.objects, strict=True)
+        a in free or b in also_free or a == b or SELF in (a, b) for a, b in zip(one.objects, other.objects, strict=True)
     )
 
 

@@ -1,0 +1,84 @@
+"""`dyknow kpl`: specifications checked and printed back."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from console.command import Call
+from console.errors import DONE, NO, WrongCall
+from console.output import verbatim
+from dyknow.errors import TextError, TextErrors
+
+if TYPE_CHECKING:
+    from kpl import Known, Specification
+
+LONGEST_FILE = 1 << 20
+
+
+def check(call: Call, path: Path) -> int:
+    """Every error and every warning, each at its place; 1 if there is an error."""
+    from kpl import check_specification, read_specification
+
+    text = _text(path)
+    try:
+        specification, errors = read_specification(text, str(path))
+    except TextError as wrong:
+        specification, errors = (), [wrong]
+    findings = check_specification(specification, _known(), text, str(path))
+    if not errors:  # what could not be read would be missed everywhere
+        errors = list(findings.errors)
+    warnings = [] if errors else findings.warnings
+    for severity, found in (*(("error", one) for one in errors), *(("warning", one) for one in warnings)):
+        _say(call, severity, found)
+    if not call.out.json_lines:
+        call.out.console.print(_summary(len(specification), len(errors), len(warnings)))
+    return NO if errors else DONE
+
+
+def show(call: Call, path: Path) -> int:
+    """The specification as the instance would print it: one declaration a line."""
+    from kpl import parse_specification, print_declaration
+
+    specification: Specification = parse_specification(_text(path), str(path))
+    for declaration in specification:
+        said = print_declaration(declaration)
+        call.out.say(verbatim(said), line=declaration.place.line, declaration=said)
+    return DONE
+
+
+def _known() -> "Known":
+    from federation.ontology import default_ontology
+    from kpl import Known
+
+    ontology = default_ontology()
+    return Known(semantic={name: ontology[name].sort.name for name in ontology})
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.stat().st_size > LONGEST_FILE:
+            raise WrongCall(f"{path} is larger than {LONGEST_FILE >> 10} kB: no specification is so long; split it.")
+        return path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise WrongCall(f"{path} cannot be read ({error}); a specification is a text file.") from None
+
+
+def _say(call: Call, severity: str, found: TextError) -> None:
+    for one in found.errors if isinstance(found, TextErrors) else (found,):
+        call.out.say(
+            f"[{'red' if severity == 'error' else 'yellow'}]{severity}[/] {verbatim(one.drawn())}",
+            severity=severity,
+            file=one.file,
+            line=one.line,
+            column=one.column,
+            message=one.message,
+            repair=one.repair,
+        )
+
+
+def _summary(declarations: int, errors: int, warnings: int) -> str:
+    said = [_counted(declarations, "declaration"), _counted(errors, "error"), _counted(warnings, "warning")]
+    return ", ".join(said)
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
