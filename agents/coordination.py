@@ -294,9 +294,9 @@ class Coordination:
         self._c.tasks.revive(task)
         if plan not in led.plans:
             led.plans = (*led.plans, plan)
-        earlier = led.own.get(plan.name)
-        if earlier is not None and earlier.conversation_id is not None:
-            self._c.tasks.forget(earlier.conversation_id)
+        followed = led.own.get(plan.name)
+        if followed is not None and followed.conversation_id is not None:
+            self._c.tasks.forget(followed.conversation_id)
         led.own[plan.name] = act
 
     def _leave(self, task: str, name: str, now_us: int) -> None:

@@ -284,8 +284,10 @@ class CommandCentre:
     def _learns_clock(self, event: Answered | Arrived) -> bool:
         """The first platform's description tells which clock the federation runs by; whether ours was another."""
         self.changed_us = event.at_us
-        found = decode_description(event.payload)
-        if self._clock_known or found.kind == KIND:
+        if self._clock_known:
+            return False
+        found, key = decode_description(event.payload), keys.parse_key(event.key)
+        if found.kind == KIND or not isinstance(key, keys.DescribeKey | keys.AnnouncementKey) or key.unit != found.unit:
             return False
         self._clock_known = True
         if self.clock.agrees(found.clock_epoch_us, found.clock_speed):

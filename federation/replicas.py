@@ -92,13 +92,7 @@ class Replicas:
             self.drop(unit)
             self._replicas[unit] = Replica(unit, peer.boot, now_us + UNASKED_US)
             self._due.set(unit, now_us + UNASKED_US)
-        elif not self._is_current(replica) and replica.backoff_us == RETRY_US:
-            self.doubt(unit, now_us)
-
-    def doubt(self, unit: str, now_us: int) -> None:
-        """The replica is not what its platform has now: ask again soon."""
-        replica = self._replicas.get(unit)
-        if replica is not None and replica.asked is None:
+        elif not self._is_current(replica) and replica.backoff_us == RETRY_US and replica.asked is None:
             replica.due_us = min(replica.due_us, now_us + UNASKED_US)
             self._due.set(unit, replica.due_us)
 

@@ -6,8 +6,10 @@ from hypothesis import strategies as st
 from console.centre import CommandCentre
 from federation import keys
 from federation.acts import Act, AgentName, Performative
-from federation.codec import encode_act
+from federation.clock import FederationClock
+from federation.codec import encode_act, encode_description
 from federation.contents import Hold, Query, Tasks
+from federation.directory import Directory
 from federation.transport import Arrived, Put
 
 NOW_US = 1_800_000_000_000_000
@@ -71,3 +73,14 @@ def test_only_questions_with_pages_stay_open_for_more() -> None:
     between = Query(semantic_label="battery", op="between", from_us=0, to_us=1)
     paged, _ = centre.say("0", Performative.QUERY_REF, between, NOW_US)
     assert (latest.paged, paged.paged) == (False, True)
+
+
+def test_the_clock_is_learned_from_the_first_platform_that_says_what_it_is_under_its_own_name() -> None:
+    centre, own = _centre(), FederationClock(NOW_US - 1_000_000, 10.0)
+    said = encode_description(Directory("1", 7, "uav", NOW_US, clock=own).description())
+    centre.on_event(Arrived(keys.announcement("2"), NOW_US, said), NOW_US)
+    assert centre.clock.speed == 1.0
+    centre.on_event(Arrived(keys.announcement("1"), NOW_US, b"\xc1"), NOW_US)
+    assert sum(centre.refused.values()) == 1
+    centre.on_event(Arrived(keys.announcement("1"), NOW_US, said), NOW_US)
+    assert (centre.clock.epoch_us, centre.clock.speed) == (NOW_US - 1_000_000, 10.0)
