@@ -11,7 +11,7 @@ from dyknow.adapters import (
     sample_every,
     strict_order,
 )
-from dyknow.compunits import ComputationalUnit, UnitFunction, latest_valid_us, of_values
+from dyknow.compunits import ComputationalUnit, UnitFunction, latest_valid_us, of_values, quality_of
 from dyknow.errors import (
     DyknowError,
     LabelAlreadyExists,
@@ -28,6 +28,17 @@ from dyknow.join import Inputs, Join, available, available_times, join, last_ava
 from dyknow.labels import Label
 from dyknow.network import Network
 from dyknow.policy import Approximation, Change, Order, Policy
+from dyknow.prototypes import (
+    Prototype,
+    Reading,
+    SourcePrototype,
+    UnitPrototype,
+    computational_unit,
+    of_samples,
+    prototypes_in,
+    source,
+    value_unit,
+)
 from dyknow.sample import SURE, Quality, Sample, Value
 from dyknow.sampling import PolicyAdapter, interpolate
 from dyknow.shared_states import SharedState, SharedSynchronizer, Strand
@@ -59,12 +70,15 @@ __all__ = [
     "Policy",
     "PolicyAdapter",
     "PolicyError",
+    "Prototype",
     "Quality",
+    "Reading",
     "Sample",
     "SharedState",
     "SharedSynchronizer",
     "Sort",
     "SortError",
+    "SourcePrototype",
     "State",
     "StateInput",
     "StatePolicy",
@@ -73,6 +87,7 @@ __all__ = [
     "Synchronizer",
     "TextError",
     "UnitFunction",
+    "UnitPrototype",
     "UnknownLabel",
     "Value",
     "ValueNotAvailable",
@@ -81,6 +96,7 @@ __all__ = [
     "any_update",
     "available",
     "available_times",
+    "computational_unit",
     "duration",
     "earlier",
     "interpolate",
@@ -89,13 +105,18 @@ __all__ = [
     "latest_valid_us",
     "max_delay",
     "monotone_order",
+    "of_samples",
     "of_values",
     "on_grid",
     "parse_duration",
     "previous",
     "print_duration",
     "print_span",
+    "prototypes_in",
+    "quality_of",
     "restrict",
     "sample_every",
+    "source",
     "strict_order",
+    "value_unit",
 ]

@@ -40,7 +40,7 @@ def latest_valid_us(inputs: Inputs) -> int | None:
     return max((s.valid_us for s in inputs if s is not None), default=None)
 
 
-def _quality(inputs: Inputs) -> Quality:
+def quality_of(inputs: Inputs) -> Quality:
     """A value is right when what it was computed from is, each by itself."""
     qualities = [s.quality for s in inputs if s is not None and s.quality is not SURE]
     return Quality(prod(quality.certainty for quality in qualities)) if qualities else SURE
@@ -55,6 +55,6 @@ def of_values(function: Callable[..., Value]) -> UnitFunction:
         if valid_us is None or len(values) < len(inputs):
             return None, state
         value = NO_VALUE if any(v is NO_VALUE for v in values) else function(*values)
-        return Sample(now_us, valid_us, value, _quality(inputs)), state
+        return Sample(now_us, valid_us, value, quality_of(inputs)), state
 
     return step
