@@ -4,6 +4,10 @@
   + PolicyError         constraints that cannot hold together
   + UnknownLabel        no stream generator carries the label
   + LabelAlreadyExists  a stream generator carries the label already
+  + PrototypeExists     a prototype has the name already
+  + UnknownPrototype    no prototype has the name
+  + WrongNumberOfInputs a unit takes another number of streams
+  + PolicyNotSupported  a process cannot provide its output so
   + ValueNotAvailable   a generator has no sample that answers the question
   + SortError           a value is not of the sort its stream declares
   + TextError           a text of ours (formula, policy, label, duration, act) does not parse or check
@@ -40,6 +44,34 @@ class LabelAlreadyExists(DyknowError):
     def __init__(self, label: str) -> None:
         self.label = label
         super().__init__(f"a stream generator for {label!r} exists already; remove it first")
+
+
+class PrototypeExists(DyknowError):
+    """A second prototype under one name was refused (thesis 5.4.1)."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        super().__init__(f"a prototype called {name!r} exists already; remove it first")
+
+
+class UnknownPrototype(DyknowError):
+    """Nothing can be made from `name` (thesis 5.4.1)."""
+
+    def __init__(self, name: str, known: tuple[str, ...]) -> None:
+        self.name, self.known = name, known
+        super().__init__(f"no prototype is called {name!r}; there are {', '.join(known) or 'none'}")
+
+
+class WrongNumberOfInputs(DyknowError):
+    """The number of streams is not the arity of the prototype (thesis 5.3.1)."""
+
+    def __init__(self, name: str, arity: int, given: int) -> None:
+        self.arity, self.given = arity, given
+        super().__init__(f"{name} takes {arity} streams, not {given}")
+
+
+class PolicyNotSupported(DyknowError):
+    """A process cannot provide its output under this policy (thesis 5.3.1)."""
 
 
 class ValueNotAvailable(DyknowError):

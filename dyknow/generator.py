@@ -1,18 +1,38 @@
 """Stream generators: one output of a knowledge process, given to any number of subscribers (thesis 5.3.2)."""
 
 from collections.abc import Callable
-from typing import TypeAlias
+from math import gcd
+from typing import Protocol, TypeAlias
 
+from dyknow.errors import ValueNotAvailable
 from dyknow.history import History
+from dyknow.instants import print_span
 from dyknow.labels import Label
 from dyknow.policy import Policy
 from dyknow.sample import SURE, Quality, Sample, Value
-from dyknow.sampling import PolicyAdapter
+from dyknow.sampling import Grid, PolicyAdapter
 from dyknow.values import Sort
 
 Consumer: TypeAlias = Callable[[Sample], None]
 _UNRESTRICTED = Policy()
 _new = tuple.__new__  # makes a NamedTuple in half the time; every sample of the instance is made here
+
+
+class Owner(Protocol):
+    """The knowledge process behind a generator, where there is one that works on demand."""
+
+    def on_demand(self) -> None:
+        """The subscriptions of the generator, or what they ask for, have changed."""
+
+    def reach(self, from_us: int | None) -> None:
+        """See to it that the history holds what is valid from `from_us` on, None: all that can be had.
+
+        Raises:
+            ValueNotAvailable: so much cannot be had; the message says what can.
+        """
+
+    def since_us(self) -> int:
+        """The earliest valid time that can be reached; -2**80: all there ever was."""
 
 
 class Subscription:
@@ -21,10 +41,14 @@ class Subscription:
     __slots__ = ("_generator", "adapter", "consumer", "on_end")
 
     def __init__(
-        self, generator: "Generator", policy: Policy, consumer: Consumer, on_end: Callable[[], None] | None
+        self,
+        generator: "Generator",
+        policy: Policy | PolicyAdapter,
+        consumer: Consumer,
+        on_end: Callable[[], None] | None,
     ) -> None:
         self._generator: Generator | None = generator
-        self.adapter = PolicyAdapter(policy)
+        self.adapter = policy if isinstance(policy, PolicyAdapter) else PolicyAdapter(policy)
         self.consumer = consumer
         self.on_end = on_end
 
@@ -40,9 +64,9 @@ class Subscription:
     def cancel(self) -> None:
         """No more samples, also not of the one being delivered. Cancelling twice is cancelling once."""
         if self._generator is not None:
-            self._generator.drop(self)
-            self._generator = None
+            generator, self._generator = self._generator, None
             self.consumer = _ignore
+            generator.drop(self)
 
     def end(self) -> None:
         """The generator is gone: cancel, and tell the consumer."""
@@ -50,6 +74,12 @@ class Subscription:
             self.cancel()
             if self.on_end is not None:
                 self.on_end()
+
+    def retune(self, adapter: PolicyAdapter) -> None:
+        """Go on under another policy, with what `PolicyAdapter.continued` gave."""
+        self.adapter = adapter
+        if self._generator is not None:
+            self._generator.rearrange()
 
     def on_time(self, now_us: int) -> None:
         """Hand on what the policy owes at `now_us`."""
@@ -63,22 +93,28 @@ class Subscription:
 
 
 class Generator:
-    """The stream generator that carries `label`; its stream, unadapted, is its history."""
+    """The stream generator that carries `label`; its stream, unadapted, is its history.
 
-    __slots__ = ("_adapted", "_last_us", "_open", "history", "label", "sort", "subscriptions")
+    Attributes:
+        owner: the process that is told of demand; None: samples are pushed whether anybody wants them or not.
+        last_us: available time of the last sample.
+    """
+
+    __slots__ = ("_adapted", "_open", "history", "label", "last_us", "owner", "sort", "subscriptions")
 
     def __init__(self, label: Label, sort: Sort, capacity: int) -> None:
         self.label, self.sort = label, sort
         self.history = History(capacity)
+        self.owner: Owner | None = None
         self.subscriptions: tuple[Subscription, ...] = ()
         self._open: tuple[Subscription, ...] = ()  # no constraint: every sample passes as it is
         self._adapted: tuple[Subscription, ...] = ()
-        self._last_us = -(2**80)
+        self.last_us = -(2**80)
 
     def push(self, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> Sample:
         """Add a sample that became available at `now_us` and hand it on. A tie of available times is moved by 1 us."""
-        available_us = now_us if now_us > self._last_us else self._last_us + 1
-        self._last_us = available_us
+        available_us = now_us if now_us > self.last_us else self.last_us + 1
+        self.last_us = available_us
         sample = _new(Sample, (available_us, valid_us, value, quality))
         self.history.add(sample)
         for subscription in self._open:
@@ -88,7 +124,39 @@ class Generator:
                 subscription.consumer(adapted)
         return sample
 
-    def subscribe(self, policy: Policy, consumer: Consumer, on_end: Callable[[], None] | None = None) -> Subscription:
+    def remember(self, valid_us: int, value: Value, available_us: int, quality: Quality = SURE) -> None:
+        """Add a sample of the past: to the history, not to the streams."""
+        self.last_us = max(available_us, self.last_us + 1)
+        self.history.add(Sample(self.last_us, valid_us, value, quality))
+
+    def past(self, from_us: int) -> list[Sample]:
+        """What is valid from `from_us` on and came already, as it came.
+
+        Raises:
+            ValueNotAvailable: not all of it is held; the message names the earliest time from which it is.
+        """
+        if self.owner is not None:
+            self.owner.reach(from_us)
+        starts_us = self.since_us
+        if from_us < starts_us:
+            if self.owner is not None:
+                self.owner.on_demand()
+            raise ValueNotAvailable(
+                f"{self.label} cannot begin at {from_us} us: the earliest possible time is {starts_us} us, "
+                f"{print_span(starts_us - from_us)} later"
+            )
+        return sorted(self.history.get_between(from_us, 2**80), key=_available_us)
+
+    @property
+    def since_us(self) -> int:
+        """The earliest valid time from which all can be had; -2**80: all there ever was."""
+        starts_us = self.history.starts_us
+        held_us = -(2**80) if starts_us is None else starts_us
+        return held_us if self.owner is None else max(held_us, self.owner.since_us())
+
+    def subscribe(
+        self, policy: Policy | PolicyAdapter, consumer: Consumer, on_end: Callable[[], None] | None = None
+    ) -> Subscription:
         """A stream of what is pushed from now on; `on_end` is called when the generator is removed."""
         subscription = Subscription(self, policy, consumer, on_end)
         self._arrange((*self.subscriptions, subscription))
@@ -97,15 +165,41 @@ class Generator:
     def drop(self, subscription: Subscription) -> None:
         self._arrange(tuple(s for s in self.subscriptions if s is not subscription))
 
+    def rearrange(self) -> None:
+        """A subscription has another policy."""
+        self._arrange(self.subscriptions)
+
     def end(self) -> None:
         """Remove the generator: all its streams end."""
+        self.owner = None
         for subscription in self.subscriptions:
             subscription.end()
+
+    @property
+    def wanted(self) -> Grid | None:
+        """The coarsest grid on which every valid time lies that a subscriber can take; None: all that there are."""
+        period_us, anchor_us = 0, None
+        for subscription in self.subscriptions:
+            grid = None if subscription.policy.approximation != "none" else subscription.adapter.grid
+            if grid is None:
+                return None
+            period_us = gcd(period_us, grid.period_us)
+            if anchor_us is None:
+                anchor_us = grid.anchor_us
+            elif grid.anchor_us is not None:
+                period_us = gcd(period_us, grid.anchor_us - anchor_us)
+        return Grid(period_us, anchor_us) if period_us else None
 
     def _arrange(self, subscriptions: tuple[Subscription, ...]) -> None:
         self.subscriptions = subscriptions
         self._open = tuple(s for s in subscriptions if s.policy == _UNRESTRICTED)
         self._adapted = tuple(s for s in subscriptions if s.policy != _UNRESTRICTED)
+        if self.owner is not None:
+            self.owner.on_demand()
+
+
+def _available_us(sample: Sample) -> int:
+    return sample.available_us
 
 
 def _ignore(_sample: Sample) -> None:

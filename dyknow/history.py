@@ -42,6 +42,14 @@ class History:
         self._dropped_us: int | None = None  # highest valid time among the forgotten, of which
         self._counted = 0  # so many still stand at the front of the list and were looked at
 
+    def copy(self) -> "History":
+        """The same samples, to be asked while this one goes on."""
+        other = History(self.capacity)
+        for name in self.__slots__:
+            setattr(other, name, getattr(self, name))
+        other._samples, other._sorted = list(self._samples), None
+        return other
+
     def add(self, sample: Sample) -> None:
         """Remember `sample`, which became available after all others."""
         samples = self._samples

@@ -2,14 +2,38 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from operator import itemgetter
+from typing import Protocol
 
-from dyknow.compunits import ComputationalUnit, UnitFunction
-from dyknow.errors import LabelAlreadyExists, UnknownLabel
-from dyknow.generator import Consumer, Generator, Subscription
+from dyknow.compunits import ComputationalUnit, UnitFunction, of_values
+from dyknow.errors import LabelAlreadyExists, SortError, UnknownLabel
+from dyknow.generator import Consumer, Generator, Owner, Subscription
+from dyknow.history import History
 from dyknow.labels import Label
 from dyknow.policy import Policy
+from dyknow.processes import Input, Refinement
+from dyknow.prototypes import UnitPrototype
 from dyknow.sample import SURE, Quality, Sample, Value
+from dyknow.stream_proxy import OnLink, StreamProxy
 from dyknow.values import Sort
+
+
+class Timed(Protocol):
+    """What makes samples when time passes; without a deadline it will not again."""
+
+    @property
+    def deadline_us(self) -> int | None: ...
+    def on_time(self, now_us: int) -> None: ...
+
+
+class Process(Owner, Protocol):
+    """A knowledge process that feeds one generator and works while somebody wants what it makes (3.3)."""
+
+    def attach(self, network: "Network", generator: Generator) -> None:
+        """Feed this generator from now on."""
+
+    def detach(self) -> None:
+        """Feed it no more, and hold nothing."""
 
 
 class Network:
@@ -19,13 +43,21 @@ class Network:
     add and remove while they are called. Call `on_time` at `deadline_us`. Times: microseconds of federation time.
     """
 
-    __slots__ = ("_generators", "_history", "_timed", "_unit_inputs")
+    __slots__ = (
+        "_attributes", "_generators", "_history", "_processes", "_timed", "_unit_inputs", "_waiting", "now_us",
+        "on_fault",
+    )  # fmt: skip
 
     def __init__(self, history: int = 4096) -> None:
         self._history = history
         self._generators: dict[Label, Generator] = {}
         self._unit_inputs: dict[Label, list[Subscription]] = {}
-        self._timed: list[Subscription] = []  # replaced, never changed: consumers may subscribe while it is walked
+        self.now_us = 0
+        self.on_fault: Callable[[Label, str], None] = lambda _label, _said: None
+        self._processes: dict[Label, Process] = {}
+        self._attributes: dict[Label, list[Label]] = {}
+        self._waiting: dict[Label, list[StreamProxy]] = {}
+        self._timed: list[Timed] = []  # replaced, never changed: consumers may subscribe while it is walked
 
     def add_source(self, label: Label, sort: Sort, history: int | None = None) -> Generator:
         """A generator fed by `push`, with its own length of history if one is given.
@@ -37,6 +69,7 @@ class Network:
             raise LabelAlreadyExists(str(label))
         generator = Generator(label, sort, history or self._history)
         self._generators[label] = generator
+        self._welcome(generator)
         return generator
 
     def push(self, label: Label, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
@@ -48,6 +81,7 @@ class Network:
         generator = self._generators.get(label)
         if generator is None:
             raise self._unknown(label)
+        self.now_us = now_us
         generator.push(valid_us, value, now_us, quality)
 
     def add_unit(
@@ -70,7 +104,7 @@ class Network:
                 generator.push(output.valid_us, output.value, sample.available_us, output.quality)
 
         self._unit_inputs[label] = [
-            self._watch(source.subscribe(policy, partial(on_input, i)))
+            self.watch(source.subscribe(policy, partial(on_input, i)))
             for i, (source, (_, policy)) in enumerate(zip(sources, inputs, strict=True))
         ]
         return generator
@@ -83,7 +117,80 @@ class Network:
         Raises:
             UnknownLabel: no generator carries `label`.
         """
-        return self._watch(self.generator(label).subscribe(policy, consumer, on_end))
+        return self.watch(self.generator(label).subscribe(policy, consumer, on_end))
+
+    def connect(
+        self,
+        label: Label,
+        policy: Policy,
+        consumer: Consumer,
+        on_link: OnLink | None = None,
+        *,
+        from_us: int | None = None,
+        after_us: int | None = None,
+    ) -> StreamProxy:
+        """A stream for `consumer` whether a generator carries the label yet or not; `on_link` hears when that changes.
+
+        With `from_us` it begins in the past, as if it had been there then (with `after_us`: as if it had begun at that
+        available time): take the proxy's backlog first.
+
+        Raises:
+            ValueNotAvailable: it cannot begin so early.
+        """
+        proxy = StreamProxy(self, label, policy, consumer, on_link)
+        generator = self._generators.get(label) or self._attribute(label)
+        if generator is None:
+            self.wait(proxy)
+        else:
+            proxy.link(generator, from_us, after_us)
+        return proxy
+
+    def add_process(self, label: Label, sort: Sort, process: Process) -> Generator:
+        """A generator fed by a process that works on demand.
+
+        Raises:
+            LabelAlreadyExists: the label is taken.
+        """
+        if label in self._generators:
+            raise LabelAlreadyExists(str(label))
+        generator = Generator(label, sort, self._history)
+        self._generators[label] = generator
+        self._give(generator, process)
+        self._welcome(generator)
+        return generator
+
+    def replace_process(self, label: Label, sort: Sort, process: Process | None) -> Generator:
+        """Let another process feed a generator; who subscribed stays, order and history go on. None: what is pushed.
+
+        Raises:
+            UnknownLabel: no generator carries `label`.
+            SortError: what the new process makes is of another sort.
+        """
+        generator = self.generator(label)
+        if generator.sort != sort:
+            raise SortError(f"{label} is a stream of {generator.sort.name}, which {sort.name} cannot replace")
+        self._take(generator)
+        if process is not None:
+            self._give(generator, process)
+        return generator
+
+    def process(self, label: Label) -> Process | None:
+        """The process on demand behind a generator."""
+        return self._processes.get(label)
+
+    def snapshot(self, label: Label) -> History:
+        """The history of a stream, for the queries of 5.3.2; what is made on demand only is made for it.
+
+        Raises:
+            UnknownLabel: no generator carries `label`.
+        """
+        generator = self.generator(label)
+        if generator.owner is None or generator.subscriptions:
+            return generator.history
+        generator.owner.reach(None)
+        held = generator.history.copy()
+        generator.owner.on_demand()
+        return held
 
     def remove(self, label: Label) -> None:
         """Take a generator away, with the unit that feeds it; its streams end.
@@ -92,7 +199,10 @@ class Network:
             UnknownLabel: no generator carries `label`.
         """
         generator = self.generator(label)
+        for attribute in self._attributes.pop(label, ()):
+            self.remove(attribute)
         del self._generators[label]
+        self._take(generator)
         for subscription in self._unit_inputs.pop(label, ()):
             subscription.cancel()
         generator.end()
@@ -118,6 +228,7 @@ class Network:
 
     def on_time(self, now_us: int) -> None:
         """Hand on what policies owe at `now_us`."""
+        self.now_us = now_us
         for subscription in self._timed:
             due_us = subscription.deadline_us
             if due_us is not None and due_us <= now_us:
@@ -130,11 +241,64 @@ class Network:
             return None
         return min((due_us for s in self._timed if (due_us := s.deadline_us) is not None), default=None)
 
-    def _watch(self, subscription: Subscription) -> Subscription:
+    def watch(self, subscription: Subscription) -> Subscription:
         """Remember the streams that make samples when time passes, and forget those that will not again."""
         if subscription.deadline_us is not None:
-            self._timed = [*(s for s in self._timed if s.deadline_us is not None), subscription]
+            self.step(subscription)
         return subscription
+
+    def step(self, timed: Timed) -> None:
+        """Call it at its deadlines, until it has none."""
+        self._timed = [*(t for t in self._timed if t.deadline_us is not None and t is not timed), timed]
+
+    def wait(self, proxy: StreamProxy) -> None:
+        """Link it as soon as a generator carries its label."""
+        self._waiting.setdefault(proxy.label, []).append(proxy)
+
+    def forget(self, proxy: StreamProxy) -> None:
+        """It waits no more."""
+        waiting = self._waiting.get(proxy.label)
+        if waiting is not None and proxy in waiting:
+            waiting.remove(proxy)
+            if not waiting:
+                del self._waiting[proxy.label]
+
+    def _welcome(self, generator: Generator) -> None:
+        """Link those who waited for the generator, or for an attribute of its values."""
+        label = generator.label
+        for proxy in self._waiting.pop(label, ()):
+            proxy.link(generator)
+        if generator.sort.fields:
+            for field in generator.sort.fields:
+                attribute = Label(f"{label.feature}.{field.name}", label.objects)
+                if attribute in self._waiting:
+                    self._attribute(attribute)
+
+    def _attribute(self, label: Label) -> Generator | None:
+        """A generator for `feature.attribute[objects]`, if there is one for `feature[objects]` with such a field."""
+        feature, _, attribute = label.feature.rpartition(".")
+        stem = self._generators.get(Label(feature, label.objects)) if feature else None
+        names = [field.name for field in stem.sort.fields] if stem is not None else []
+        if stem is None or attribute not in names:
+            return None
+        at = names.index(attribute)
+        unit = UnitPrototype(
+            attribute, stem.sort.fields[at].unit, (stem.sort.name,), lambda: of_values(itemgetter(at)), True
+        )
+        self._attributes.setdefault(stem.label, []).append(label)
+        return self.add_process(label, Sort(stem.sort.fields[at].unit), Refinement(unit, [Input(stem.label)]))
+
+    def _give(self, generator: Generator, process: Process) -> None:
+        self._processes[generator.label] = process
+        process.attach(self, generator)
+        generator.owner = process
+        process.on_demand()
+
+    def _take(self, generator: Generator) -> None:
+        generator.owner = None
+        process = self._processes.pop(generator.label, None)
+        if process is not None:
+            process.detach()
 
     def _unknown(self, label: Label) -> UnknownLabel:
         return UnknownLabel(str(label), tuple(map(str, self._generators)))

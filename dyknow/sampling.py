@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable
 from math import inf
-from typing import Final
+from typing import Final, NamedTuple
 
 from dyknow.policy import Policy
 from dyknow.sample import SURE, Quality, Sample, Value
@@ -13,7 +13,15 @@ from dyknow.values import NO_VALUE
 CATCH_UP = 1024
 """Grid points approximated at once after a silence of the caller; older ones are a gap."""
 
+_COUNTS: Final = ("gaps", "_late", "_out_of_order", "_outside", "_no_change", "_off_grid", "_uncertain")
 _EVER_US: Final = 2**80  # beyond every time, so that "no limit" needs no test of its own on the hot path
+
+
+class Grid(NamedTuple):
+    """Valid times that differ by multiples of a period; without an anchor the first sample says where they lie."""
+
+    period_us: int
+    anchor_us: int | None
 
 
 class PolicyAdapter:
@@ -71,6 +79,23 @@ class PolicyAdapter:
         """Next instant at which `on_time` has work, or None."""
         return None if self._owed is None else self._owed.deadline_us
 
+    def continued(self, policy: Policy, anchor_us: int | None = None) -> "PolicyAdapter":
+        """The rest of this stream under another policy: order, counts and, where none is given, the grid go on."""
+        after = PolicyAdapter(policy)
+        after._last, after._previous = self._last, self._previous
+        for name in _COUNTS:
+            setattr(after, name, getattr(self, name))
+        if after._anchor_us is None:
+            after._anchor_us = self._anchor_us if anchor_us is None else anchor_us
+        if self._owed is not None and after._owed is not None:
+            after._owed.take_over(self._owed)
+        return after
+
+    @property
+    def grid(self) -> Grid | None:
+        """The valid times that can come through; None: any."""
+        return Grid(self._period_us, self._anchor_us) if self._period_us else None
+
     @property
     def dropped(self) -> Counter[str]:
         """Samples that did not come through, by reason."""
@@ -101,22 +126,22 @@ class PolicyAdapter:
             self._late += 1
             return []
         period_us, last = self._period_us, self._last
+        if period_us:
+            if self._anchor_us is None:
+                self._anchor_us = valid_us
+            elif (valid_us - self._anchor_us) % period_us:
+                self._off_grid += 1
+                return []
         if last is not None:
             step_us = valid_us - last.valid_us
-            if period_us and step_us != period_us:
-                if step_us % period_us:
-                    self._off_grid += 1
-                    return []
-                self.gaps += step_us > 0
+            if period_us and step_us > period_us:
+                self.gaps += 1
             if step_us < self._least_step_us:
                 self._out_of_order += 1
                 return []
             if self._changes and step_us == 0 and sample.value == last.value:
                 self._no_change += 1
                 return []
-        elif period_us and self._anchor_us is not None and (valid_us - self._anchor_us) % period_us:
-            self._off_grid += 1
-            return []
         if sample.available_us < now_us or (last is not None and sample.available_us <= last.available_us):
             earliest_us = now_us if last is None else max(now_us, last.available_us + 1)
             sample = Sample(max(earliest_us, sample.available_us), valid_us, sample.value, sample.quality)
@@ -208,6 +233,13 @@ class _Owed:
     def advance(self, points: int = 1) -> None:
         self.next_us += points * self.period_us
         self.upcoming.advance(self.next_us)
+
+    def take_over(self, before: "_Owed") -> None:
+        """Go on where another ended, with what it knew."""
+        self.upcoming, self.listening = before.upcoming, before.listening
+        behind_us = before.next_us - self.next_us
+        if behind_us > 0:
+            self.advance(-(-behind_us // self.period_us))
 
     def catch_up(self, now_us: int) -> None:
         """Skip what was due before anybody listened, and all but the last points after a long silence of the caller."""

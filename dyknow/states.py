@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from math import gcd
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 from dyknow.errors import PolicyError
 from dyknow.policy import Approximation, Policy
@@ -29,12 +29,40 @@ class Category(Enum):
     NOAPRX_MORE = "no approximation available, further information may arrive"
 
 
+Manner: TypeAlias = Literal["exact", "most recent", "linear", "no value"]
+
+
+class Origin(NamedTuple):
+    """How a value of a state was obtained, and the valid time of the sample it is, or comes from."""
+
+    manner: Manner
+    valid_us: int | None
+
+
 class State(NamedTuple):
-    """The values of all inputs at one valid time, in the order of the inputs; `NO_VALUE` where there is none."""
+    """The values of all inputs at one valid time, in the order of the inputs; `NO_VALUE` where there is none.
+
+    `origins` says how each was obtained, where the synchronizer was asked for that.
+    """
 
     available_us: int
     valid_us: int
     values: tuple[Value, ...]
+    origins: tuple[Origin, ...] = ()
+
+
+class Awaited(NamedTuple):
+    """Why there is no state yet: what is known of one input, and when it is waited for no longer (None: not known)."""
+
+    name: str
+    category: Category
+    until_us: int | None
+    last_us: int | None
+
+    def __str__(self) -> str:
+        last = "nothing has come" if self.last_us is None else f"its last sample is valid at {self.last_us} us"
+        until = "" if self.until_us is None else f"; waited for until {self.until_us} us"
+        return f"{self.name}: {self.category.value} ({last}{until})"
 
 
 class StateInput(NamedTuple):
@@ -120,6 +148,15 @@ class _Input:
             return NO_VALUE
         return best.value if self.approximation == "most recent" else interpolate(best, self.buffer.later[0], sync_us)
 
+    def origin_at(self, sync_us: int) -> Origin:
+        """How `value_at` obtains its value."""
+        best = self.buffer.best
+        if best is not None and best.valid_us == sync_us:
+            return Origin("exact", sync_us)
+        if best is None or not self.has_approximation() or self.approximation == "none":
+            return Origin("no value", None)
+        return Origin(self.approximation, best.valid_us)
+
     def category(self, sync_us: int) -> Category:
         if self.is_exact(sync_us):
             return Category.EXACT
@@ -145,10 +182,11 @@ class Synchronizer:
 
     __slots__ = (
         "_approximate_us", "_delay_before_us", "_delays", "_due_us", "_inputs", "_last_us", "_lead_us", "_listening",
-        "_max_delay_us", "_open", "_refused", "_sync_us", "_to_us", "names", "period_us", "skipped",
+        "_max_delay_us", "_open", "_refused", "_sync_us", "_to_us", "explains", "names", "period_us", "skipped",
     )  # fmt: skip
 
-    def __init__(self, inputs: Sequence[StateInput], policy: StatePolicy) -> None:
+    def __init__(self, inputs: Sequence[StateInput], policy: StatePolicy, *, explains: bool = False) -> None:
+        self.explains = explains
         if not inputs:
             raise PolicyError("a state has at least one input")
         policies = [i.policy for i in inputs]
@@ -221,6 +259,20 @@ class Synchronizer:
         """What is known about each input at the synchronisation point, as of the last call."""
         return tuple(i.category(self._sync_us) for i in self._inputs)
 
+    def awaited(self) -> tuple[Awaited, ...]:
+        """Why there is no state at the synchronisation point yet: the inputs that are not known there for sure."""
+        sync_us = self._sync_us
+        started = sync_us != _NEVER_US
+        found = []
+        for name, each in zip(self.names, self._inputs, strict=True):
+            category = each.category(sync_us)
+            if category in {Category.APRX_MORE, Category.NOAPRX_MORE}:
+                patience_us = self._delay_before_us if category is Category.APRX_MORE else self._max_delay_us
+                until_us = sync_us + min(each.delay_us, patience_us) if started else None
+                newest = each.buffer.later[-1] if each.buffer.later else each.buffer.best
+                found.append(Awaited(name, category, until_us, None if newest is None else newest.valid_us))
+        return tuple(found)
+
     @property
     def refused(self) -> int:
         """Samples too far ahead: valid more than `CATCH_UP` periods from now, or too many to be kept.
@@ -237,7 +289,9 @@ class Synchronizer:
         while self._sync_us <= self._to_us and self._ready(clock_us):
             sync_us = self._sync_us
             self._last_us = now_us if now_us > self._last_us else self._last_us + 1
-            states.append(State(self._last_us, sync_us, tuple([i.value_at(sync_us) for i in self._inputs])))
+            values = tuple([i.value_at(sync_us) for i in self._inputs])
+            origins = tuple([i.origin_at(sync_us) for i in self._inputs]) if self.explains else ()
+            states.append(State(self._last_us, sync_us, values, origins))
             self._move(sync_us + self.period_us, clock_us)
         sync_us = self._sync_us
         self._approximate_us = sync_us + self._delay_before_us

@@ -1,0 +1,99 @@
+"""The knowledge process factory: prototypes by name, and the processes made from them (thesis 5.4.1)."""
+
+from collections.abc import Sequence
+
+from dyknow.errors import PolicyNotSupported, PrototypeExists, UnknownLabel, UnknownPrototype, WrongNumberOfInputs
+from dyknow.generator import Generator
+from dyknow.labels import Label
+from dyknow.network import Network
+from dyknow.policy import Policy
+from dyknow.processes import Input, Reader, Refinement
+from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
+from dyknow.values import Sort
+
+
+class ProcessFactory:
+    """Makes processes in one network, which is their stream generator manager (5.4.2)."""
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+        self._prototypes: dict[str, Prototype] = {}
+        self._made = set[Label]()
+
+    def add_prototype(self, prototype: Prototype) -> None:
+        """Offer a prototype under its name.
+
+        Raises:
+            PrototypeExists: the name is taken.
+        """
+        if prototype.name in self._prototypes:
+            raise PrototypeExists(prototype.name)
+        self._prototypes[prototype.name] = prototype
+
+    def remove_prototype(self, name: str) -> None:
+        """Offer it no more; what was made from it goes on.
+
+        Raises:
+            UnknownPrototype: there is none.
+        """
+        if self._prototypes.pop(name, None) is None:
+            raise UnknownPrototype(name, tuple(self._prototypes))
+
+    def prototype(self, name: str) -> Prototype:
+        """What is offered under a name.
+
+        Raises:
+            UnknownPrototype: there is none.
+        """
+        found = self._prototypes.get(name)
+        if found is None:
+            raise UnknownPrototype(name, tuple(self._prototypes))
+        return found
+
+    def prototypes(self) -> tuple[Prototype, ...]:
+        """All that are offered."""
+        return tuple(self._prototypes.values())
+
+    def create_knowledge_process(
+        self, label: Label, name: str, inputs: Sequence[Input] = (), output_policy: Policy | None = None
+    ) -> Generator:
+        """A process, and the generator of its output under `label`.
+
+        Raises:
+            UnknownPrototype: nothing is offered under `name`.
+            WrongNumberOfInputs: it takes another number of streams.
+            PolicyNotSupported: its output cannot be provided under `output_policy`.
+            LabelAlreadyExists: the label is taken.
+        """
+        prototype = self.prototype(name)
+        arity = len(prototype.inputs) if isinstance(prototype, UnitPrototype) else 0
+        if len(inputs) != arity:
+            raise WrongNumberOfInputs(name, arity, len(inputs))
+        if output_policy is not None and not _supports(prototype, output_policy):
+            raise PolicyNotSupported(f"{name} cannot provide its output with {output_policy}")
+        sort = Sort(prototype.sort)
+        if isinstance(prototype, UnitPrototype):
+            made = self._network.add_process(label, sort, Refinement(prototype, inputs, output_policy))
+        elif prototype.read is None:
+            made = self._network.add_source(label, sort)
+        else:
+            made = self._network.add_process(label, sort, Reader(prototype))
+        self._made.add(label)
+        return made
+
+    def destroy_knowledge_process(self, label: Label) -> None:
+        """End a process that was made here, with its generator.
+
+        Raises:
+            UnknownLabel: none that was made here carries `label`.
+        """
+        if label not in self._made:
+            raise UnknownLabel(str(label), tuple(map(str, self._made)))
+        self._made.discard(label)
+        self._network.remove(label)
+
+
+def _supports(prototype: Prototype, policy: Policy) -> bool:
+    if isinstance(prototype, SourcePrototype):
+        return policy == Policy()
+    return policy.approximation == "none" and prototype.supports(policy)

@@ -1,0 +1,140 @@
+"""Stream proxies: a stream at its client, which stays while those who make it come and go (thesis 5.2, 5.4.3)."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeAlias
+
+from dyknow.generator import Consumer, Generator, Subscription
+from dyknow.labels import Label
+from dyknow.policy import Policy
+from dyknow.sample import Sample
+from dyknow.sampling import Grid, PolicyAdapter
+
+if TYPE_CHECKING:
+    from dyknow.network import Network
+
+OnLink: TypeAlias = Callable[[bool], None]
+
+
+class StreamProxy:
+    """What is known of the maker is its label: when the generator is removed the client is told, and when a generator
+    carries the label again samples flow again, in the order and on the grid they had.
+
+    Attributes:
+        policy: what the client wants.
+        backlog: samples of the past, if the stream began there; the client takes them with `take_backlog`.
+        stretched: how many times longer its sample period is than it was declared (10.7).
+    """
+
+    __slots__ = (
+        "_adapter", "_consumer", "_last_us", "_network", "_on_link", "_subscription", "_wanted", "backlog", "label",
+        "policy", "stretched",
+    )  # fmt: skip
+
+    def __init__(
+        self, network: "Network", label: Label, policy: Policy, consumer: Consumer, on_link: OnLink | None
+    ) -> None:
+        self.label, self.policy = label, policy
+        self.backlog: list[Sample] = []
+        self.stretched = 1
+        self._network, self._consumer, self._on_link = network, consumer, on_link
+        self._adapter = PolicyAdapter(policy)
+        self._subscription: Subscription | None = None
+        self._wanted: Grid | None = None
+        self._last_us: int | None = None
+
+    @property
+    def linked(self) -> bool:
+        """Whether there is a generator."""
+        return self._subscription is not None
+
+    @property
+    def adapter(self) -> PolicyAdapter:
+        """The adapter at work: the policy in force, what was dropped and why."""
+        return self._adapter
+
+    def link(self, generator: Generator, from_us: int | None = None, after_us: int | None = None) -> None:
+        """A generator carries the label; with `from_us` the stream begins with what it holds from there on, with
+        `after_us` without what was available then.
+
+        Raises:
+            ValueNotAvailable: it does not reach back so far.
+        """
+        if from_us is not None:
+            for sample in generator.past(from_us):
+                if after_us is not None and sample.available_us <= after_us:
+                    continue
+                self.backlog += self._adapter.on_sample(sample, sample.available_us)
+        if self._last_us is not None:
+            generator.last_us = max(generator.last_us, self._last_us)
+        self._subscription = generator.subscribe(self._adapter, self._consumer, lambda: self._lost(generator))
+        self._network.watch(self._subscription)
+        if self._on_link is not None:
+            self._on_link(True)
+
+    def take_backlog(self) -> list[Sample]:
+        """The samples of the past, once."""
+        backlog, self.backlog = self.backlog, []
+        return backlog
+
+    def want(self, grid: Grid | None) -> None:
+        """Only what lies on `grid` is of use to the client; None: everything."""
+        if grid != self._wanted:
+            self._wanted = grid
+            self._retune()
+
+    def stretch(self, factor: int) -> None:
+        """Let every sample period be `factor` times as long as it would be; 1 takes that back."""
+        if factor != self.stretched:
+            self.stretched = factor
+            self._retune()
+
+    def change(self, policy: Policy) -> None:
+        """The client wants another policy from now on."""
+        self.policy = policy
+        self._retune()
+
+    def cancel(self) -> None:
+        """No more samples. Cancelling twice is cancelling once."""
+        self._network.forget(self)
+        self._consumer, self._on_link = _ignore, None
+        if self._subscription is not None:
+            self._subscription.cancel()
+            self._subscription = None
+
+    def _retune(self) -> None:
+        policy, anchor_us = narrowed(self.policy, self._adapter.grid, self._wanted)
+        if self.stretched > 1 and policy.sample_us is not None:
+            policy = replace(policy, sample_us=policy.sample_us * self.stretched)
+        if policy == self._adapter.policy and anchor_us is None:
+            return
+        self._adapter = self._adapter.continued(policy, anchor_us)
+        if self._subscription is not None:
+            self._subscription.retune(self._adapter)
+            self._network.watch(self._subscription)
+
+    def _lost(self, generator: Generator) -> None:
+        self._last_us = generator.last_us
+        self._subscription = None
+        self._network.wait(self)
+        if self._on_link is not None:
+            self._on_link(False)
+
+
+def narrowed(policy: Policy, grid: Grid | None, wanted: Grid | None) -> tuple[Policy, int | None]:
+    """The policy under which nothing comes that is not wanted, and the anchor of its grid if it needs one.
+
+    Where that cannot be said by a longer sample period, the policy stays as it is.
+    """
+    if wanted is None or policy.approximation != "none" or policy.change == "any change":
+        return policy, None
+    if policy.sample_us is not None:
+        anchors = [g.anchor_us for g in (grid, wanted) if g is not None and g.anchor_us is not None]
+        apart_us = anchors[0] - anchors[-1] if anchors else 0
+        if wanted.period_us % policy.sample_us or apart_us % policy.sample_us:
+            return policy, None
+    return replace(policy, change="sample", sample_us=wanted.period_us), wanted.anchor_us
+
+
+def _ignore(_sample: Sample) -> None:
+    """The consumer of a cancelled stream."""
