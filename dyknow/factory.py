@@ -45,10 +45,14 @@ class ProcessFactory:
         Raises:
             UnknownPrototype: there is none.
         """
-        found = self._prototypes.get(name)
+        found = self.find(name)
         if found is None:
             raise UnknownPrototype(name, tuple(self._prototypes))
         return found
+
+    def find(self, name: str) -> Prototype | None:
+        """The same; None if nothing is offered under the name."""
+        return self._prototypes.get(name)
 
     def prototypes(self) -> tuple[Prototype, ...]:
         """All that are offered."""

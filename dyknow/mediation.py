@@ -123,7 +123,7 @@ class Configuration:
     """Sees to it that for each member that a stream names there is what belongs to it (Def. 3.3.4).
 
     Args:
-        create: a member came; `remove`: it went.
+        create: a member came, or may lack what belongs to it; `remove`: it went.
     """
 
     def __init__(
@@ -133,6 +133,11 @@ class Configuration:
         self.members: dict[str, None] = {}
         self.proxy = network.connect(domain.label, domain.policy, self._on_sample, self._on_link)
         self._look()
+
+    def renew(self) -> None:
+        """Some of what belongs to the members may be gone: create it again where it is."""
+        for member in self.members:
+            self._create(member)
 
     def cancel(self) -> None:
         """All members go."""

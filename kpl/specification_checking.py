@@ -42,10 +42,11 @@ class Known(NamedTuple):
 
     Attributes:
         sorts: the names of all sorts; None: any name is a sort.
-        sources: sorts of sources that are declared already, by name.
-        units: sort and input sorts of computational units that are declared already, by name.
+        sources: sorts of sources that need no declaration, by name.
+        units: sort and input sorts of computational units that need no declaration, by name.
         labels: sorts of generators that are there already.
         semantic: sorts of the ontology's semantic labels, by name; None: any name is one.
+        running: declarations that a running instance holds already.
     """
 
     sorts: Collection[str] | None = None
@@ -53,6 +54,7 @@ class Known(NamedTuple):
     units: Mapping[str, tuple[str, tuple[str, ...]]] = {}
     labels: Mapping[Label, str] = {}
     semantic: Mapping[str, str] | None = None
+    running: Collection[Declaration] = ()
 
 
 class Findings(NamedTuple):
@@ -115,15 +117,11 @@ class _Checker:
         for declaration in self._specification:
             match declaration:
                 case SourceDeclaration(sort, name):
-                    self._once(
-                        seen, ("a source or a unit", name), declaration, {*self._known.sources, *self._known.units}
-                    )
-                    self._sources.setdefault(name, sort)
+                    self._once(seen, ("a source or a unit", name), declaration, self._known.units)
+                    self._sources[name] = sort
                 case UnitDeclaration(sort, name, inputs):
-                    self._once(
-                        seen, ("a source or a unit", name), declaration, {*self._known.sources, *self._known.units}
-                    )
-                    self._units.setdefault(name, (sort, inputs))
+                    self._once(seen, ("a source or a unit", name), declaration, self._known.sources)
+                    self._units[name] = (sort, inputs)
                 case GeneratorDeclaration(label):
                     self._once(seen, ("a generator", label), declaration, self._known.labels)
                     self._add(_Made(label, frozenset(), declaration, tuple(_needs(declaration, frozenset()))))
@@ -151,7 +149,8 @@ class _Checker:
         kind, name = what
         said = name[0] if isinstance(name, tuple) and not isinstance(name, Label) else name
         if before is not node:
-            self._wrong(f"{said} is {kind} already, in line {before.place.line}", node, "another name")
+            where = "the running instance" if before in self._known.running else f"line {before.place.line}"
+            self._wrong(f"{said} is {kind} already, in {where}", node, "another name")
         elif name in there:
             self._wrong(f"{said} is {kind} already, in the running instance", node, "another name")
 

@@ -270,15 +270,17 @@ def is_temporal(formula: Formula) -> bool:
     return any(isinstance(node, TEMPORAL) for node in walk(formula))
 
 
-def instantiate(body: Formula, variable: str, member: str) -> Formula:
-    """`body` with the object `member` for the variable; quantifiers that bind the same name keep theirs."""
+def instantiate(body: Formula, variable: str, member: Object) -> Formula:
+    """`body` with `member`, an object or another variable, for the variable; quantifiers that bind its name keep theirs."""
     found: Formula = _put(body, variable, member)
     return found
 
 
-def _put(node: Any, variable: str, member: str) -> Any:
+def _put(node: Any, variable: str, member: Object) -> Any:
     if isinstance(node, Variable):
-        return Const(member, place=node.place) if node.name == variable else node
+        if node.name != variable:
+            return node
+        return member if isinstance(member, Variable) else Const(member, place=node.place)
     changed: dict[str, Any] = {}
     shadowed = isinstance(node, Forall | Exists) and node.variable == variable
     for name in _parts(node.__class__):
@@ -296,7 +298,7 @@ def _put(node: Any, variable: str, member: str) -> Any:
     return replace(node, **changed) if changed else node
 
 
-def _put_each(inside: tuple[Any, ...], variable: str, member: str) -> tuple[Any, ...]:
+def _put_each(inside: tuple[Any, ...], variable: str, member: Object) -> tuple[Any, ...]:
     """Objects become the member's name, formulas are rewritten, nested sets are entered."""
     new: list[Any] = []
     for one in inside:

@@ -1,0 +1,244 @@
+"""From declarations to processes: what a generator declaration makes, with names of members and of the unit put in."""
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+from dyknow import Label, Policy, PolicyError, Sort
+from dyknow.errors import TextError
+from dyknow.instants import US_PER_MS, print_duration
+from dyknow.mediation import Mediation
+from dyknow.network import Process
+from dyknow.processes import Input, Reader, Refinement
+from dyknow.prototypes import SourcePrototype, UnitPrototype
+from dyknow.state_streams import StateStream, state_policy
+from kpl.definitions import Definitions
+from kpl.specification import (
+    ChronicleFile,
+    Declaration,
+    ForEach,
+    FromSource,
+    GeneratorDeclaration,
+    Link,
+    Making,
+    Merge,
+    MonitorDeclaration,
+    Select,
+    SourceDeclaration,
+    Specification,
+    StreamTerm,
+    UnitDeclaration,
+)
+from kpl.specification import (
+    Refinement as Refining,
+)
+from kpl.specification import (
+    StateStream as States,
+)
+from reasoning.formulas import Node
+
+if TYPE_CHECKING:
+    from kpl.instance import Instance
+
+Members: TypeAlias = Mapping[str, str]
+"""What variables stand for."""
+LEAST_PERIOD_US = US_PER_MS
+LONGEST_CHAIN = 100
+MAX_DECLARATIONS = 10_000
+SELF = "self"
+
+
+class Made(NamedTuple):
+    """What a generator declaration comes to.
+
+    Attributes:
+        process: None: samples are pushed.
+        source: the source they are pushed from.
+    """
+
+    sort: Sort
+    process: Process | None
+    source: str = ""
+
+
+class Compiler:
+    """Makes processes for one instance."""
+
+    def __init__(self, instance: "Instance") -> None:
+        self._instance = instance
+
+    def label(self, label: Label, members: Members | None = None) -> Label:
+        """The label with members for variables, and the unit for `self`."""
+        meant = {SELF: self._instance.unit, **(members or {})}
+        return Label(label.feature, tuple(meant.get(one, one) for one in label.objects))
+
+    def term(self, term: StreamTerm, members: Members | None = None) -> StreamTerm:
+        return StreamTerm(self.label(term.label, members), term.policy, place=term.place)
+
+    def input(self, term: StreamTerm, members: Members | None = None) -> Input:
+        return Input(self.label(term.label, members), term.policy)
+
+    def making(self, declaration: GeneratorDeclaration, wanted: Specification, members: Members | None = None) -> Made:
+        """The process of a generator, not yet attached.
+
+        Raises:
+            TextError: it cannot be made here.
+        """
+        made = declaration.made
+        match made:
+            case FromSource(name):
+                prototype = self._instance.prototype(name)
+                if isinstance(prototype, SourcePrototype) and prototype.read is not None:
+                    return Made(self._instance.sort(prototype.sort), Reader(prototype))
+                return Made(self._instance.sort(self._declared_sort(name, wanted)), None, name)
+            case Refining(name, terms):
+                unit = self._instance.prototype(name)
+                if not isinstance(unit, UnitPrototype):
+                    raise _at(made, f"{name} is declared, but no module that is loaded implements it")
+                inputs = [self.input(term, members) for term in terms]
+                return Made(self._instance.sort(unit.sort), Refinement(unit, inputs))
+            case States(terms, policy):
+                inputs = [self.input(term, members) for term in terms]
+                try:
+                    synchronised, when = state_policy(policy, [each.policy for each in inputs])
+                    return Made(Sort("state"), StateStream(inputs, synchronised, when))
+                except PolicyError as wrong:
+                    raise _at(made, str(wrong)) from None
+            case Select(term, variable, domain) | Merge(term, variable, domain):
+                return Made(
+                    self._sort_of(term.label, variable, wanted),
+                    Mediation(
+                        self.input(domain, members),
+                        lambda member: self.input(term, {**(members or {}), variable: member}),
+                        single=isinstance(made, Select),
+                    ),
+                )
+            case Link():
+                raise _at(made, "links of objects are not run here yet: they come with anchoring")
+
+    # What can be said beforehand
+
+    def check(self, wanted: Specification, running: Collection[Declaration], text: str, file: str) -> list[TextError]:
+        """What cannot run although it is well-formed: units nobody implements, periods nobody keeps, limits."""
+        errors: list[TextError] = []
+        if len(wanted) > MAX_DECLARATIONS:
+            return [TextError(f"{len(wanted)} declarations; an instance holds at most {MAX_DECLARATIONS}", file=file)]
+        definitions = Definitions(wanted)
+        for each in wanted:
+            if each in running:
+                continue
+            try:
+                self._check(each, definitions, wanted, text, file)
+            except TextError as wrong:
+                errors.append(_in_text(wrong, text, file))
+        if not errors:
+            errors += self._chains(wanted, text, file)
+        return errors
+
+    def _check(
+        self, declaration: Declaration, definitions: Definitions, wanted: Specification, text: str, file: str
+    ) -> None:
+        match declaration:
+            case GeneratorDeclaration():
+                self._check_made(declaration, wanted)
+            case ForEach(variable, _, body):
+                self._check_made(body, wanted, {variable: variable})
+            case UnitDeclaration(sort, name, inputs):
+                unit = self._instance.prototype(name)
+                if isinstance(unit, UnitPrototype) and (unit.sort, unit.inputs) != (sort, inputs):
+                    takes = ", ".join(unit.inputs)
+                    raise _at(
+                        declaration, f"{name} is implemented with other sorts", f"compunit {unit.sort} {name}({takes})"
+                    )
+            case SourceDeclaration(sort, name):
+                source = self._instance.prototype(name)
+                if isinstance(source, SourcePrototype) and source.sort != sort:
+                    raise _at(declaration, f"{name} is implemented with another sort", f"source {source.sort} {name}")
+            case MonitorDeclaration():
+                definitions.resolved(declaration.formula, self._instance.unit, text, file)
+                _check_period(declaration, declaration.policy)
+            case ChronicleFile():
+                raise _at(declaration, "chronicles are not run here yet")
+
+    def _check_made(
+        self, declaration: GeneratorDeclaration, wanted: Specification, members: Members | None = None
+    ) -> None:
+        self.making(declaration, wanted, members)
+        made = declaration.made
+        if isinstance(made, States):
+            _check_period(made, made.policy)
+        for term in _terms(made):
+            _check_period(term, term.policy)
+
+    def _chains(self, wanted: Specification, text: str, file: str) -> list[TextError]:
+        """Samples flow by plain calls, so that a chain of processes has a limit."""
+        made = {each.label: each for each in wanted if isinstance(each, GeneratorDeclaration)}
+        depth: dict[Label, int] = {}
+        for label in made:
+            waiting = [label]
+            while waiting:
+                current = waiting[-1]
+                needs = [t.label for t in _terms(made[current].made) if t.label in made]
+                open_ = [each for each in needs if each not in depth]
+                if open_ and current not in depth:
+                    waiting += open_
+                    continue
+                waiting.pop()
+                depth[current] = 1 + max((depth[each] for each in needs), default=0)
+        too_long = next((label for label, length in depth.items() if length > LONGEST_CHAIN), None)
+        if too_long is None:
+            return []
+        wrong = _at(made[too_long], f"{too_long} is at the end of a chain of {depth[too_long]} processes")
+        return [_in_text(wrong, text, file, f"chains of at most {LONGEST_CHAIN}")]
+
+    def _declared_sort(self, source: str, wanted: Specification) -> str:
+        found = (each.sort for each in wanted if isinstance(each, SourceDeclaration) and each.name == source)
+        prototype = self._instance.prototype(source)
+        return next(found, "" if prototype is None else prototype.sort)
+
+    def _sort_of(self, label: Label, variable: str, wanted: Iterable[Declaration]) -> Sort:
+        """The sort of what a label of a member is made of: that of any of its makers."""
+        del variable
+        for each in wanted:
+            body = each.body if isinstance(each, ForEach) else each
+            if not isinstance(body, GeneratorDeclaration) or isinstance(body.made, Select | Merge):
+                continue
+            if body.label.feature == label.feature:
+                return self.making(body, tuple(wanted)).sort
+        return Sort(label.feature)
+
+
+def _terms(made: Making) -> tuple[StreamTerm, ...]:
+    match made:
+        case Refining(_, terms) | States(terms):
+            return terms
+        case Select(term, _, domain) | Merge(term, _, domain):
+            return (term, domain)
+        case Link(source):
+            return (StreamTerm(source),)
+    return ()
+
+
+def _check_period(node: Node, policy: Policy) -> None:
+    if policy.sample_us is not None and policy.sample_us < LEAST_PERIOD_US:
+        raise _at(
+            node,
+            f"a sample every {print_duration(policy.sample_us)} cannot be served",
+            f"at least {print_duration(LEAST_PERIOD_US)}",
+        )
+
+
+def _at(node: Node, message: str, repair: str = "") -> TextError:
+    place = node.place
+    return TextError(message, line=place.line, column=place.column, width=place.width, repair=repair)
+
+
+def _in_text(wrong: TextError, text: str, file: str, repair: str = "") -> TextError:
+    return TextError(
+        wrong.message,
+        text=text,
+        line=wrong.line,
+        column=wrong.column,
+        width=wrong.width,
+        repair=wrong.repair or repair,
+        file=file,
+    )

@@ -1,0 +1,103 @@
+"""Features and constants that a specification defines, put in where formulas use them."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, replace
+from typing import Any
+
+from dyknow.errors import TextError
+from kpl.checking import Constant, Vocabulary, check
+from kpl.specification import Declaration, Define
+from reasoning.formulas import (
+    LIMIT_NODES,
+    Const,
+    Duration,
+    Exists,
+    Feature,
+    Forall,
+    Formula,
+    Node,
+    Variable,
+    instantiate,
+    too_large,
+    walk,
+)
+
+
+class Definitions:
+    """What is defined: `define MIN_XY = 15.0` a constant, `define hasCargo[u] = ...` a feature of one object.
+
+    Raises:
+        TextError: a definition uses itself.
+    """
+
+    def __init__(self, declarations: Iterable[Declaration]) -> None:
+        self.constants: dict[str, Constant] = {}
+        self.features: dict[tuple[str, int], Define] = {}
+        for each in declarations:
+            if isinstance(each, Define):
+                value = _constant(each)
+                if value is None:
+                    self.features[each.feature.name, len(each.feature.objects)] = each
+                else:
+                    self.constants[each.feature.name] = value
+
+    def resolved(self, formula: Formula, unit: str, text: str = "", file: str = "") -> Formula:
+        """The formula over streams only: definitions put in, constants and `self` replaced, sorts checked.
+
+        Raises:
+            TextErrors: with all that is wrong with it.
+            TextError: a definition uses itself, or the formula grows too large.
+        """
+        try:
+            whole = self._expand(formula, ())
+        except RecursionError:
+            raise TextError("nested too deep for where this is read", file=file, repair="nest less") from None
+        vocabulary = Vocabulary(constants={**self.constants, "self": unit})
+        if sum(1 for _ in walk(whole)) > LIMIT_NODES:
+            raise too_large()
+        return check(whole, vocabulary, text, file)
+
+    def _expand(self, node: Any, inside: tuple[Define, ...]) -> Any:
+        if isinstance(node, tuple):
+            return tuple(self._expand(one, inside) for one in node)
+        if not isinstance(node, Node):
+            return node
+        if isinstance(node, Feature):
+            definition = self.features.get((node.name, len(node.objects))) if node.attribute is None else None
+            return node if definition is None else self._put_in(node, definition, inside)
+        changed: Mapping[str, Any] = {
+            each.name: found
+            for each in fields(node)
+            if each.name != "place" and (found := self._expand(old := getattr(node, each.name), inside)) is not old
+        }
+        return replace(node, **changed) if changed else node
+
+    def _put_in(self, use: Feature, definition: Define, inside: tuple[Define, ...]) -> Any:
+        if definition in inside:
+            names = " -> ".join(each.feature.name for each in (*inside, definition))
+            raise _wrong(f"{use.name} is defined by itself: {names}", use, "a definition without itself")
+        body = definition.formula
+        for one in walk(body):
+            if isinstance(one, Forall | Exists) and Variable(one.variable) in use.objects:
+                raise _wrong(f"{use.name} uses the variable {one.variable} itself", use, "another variable here")
+        parameters = definition.feature.objects
+        for i, parameter in enumerate(parameters):  # first to names that nobody can type, so that none is taken twice
+            body = instantiate(body, str(parameter), Variable(f"?{i}"))
+        for i, given in enumerate(use.objects):
+            body = instantiate(body, f"?{i}", given)
+        return self._expand(body, (*inside, definition))
+
+
+def _wrong(message: str, use: Feature, repair: str) -> TextError:
+    place = use.place
+    return TextError(message, line=place.line, column=place.column, width=place.width, repair=repair)
+
+
+def _constant(definition: Define) -> Constant | None:
+    """The value, if the definition is a number, a time, a text or a truth value without objects."""
+    formula = definition.formula
+    if definition.feature.objects:
+        return None
+    if isinstance(formula, Duration):
+        return formula
+    return formula.value if isinstance(formula, Const) else None

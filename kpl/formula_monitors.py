@@ -1,0 +1,160 @@
+"""A monitor over streams of one instance: its states are made of the streams its formula names (7.5, 7.8).
+
+A domain is the newest value of the generator called like it: `forall car in car_ids: ...` ranges over what the stream
+`car_ids` names.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+from dyknow import Label, Network, Policy, Sample, State, StateInput, StatePolicy, Synchronizer, earlier
+from dyknow.errors import SortError, UnknownLabel
+from dyknow.instants import US_PER_MS, US_PER_S
+from dyknow.mediation import members_of
+from dyknow.stream_proxy import StreamProxy
+from kpl.specification import MonitorDeclaration
+from reasoning import AlarmEvent, Monitor
+from reasoning.formulas import Domain, Exists, Forall, Formula, required_labels, walk
+
+PERIOD_US = 100 * US_PER_MS
+MAX_DELAY_US = US_PER_S
+
+
+class FormulaMonitor:
+    """Subscribes what the formula reads, and hands every state to a `Monitor`.
+
+    Without `sample every` and `max delay` in the declaration a state is made every 100 ms and waits 1 s for its inputs.
+
+    Args:
+        formula: over streams only, without free variables.
+        on_alarm: told every opening and closing.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        declaration: MonitorDeclaration,
+        formula: Formula,
+        unit: str,
+        on_alarm: Callable[[AlarmEvent], None],
+        since_us: int,
+    ) -> None:
+        policy = declaration.policy
+        self.period_us = policy.sample_us or PERIOD_US
+        self.max_delay_us = MAX_DELAY_US if policy.max_delay_us is None else policy.max_delay_us
+        self.monitor = Monitor(
+            declaration.name,
+            formula,
+            (unit,),
+            self.period_us,
+            self.max_delay_us,
+            declaration.no_value,
+            declaration.close_after,
+            inputs=(),
+            since_us=since_us,
+        )
+        self._network, self._formula, self._on_alarm, self._policy = network, formula, on_alarm, policy
+        self._domains: dict[str, tuple[str, ...]] = dict.fromkeys(domains_of(formula), ())
+        self._labels: tuple[str, ...] = ()
+        self._states: Synchronizer | None = None
+        self._proxies: list[StreamProxy] = []
+        self._members = [
+            network.connect(Label(name), Policy(), partial(self._on_members, name)) for name in self._domains
+        ]
+        for name in self._domains:
+            self._look(name)
+        self._subscribe()
+        network.step(self)
+
+    @property
+    def deadline_us(self) -> int | None:
+        if not self._members and not self._proxies:
+            return None
+        states_us = None if self._states is None else self._states.deadline_us
+        return earlier(states_us, self.monitor.deadline_us) or FAR_US
+
+    def on_time(self, now_us: int) -> None:
+        if self._states is not None:
+            self._take(self._states.on_time(now_us))
+        for event in self.monitor.on_time(now_us):
+            self._on_alarm(event)
+
+    def cancel(self) -> None:
+        """Take no more streams."""
+        for proxy in (*self._members, *self._proxies):
+            proxy.cancel()
+        self._members, self._proxies, self._states = [], [], None
+
+    def awaited(self) -> tuple[str, ...]:
+        """Why there is no state yet, input by input."""
+        return () if self._states is None else tuple(map(str, self._states.awaited()))
+
+    def _look(self, name: str) -> None:
+        """Who the members are already."""
+        label = Label(name)
+        if self._network.has(label):
+            history = self._network.snapshot(label)
+            if history.get_size():
+                self._set_members(name, history.get_latest_vtime())
+
+    def _on_members(self, name: str, sample: Sample) -> None:
+        if self._set_members(name, sample):
+            self._subscribe()
+
+    def _set_members(self, name: str, sample: Sample) -> bool:
+        try:
+            members = members_of(sample.value)
+        except SortError as wrong:
+            self._network.on_fault(Label(name), str(wrong))
+            return False
+        changed, self._domains[name] = members != self._domains[name], members
+        return changed
+
+    def _subscribe(self) -> None:
+        """Streams of what the formula reads now; states begin anew with those."""
+        try:
+            labels = required_labels(self._formula, self._domains)
+        except UnknownLabel:
+            return
+        if labels == self._labels and self._proxies:
+            return
+        self._labels = labels
+        policy = Policy(max_delay_us=self.max_delay_us, importance=self._policy.importance)
+        wanted = StatePolicy(
+            self.period_us,
+            self.max_delay_us,
+            self._policy.delay_before_us,
+            self._policy.from_us,
+            self._policy.to_us,
+        )
+        states = self._states = (
+            Synchronizer([StateInput(label, policy) for label in labels], wanted, explains=True) if labels else None
+        )
+        before, self._proxies = self._proxies, []
+        for i, label in enumerate(labels):
+            self._proxies.append(self._network.connect(Label.parse(label), policy, partial(self._on_sample, states, i)))
+        for proxy in before:
+            proxy.cancel()
+
+    def _on_sample(self, states: Synchronizer | None, i: int, sample: Sample) -> None:
+        if states is not None and states is self._states:
+            self._take(states.on_sample(i, sample, sample.available_us))
+
+    def _take(self, states: list[State]) -> None:
+        for state in states:
+            values = dict(zip(self._labels, state.values, strict=True))
+            for event in self.monitor.on_state(state.valid_us, state.available_us, values, domains=self._domains):
+                self._on_alarm(event)
+
+
+FAR_US = 2**80
+
+
+def domains_of(formula: Formula) -> tuple[str, ...]:
+    """The named domains over which a formula quantifies."""
+    found: dict[str, None] = {}
+    for node in walk(formula):
+        if isinstance(node, Forall | Exists):
+            domain: Domain = node.domain
+            found.update(dict.fromkeys(one for one in (domain.base, *domain.minus) if isinstance(one, str)))
+    return tuple(found)

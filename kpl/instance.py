@@ -1,0 +1,359 @@
+"""A running specification: declarations become processes, streams and monitors, and can be changed while they run."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple, Protocol, TypeAlias
+
+from dyknow import Label, Network, Sample, Sort, Value
+from dyknow.errors import DyknowError, TextError, TextErrors
+from dyknow.factory import ProcessFactory
+from dyknow.mediation import Configuration
+from dyknow.processes import Input
+from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
+from dyknow.stream_proxy import StreamProxy
+from kpl.compiling import Compiler, Members
+from kpl.definitions import Definitions
+from kpl.formula_monitors import FormulaMonitor
+from kpl.parsing import raise_all
+from kpl.specification import (
+    Declaration,
+    Export,
+    ForEach,
+    GeneratorDeclaration,
+    Import,
+    MonitorDeclaration,
+    SourceDeclaration,
+    Specification,
+    StreamDeclaration,
+    StreamTerm,
+)
+from kpl.specification_checking import Known, check_specification
+from reasoning import AlarmEvent
+from reasoning.formulas import Formula
+
+MAX_CONFIGURATIONS = 256
+Undo: TypeAlias = Callable[[], None]
+
+
+class Federation(Protocol):
+    """What the room above does for declarations that concern other platforms; each returns how to take it back."""
+
+    def export(self, semantic: str, term: StreamTerm) -> Undo: ...
+    def import_(self, semantic: str, unit: str, term: StreamTerm) -> Undo: ...
+    def monitor(self, declaration: MonitorDeclaration, formula: Formula) -> Undo | None:
+        """None: the formula is over streams of this instance."""
+
+
+class ConfigurationEntry(NamedTuple):
+    """What an instance held from a time on."""
+
+    at_us: int
+    specification: Specification
+
+
+@dataclass(slots=True)
+class Hooks:
+    """Who is told what the instance does.
+
+    Attributes:
+        on_output: name of a declared stream, and a sample of it.
+        on_link: name of a declared stream, and whether somebody makes what it is made of.
+        on_alarm: an alarm of a monitor opened or closed.
+    """
+
+    on_output: Callable[[str, Sample], None] = lambda _name, _sample: None
+    on_link: Callable[[str, bool], None] = lambda _name, _linked: None
+    on_alarm: Callable[[AlarmEvent], None] = lambda _event: None
+
+
+class Instance:
+    """The specification of one network, as it is now.
+
+    Args:
+        network: may hold generators of its own, which declarations then use.
+        unit: what `self` means.
+        sorts: sorts whose values are checked; any other name is a sort of unchecked values.
+        semantic: sorts of the semantic labels there are; None: any.
+        prototypes: what sources and units can be made from.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        *,
+        unit: str = "0",
+        sorts: Mapping[str, Sort] | None = None,
+        semantic: Mapping[str, str] | None = None,
+        prototypes: Iterable[Prototype] = (),
+        hooks: Hooks | None = None,
+        federation: Federation | None = None,
+    ) -> None:
+        self.network, self.unit, self.hooks = network, unit, hooks or Hooks()
+        self.factory = ProcessFactory(network)
+        for prototype in prototypes:
+            self.factory.add_prototype(prototype)
+        self.specification: Specification = ()
+        self.configurations: list[ConfigurationEntry] = []
+        self.streams: dict[str, StreamProxy] = {}
+        self.monitors: dict[str, FormulaMonitor] = {}
+        self.families: dict[Label, Configuration] = {}
+        self._sorts, self._semantic, self._federation = sorts or {}, semantic, federation
+        self._undo: dict[Declaration, Undo] = {}
+        self._fed: dict[str, list[Label]] = {}
+        self._of_families: dict[Label, Undo] = {}
+        self._declared: dict[Label, Declaration] = {}
+        self._compiler = Compiler(self)
+
+    # What a specification says
+
+    def add(self, declarations: Iterable[Declaration], now_us: int, text: str = "", file: str = "") -> None:
+        """Declare more.
+
+        Raises:
+            TextErrors: with everything that is wrong; the instance is as it was.
+        """
+        self.change((*self.specification, *declarations), now_us, text, file)
+
+    def remove(self, declarations: Iterable[Declaration], now_us: int) -> None:
+        """Take declarations back.
+
+        Raises:
+            TextErrors: what stays needs them; the instance is as it was.
+        """
+        gone = set(declarations)
+        self.change([each for each in self.specification if each not in gone], now_us)
+
+    def change(self, specification: Iterable[Declaration], now_us: int, text: str = "", file: str = "") -> None:
+        """Become another specification; what both declare goes on untouched, what both make differently is replaced.
+
+        Raises:
+            TextErrors: with everything that is wrong; the instance is as it was.
+        """
+        wanted = tuple(specification)
+        self.network.now_us = max(self.network.now_us, now_us)
+        running = set(self.specification)
+        self._check(wanted, running, text, file)
+        before, staying = self.specification, set(wanted)
+        gone = [each for each in before if each not in staying]
+        new = [each for each in wanted if each not in running]
+        try:
+            self._become(gone, new, wanted)
+        except (DyknowError, RecursionError) as wrong:
+            done = [each for each in new if each in self._undo]
+            self._become(done, [each for each in before if each not in self._undo], before)
+            raise _as_text_errors(wrong, text, file) from wrong
+        self.specification = wanted
+        self.configurations.append(ConfigurationEntry(now_us, wanted))
+        del self.configurations[:-MAX_CONFIGURATIONS]
+
+    def restore(self, number: int, now_us: int) -> None:
+        """Become configuration `number`, counted from 0, again.
+
+        Raises:
+            IndexError: there is none.
+            TextErrors: it cannot be any more.
+        """
+        self.change(self.configurations[number].specification, now_us)
+
+    # What runs
+
+    def push(self, source: str, valid_us: int, value: Value, now_us: int) -> None:
+        """A source that is fed from outside has a new sample; where nothing is made from it, it is dropped."""
+        for label in tuple(self._fed.get(source, ())):
+            self.network.push(label, valid_us, value, now_us)
+
+    def sources(self) -> tuple[str, ...]:
+        """The declared sources that are fed from outside."""
+        return tuple(self._fed)
+
+    def prototype(self, name: str) -> Prototype | None:
+        """What can be made under a name, here or among the declared sources."""
+        return self.factory.find(name)
+
+    def sort(self, name: str) -> Sort:
+        """A sort by name; unknown ones take any value."""
+        return self._sorts.get(name) or Sort(name)
+
+    # How it becomes so
+
+    def _check(self, wanted: Specification, running: set[Declaration], text: str, file: str) -> None:
+        """All that can be said before anything changes."""
+        prototypes = self.factory.prototypes()
+        known = Known(
+            sources={each.name: each.sort for each in prototypes if isinstance(each, SourcePrototype)},
+            units={each.name: (each.sort, each.inputs) for each in prototypes if isinstance(each, UnitPrototype)},
+            labels={
+                label: self.network.generator(label).sort.name
+                for label in self.network.labels()
+                if label not in self._declared
+            },
+            semantic=self._semantic,
+            running=running,
+        )
+        errors = list(check_specification(wanted, known, text, file).errors)
+        raise_all(errors or self._compiler.check(wanted, running, text, file))
+
+    def _become(self, gone: Sequence[Declaration], new: Iterable[Declaration], wanted: Specification) -> None:
+        replaced = {each.label: each for each in new if isinstance(each, GeneratorDeclaration)}
+        successors = list(new)
+        for each in gone:
+            by = replaced.get(each.label) if isinstance(each, GeneratorDeclaration) else None
+            if isinstance(each, GeneratorDeclaration) and by is not None and self._replace(each, by, wanted):
+                successors.remove(by)
+            else:
+                self._undo.pop(each)()
+        for declared in successors:
+            self._undo[declared] = self._realise(declared, wanted)
+        if any(isinstance(each, GeneratorDeclaration) for each in gone):
+            for family in self.families.values():
+                family.renew()
+
+    def _replace(self, old: GeneratorDeclaration, new: GeneratorDeclaration, wanted: Specification) -> bool:
+        """Put another process behind a generator, whose subscribers stay; False: that is another stream altogether."""
+        making = self._compiler.making(new, wanted)
+        label = self._compiler.label(new.label)
+        if self.network.generator(label).sort != making.sort:
+            return False
+        self._release(old, label)
+        self.network.replace_process(label, making.sort, making.process)
+        self._undo.pop(old)
+        self._undo[new] = self._hold(new, label, making.source)
+        return True
+
+    def _realise(self, declaration: Declaration, wanted: Specification) -> Undo:
+        match declaration:
+            case GeneratorDeclaration():
+                return self._generate(declaration, wanted)
+            case ForEach():
+                return self._configure(declaration, wanted)
+            case StreamDeclaration(name, term):
+                return self._deliver(name, term)
+            case MonitorDeclaration():
+                return self._monitor(declaration, wanted)
+            case Export(semantic, term) if self._federation is not None:
+                return self._federation.export(semantic, self._compiler.term(term))
+            case Import(semantic, unit, term) if self._federation is not None:
+                return self._federation.import_(semantic, unit, self._compiler.term(term))
+            case SourceDeclaration(_, name) if not isinstance(self.prototype(name), SourcePrototype):
+                self._fed.setdefault(name, [])
+                return partial(_forget, self._fed, name)
+        return _nothing
+
+    def _generate(
+        self, declaration: GeneratorDeclaration, wanted: Specification, members: Members | None = None
+    ) -> Undo:
+        making = self._compiler.making(declaration, wanted, members)
+        label = self._compiler.label(declaration.label, members)
+        if members is None and label in self._of_families:
+            self._of_families.pop(label)()
+        if making.process is None:
+            self.network.add_source(label, making.sort)
+        else:
+            self.network.add_process(label, making.sort, making.process)
+        return self._hold(declaration, label, making.source)
+
+    def _hold(self, declaration: Declaration, label: Label, source: str) -> Undo:
+        self._declared[label] = declaration
+        if source:
+            self._fed.setdefault(source, []).append(label)
+
+        def undo() -> None:
+            self._release(declaration, label)
+            self.network.remove(label)
+
+        return undo
+
+    def _release(self, declaration: Declaration, label: Label) -> None:
+        """Nothing is known of the generator any more."""
+        del declaration
+        self._declared.pop(label, None)
+        for labels in self._fed.values():
+            if label in labels:
+                labels.remove(label)
+
+    def _configure(self, declaration: ForEach, wanted: Specification) -> Undo:
+        """One process per member; a member for which there is a declaration of its own is left to that."""
+
+        def create(member: str) -> None:
+            members = {declaration.variable: member}
+            label = self._compiler.label(declaration.body.label, members)
+            if not self.network.has(label):
+                try:
+                    self._of_families[label] = self._generate(declaration.body, wanted, members)
+                except DyknowError as wrong:
+                    self.network.on_fault(label, str(wrong))
+
+        def remove(member: str) -> None:
+            label = self._compiler.label(declaration.body.label, {declaration.variable: member})
+            self._of_families.pop(label, _nothing)()
+
+        domain = self._compiler.input(declaration.domain)
+        family = Configuration(self.network, domain, create, remove)
+        self.families[declaration.body.label] = family
+
+        def undo() -> None:
+            self.families.pop(declaration.body.label, None)
+            family.cancel()
+
+        return undo
+
+    def _deliver(self, name: str, term: StreamTerm) -> Undo:
+        wanted: Input = self._compiler.input(term)
+        begins_us = wanted.policy.from_us
+        past_us = begins_us if begins_us is not None and begins_us < self.network.now_us else None
+        proxy = self.network.connect(
+            wanted.label,
+            wanted.policy,
+            lambda sample: self.hooks.on_output(name, sample),
+            lambda linked: self.hooks.on_link(name, linked),
+            from_us=past_us,
+        )
+        self.streams[name] = proxy
+        for sample in proxy.take_backlog():
+            self.hooks.on_output(name, sample)
+
+        def undo() -> None:
+            self.streams.pop(name, None)
+            proxy.cancel()
+
+        return undo
+
+    def _monitor(self, declaration: MonitorDeclaration, wanted: Specification) -> Undo:
+        formula = Definitions(wanted).resolved(declaration.formula, self.unit)
+        if self._federation is not None:
+            undo = self._federation.monitor(declaration, formula)
+            if undo is not None:
+                return undo
+        monitor = FormulaMonitor(
+            self.network,
+            declaration,
+            formula,
+            self.unit,
+            self.hooks.on_alarm,
+            self.network.now_us,
+        )
+        self.monitors[declaration.name] = monitor
+
+        def end() -> None:
+            self.monitors.pop(declaration.name, None)
+            monitor.cancel()
+
+        return end
+
+
+def _as_text_errors(wrong: BaseException, text: str, file: str) -> TextErrors:
+    if isinstance(wrong, TextErrors):
+        return wrong
+    if isinstance(wrong, TextError):
+        return TextErrors((wrong,))
+    said = "a chain of streams is too long" if isinstance(wrong, RecursionError) else str(wrong)
+    return TextErrors((TextError(said, text=text, file=file),))
+
+
+def _forget(fed: dict[str, list[Label]], name: str) -> None:
+    fed.pop(name, None)
+
+
+def _nothing() -> None:
+    """There is nothing to take back."""
