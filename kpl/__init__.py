@@ -1,4 +1,5 @@
 from kpl.checking import Constant, FeatureType, Vocabulary, check, read_formula
+from kpl.instance import ConfigurationEntry, Instance
 from kpl.listing import print_declaration, print_specification
 from kpl.parsing import parse_formula
 from kpl.printing import print_formula
@@ -6,12 +7,17 @@ from kpl.profiles import profile_formula, unit_vocabulary
 from kpl.specification import Declaration, Specification
 from kpl.specification_checking import Findings, Known, check_specification
 from kpl.statements import parse_specification, read_specification
+from kpl.surroundings import Federation, Hooks
 
 __all__ = [
+    "ConfigurationEntry",
     "Constant",
     "Declaration",
     "FeatureType",
+    "Federation",
     "Findings",
+    "Hooks",
+    "Instance",
     "Known",
     "Specification",
     "Vocabulary",

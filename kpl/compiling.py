@@ -51,13 +51,17 @@ class Made(NamedTuple):
     """What a generator declaration comes to.
 
     Attributes:
-        process: None: samples are pushed.
+        process: None: samples are pushed, or nobody can make it yet.
         source: the source they are pushed from.
+        unit: the prototype it is made from.
+        lacks: there is no such prototype yet.
     """
 
     sort: Sort
     process: Process | None
     source: str = ""
+    unit: str = ""
+    lacks: bool = False
 
 
 class Compiler:
@@ -88,14 +92,14 @@ class Compiler:
             case FromSource(name):
                 prototype = self._instance.prototype(name)
                 if isinstance(prototype, SourcePrototype) and prototype.read is not None:
-                    return Made(self._instance.sort(prototype.sort), Reader(prototype))
+                    return Made(self._instance.sort(prototype.sort), Reader(prototype), unit=name)
                 return Made(self._instance.sort(self._declared_sort(name, wanted)), None, name)
             case Refining(name, terms):
                 unit = self._instance.prototype(name)
                 if not isinstance(unit, UnitPrototype):
-                    raise _at(made, f"{name} is declared, but no module that is loaded implements it")
+                    return Made(Sort(""), None, unit=name, lacks=True)
                 inputs = [self.input(term, members) for term in terms]
-                return Made(self._instance.sort(unit.sort), Refinement(unit, inputs))
+                return Made(self._instance.sort(unit.sort), Refinement(unit, inputs), unit=name)
             case States(terms, policy):
                 inputs = [self.input(term, members) for term in terms]
                 try:

@@ -1,18 +1,17 @@
 """A running specification: declarations become processes, streams and monitors, and can be changed while they run."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import NamedTuple
 
-from dyknow import Label, Network, Sample, Sort, Value
+from dyknow import Label, Network, Sort, Value
 from dyknow.errors import DyknowError, TextError, TextErrors
 from dyknow.factory import ProcessFactory
 from dyknow.mediation import Configuration
 from dyknow.processes import Input
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.stream_proxy import StreamProxy
-from kpl.compiling import Compiler, Members
+from kpl.compiling import Compiler, Made, Members
 from kpl.definitions import Definitions
 from kpl.formula_monitors import FormulaMonitor
 from kpl.parsing import raise_all
@@ -29,20 +28,9 @@ from kpl.specification import (
     StreamTerm,
 )
 from kpl.specification_checking import Known, check_specification
-from reasoning import AlarmEvent
-from reasoning.formulas import Formula
+from kpl.surroundings import Federation, Hooks, Undo
 
 MAX_CONFIGURATIONS = 256
-Undo: TypeAlias = Callable[[], None]
-
-
-class Federation(Protocol):
-    """What the room above does for declarations that concern other platforms; each returns how to take it back."""
-
-    def export(self, semantic: str, term: StreamTerm) -> Undo: ...
-    def import_(self, semantic: str, unit: str, term: StreamTerm) -> Undo: ...
-    def monitor(self, declaration: MonitorDeclaration, formula: Formula) -> Undo | None:
-        """None: the formula is over streams of this instance."""
 
 
 class ConfigurationEntry(NamedTuple):
@@ -50,21 +38,6 @@ class ConfigurationEntry(NamedTuple):
 
     at_us: int
     specification: Specification
-
-
-@dataclass(slots=True)
-class Hooks:
-    """Who is told what the instance does.
-
-    Attributes:
-        on_output: name of a declared stream, and a sample of it.
-        on_link: name of a declared stream, and whether somebody makes what it is made of.
-        on_alarm: an alarm of a monitor opened or closed.
-    """
-
-    on_output: Callable[[str, Sample], None] = lambda _name, _sample: None
-    on_link: Callable[[str, bool], None] = lambda _name, _linked: None
-    on_alarm: Callable[[AlarmEvent], None] = lambda _event: None
 
 
 class Instance:
@@ -101,7 +74,9 @@ class Instance:
         self._sorts, self._semantic, self._federation = sorts or {}, semantic, federation
         self._undo: dict[Declaration, Undo] = {}
         self._fed: dict[str, list[Label]] = {}
+        self._parts: dict[str, dict[Label, tuple[GeneratorDeclaration, Members | None]]] = {}
         self._of_families: dict[Label, Undo] = {}
+        self._wanted: Specification = ()
         self._declared: dict[Label, Declaration] = {}
         self._compiler = Compiler(self)
 
@@ -156,6 +131,40 @@ class Instance:
         """
         self.change(self.configurations[number].specification, now_us)
 
+    # Who makes it
+
+    def offer(self, prototypes: Iterable[Prototype], now_us: int) -> None:
+        """More can be made from now on; streams that waited for it begin.
+
+        Raises:
+            PrototypeExists: a name is taken; those before it are offered.
+        """
+        self.network.now_us = max(self.network.now_us, now_us)
+        for prototype in prototypes:
+            self.factory.add_prototype(prototype)
+            for label, (declaration, members) in self._parts.pop(prototype.name, {}).items():
+                self._release(label)
+                self._generate(declaration, members, label)
+
+    def withdraw(self, names: Iterable[str], now_us: int) -> None:
+        """What was made from these prototypes ends; its clients are told, and served again when they are offered again.
+
+        Raises:
+            UnknownPrototype: there is none of that name; those before it are withdrawn.
+        """
+        self.network.now_us = max(self.network.now_us, now_us)
+        for name in names:
+            self.factory.remove_prototype(name)
+            for label, (declaration, members) in self._parts.pop(name, {}).items():
+                self._release(label)
+                self.network.remove(label)
+                self._generate(declaration, members, label)
+
+    @property
+    def lacking(self) -> dict[str, tuple[Label, ...]]:
+        """Prototypes that nobody offers, and the generators that wait for them."""
+        return {name: tuple(parts) for name, parts in self._parts.items() if self.factory.find(name) is None}
+
     # What runs
 
     def push(self, source: str, valid_us: int, value: Value, now_us: int) -> None:
@@ -195,42 +204,43 @@ class Instance:
         raise_all(errors or self._compiler.check(wanted, running, text, file))
 
     def _become(self, gone: Sequence[Declaration], new: Iterable[Declaration], wanted: Specification) -> None:
+        self._wanted = wanted
         replaced = {each.label: each for each in new if isinstance(each, GeneratorDeclaration)}
         successors = list(new)
         for each in gone:
             by = replaced.get(each.label) if isinstance(each, GeneratorDeclaration) else None
-            if isinstance(each, GeneratorDeclaration) and by is not None and self._replace(each, by, wanted):
+            if isinstance(each, GeneratorDeclaration) and by is not None and self._replace(each, by):
                 successors.remove(by)
             else:
                 self._undo.pop(each)()
         for declared in successors:
-            self._undo[declared] = self._realise(declared, wanted)
+            self._undo[declared] = self._realise(declared)
         if any(isinstance(each, GeneratorDeclaration) for each in gone):
             for family in self.families.values():
                 family.renew()
 
-    def _replace(self, old: GeneratorDeclaration, new: GeneratorDeclaration, wanted: Specification) -> bool:
+    def _replace(self, old: GeneratorDeclaration, new: GeneratorDeclaration) -> bool:
         """Put another process behind a generator, whose subscribers stay; False: that is another stream altogether."""
-        making = self._compiler.making(new, wanted)
+        making = self._compiler.making(new, self._wanted)
         label = self._compiler.label(new.label)
-        if self.network.generator(label).sort != making.sort:
+        if making.lacks or not self.network.has(label) or self.network.generator(label).sort != making.sort:
             return False
-        self._release(old, label)
+        self._release(label)
         self.network.replace_process(label, making.sort, making.process)
-        self._undo.pop(old)
-        self._undo[new] = self._hold(new, label, making.source)
+        self._undo[new] = self._undo.pop(old)
+        self._hold(new, None, label, making)
         return True
 
-    def _realise(self, declaration: Declaration, wanted: Specification) -> Undo:
+    def _realise(self, declaration: Declaration) -> Undo:
         match declaration:
             case GeneratorDeclaration():
-                return self._generate(declaration, wanted)
+                return self._add_generator(declaration)
             case ForEach():
-                return self._configure(declaration, wanted)
+                return self._configure(declaration)
             case StreamDeclaration(name, term):
                 return self._deliver(name, term)
             case MonitorDeclaration():
-                return self._monitor(declaration, wanted)
+                return self._monitor(declaration)
             case Export(semantic, term) if self._federation is not None:
                 return self._federation.export(semantic, self._compiler.term(term))
             case Import(semantic, unit, term) if self._federation is not None:
@@ -240,47 +250,56 @@ class Instance:
                 return partial(_forget, self._fed, name)
         return _nothing
 
-    def _generate(
-        self, declaration: GeneratorDeclaration, wanted: Specification, members: Members | None = None
-    ) -> Undo:
-        making = self._compiler.making(declaration, wanted, members)
-        label = self._compiler.label(declaration.label, members)
-        if members is None and label in self._of_families:
-            self._of_families.pop(label)()
-        if making.process is None:
+    def _generate(self, declaration: GeneratorDeclaration, members: Members | None, label: Label) -> None:
+        """Make what a declaration says, or wait for who can make it."""
+        making = self._compiler.making(declaration, self._wanted, members)
+        if making.lacks:
+            pass
+        elif making.process is None:
             self.network.add_source(label, making.sort)
         else:
             self.network.add_process(label, making.sort, making.process)
-        return self._hold(declaration, label, making.source)
+        self._hold(declaration, members, label, making)
 
-    def _hold(self, declaration: Declaration, label: Label, source: str) -> Undo:
-        self._declared[label] = declaration
-        if source:
-            self._fed.setdefault(source, []).append(label)
+    def _add_generator(self, declaration: GeneratorDeclaration, members: Members | None = None) -> Undo:
+        label = self._compiler.label(declaration.label, members)
+        if members is None and label in self._of_families:
+            self._of_families.pop(label)()
+        self._generate(declaration, members, label)
+        return partial(self._drop_generator, label)
 
-        def undo() -> None:
-            self._release(declaration, label)
+    def _drop_generator(self, label: Label) -> None:
+        self._release(label)
+        if self.network.has(label):
             self.network.remove(label)
 
-        return undo
+    def _hold(self, declaration: GeneratorDeclaration, members: Members | None, label: Label, making: Made) -> None:
+        self._declared[label] = declaration
+        if making.source:
+            self._fed.setdefault(making.source, []).append(label)
+        if making.unit:
+            self._parts.setdefault(making.unit, {})[label] = declaration, members
 
-    def _release(self, declaration: Declaration, label: Label) -> None:
+    def _release(self, label: Label) -> None:
         """Nothing is known of the generator any more."""
-        del declaration
         self._declared.pop(label, None)
         for labels in self._fed.values():
             if label in labels:
                 labels.remove(label)
+        for name, parts in list(self._parts.items()):
+            parts.pop(label, None)
+            if not parts:
+                del self._parts[name]
 
-    def _configure(self, declaration: ForEach, wanted: Specification) -> Undo:
+    def _configure(self, declaration: ForEach) -> Undo:
         """One process per member; a member for which there is a declaration of its own is left to that."""
 
         def create(member: str) -> None:
             members = {declaration.variable: member}
             label = self._compiler.label(declaration.body.label, members)
-            if not self.network.has(label):
+            if label not in self._declared:
                 try:
-                    self._of_families[label] = self._generate(declaration.body, wanted, members)
+                    self._of_families[label] = self._add_generator(declaration.body, members)
                 except DyknowError as wrong:
                     self.network.on_fault(label, str(wrong))
 
@@ -319,8 +338,8 @@ class Instance:
 
         return undo
 
-    def _monitor(self, declaration: MonitorDeclaration, wanted: Specification) -> Undo:
-        formula = Definitions(wanted).resolved(declaration.formula, self.unit)
+    def _monitor(self, declaration: MonitorDeclaration) -> Undo:
+        formula = Definitions(self._wanted).resolved(declaration.formula, self.unit)
         if self._federation is not None:
             undo = self._federation.monitor(declaration, formula)
             if undo is not None:
