@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from agents.interface import Trust
 from agents.limits import ACTS_BURST, ACTS_PER_S
 from agents.pilot import FlightLimits, FlightPlan
+from dyknow import Prototype
 from federation.clock import FederationClock
 from federation.directory import Kind
 from federation.ontology import Ontology, Translation, default_ontology
@@ -24,6 +25,7 @@ class PlatformConfig:
         simulated: whether faults can be injected.
         control: whether it may command its vehicle.
         period_us: the grid of its estimates.
+        prototypes: what its specification can make sources and units from.
     """
 
     unit: str
@@ -42,5 +44,6 @@ class PlatformConfig:
     translation: Translation | None = None
     profiles: Mapping[str, Profile] = field(default_factory=builtin_profiles)
     trust: Trust | None = None
+    prototypes: tuple[Prototype, ...] = ()
     acts_per_s: float = ACTS_PER_S
     acts_burst: float = ACTS_BURST

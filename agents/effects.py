@@ -1,6 +1,7 @@
 """Events and effects of a platform that are neither the wire's nor the vehicle's alone."""
 
-from typing import NamedTuple, TypeAlias
+from collections.abc import Mapping
+from typing import Any, NamedTuple, TypeAlias
 
 from federation.transport import WireEffect, WireEvent
 from navigation.vehicle import Command, Report
@@ -19,7 +20,24 @@ class Leave(NamedTuple):
     at_us: int
 
 
-Event: TypeAlias = WireEvent | Reported | Leave
+class Specify(NamedTuple):
+    """The person who runs this platform gives it a specification, in place of the one it has."""
+
+    at_us: int
+    text: str
+    file: str
+
+
+class Fed(NamedTuple):
+    """A source that is fed from outside has a sample; valid in federation time."""
+
+    at_us: int
+    source: str
+    valid_us: int
+    value: Any
+
+
+Event: TypeAlias = WireEvent | Reported | Leave | Specify | Fed
 
 
 class InjectFault(NamedTuple):
@@ -37,10 +55,16 @@ class Note(NamedTuple):
     text: str
 
 
+class Tell(NamedTuple):
+    """What the platform's specification brings forth: samples of its streams, who makes them, alarms."""
+
+    record: Mapping[str, Any]
+
+
 class Halt(NamedTuple):
     """This platform cannot go on in the federation, and why."""
 
     reason: str
 
 
-Effect: TypeAlias = WireEffect | Command | InjectFault | Note | Halt
+Effect: TypeAlias = WireEffect | Command | InjectFault | Note | Tell | Halt

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 
 from agents.export_proxy import ExportProxy
 from agents.import_proxy import ImportProxy
-from agents.monitoring import Monitors
+from agents.monitoring import Monitors, Needs
 from dyknow import US_PER_S, Label, Network, Policy, Sample, print_span
 from dyknow.errors import Refused, UnknownLabel, ValueNotAvailable
 from federation.ontology import Ontology, Translation
@@ -52,6 +52,16 @@ class Gateway:
         self.unit, self.network, self.ontology, self.translation = unit, network, ontology, translation
         self.exporter, self.importer, self.monitors = exporter, importer, monitors
         self._variance_of = variance_of
+        self.imported: Callable[[], Needs] = dict
+        self._needs: tuple[Needs, Needs, Needs] = ({}, {}, {})
+
+    def needs(self) -> Needs:
+        """What the monitors and the specification live on, of other units; the same object while that does not change."""
+        one, other = self.monitors.needs(), self.imported()
+        if one is not self._needs[0] or other is not self._needs[1]:
+            both = {unit: {*one.get(unit, ()), *other.get(unit, ())} for unit in {**one, **other}}
+            self._needs = one, other, both
+        return self._needs[2]
 
     def local(self, semantic_label: str, unit: str | None = None) -> Label:
         """What this instance calls the label of a unit (its own by default).
@@ -85,7 +95,7 @@ class Gateway:
         Raises:
             UnknownLabel, ValueNotAvailable
         """
-        found = self.network.generator(self.local(semantic_label, unit)).history.get_latest_vtime()
+        found = self.network.snapshot(self.local(semantic_label, unit)).get_latest_vtime()
         return self._semantic(semantic_label, found)
 
     def at(self, semantic_label: str, at_us: int, now_us: int, unit: str | None = None) -> Sample:
@@ -98,7 +108,7 @@ class Gateway:
         """
         if at_us > now_us:
             raise Refused(f"not yet: {print_span(at_us - now_us)} in the future")
-        history = self.network.generator(self.local(semantic_label, unit)).history
+        history = self.network.snapshot(self.local(semantic_label, unit))
         start_us = history.starts_us
         if start_us is not None and at_us < start_us:
             raise _too_early(semantic_label, start_us, at_us, now_us)
@@ -117,7 +127,7 @@ class Gateway:
         """All samples valid in [from, to], ordered by (valid, available), corrections included."""
         if from_us > to_us:
             raise Refused(f"the interval is empty: it ends {print_span(from_us - to_us)} before it begins")
-        history = self.network.generator(self.local(semantic_label, unit)).history
+        history = self.network.snapshot(self.local(semantic_label, unit))
         start_us = history.starts_us
         if start_us is not None and from_us < start_us:
             raise _too_early(semantic_label, start_us, from_us, now_us)

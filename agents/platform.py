@@ -7,6 +7,7 @@ Federation time, which streams and monitors live in, follows from the node clock
 from collections import Counter
 from collections.abc import Iterable
 from itertools import count
+from typing import Any
 
 from agents.account import Account
 from agents.alarm_book import AlarmBook
@@ -16,7 +17,8 @@ from agents.checks import Checks
 from agents.config import PlatformConfig
 from agents.context import Context
 from agents.coordination import Coordination
-from agents.effects import Effect, Event, Halt, Leave, Note, Reported
+from agents.declared import Declared
+from agents.effects import Effect, Event, Fed, Halt, Leave, Note, Reported, Specify, Tell
 from agents.export_proxy import ExportProxy
 from agents.federation_agent import FederationAgent
 from agents.fixes import fix_of
@@ -109,13 +111,13 @@ class Platform:
     def _hold_streams(self, config: PlatformConfig) -> None:
         """The local instance, what feeds it and what leaves it."""
         self.network = Network()
-        translation = self._translation = config.translation or Translation(config.ontology)
+        translation = self.translation = config.translation or Translation(config.ontology)
         self.own = (
             OwnStreams(config.unit, self.network, translation, config.period_us, self._on_estimate, self.note)
             if config.vehicle
             else None
         )
-        self.monitors = Monitors(config.unit, self.network, self._source, self._on_alarm)
+        self.monitors = Monitors(config.unit, self.network, self.source, self.on_alarm)
         self.importer = ImportProxy(
             self.network,
             config.ontology,
@@ -124,7 +126,7 @@ class Platform:
             self.clocks.last,
             self._questions,
             self._out.append,
-            self._source,
+            self.source,
         )
         self.gateway = Gateway(
             config.unit,
@@ -162,6 +164,8 @@ class Platform:
         self.bulletin = Bulletin(self.context, self.account)
         self.checks = Checks(self.context)
         self.membership = Membership(self)
+        self.declared = Declared(self)
+        self.gateway.imported = lambda: self.declared.imported
         self.interface.handlers.update(handlers_of(self))
         self.interface.on_cancel = self.membership.on_cancel
         self.interface.on_lost = self.membership.on_lost
@@ -178,9 +182,7 @@ class Platform:
             DeclareQueryable(keys.clock(unit)),
             DeclareQueryable(keys.history_expr(unit)),
         ]
-        labels = () if self.own is None else self.own.entries()
-        services = [offer.service for offer in self.services.offers]
-        self.take(self.directory.declare(services, labels, now_us))
+        self.offer()
         self.take(self.directory.start(now_us))
         return self._done()
 
@@ -268,6 +270,12 @@ class Platform:
                 self.refused["conflated"] += event.lost
             case HandlerFailed():
                 self._out.append(Note(event.at_us, f"{event.where}: {event.error}"))
+            case Specify():
+                self.declared.specify(event.text, event.file, self.clock.federation_us(self._now_us))
+            case Fed():
+                self.declared.instance.push(
+                    event.source, event.valid_us, event.value, self.clock.federation_us(self._now_us)
+                )
             case Leave():
                 self.leave(event.at_us)
         return True
@@ -326,6 +334,7 @@ class Platform:
         if self.own is not None:
             self.own.on_report(event.report, federation_us)
             self.timetable.hasten_federation(self.own)
+            self.timetable.hasten_federation(self.network)
         return self.is_owing
 
     def take(self, outcomes: Iterable[Outcome]) -> bool:
@@ -343,7 +352,7 @@ class Platform:
         if self.giving_way.encounters:
             self.giving_way.on_moved(self._now_us)
 
-    def _on_alarm(self, event: AlarmEvent) -> None:
+    def on_alarm(self, event: AlarmEvent) -> None:
         self.membership.on_alarm(event, self._now_us)
 
     def _offset_us_of(self, unit: str) -> int:
@@ -354,12 +363,12 @@ class Platform:
     def fly(self, commands: Iterable[Command]) -> None:
         self._out += commands
 
-    def _source(self, semantic_label: str, unit: str) -> tuple[Label, Convert]:
+    def source(self, semantic_label: str, unit: str) -> tuple[Label, Convert]:
         """The local label of a unit's stream, its source declared if it comes from elsewhere and is not there yet."""
-        local = self._translation.local_label(semantic_label, unit)
+        local = self.translation.local_label(semantic_label, unit)
         if unit != self.unit and not self.network.has(local):
-            self.network.add_source(local, self._translation.local_sort(semantic_label), IMPORTED_HISTORY)
-        return local, self._translation.to_semantic(semantic_label)
+            self.network.add_source(local, self.translation.local_sort(semantic_label), IMPORTED_HISTORY)
+        return local, self.translation.to_semantic(semantic_label)
 
     def _variance_of(self, semantic_label: str, valid_us: int) -> tuple[float, ...] | None:
         return None if self.own is None else self.own.variance_of(semantic_label, valid_us)
@@ -367,6 +376,21 @@ class Platform:
     def _fix_of(self, unit: str) -> Fix | None:
         """Where a unit is, as far as this platform's streams know."""
         return self.pilot.fix if unit == self.unit else fix_of(self.gateway, unit)
+
+    def offer(self) -> None:
+        """Services and labels as they are now: those of the vehicle, and those that the specification exports."""
+        own = () if self.own is None else self.own.entries()
+        labels = {entry.label: entry for entry in (*own, *self.declared.entries())}
+        services = [offer.service for offer in self.services.offers]
+        self.take(self.directory.declare(services, labels.values(), self._now_us, self.exports.tails()))
+
+    def wake(self) -> None:
+        """Streams of other platforms are needed that were not before."""
+        self.supply.wake(self._now_us)
+
+    def tell(self, record: dict[str, Any]) -> None:
+        """Something the specification brings forth."""
+        self._out.append(Tell(record))
 
     def leave(self, now_us: int) -> None:
         """Unregister: streams that are set up go on while the process lives (thesis 9.3.4)."""

@@ -56,7 +56,7 @@ class Supply:
     def on_time(self, now_us: int) -> None:
         if self._check_us is None or now_us < self._check_us:
             return
-        needs = self.context.gateway.monitors.needs()
+        needs = self.context.gateway.needs()
         self._check_us = now_us + CHECK_US if needs else None
         for unit in [unit for unit in self._open if unit not in needs]:
             for conversation in self._open.pop(unit):

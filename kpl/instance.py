@@ -110,13 +110,13 @@ class Instance:
         running = set(self.specification)
         self._check(wanted, running, text, file)
         before, staying = self.specification, set(wanted)
-        gone = [each for each in before if each not in staying]
-        new = [each for each in wanted if each not in running]
+        gone = sorted((each for each in before if each not in staying), key=_rank, reverse=True)
+        new = sorted((each for each in wanted if each not in running), key=_rank)
         try:
             self._become(gone, new, wanted)
         except (DyknowError, RecursionError) as wrong:
             done = [each for each in new if each in self._undo]
-            self._become(done, [each for each in before if each not in self._undo], before)
+            self._become(done[::-1], [each for each in before if each not in self._undo], before)
             raise _as_text_errors(wrong, text, file) from wrong
         self.specification = wanted
         self.configurations.append(ConfigurationEntry(now_us, wanted))
@@ -359,6 +359,12 @@ class Instance:
             monitor.cancel()
 
         return end
+
+
+def _rank(declaration: Declaration) -> int:
+    """Makers first, then what goes to other platforms, then who takes the streams."""
+    ranks = {Import: 1, Export: 2, StreamDeclaration: 3, MonitorDeclaration: 4}
+    return ranks.get(type(declaration), 0)
 
 
 def _as_text_errors(wrong: BaseException, text: str, file: str) -> TextErrors:

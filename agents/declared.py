@@ -1,0 +1,204 @@
+"""What a platform's specification declares beyond its own instance: exports, imports, monitors over other units.
+
+An exported stream is a generator under the label that this platform has for the semantic label, so that whoever asks
+for it, queries it or monitors it finds it where every other stream is found. An imported stream is asked for like the
+inputs of monitors are (thesis 9.4.1).
+"""
+
+from collections.abc import Iterable
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING
+
+from agents.plans import MonitorPlan
+from dyknow import Label, Policy, Sample, UnitPrototype, of_values
+from dyknow.errors import Refused, TextError
+from dyknow.processes import Input, Refinement
+from federation.ontology import Convert
+from federation.wire import LabelEntry
+from kpl import Hooks, Instance, Specification, parse_specification
+from kpl.specification import MonitorDeclaration, StreamTerm
+from kpl.surroundings import Undo
+from reasoning import AlarmEvent
+from reasoning.derivation import FEATURES
+from reasoning.formulas import Feature, Formula, split_growing, walk
+from reasoning.profiles import Profile
+
+if TYPE_CHECKING:
+    from agents.platform import Platform
+
+OWNER = "specification"
+PERIOD_US = 100_000
+MAX_DELAY_US = 1_000_000
+UNITS = "units"
+
+
+@lru_cache(maxsize=4)
+def read(text: str, file: str) -> Specification:
+    """Parse a specification; who hands one over reads it first, so that the node need not. Raises TextError."""
+    return parse_specification(text, file)
+
+
+class Declared:
+    """The specification of one platform.
+
+    Attributes:
+        instance: what runs; it prints back what it was given.
+        imported: which (semantic label, period, max delay) of which unit it lives on.
+    """
+
+    def __init__(self, platform: "Platform") -> None:
+        self._p = platform
+        self._exported: dict[str, LabelEntry] = {}
+        self.imported: dict[str, set[tuple[str, int, int]]] = {}
+        self._faults = set[tuple[Label, str]]()
+        ontology = platform.config.ontology
+        self.instance = Instance(
+            platform.network,
+            unit=platform.unit,
+            sorts={ontology[name].sort.name: ontology[name].sort for name in ontology},
+            semantic={name: ontology[name].sort.name for name in ontology},
+            prototypes=platform.config.prototypes,
+            hooks=Hooks(self._on_output, self._on_link, self._on_alarm),
+            federation=self,
+        )
+        platform.network.on_fault = self._on_fault
+
+    def specify(self, text: str, file: str, now_us: int) -> None:
+        """Become this specification; what is wrong with it is told, and what ran goes on. Federation time."""
+        self._faults.clear()
+        try:
+            self.instance.change(read(text, file), now_us, text, file)
+        except TextError as wrong:
+            self._p.note(f"the specification is not taken; what ran goes on:\n{wrong.drawn()}")
+            return
+        for name, labels in self.instance.lacking.items():
+            self._p.note(f"nobody offers {name} yet; {', '.join(map(str, labels[:8]))} will begin when somebody does")
+
+    def entries(self) -> Iterable[LabelEntry]:
+        """The semantic labels that are exported."""
+        return tuple(self._exported.values())
+
+    # What `Instance` asks of the federation
+
+    def export(self, semantic: str, term: StreamTerm) -> Undo:
+        """Offer a stream under a semantic label; raises Refused if the vehicle's own stream has it."""
+        network, translation = self._p.network, self._p.translation
+        local = translation.local_label(semantic, self._p.unit)
+        entry = self._p.config.ontology[semantic]
+        period_us = term.policy.sample_us or 0
+        self._exported[semantic] = LabelEntry(
+            label=semantic, sort=entry.sort.name, type_hash=entry.type_hash, period_us=period_us
+        )
+        if local == term.label and term.policy == Policy():
+            self._p.offer()
+            return partial(self._withdraw, semantic)
+        if network.has(local):
+            del self._exported[semantic]
+            raise Refused(f"{semantic} is the stream {local} here already, made by another; export that one")
+        unit = _converting(entry.sort.name, translation.to_local(semantic))
+        network.add_process(local, translation.local_sort(semantic), Refinement(unit, [Input(term.label, term.policy)]))
+        kept = network.connect(local, Policy(), _ignore)  # what others may ask for is there when they do
+
+        def undo() -> None:
+            kept.cancel()
+            network.remove(local)
+            self._withdraw(semantic)
+
+        self._p.offer()
+        return undo
+
+    def import_(self, semantic: str, unit: str, term: StreamTerm) -> Undo:
+        """Ask a unit for a stream, and have it under a label of our own."""
+        if unit == self._p.unit:
+            raise Refused(f"import {semantic} from {unit}: that is this platform; use its stream itself")
+        policy = term.policy
+        delay_us = MAX_DELAY_US if policy.max_delay_us is None else policy.max_delay_us
+        need = (semantic, policy.sample_us or PERIOD_US, delay_us)
+        local, to_semantic = self._p.source(semantic, unit)
+        if local != term.label:
+            entry = self._p.config.ontology[semantic]
+            converting = Refinement(_converting(entry.sort.name, to_semantic), [Input(local, policy)])
+            self._p.network.add_process(term.label, entry.sort, converting)
+        self._need(unit, need, wanted=True)
+
+        def undo() -> None:
+            self._need(unit, need, wanted=False)
+            if local != term.label:
+                self._p.network.remove(term.label)
+
+        return undo
+
+    def monitor(self, declaration: MonitorDeclaration, formula: Formula) -> Undo | None:
+        """Monitor a formula over units; None if it is not over what is derived from their streams."""
+        features = {node.name for node in walk(formula) if isinstance(node, Feature)}
+        if not features & FEATURES.keys():
+            return None
+        if features - FEATURES.keys():
+            raise Refused(
+                f"monitor {declaration.name}: {', '.join(sorted(features - FEATURES.keys()))} are streams of this "
+                f"instance, {', '.join(sorted(features & FEATURES.keys()))} are derived from the streams of several "
+                "units; one formula cannot speak of both"
+            )
+        policy = declaration.policy
+        profile = Profile(
+            declaration.name,
+            " ".join(sorted(features)),
+            policy.sample_us or PERIOD_US,
+            MAX_DELAY_US if policy.max_delay_us is None else policy.max_delay_us,
+            close_after=declaration.close_after,
+            no_value=declaration.no_value,
+        )
+        split = split_growing(formula)
+        plan = MonitorPlan(profile, formula, None) if split is None else MonitorPlan(profile, split[2], split[0])
+        self._p.monitors.create(plan, OWNER, self._p.network.now_us)
+        self._p.wake()
+
+        def undo() -> None:
+            self._p.monitors.remove(declaration.name, OWNER)
+
+        return undo
+
+    def _withdraw(self, semantic: str) -> None:
+        self._exported.pop(semantic, None)
+        self._p.offer()
+
+    def _need(self, unit: str, need: tuple[str, int, int], *, wanted: bool) -> None:
+        needs = {name: set(found) for name, found in self.imported.items()}
+        if wanted:
+            needs.setdefault(unit, set()).add(need)
+        else:
+            needs.get(unit, set()).discard(need)
+        self.imported = {name: found for name, found in needs.items() if found}
+        self._p.wake()
+
+    # What happens in the instance
+
+    def _on_output(self, name: str, sample: Sample) -> None:
+        self._p.tell(
+            {
+                "event": "sample",
+                "stream": name,
+                "valid_us": sample.valid_us,
+                "available_us": sample.available_us,
+                "value": sample.value,
+            }
+        )
+
+    def _on_link(self, name: str, linked: bool) -> None:
+        self._p.tell({"event": "stream", "stream": name, "linked": linked})
+
+    def _on_alarm(self, event: AlarmEvent) -> None:
+        self._p.on_alarm(event)
+
+    def _on_fault(self, label: Label, said: str) -> None:
+        if (label, said) not in self._faults and len(self._faults) < 1000:
+            self._faults.add((label, said))
+            self._p.note(f"{label}: {said}")
+
+
+def _converting(sort: str, convert: Convert) -> UnitPrototype:
+    return UnitPrototype("as exported", sort, (sort,), lambda: of_values(convert), samplewise=True)
+
+
+def _ignore(_sample: Sample) -> None:
+    """An exported stream is kept for those who will ask."""
