@@ -19,7 +19,8 @@ from console.output import verbatim
 
 DISTRIBUTION = "dyknow-federation"
 TOP_LEVEL = (
-    "agents", "console", "dyknow", "federation", "kpl", "navigation", "proxies", "reasoning", "runtime", "sim_uavs",
+    "agents", "compunits", "console", "dyknow", "federation", "kpl", "navigation", "proxies", "reasoning", "runtime",
+    "sim_uavs",
 )  # fmt: skip
 OLDEST_PYTHON = (3, 11)
 MULTICAST_GROUP = "224.0.0.224"

@@ -38,6 +38,7 @@ from dyknow.prototypes import (
     prototypes_in,
     source,
     value_unit,
+    variant,
 )
 from dyknow.sample import SURE, Quality, Sample, Value
 from dyknow.sampling import PolicyAdapter, interpolate
@@ -119,4 +120,5 @@ __all__ = [
     "source",
     "strict_order",
     "value_unit",
+    "variant",
 ]

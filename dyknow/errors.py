@@ -10,6 +10,7 @@
   + PolicyNotSupported  a process cannot provide its output so
   + ValueNotAvailable   a generator has no sample that answers the question
   + SortError           a value is not of the sort its stream declares
+  + UnitError           a computational unit or source that is not found, or does not load
   + TextError           a text of ours (formula, policy, label, duration, act) does not parse or check
     + TextErrors        several of them in one text
   + NameRefused         a unit, semantic label or conversation id that must not become part of a key
@@ -84,6 +85,10 @@ class SortError(DyknowError):
 
 WIDEST = 66
 """So many characters of a line are drawn."""
+
+
+class UnitError(DyknowError):
+    """No prototype, or more than one, has the name that was asked for, or what should offer it does not load."""
 
 
 class TextError(DyknowError):

@@ -11,10 +11,15 @@ Users write them as functions and classes:
 
     @source("pos")
     def gps(from_us): yield valid_us, value       # each is read when its valid time has come
+
+What a class takes when it is made are its settings; `variant` makes a prototype of its own of other settings:
+
+    smooth_speed = variant(MovingAverage, "SmoothSpeed", "speed", "speed", seconds=2.0)
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Protocol, TypeAlias, TypeVar
 
 from dyknow.compunits import UnitFunction, latest_valid_us, of_values, quality_of
@@ -32,9 +37,9 @@ class UnitPrototype:
 
     Attributes:
         name: how specifications call it.
-        sort: of the output.
+        sort: of the output. A sort that begins with `?` stands for any, the same one wherever it is repeated.
         inputs: sort of each input; their number is the arity.
-        make: a new instance, with a memory of its own.
+        make: a new instance, with a memory of its own; takes the settings of the unit, all of which have defaults.
         samplewise: one input, no memory, and the output is valid when the input is: then nothing is computed that
             nobody asked for, also where only every n-th sample is asked for.
         history_us: how much of the past of its inputs an instance wants when it begins.
@@ -46,7 +51,7 @@ class UnitPrototype:
     name: str
     sort: str
     inputs: tuple[str, ...]
-    make: Callable[[], UnitFunction]
+    make: Callable[..., UnitFunction]
     samplewise: bool = False
     history_us: int = 0
     cheaper: str = ""
@@ -60,6 +65,14 @@ class UnitPrototype:
             raise ValueError(f"{self.name}: a unit that works sample by sample has 1 input, not {len(self.inputs)}")
         if self.history_us < 0:
             raise ValueError(f"{self.name}: a history is a time >= 0 us, got {self.history_us}")
+
+    def fits(self, sort: str, inputs: Sequence[str]) -> bool:
+        """Whether it can be declared with these sorts."""
+        stands_for: dict[str, str] = {}
+        return len(inputs) == len(self.inputs) and all(
+            declared == (stands_for.setdefault(own, declared) if own.startswith("?") else own)
+            for own, declared in zip((self.sort, *self.inputs), (sort, *inputs), strict=True)
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +110,7 @@ def computational_unit(
     sort: str,
     *inputs: str,
     name: str = "",
+    samplewise: bool = False,
     history_us: int = 0,
     cheaper: str = "",
     supports: Callable[[Policy], bool] = lambda _policy: True,
@@ -105,11 +119,11 @@ def computational_unit(
     """Declare a class, one object of which is made per process, or a function of the time and samples (`SampleUnit`)."""
 
     def declare(made: Made) -> Made:
-        def make() -> UnitFunction:
-            return of_samples(made() if isinstance(made, type) else made)
+        def make(**settings: Any) -> UnitFunction:
+            return of_samples(_made(made, settings))
 
         prototype = UnitPrototype(
-            name or made.__name__, sort, inputs, make, False, history_us, cheaper, supports, priority
+            name or made.__name__, sort, inputs, make, samplewise, history_us, cheaper, supports, priority
         )
         setattr(made, _PROTOTYPE, prototype)
         return made
@@ -118,14 +132,20 @@ def computational_unit(
 
 
 def value_unit(sort: str, *inputs: str, name: str = "", cheaper: str = "", priority: int = 0) -> Callable[[Made], Made]:
-    """Declare a function from the values of the inputs to a value; where an input has no value, it is not called."""
+    """Declare a function from the values of the inputs to a value; where an input has no value, it is not called.
+
+    Or a class whose objects are such functions, and have no memory but their settings.
+    """
 
     def declare(made: Made) -> Made:
+        def make(**settings: Any) -> UnitFunction:
+            return of_values(_made(made, settings))
+
         prototype = UnitPrototype(
             name or made.__name__,
             sort,
             inputs,
-            lambda: of_values(made),
+            make,
             samplewise=len(inputs) == 1,
             cheaper=cheaper,
             priority=priority,
@@ -134,6 +154,25 @@ def value_unit(sort: str, *inputs: str, name: str = "", cheaper: str = "", prior
         return made
 
     return declare
+
+
+def variant(unit: Any, name: str, *sorts: str, history_us: int | None = None, **settings: Any) -> UnitPrototype:
+    """A unit under another name and with other settings; `sorts` are of the output and of each input, if others too.
+
+    Raises:
+        TypeError: `unit` is none, or has no such setting.
+        ValueError: the number of sorts is wrong, or the unit refuses a setting.
+    """
+    prototype = unit if isinstance(unit, UnitPrototype) else getattr(unit, _PROTOTYPE, None)
+    if not isinstance(prototype, UnitPrototype):
+        raise TypeError(f"{name}: {unit!r} is not a computational unit; decorate it with @computational_unit")
+    if sorts and len(sorts) != 1 + len(prototype.inputs):
+        raise ValueError(f"{name}: expected the sort of the output and of {len(prototype.inputs)} inputs, got {sorts}")
+    sort, *inputs = sorts or (prototype.sort, *prototype.inputs)
+    make = partial(prototype.make, **settings)
+    make()  # settings that are wrong are wrong here, not when the first process is made
+    history_us = prototype.history_us if history_us is None else history_us
+    return replace(prototype, name=name, sort=sort, inputs=tuple(inputs), make=make, history_us=history_us)
 
 
 def source(sort: str, name: str = "") -> Callable[[Made], Made]:
@@ -154,6 +193,18 @@ def prototypes_in(names: Iterable[Any]) -> list[Prototype]:
         if isinstance(prototype, UnitPrototype | SourcePrototype):
             found.setdefault(prototype.name, prototype)
     return list(found.values())
+
+
+def _made(made: Callable[..., Any], settings: dict[str, Any]) -> Callable[..., Any]:
+    """A class gives an object, which has the settings; a function is what it is."""
+    if isinstance(made, type):
+        unit: Callable[..., Any] = made(**settings)
+        return unit
+    if settings:
+        raise TypeError(
+            f"{made.__name__} is a function and has no settings, got {', '.join(settings)}; make it a class"
+        )
+    return made
 
 
 def of_samples(unit: SampleUnit) -> UnitFunction:

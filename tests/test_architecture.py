@@ -10,6 +10,7 @@ ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
 ROOMS = (
     "agents",
+    "compunits",
     "console",
     "dyknow",
     "federation",
@@ -45,7 +46,7 @@ def test_every_test_the_thesis_map_names_exists() -> None:
     assert not missing
 
 
-@pytest.mark.parametrize("room", ["dyknow", "federation", "kpl", "navigation", "reasoning"])
+@pytest.mark.parametrize("room", ["compunits", "dyknow", "federation", "kpl", "navigation", "reasoning"])
 def test_a_room_lists_its_interface_once_and_in_order(room: str) -> None:
     listed = import_module(room).__all__
     assert len(set(listed)) == len(listed)
