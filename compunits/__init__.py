@@ -16,7 +16,7 @@ from compunits.motion import (
     track,
 )
 from compunits.numeric import numbers_of, numeric
-from compunits.registry import Catalogue, library, load_module, prototypes_of
+from compunits.registry import Catalogue, catalogue, library, load_module, prototypes_of
 from compunits.relations import (
     CAR_RELATIONS,
     Close,
@@ -59,6 +59,7 @@ __all__ = [
     "behind",
     "beside",
     "car_relations",
+    "catalogue",
     "climb_rate",
     "clock_direction",
     "conversion",

@@ -14,6 +14,9 @@ from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from sys import modules
 from traceback import extract_tb
 from types import MappingProxyType, ModuleType
 from typing import Any, Final
@@ -36,14 +39,16 @@ def library() -> Mapping[str, Prototype]:
 
 
 def load_module(name: str, asked_by: str = "") -> ModuleType:
-    """Import a module a user names, on the command line or in a configuration.
+    """Import a module a user names, on the command line or in a configuration: `roads.units`, or a file `roads.py`.
 
     Raises:
         UnitError: there is none, or it fails: where, why, and what to do.
     """
     what = asked_by or f"the module {name!r}"
     try:
-        return import_module(name)
+        return _from_file(Path(name)) if name.endswith(".py") else import_module(name)
+    except FileNotFoundError as error:
+        raise UnitError(f"{what}: there is no file {name}") from error
     except ModuleNotFoundError as error:
         missing = error.name or ""
         if name == missing or name.startswith(f"{missing}."):
@@ -56,6 +61,16 @@ def load_module(name: str, asked_by: str = "") -> ModuleType:
     except (Exception, SystemExit) as error:
         cause = f"{type(error).__name__}: {error}"
         raise UnitError(f"{what}: {_place(error)}: {cause}; repair it, or do not ask for it") from error
+
+
+def _from_file(path: Path) -> ModuleType:
+    spec = spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise FileNotFoundError(path)
+    module = module_from_spec(spec)
+    modules[path.stem] = module  # so that its classes know where they live
+    spec.loader.exec_module(module)
+    return module
 
 
 def prototypes_of(module: ModuleType) -> Mapping[str, Prototype]:
@@ -77,6 +92,15 @@ def prototypes_of(module: ModuleType) -> Mapping[str, Prototype]:
     return found
 
 
+def catalogue(names: Iterable[str] = ()) -> "Catalogue":
+    """Prototypes of the modules so named, of the library, and of installed distributions.
+
+    Raises:
+        UnitError: a module is not there or does not load.
+    """
+    return Catalogue([load_module(name) for name in names])
+
+
 class Catalogue:
     """Prototypes by name.
 
@@ -84,16 +108,16 @@ class Catalogue:
     makes ambiguous can be resolved by saying which is meant.
 
     Args:
-        modules: of the user.
+        given: modules of the user.
         offered: entry points of the group `dyknow.units`; those of the installed distributions if None.
 
     Raises:
         UnitError: two modules have different units of one name.
     """
 
-    def __init__(self, modules: Iterable[ModuleType] = (), offered: Iterable[EntryPoint] | None = None) -> None:
+    def __init__(self, given: Iterable[ModuleType] = (), offered: Iterable[EntryPoint] | None = None) -> None:
         self._own: dict[str, tuple[Prototype, str]] = {}
-        for module in modules:
+        for module in given:
             for name, prototype in prototypes_of(module).items():
                 known, place = self._own.setdefault(name, (prototype, _file_of(module)))
                 if known is not prototype:
@@ -136,6 +160,14 @@ class Catalogue:
             raise self._unknown(name)
         self._loaded[name] = _load(entries[0])
         return self._loaded[name]
+
+    def offered(self, name: str) -> Prototype | None:
+        """The same; None if nobody offers it.
+
+        Raises:
+            UnitError: more than one does, or it does not load.
+        """
+        return self.find(name) if name in self._own or name in library() or name in self._offered else None
 
     def _unknown(self, name: str) -> UnitError:
         near = get_close_matches(name, self.names, n=3)

@@ -219,6 +219,62 @@ def kpl_show(call: Call, file: SpecificationFile) -> int:
     return run(call, file)
 
 
+UnitModules = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--units", metavar="MODULE", help="A module or file.py with sources and computational units (repeatable)."
+    ),
+]
+
+
+@command(kpl, name="run", example="dyknow kpl run cars.kpl --feed cars.jsonl --units cars.py")
+def kpl_run(
+    call: Call,
+    file: SpecificationFile,
+    feed: Annotated[
+        Path | None, typer.Option(metavar="FILE.jsonl", help="Samples of sources, one instant a line.")
+    ] = None,
+    modules: UnitModules = None,
+    unit: Annotated[str, typer.Option(metavar="U", help="What `self` means.")] = "0",
+    speed: Annotated[
+        float | None,
+        typer.Option(help="Times as fast as the wall; 0: as fast as it goes, which a feed is unless said otherwise."),
+    ] = None,
+    duration: Annotated[str | None, typer.Option(metavar="TIME", help="End after so long, e.g. 10s.")] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE.jsonl", help="Write every sample, for `kpl verify`.")
+    ] = None,
+    watch: Annotated[bool, typer.Option("--watch", help="Take in the file again whenever it is changed.")] = False,
+) -> int:
+    """Run a specification in an instance of its own and show its streams and alarms; Ctrl-C ends it."""
+    from console.specification_runs import run
+
+    return run(
+        call,
+        file,
+        feed=feed,
+        units=modules or (),
+        unit=unit,
+        speed=speed,
+        duration=duration,
+        record=record,
+        watch=watch,
+    )
+
+
+@command(kpl, name="verify", example="dyknow kpl verify cars.kpl --journal run.jsonl")
+def kpl_verify(
+    call: Call,
+    file: SpecificationFile,
+    journal: Annotated[Path, typer.Option(metavar="FILE.jsonl", help="What `kpl run --record` wrote.")],
+    modules: UnitModules = None,
+) -> int:
+    """Whether a recorded run satisfies its specification; if not, which sample broke which constraint. Exit 1 then."""
+    from console.specification_runs import verify
+
+    return verify(call, file, journal=journal, units=modules or ())
+
+
 # Tasks and what comes of them
 
 

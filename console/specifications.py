@@ -18,7 +18,7 @@ def check(call: Call, path: Path) -> int:
     """Every error and every warning, each at its place; 1 if there is an error."""
     from kpl import check_specification, read_specification
 
-    text = _text(path)
+    text = read_text(path)
     try:
         specification, errors = read_specification(text, str(path))
     except TextError as wrong:
@@ -38,7 +38,7 @@ def show(call: Call, path: Path) -> int:
     """The specification as the instance would print it: one declaration a line."""
     from kpl import parse_specification, print_declaration
 
-    specification: Specification = parse_specification(_text(path), str(path))
+    specification: Specification = parse_specification(read_text(path), str(path))
     for declaration in specification:
         said = print_declaration(declaration)
         call.out.say(verbatim(said), line=declaration.place.line, declaration=said)
@@ -53,7 +53,7 @@ def _known() -> "Known":
     return Known(semantic={name: ontology[name].sort.name for name in ontology})
 
 
-def _text(path: Path) -> str:
+def read_text(path: Path) -> str:
     try:
         if path.stat().st_size > LONGEST_FILE:
             raise WrongCall(f"{path} is larger than {LONGEST_FILE >> 10} kB: no specification is so long; split it.")

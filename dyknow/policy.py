@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias, get_args
 
 from dyknow import adapters
 from dyknow.errors import PolicyError
-from dyknow.instants import MAX_DURATION_US
+from dyknow.instants import MAX_DURATION_US, print_duration
 from dyknow.sample import Sample
 
 Change: TypeAlias = Literal["any update", "any change", "sample"]
@@ -100,23 +100,30 @@ class Policy:
 
         return print_policy(self)
 
-    def _constraints(self) -> tuple[adapters.Accept, ...]:
-        found: list[adapters.Accept] = []
+    def named_constraints(self) -> list[tuple[str, adapters.Accept]]:
+        """Each constraint in the words of KPL, and whether a sample satisfies it after the one before."""
+        found: list[tuple[str, adapters.Accept]] = []
         if self.sample_us is not None:
-            found.append(adapters.sample_every(self.sample_us))
+            found.append((f"sample every {print_duration(self.sample_us)}", adapters.sample_every(self.sample_us)))
         elif self.change == "any change":
-            found.append(adapters.any_change)
+            found.append(("any change", adapters.any_change))
         if self.max_delay_us is not None:
-            found.append(adapters.max_delay(self.max_delay_us))
+            found.append((f"max delay {print_duration(self.max_delay_us)}", adapters.max_delay(self.max_delay_us)))
         if self.from_us is not None or self.to_us is not None:
-            found.append(adapters.duration(self.from_us, self.to_us))
+            begins = "" if self.from_us is None else f"from {print_duration(self.from_us)} "
+            ends = "oo" if self.to_us is None else print_duration(self.to_us)
+            found.append((f"{begins}to {ends}", adapters.duration(self.from_us, self.to_us)))
         if self.order != "any":
-            found.append(adapters.strict_order if self.order == "strict" else adapters.monotone_order)
+            order = adapters.strict_order if self.order == "strict" else adapters.monotone_order
+            found.append((f"{self.order} order", order))
         if self.min_certainty is not None:
-            found.append(adapters.min_certainty(self.min_certainty))
+            found.append((f"min certainty {self.min_certainty:g}", adapters.min_certainty(self.min_certainty)))
         if self.max_deviation is not None:
-            found.append(adapters.max_deviation(self.max_deviation))
-        return tuple(found)
+            found.append((f"max deviation {self.max_deviation:g}", adapters.max_deviation(self.max_deviation)))
+        return found
+
+    def _constraints(self) -> tuple[adapters.Accept, ...]:
+        return tuple([accept for _, accept in self.named_constraints()])
 
     def _check_words(self) -> None:
         for word, allowed in ((self.change, Change), (self.order, Order), (self.approximation, Approximation)):

@@ -1,6 +1,6 @@
 """A running specification: declarations become processes, streams and monitors, and can be changed while they run."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -49,6 +49,7 @@ class Instance:
         sorts: sorts whose values are checked; any other name is a sort of unchecked values.
         semantic: sorts of the semantic labels there are; None: any.
         prototypes: what sources and units can be made from.
+        catalogue: asked for others by name; None: there is none.
     """
 
     def __init__(
@@ -59,6 +60,7 @@ class Instance:
         sorts: Mapping[str, Sort] | None = None,
         semantic: Mapping[str, str] | None = None,
         prototypes: Iterable[Prototype] = (),
+        catalogue: Callable[[str], Prototype | None] = lambda _name: None,
         hooks: Hooks | None = None,
         federation: Federation | None = None,
     ) -> None:
@@ -71,6 +73,7 @@ class Instance:
         self.streams: dict[str, StreamProxy] = {}
         self.monitors: dict[str, FormulaMonitor] = {}
         self.families: dict[Label, Configuration] = {}
+        self._catalogue = catalogue
         self._sorts, self._semantic, self._federation = sorts or {}, semantic, federation
         self._undo: dict[Declaration, Undo] = {}
         self._fed: dict[str, list[Label]] = {}
@@ -188,6 +191,7 @@ class Instance:
 
     def _check(self, wanted: Specification, running: set[Declaration], text: str, file: str) -> None:
         """All that can be said before anything changes."""
+        self._look_up(wanted)
         prototypes = self.factory.prototypes()
         known = Known(
             sources={each.name: each.sort for each in prototypes if isinstance(each, SourcePrototype)},
@@ -202,6 +206,16 @@ class Instance:
         )
         errors = list(check_specification(wanted, known, text, file).errors)
         raise_all(errors or self._compiler.check(wanted, running, text, file))
+
+    def _look_up(self, wanted: Specification) -> None:
+        """Offer what the catalogue has under the names that are used."""
+        for each in wanted:
+            made = each.body.made if isinstance(each, ForEach) else getattr(each, "made", None)
+            name = getattr(made, "unit", None) or getattr(made, "source", None)
+            if isinstance(name, str) and self.factory.find(name) is None:
+                prototype = self._catalogue(name)
+                if prototype is not None:
+                    self.factory.add_prototype(prototype)
 
     def _become(self, gone: Sequence[Declaration], new: Iterable[Declaration], wanted: Specification) -> None:
         self._wanted = wanted

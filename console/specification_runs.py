@@ -1,0 +1,319 @@
+"""`dyknow kpl run` and `verify`: a specification in an instance of its own, and what a recorded run is worth."""
+
+import json
+import time
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from threading import Event
+from typing import IO, TYPE_CHECKING, Any
+
+from console.command import Call
+from console.errors import DONE, INTERRUPTED, NO, WrongCall
+from console.instants import SHORTEST_US, duration_us
+from console.output import verbatim
+from console.specifications import read_text
+from dyknow.errors import DyknowError, TextErrors
+
+if TYPE_CHECKING:
+    from dyknow import Label, Network, Prototype, Sample
+    from kpl import Hooks, Instance
+    from proxies.sample_file import FedSample
+    from reasoning import AlarmEvent
+
+LOOK_S = 0.2
+"""How often a file that is watched is looked at."""
+
+
+class Run:
+    """One specification, stepped through time: what is fed, and the deadlines of streams.
+
+    Args:
+        speed: how many times as fast as the wall; 0: as fast as it goes.
+    """
+
+    def __init__(
+        self, call: Call, path: Path, fed: Sequence["FedSample"], modules: Sequence[str], unit: str, speed: float
+    ) -> None:
+        from dyknow import Network
+        from kpl import Hooks
+
+        self._call, self._path, self._fed, self.speed = call, path, fed, speed
+        self.network = Network()
+        self.network.on_fault = self._on_fault
+        hooks = Hooks(self._on_sample, self._on_link, self._on_alarm)
+        self.instance = instance_of(self.network, hooks, modules, unit)
+        self._faults = set[tuple[Any, str]]()
+        self._record: IO[str] | None = None
+        self._recorded = set[Any]()
+        self.now_us = 0 if speed == 0 else time.time_ns() // 1000
+        self._began_us, self._began_s = self.now_us, time.monotonic()
+
+    def specify(self, text: str) -> None:
+        """Run this text from now on; raises TextErrors, and goes on with what there is."""
+        from kpl import parse_specification
+
+        self.instance.change(parse_specification(text, str(self._path)), self.now_us, text, str(self._path))
+        for name, labels in self.instance.lacking.items():
+            waiting = ", ".join(map(str, labels[:4]))
+            self._call.out.note(f"note: nobody offers {name}: {waiting} and what is made of it wait (--units MODULE).")
+        self._watch()
+
+    def record(self, out: IO[str], text: str) -> None:
+        """Write every sample of every generator and stream; what is recorded is computed."""
+        out.write(json.dumps({"specification": text, "file": str(self._path), "unit": self.instance.unit}) + "\n")
+        self._record = out
+        self._watch()
+
+    def go(self, until_us: int | None, reload: Callable[[], None] | None = None) -> None:
+        """Step until the feed and the timers are over, or until a time."""
+        stop = Event()
+        fed = iter(self._fed)
+        begins_us = self._began_us if self.speed else 0
+        following = next(fed, None)
+        while True:
+            due_us = self.network.deadline_us
+            fed_us = None if following is None else following.at_us + begins_us
+            times = [each for each in (due_us, fed_us) if each is not None]
+            next_us = min(times, default=None)
+            over = following is None and self.speed == 0 and (due_us is None or due_us > self._last_us())
+            if next_us is not None and until_us is not None and next_us > until_us:
+                next_us = None
+            if over or (next_us is None and (until_us is None or self.speed == 0) and reload is None):
+                break
+            if not self._wait(next_us, until_us, stop, reload):
+                if until_us is not None and self.now_us >= until_us:
+                    break
+                continue
+            if following is not None and fed_us is not None and fed_us <= self.now_us:
+                self.instance.push(following.source, following.valid_us + begins_us, following.value, self.now_us)
+                following = next(fed, None)
+            else:
+                self.network.on_time(self.now_us)
+            self._watch()
+
+    def _last_us(self) -> int:
+        """When the last sample of the feed can no longer matter to anybody."""
+        delays = [proxy.policy.max_delay_us or 0 for proxy in self.instance.streams.values()]
+        last_us = self._fed[-1].at_us if self._fed else 0
+        return last_us + max(delays, default=0)
+
+    def _wait(self, next_us: int | None, until_us: int | None, stop: Event, reload: Callable[[], None] | None) -> bool:
+        """Let time pass until something is due; False: something else may have happened."""
+        if self.speed == 0:
+            self.now_us = max(self.now_us, next_us or 0)
+            return True
+        target_us = min((each for each in (next_us, until_us) if each is not None), default=None)
+        wall_s = time.monotonic() - self._began_s
+        self.now_us = self._began_us + round(wall_s * 1e6 * self.speed)
+        if target_us is None or target_us > self.now_us:
+            left_s = LOOK_S if target_us is None else (target_us - self.now_us) / 1e6 / self.speed
+            stop.wait(min(left_s, LOOK_S))
+            if reload is not None:
+                reload()
+            return False
+        return next_us is not None and next_us <= self.now_us
+
+    def _watch(self) -> None:
+        """Record generators that are new."""
+        if self._record is None:
+            return
+        from dyknow import Policy
+
+        for label in self.network.labels():
+            if label not in self._recorded:
+                self._recorded.add(label)
+                self.network.connect(label, Policy(), partial(self._keep, "label", label))
+
+    def _keep(self, kind: str, name: object, sample: "Sample") -> None:
+        from proxies.sample_file import to_json
+
+        if self._record is not None:
+            self._record.write(json.dumps({kind: str(name), **to_json(sample)}) + "\n")
+
+    def _on_sample(self, name: str, sample: "Sample") -> None:
+        from proxies.sample_file import from_value
+
+        self._keep("stream", name, sample)
+        when_ms = (sample.valid_us - (self._began_us if self.speed else 0)) / 1000
+        late_ms = sample.delay_us / 1000
+        value = from_value(sample.value)
+        shown = "no value" if value is None else json.dumps(value)
+        self._call.out.say(
+            f"{when_ms:10g} ms  [bold]{verbatim(name)}[/]  {verbatim(shown)}  [dim]{late_ms:g} ms later[/]",
+            event="sample",
+            stream=name,
+            valid_us=sample.valid_us,
+            available_us=sample.available_us,
+            value=value,
+        )
+
+    def _on_link(self, name: str, linked: bool) -> None:
+        if not linked:
+            self._call.out.note(f"note: nobody makes what {name} is made of any more; it goes on when somebody does.")
+
+    def _on_alarm(self, event: "AlarmEvent") -> None:
+        colour = "red" if event.event == "opened" else "green"
+        when_ms = (event.valid_us - (self._began_us if self.speed else 0)) / 1000
+        values = {label: str(value) for label, value in event.values.items()}
+        shown = ", ".join(f"{label} = {value}" for label, value in values.items())
+        self._call.out.say(
+            f"{when_ms:10g} ms  [{colour}]alarm {event.event}[/]  {verbatim(event.monitor)}  {verbatim(shown)}",
+            event=f"alarm-{event.event}",
+            monitor=event.monitor,
+            id=event.id,
+            valid_us=event.valid_us,
+            detected_us=event.detected_us,
+            values=values,
+        )
+
+    def _on_fault(self, label: "Label", said: str) -> None:
+        if (label, said) not in self._faults:
+            self._faults.add((label, said))
+            self._call.out.note(f"note: {label}: {said}")
+
+
+def run(
+    call: Call,
+    path: Path,
+    *,
+    feed: Path | None,
+    units: Sequence[str],
+    unit: str,
+    speed: float | None,
+    duration: str | None,
+    record: Path | None,
+    watch: bool,
+) -> int:
+    """Run until the feed is over, the duration has passed, or somebody interrupts."""
+    if speed is not None and speed < 0:
+        raise WrongCall(f"--speed is how many times as fast as the wall, 0 for as fast as it goes; got {speed:g}.")
+    text = read_text(path)
+    fed = [] if feed is None else _feed(feed)
+    going = Run(call, path, fed, units, unit, (0.0 if feed is not None else 1.0) if speed is None else speed)
+    lasts_us = None if duration is None else duration_us(duration, option="--duration", least_us=SHORTEST_US)
+    with ExitStack() as stack:
+        if record is not None:
+            going.record(stack.enter_context(_created(record)), text)
+        going.specify(text)
+        unfed = set(going.instance.sources()) - {each.source for each in fed}
+        if unfed and feed is not None:
+            call.out.note(f"note: {feed} has nothing for {', '.join(sorted(unfed))}.")
+        try:
+            going.go(None if lasts_us is None else going.now_us + lasts_us, _reloading(call, going, path, watch))
+        except KeyboardInterrupt:
+            return INTERRUPTED
+    return DONE
+
+
+def verify(call: Call, path: Path, *, journal: Path, units: Sequence[str]) -> int:
+    """1 if the recorded run breaks the specification; each stream's first difference, each broken constraint."""
+    from kpl import parse_specification
+    from kpl.verification import verify as violations_of
+    from proxies.sample_file import read_record
+
+    specification = parse_specification(read_text(path), str(path))
+    try:
+        with journal.open(encoding="utf-8") as lines:
+            about, recorded = read_record(lines, str(journal))
+    except (OSError, UnicodeDecodeError) as error:
+        raise WrongCall(f"--journal: {journal} cannot be read ({error}); `kpl run --record FILE` makes one.") from None
+    labels: dict[str, list[Sample]] = {}
+    streams: dict[str, list[Sample]] = {}
+    for each in recorded:
+        (labels if each.kind == "label" else streams).setdefault(each.name, []).append(each.sample)
+
+    def make(network: "Network", hooks: "Hooks") -> "Instance":
+        return instance_of(network, hooks, units, str(about.get("unit", "0")), reads=False)
+
+    found = violations_of(specification, labels, streams, make)
+    for violation in found:
+        sample = violation.sample
+        call.out.say(
+            f"[red]broken[/] {verbatim(str(violation))}",
+            event="broken",
+            name=violation.name,
+            valid_us=None if sample is None else sample.valid_us,
+            available_us=None if sample is None else sample.available_us,
+            said=violation.said,
+        )
+    samples = sum(map(len, (*labels.values(), *streams.values())))
+    verdict = f"[red]{len(found)} violations[/]" if found else "[green]satisfied[/]"
+    call.out.say(f"{verdict}: {samples} samples of {len(labels)} generators and {len(streams)} streams",
+                 event="verified", satisfied=not found, violations=len(found), samples=samples)  # fmt: skip
+    return NO if found else DONE
+
+
+def instance_of(
+    network: "Network", hooks: "Hooks", modules: Iterable[str], unit: str, *, reads: bool = True
+) -> "Instance":
+    """An empty instance that finds units in modules, the library and installed distributions.
+
+    With `reads` false sources are not read: their samples are pushed.
+    """
+    from compunits import catalogue
+    from federation.keys import unit as unit_name
+    from kpl import Instance
+
+    find = catalogue(modules).offered
+
+    def found(name: str) -> "Prototype | None":
+        from dataclasses import replace
+
+        from dyknow import SourcePrototype
+
+        prototype = find(name)
+        if isinstance(prototype, SourcePrototype) and not reads:
+            return replace(prototype, read=None)
+        return prototype
+
+    return Instance(network, unit=unit_name(unit), catalogue=found, hooks=hooks)
+
+
+def _feed(path: Path) -> "list[FedSample]":
+    from proxies.sample_file import read_feed
+
+    try:
+        with path.open(encoding="utf-8") as lines:
+            return read_feed(lines, str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise WrongCall(f"--feed: {path} cannot be read ({error}); a feed is a text of JSON lines.") from None
+
+
+def _created(path: Path) -> IO[str]:
+    try:
+        return path.open("w", encoding="utf-8")
+    except OSError as error:
+        raise WrongCall(f"--record: {path} cannot be written ({error}).") from None
+
+
+def _reloading(call: Call, going: Run, path: Path, watch: bool) -> Callable[[], None] | None:
+    """Look whether the file has changed; what is wrong with a change is told, and what ran goes on."""
+    if not watch:
+        return None
+    seen = [_changed(path)]
+
+    def look() -> None:
+        now = _changed(path)
+        if now == seen[0]:
+            return
+        seen[0] = now
+        try:
+            going.specify(read_text(path))
+        except TextErrors as wrong:
+            call.out.note(f"{wrong.drawn()}\nThe specification is not taken; what ran goes on.")
+        except DyknowError as wrong:
+            call.out.note(f"{wrong}\nThe specification is not taken; what ran goes on.")
+        else:
+            call.out.say(f"[green]changed[/] to {verbatim(str(path))}", event="changed", file=str(path))
+
+    return look
+
+
+def _changed(path: Path) -> Any:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size

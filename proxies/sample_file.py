@@ -1,0 +1,142 @@
+"""Samples as JSON lines: what feeds a specification from outside, and the record of a run.
+
+A feed has one line per instant, values by the name of their source; `at_ms` says when they become available, at once if
+it is left out. A list is a record or a set, null is no_value:
+
+    {"t_ms": 100, "at_ms": 130, "pos_car1": 12.5, "car_ids": ["car1", "car2"]}
+
+A record begins with the specification, and has one line per sample, of a generator or of a declared stream:
+
+    {"specification": "source ...", "file": "cars.kpl", "unit": "0"}
+    {"label": "pos[car1]", "valid_us": 100000, "available_us": 130000, "value": 12.5}
+    {"stream": "speed_car1", "valid_us": 200000, "available_us": 230000, "value": 2.5}
+"""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from dyknow import NO_VALUE, Quality, Sample, Value
+from dyknow.errors import TextError
+from dyknow.instants import MAX_DURATION_US, US_PER_MS
+
+LONGEST_LINE = 1 << 20
+_TIMES = ("t_ms", "at_ms")
+
+
+class FedSample(NamedTuple):
+    """One sample of a source: available at `at_us`."""
+
+    at_us: int
+    source: str
+    valid_us: int
+    value: Value
+
+
+class Recorded(NamedTuple):
+    """One sample of a run; `kind` is `label` for a generator, `stream` for a declared stream."""
+
+    kind: str
+    name: str
+    sample: Sample
+
+
+def read_feed(lines: Iterable[str], place: str) -> list[FedSample]:
+    """The samples of a feed in the order in which they become available.
+
+    Raises:
+        TextError: a line is none of a feed, and which.
+    """
+    found: list[FedSample] = []
+    for number, record in _records(lines, place):
+        valid_us = _time_us(record, "t_ms", number, place)
+        at_us = _time_us(record, "at_ms", number, place) if "at_ms" in record else valid_us
+        found += [
+            FedSample(at_us, name, valid_us, to_value(value)) for name, value in record.items() if name not in _TIMES
+        ]
+    return sorted(found, key=lambda each: each.at_us)
+
+
+def read_record(lines: Iterable[str], place: str) -> tuple[Mapping[str, Any], list[Recorded]]:
+    """What was run, and its samples as they came.
+
+    Raises:
+        TextError: a line is none of a record, and which.
+    """
+    about: Mapping[str, Any] = {}
+    found: list[Recorded] = []
+    for number, record in _records(lines, place):
+        if "specification" in record:
+            about = record
+            continue
+        kind = "stream" if "stream" in record else "label"
+        times: list[Any] = [record.get(name) for name in ("available_us", "valid_us")]
+        if not isinstance(record.get(kind), str) or "value" not in record or not all(map(_is_time, times)):
+            raise _wrong(number, place, "a recorded sample has a label or a stream, valid_us, available_us and a value")
+        quality = Quality(float(record.get("certainty", 1.0)), to_value(record.get("covariance", [])))
+        found.append(Recorded(kind, record[kind], Sample(times[0], times[1], to_value(record["value"]), quality)))
+    if not about:
+        raise _wrong(1, place, "the record of a run begins with its specification")
+    return about, found
+
+
+def to_json(sample: Sample) -> dict[str, Any]:
+    """A sample as a record has it."""
+    quality = sample.quality
+    return {
+        "valid_us": sample.valid_us,
+        "available_us": sample.available_us,
+        "value": from_value(sample.value),
+        **({"certainty": quality.certainty} if quality.certainty != 1.0 else {}),
+        **({"covariance": [list(row) for row in quality.covariance]} if quality.covariance else {}),
+    }
+
+
+def from_value(value: Value) -> Any:
+    """JSON of a value: null is no_value, a list a record."""
+    if value is NO_VALUE:
+        return None
+    if isinstance(value, frozenset):
+        return sorted(map(str, value))
+    return [from_value(one) for one in value] if isinstance(value, tuple) else value
+
+
+def to_value(found: Any) -> Value:
+    """The value that JSON stands for."""
+    if found is None:
+        return NO_VALUE
+    return tuple(to_value(one) for one in found) if isinstance(found, list) else found
+
+
+def _records(lines: Iterable[str], place: str) -> Iterator[tuple[int, dict[str, Any]]]:
+    for number, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
+        if len(line) > LONGEST_LINE:
+            raise _wrong(number, place, f"a line has at most {LONGEST_LINE >> 10} kB")
+        try:
+            record = json.loads(line, parse_constant=_no_constant)
+        except (ValueError, RecursionError) as wrong:
+            raise _wrong(number, place, f"this is not JSON: {wrong}") from None
+        if not isinstance(record, dict) or any(isinstance(value, dict) for value in record.values()):
+            raise _wrong(number, place, 'a line is one JSON object of values: {"t_ms": 100, "pos_car1": 12.5}')
+        yield number, record
+
+
+def _no_constant(name: str) -> None:
+    raise ValueError(f"{name} is no number")
+
+
+def _is_time(found: Any) -> bool:
+    return isinstance(found, int) and not isinstance(found, bool) and abs(found) <= MAX_DURATION_US
+
+
+def _time_us(record: dict[str, Any], name: str, number: int, place: str) -> int:
+    found = record.get(name)
+    if isinstance(found, int | float) and not isinstance(found, bool) and 0 <= found * US_PER_MS <= MAX_DURATION_US:
+        return round(found * US_PER_MS)
+    raise _wrong(number, place, f"{name} is a time in milliseconds, >= 0", '{"t_ms": 100, "pos_car1": 12.5}')
+
+
+def _wrong(number: int, place: str, message: str, repair: str = "") -> TextError:
+    return TextError(message, line=number, file=place, repair=repair)
