@@ -66,6 +66,11 @@ class UnitPrototype:
         if self.history_us < 0:
             raise ValueError(f"{self.name}: a history is a time >= 0 us, got {self.history_us}")
 
+    @property
+    def of_any_sort(self) -> bool:
+        """Whether a declaration has to say of which sorts it is."""
+        return any(each.startswith("?") for each in (self.sort, *self.inputs))
+
     def fits(self, sort: str, inputs: Sequence[str]) -> bool:
         """Whether it can be declared with these sorts."""
         stands_for: dict[str, str] = {}

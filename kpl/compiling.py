@@ -99,7 +99,8 @@ class Compiler:
                 if not isinstance(unit, UnitPrototype):
                     return Made(Sort(""), None, unit=name, lacks=True)
                 inputs = [self.input(term, members) for term in terms]
-                return Made(self._instance.sort(unit.sort), Refinement(unit, inputs), unit=name)
+                sort = self._unit_sort(unit, wanted, made) if unit.of_any_sort else unit.sort
+                return Made(self._instance.sort(sort), Refinement(unit, inputs), unit=name)
             case States(terms, policy):
                 inputs = [self.input(term, members) for term in terms]
                 try:
@@ -148,7 +149,7 @@ class Compiler:
                 self._check_made(body, wanted, {variable: variable})
             case UnitDeclaration(sort, name, inputs):
                 unit = self._instance.prototype(name)
-                if isinstance(unit, UnitPrototype) and (unit.sort, unit.inputs) != (sort, inputs):
+                if isinstance(unit, UnitPrototype) and not unit.fits(sort, inputs):
                     takes = ", ".join(unit.inputs)
                     raise _at(
                         declaration, f"{name} is implemented with other sorts", f"compunit {unit.sort} {name}({takes})"
@@ -198,6 +199,15 @@ class Compiler:
         found = (each.sort for each in wanted if isinstance(each, SourceDeclaration) and each.name == source)
         prototype = self._instance.prototype(source)
         return next(found, "" if prototype is None else prototype.sort)
+
+    def _unit_sort(self, unit: UnitPrototype, wanted: Specification, place: Node) -> str:
+        """Of a unit for streams of any sort, as it is declared."""
+        for each in wanted:
+            if isinstance(each, UnitDeclaration) and each.name == unit.name:
+                return each.sort
+        takes = ", ".join(each.removeprefix("?") for each in unit.inputs)
+        repair = f"compunit {unit.sort.removeprefix('?')} {unit.name}({takes})"
+        raise _at(place, f"{unit.name} is for streams of any sort and not declared: say of which", repair)
 
     def _sort_of(self, label: Label, variable: str, wanted: Iterable[Declaration]) -> Sort:
         """The sort of what a label of a member is made of: that of any of its makers."""

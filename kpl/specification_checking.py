@@ -32,6 +32,8 @@ from reasoning.formulas import Feature, Node, walk
 
 STATE = "state"
 SELF = "self"
+ANY = "?"
+"""How the sorts begin that stand for any: a unit that has such and is not declared is told of where it is made."""
 LONGEST_GUESS = 64
 MOST_GUESSES = 50
 _NONE: Mapping[str, str] = {}
@@ -237,7 +239,7 @@ class _Checker:
             return
         for wanted, term in zip(declared[1], made.inputs, strict=True):
             sort = self._sort_of(term.label, variables, frozenset())
-            if sort is not None and sort != wanted:
+            if sort is not None and sort != wanted and not wanted.startswith(ANY):
                 self._wrong(f"{made.unit} takes {wanted} here; {term.label} is {sort}", term, f"a stream of {wanted}")
 
     def _present(self, term: StreamTerm, variables: frozenset[str]) -> None:
@@ -277,7 +279,8 @@ class _Checker:
             case FromSource(source):
                 return self._sources.get(source)
             case Refinement(unit):
-                return self._units[unit][0] if unit in self._units else None
+                sort = self._units[unit][0] if unit in self._units else ANY
+                return None if sort.startswith(ANY) else sort
             case StateStream():
                 return STATE
             case Select(term, variable) | Merge(term, variable):

@@ -11,6 +11,7 @@ from compunits.numeric import is_sound, numbers_of
 from dyknow import NO_VALUE, Quality, Sample
 from tests.compunits.units import process, prototype
 
+FEW = settings(max_examples=settings.default.max_examples // 2)
 LONG_AGO, IN_AGES = -(2**62), 2**62
 
 
@@ -55,7 +56,7 @@ times = st.one_of(st.integers(0, 10_000_000), st.sampled_from([LONG_AGO, -1, 0, 
 
 
 @pytest.mark.parametrize("name", sorted(library()))
-@settings(max_examples=60)
+@FEW
 @given(st.lists(st.tuples(st.integers(0, 3), times, hostile | plausible, qualities), max_size=12))
 def test_hostile_values_kill_no_process(name, arrivals) -> None:
     unit, arity = process(name), len(prototype(name).inputs)
@@ -76,7 +77,7 @@ def test_no_value_in_gives_no_value_or_nothing_out(name) -> None:
 
 
 @pytest.mark.parametrize("name", ["KalmanConstant", "KalmanMoving", "KalmanPosition"])
-@settings(max_examples=60)
+@FEW
 @given(st.lists(st.tuples(times, plausible | hostile, qualities), max_size=15))
 def test_what_an_estimate_says_of_itself_is_a_covariance(name, arrivals) -> None:
     unit = process(name)

@@ -13,7 +13,7 @@ from navigation import LocalFrame, distance_m
 from tests.compunits.test_motion import HERE, moved
 from tests.compunits.units import outputs, process, stream, values, variances
 
-FEW = settings(max_examples=30)
+FEW = settings(max_examples=settings.default.max_examples // 3)
 S = 1_000_000
 
 

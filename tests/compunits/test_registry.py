@@ -128,6 +128,9 @@ def test_an_entry_point_is_loaded_when_its_name_is_asked_for_and_not_before(fold
     assert catalogue.find("Fast").name == "Fast"
     assert catalogue.find("Fast") is catalogue.find("Fast")
     assert "broken" not in sys.modules
+    assert catalogue.offered("LinkOf") is catalogue.find("LinkOf")
+    assert catalogue.offered("SpeedEst") is library()["SpeedEst"]
+    assert catalogue.offered("nobody's") is None
 
 
 def test_entry_points_of_what_is_installed_are_read(folder) -> None:
