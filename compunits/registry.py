@@ -45,10 +45,10 @@ def load_module(name: str, asked_by: str = "") -> ModuleType:
         UnitError: there is none, or it fails: where, why, and what to do.
     """
     what = asked_by or f"the module {name!r}"
+    if name.endswith(".py") and not Path(name).is_file():
+        raise UnitError(f"{what}: there is no such file; a module that is installed is named without .py")
     try:
         return _from_file(Path(name)) if name.endswith(".py") else import_module(name)
-    except FileNotFoundError as error:
-        raise UnitError(f"{what}: there is no file {name}") from error
     except ModuleNotFoundError as error:
         missing = error.name or ""
         if name == missing or name.startswith(f"{missing}."):
@@ -64,12 +64,19 @@ def load_module(name: str, asked_by: str = "") -> ModuleType:
 
 
 def _from_file(path: Path) -> ModuleType:
-    spec = spec_from_file_location(path.stem, path)
+    """Known by its path, so that a file called `time.py` stands for no other module; once, as imports are."""
+    name = str(path.resolve())
+    if name in modules:
+        return modules[name]
+    spec = spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise FileNotFoundError(path)
-    module = module_from_spec(spec)
-    modules[path.stem] = module  # so that its classes know where they live
-    spec.loader.exec_module(module)
+        raise ImportError(f"{path} is no Python module")
+    module = modules[name] = module_from_spec(spec)  # before it runs, so that its classes know where they live
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del modules[name]
+        raise
     return module
 
 

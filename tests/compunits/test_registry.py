@@ -8,7 +8,7 @@ from types import ModuleType
 
 import pytest
 
-from compunits import Catalogue, SpeedEst, library, load_module, prototypes_of
+from compunits import Catalogue, SpeedEst, catalogue, library, load_module, prototypes_of
 from dyknow import SourcePrototype, UnitPrototype, value_unit, variant
 from dyknow.errors import UnitError
 from tests.compunits.units import prototype, value_of
@@ -75,14 +75,14 @@ def test_a_cheaper_unit_takes_the_same_sorts() -> None:
 
 
 def test_units_of_a_users_module_are_found_by_name(folder) -> None:
-    catalogue = Catalogue([load_module(write(folder, "roads", ROADS))])
-    link, fast, gps = (catalogue.find(name) for name in ("LinkOf", "Fast", "gps"))
+    found = Catalogue([load_module(write(folder, "roads", ROADS))])
+    link, fast, gps = (found.find(name) for name in ("LinkOf", "Fast", "gps"))
     assert value_of(link, (3.2, 0.0)) == "l3"
     assert (fast.sort, fast.inputs) == ("speed", ("position",))
     assert isinstance(gps, SourcePrototype)
-    assert catalogue.find("DistanceXY") is library()["DistanceXY"]
-    assert {"LinkOf", "Fast", "gps", "SpeedEst"} <= set(catalogue.names)
-    assert list(catalogue.names) == sorted(catalogue.names)
+    assert found.find("DistanceXY") is library()["DistanceXY"]
+    assert {"LinkOf", "Fast", "gps", "SpeedEst"} <= set(found.names)
+    assert list(found.names) == sorted(found.names)
 
 
 def test_a_users_module_decides_over_the_library(folder) -> None:
@@ -93,10 +93,10 @@ def test_a_users_module_decides_over_the_library(folder) -> None:
         SPEED = variant(SpeedEst, "Speed2s", seconds=2.0)
         MEAN = variant(MovingAverage, "MovingAverage", "speed", "speed", samples=3)
     """
-    catalogue = Catalogue([load_module(write(folder, "mine", text))])
-    assert catalogue.find("Speed2s").sort == "speed"
-    assert catalogue.find("MovingAverage").sort == "speed"
-    assert catalogue.find("SpeedEst") is library()["SpeedEst"], "what a module imported is still what it was"
+    found = Catalogue([load_module(write(folder, "mine", text))])
+    assert found.find("Speed2s").sort == "speed"
+    assert found.find("MovingAverage").sort == "speed"
+    assert found.find("SpeedEst") is library()["SpeedEst"], "what a module imported is still what it was"
 
 
 def test_an_unknown_name_is_told_with_those_that_are_near() -> None:
@@ -121,16 +121,16 @@ def test_an_entry_point_is_loaded_when_its_name_is_asked_for_and_not_before(fold
     write(folder, "roads", ROADS)
     write(folder, "broken", "raise RuntimeError('no camera')")
     offered = distribution(folder, "road-units", LinkOf="roads:link_of", Fast="roads", Camera="broken:Camera")
-    catalogue = Catalogue(offered=offered)
-    assert {"LinkOf", "Fast", "Camera"} <= set(catalogue.names)
+    found = Catalogue(offered=offered)
+    assert {"LinkOf", "Fast", "Camera"} <= set(found.names)
     assert "roads" not in sys.modules
-    assert value_of(catalogue.find("LinkOf"), (4.0, 0.0)) == "l4"
-    assert catalogue.find("Fast").name == "Fast"
-    assert catalogue.find("Fast") is catalogue.find("Fast")
+    assert value_of(found.find("LinkOf"), (4.0, 0.0)) == "l4"
+    assert found.find("Fast").name == "Fast"
+    assert found.find("Fast") is found.find("Fast")
     assert "broken" not in sys.modules
-    assert catalogue.offered("LinkOf") is catalogue.find("LinkOf")
-    assert catalogue.offered("SpeedEst") is library()["SpeedEst"]
-    assert catalogue.offered("nobody's") is None
+    assert found.offered("LinkOf") is found.find("LinkOf")
+    assert found.offered("SpeedEst") is library()["SpeedEst"]
+    assert found.offered("nobody's") is None
 
 
 def test_entry_points_of_what_is_installed_are_read(folder) -> None:
@@ -183,6 +183,31 @@ def test_a_module_that_is_not_there_is_told() -> None:
         load_module("not_there_at_all")
     with pytest.raises(UnitError, match=r"there is no module 'compunits\.not_there'"):
         load_module("compunits.not_there")
+
+
+@pytest.mark.parametrize(("text", "told"), BROKEN)
+def test_a_file_that_fails_is_told_as_a_module_is(tmp_path, text, told) -> None:
+    write(tmp_path, "broken", text)
+    for _ in range(2):
+        with pytest.raises(UnitError, match=told):
+            load_module(str(tmp_path / "broken.py"))
+
+
+def test_a_file_is_a_module_of_its_own_whatever_it_is_called(tmp_path) -> None:
+    before = sys.modules["json"]
+    write(tmp_path, "json", ROADS)
+    found = load_module(str(tmp_path / "json.py"))
+    assert sys.modules["json"] is before
+    assert load_module(str(tmp_path / "json.py")) is found
+    assert catalogue([str(tmp_path / "json.py")]).find("LinkOf").sort == "link"
+
+
+def test_a_file_that_is_not_there_is_told_and_one_that_a_module_lacks_is_its_own_fault(tmp_path) -> None:
+    with pytest.raises(UnitError, match="there is no such file"):
+        load_module(str(tmp_path / "nowhere.py"))
+    write(tmp_path, "careless", "open('/there/is/no/such.toml')")
+    with pytest.raises(UnitError, match=r"careless\.py:1: FileNotFoundError: .*such\.toml"):
+        load_module(str(tmp_path / "careless.py"))
 
 
 def test_an_entry_point_that_leads_to_no_unit_is_told(folder) -> None:
