@@ -1,6 +1,6 @@
 """What makes one platform different from another."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from agents.interface import Trust
@@ -25,7 +25,7 @@ class PlatformConfig:
         simulated: whether faults can be injected.
         control: whether it may command its vehicle.
         period_us: the grid of its estimates.
-        prototypes: what its specification can make sources and units from.
+        catalogue: what its specification can make sources and units from, by name.
     """
 
     unit: str
@@ -44,6 +44,6 @@ class PlatformConfig:
     translation: Translation | None = None
     profiles: Mapping[str, Profile] = field(default_factory=builtin_profiles)
     trust: Trust | None = None
-    prototypes: tuple[Prototype, ...] = ()
+    catalogue: Callable[[str], Prototype | None] = lambda _name: None
     acts_per_s: float = ACTS_PER_S
     acts_burst: float = ACTS_BURST

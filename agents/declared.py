@@ -10,7 +10,7 @@ from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 from agents.plans import MonitorPlan
-from dyknow import Label, Policy, Sample, UnitPrototype, of_values
+from dyknow import Label, Policy, Sample, UnitPrototype, as_json, of_values
 from dyknow.errors import Refused, TextError
 from dyknow.processes import Input, Refinement
 from federation.ontology import Convert
@@ -57,8 +57,8 @@ class Declared:
             unit=platform.unit,
             sorts={ontology[name].sort.name: ontology[name].sort for name in ontology},
             semantic={name: ontology[name].sort.name for name in ontology},
-            prototypes=platform.config.prototypes,
-            hooks=Hooks(self._on_output, self._on_link, self._on_alarm),
+            catalogue=platform.config.catalogue,
+            hooks=Hooks(self._on_output, self._on_link, platform.on_alarm),
             federation=self,
         )
         platform.network.on_fault = self._on_fault
@@ -180,15 +180,30 @@ class Declared:
                 "stream": name,
                 "valid_us": sample.valid_us,
                 "available_us": sample.available_us,
-                "value": sample.value,
+                "value": as_json(sample.value),
             }
         )
 
     def _on_link(self, name: str, linked: bool) -> None:
         self._p.tell({"event": "stream", "stream": name, "linked": linked})
 
-    def _on_alarm(self, event: AlarmEvent) -> None:
-        self._p.on_alarm(event)
+    def on_alarm(self, event: AlarmEvent) -> None:
+        """An alarm of a monitor that the specification declares is told with what else comes of it."""
+        named = self._p.monitors.named.get(event.monitor)
+        if event.monitor not in self.instance.monitors and (named is None or OWNER not in named.owners):
+            return
+        values = {label: as_json(value) for label, value in event.values.items()}
+        self._p.tell(
+            {
+                "event": f"alarm-{event.event}",
+                "monitor": event.monitor,
+                "id": event.id,
+                "units": list(event.units),
+                "valid_us": event.valid_us,
+                "detected_us": event.detected_us,
+                "values": values,
+            }
+        )
 
     def _on_fault(self, label: Label, said: str) -> None:
         if (label, said) not in self._faults and len(self._faults) < 1000:

@@ -354,6 +354,7 @@ class Platform:
 
     def on_alarm(self, event: AlarmEvent) -> None:
         self.membership.on_alarm(event, self._now_us)
+        self.declared.on_alarm(event)
 
     def _offset_us_of(self, unit: str) -> int:
         """A peer's node clock minus ours; 0 while it is not known."""

@@ -1,8 +1,10 @@
 """`dyknow join`: one platform on a MAVLink vehicle or a recorded flight, in a child process of this command."""
 
 import time
+from pathlib import Path
 from typing import Any
 
+from console.brought_forth import tell_record
 from console.client import connected
 from console.command import Call
 from console.errors import DONE, INTERRUPTED, FederationFailed, WrongCall
@@ -12,9 +14,10 @@ from console.output import unit_json
 from console.processes import Fleet, interruptible, run_directory, uninterrupted
 from console.up import READY_S, Gathering, tell_notes
 from federation.keys import unit as unit_name
-from runtime.config import ClockConfig, MavlinkVehicle, NodeConfig, ReplayedVehicle
+from runtime.config import ClockConfig, MavlinkVehicle, NodeConfig, NoVehicle, ReplayedVehicle
 
 _LOOK_S = 0.7
+_POLL_S = 0.1
 
 
 def join(call: Call, *, unit: str, duration: str | None, **chosen: Any) -> int:
@@ -40,7 +43,7 @@ def join(call: Call, *, unit: str, duration: str | None, **chosen: Any) -> int:
                 labels=labels,
             )
             tell_notes(call, gathering)
-            code = fleet.wait()[unit]
+            code = _followed(call, fleet, unit)
         except KeyboardInterrupt:
             return INTERRUPTED
         finally:
@@ -49,6 +52,22 @@ def join(call: Call, *, unit: str, duration: str | None, **chosen: Any) -> int:
     if code:
         raise FederationFailed(f"platform {unit} ended with code {code}.\n{fleet.last_words(unit)}")
     return DONE
+
+
+def _followed(call: Call, fleet: Fleet, unit: str) -> int:
+    """Show what the specification brings forth until the platform ends; its exit code."""
+    while True:
+        ended = fleet.ended()
+        for _, said in fleet.heard():
+            tell_record(call, said)
+        if unit in ended:
+            return ended[unit]
+        time.sleep(_POLL_S)
+
+
+def _absolute(path: Path | None) -> Path | None:
+    """The platform is a process of its own, wherever that runs."""
+    return None if path is None else path.absolute()
 
 
 def _fits_in(call: Call, config: NodeConfig) -> None:
@@ -72,15 +91,19 @@ def _fits_in(call: Call, config: NodeConfig) -> None:
 
 def _config(call: Call, unit: str, duration: str | None, chosen: dict[str, Any]) -> NodeConfig:
     mavlink, replay = chosen["mavlink"], chosen["replay"]
-    if (mavlink is None) == (replay is None):
+    if mavlink is not None and replay is not None:
+        raise WrongCall("a platform has one vehicle: give --mavlink or --replay, not both.")
+    if mavlink is None and replay is None and chosen["spec"] is None:
         raise WrongCall(
-            "give the platform one vehicle: --mavlink udpin:127.0.0.1:14550, or --replay FILE for a recorded flight."
+            "give the platform a vehicle, --mavlink udpin:127.0.0.1:14550 or --replay FILE for a recorded flight, "
+            "or a specification of what it knows, --spec FILE.kpl."
         )
     now_us = time.time_ns() // 1000
     speed = chosen["speed"] or 1.0
-    vehicle: MavlinkVehicle | ReplayedVehicle
+    vehicle: MavlinkVehicle | ReplayedVehicle | NoVehicle
     if replay is None:
-        vehicle, clock = _mavlink(chosen, mavlink, speed), clock_of(call.file, None, now_us)
+        vehicle = NoVehicle() if mavlink is None else _mavlink(chosen, mavlink, speed)
+        clock = clock_of(call.file, None, now_us)
     else:
         if chosen["control"] or chosen["sysid"] is not None:
             raise WrongCall("--control and --sysid belong to --mavlink: a recording cannot be commanded.")
@@ -104,6 +127,9 @@ def _config(call: Call, unit: str, duration: str | None, chosen: dict[str, Any])
             "journal": journal_of(call.file, unit, vehicle),
             "avoidance": chosen["avoidance"],
             "translation": chosen["translation"],
+            "spec": _absolute(chosen["spec"]),
+            "units": [str(_absolute(Path(name))) if name.endswith(".py") else name for name in chosen["modules"] or ()],
+            "feed": _absolute(chosen["feed"]),
             "duration_s": duration_us(duration, option="--duration", least_us=SHORTEST_US) / 1e6 if duration else None,
         }
     )

@@ -80,6 +80,19 @@ def up(
     return run(call, detach=detach, **chosen)
 
 
+UnitModules = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--units", metavar="MODULE", help="A module or file.py with sources and computational units (repeatable)."
+    ),
+]
+
+
+Feed = Annotated[
+    Path | None, typer.Option(metavar="FILE.jsonl", help="Samples of the specification's sources, one instant a line.")
+]
+
+
 @command(app, example="dyknow join --unit 3 --mavlink udpin:127.0.0.1:14550 --control")
 def join(
     call: Call,
@@ -104,10 +117,16 @@ def join(
     translation: Annotated[
         Path | None, typer.Option(metavar="FILE.toml", help="Its own labels and units, by semantic label.")
     ] = None,
+    spec: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.kpl", help="What it derives, exports, imports and monitors; read again on change."),
+    ] = None,
+    modules: UnitModules = None,
+    feed: Feed = None,
     avoidance: Avoidance = True,
     duration: Duration = None,
 ) -> int:
-    """One platform on any MAVLink vehicle, or on a recorded flight."""
+    """One platform on any MAVLink vehicle, on a recorded flight, or on a specification alone."""
     from console.join import join as run
 
     return run(
@@ -122,6 +141,9 @@ def join(
         epoch=epoch,
         speed=speed,
         translation=translation,
+        spec=spec,
+        modules=modules,
+        feed=feed,
         avoidance=avoidance,
     )
 
@@ -219,21 +241,11 @@ def kpl_show(call: Call, file: SpecificationFile) -> int:
     return run(call, file)
 
 
-UnitModules = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--units", metavar="MODULE", help="A module or file.py with sources and computational units (repeatable)."
-    ),
-]
-
-
 @command(kpl, name="run", example="dyknow kpl run cars.kpl --feed cars.jsonl --units cars.py")
 def kpl_run(
     call: Call,
     file: SpecificationFile,
-    feed: Annotated[
-        Path | None, typer.Option(metavar="FILE.jsonl", help="Samples of sources, one instant a line.")
-    ] = None,
+    feed: Feed = None,
     modules: UnitModules = None,
     unit: Annotated[str, typer.Option(metavar="U", help="What `self` means.")] = "0",
     speed: Annotated[

@@ -9,6 +9,7 @@ from pathlib import Path
 from threading import Event
 from typing import IO, TYPE_CHECKING, Any
 
+from console.brought_forth import alarm_record, sample_record, tell_record
 from console.command import Call
 from console.errors import DONE, INTERRUPTED, NO, WrongCall
 from console.instants import SHORTEST_US, duration_us
@@ -49,6 +50,7 @@ class Run:
         self._recorded = set[Any]()
         self.now_us = 0 if speed == 0 else time.time_ns() // 1000
         self._began_us, self._began_s = self.now_us, time.monotonic()
+        self._shown_from_us = self._began_us if speed else 0
 
     def specify(self, text: str) -> None:
         """Run this text from now on; raises TextErrors, and goes on with what there is."""
@@ -133,40 +135,15 @@ class Run:
             self._record.write(json.dumps({kind: str(name), **to_json(sample)}) + "\n")
 
     def _on_sample(self, name: str, sample: "Sample") -> None:
-        from proxies.sample_file import from_value
-
         self._keep("stream", name, sample)
-        when_ms = (sample.valid_us - (self._began_us if self.speed else 0)) / 1000
-        late_ms = sample.delay_us / 1000
-        value = from_value(sample.value)
-        shown = "no value" if value is None else json.dumps(value)
-        self._call.out.say(
-            f"{when_ms:10g} ms  [bold]{verbatim(name)}[/]  {verbatim(shown)}  [dim]{late_ms:g} ms later[/]",
-            event="sample",
-            stream=name,
-            valid_us=sample.valid_us,
-            available_us=sample.available_us,
-            value=value,
-        )
+        tell_record(self._call, sample_record(name, sample), begins_us=self._shown_from_us)
 
     def _on_link(self, name: str, linked: bool) -> None:
         if not linked:
             self._call.out.note(f"note: nobody makes what {name} is made of any more; it goes on when somebody does.")
 
     def _on_alarm(self, event: "AlarmEvent") -> None:
-        colour = "red" if event.event == "opened" else "green"
-        when_ms = (event.valid_us - (self._began_us if self.speed else 0)) / 1000
-        values = {label: str(value) for label, value in event.values.items()}
-        shown = ", ".join(f"{label} = {value}" for label, value in values.items())
-        self._call.out.say(
-            f"{when_ms:10g} ms  [{colour}]alarm {event.event}[/]  {verbatim(event.monitor)}  {verbatim(shown)}",
-            event=f"alarm-{event.event}",
-            monitor=event.monitor,
-            id=event.id,
-            valid_us=event.valid_us,
-            detected_us=event.detected_us,
-            values=values,
-        )
+        tell_record(self._call, alarm_record(event), begins_us=self._shown_from_us)
 
     def _on_fault(self, label: "Label", said: str) -> None:
         if (label, said) not in self._faults:

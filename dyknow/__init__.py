@@ -44,7 +44,7 @@ from dyknow.sample import SURE, Quality, Sample, Value
 from dyknow.sampling import PolicyAdapter, interpolate
 from dyknow.shared_states import SharedState, SharedSynchronizer, Strand
 from dyknow.states import Category, State, StateInput, StatePolicy, Synchronizer
-from dyknow.values import NO_VALUE, Field, NoValue, Sort
+from dyknow.values import NO_VALUE, Field, NoValue, Sort, as_json, of_json
 
 __all__ = [
     "NO_VALUE",
@@ -95,6 +95,7 @@ __all__ = [
     "any_change",
     "any_order",
     "any_update",
+    "as_json",
     "available",
     "available_times",
     "computational_unit",
@@ -106,6 +107,7 @@ __all__ = [
     "latest_valid_us",
     "max_delay",
     "monotone_order",
+    "of_json",
     "of_samples",
     "of_values",
     "on_grid",

@@ -17,6 +17,7 @@
   + DecodeError         bytes from outside that are malformed, oversized or mistyped
   + ContentError        an act whose content this agent does not understand
   + Refused             a request that is understood and declined; `reason` is told to the asker
+  + SpecificationFailed a platform's specification or feed cannot be read, or is wrong
   + SessionFailed       the session with other platforms does not open
   + EndpointFailed      the endpoint at which a vehicle is to be heard does not open
   + RosterError         a roster that does not load, or a key that is not in it
@@ -183,6 +184,10 @@ class Refused(DyknowError):
 
 class RosterError(DyknowError):
     """A roster that does not load, or a platform or key it does not hold."""
+
+
+class SpecificationFailed(DyknowError):
+    """What a platform is to run cannot be read, or is wrong."""
 
 
 class SessionFailed(DyknowError):

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from sys import float_info
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from dyknow.errors import SortError
 from dyknow.sample import Value
@@ -111,6 +111,22 @@ class Sort:
 
     def _names(self) -> str:
         return ", ".join(f.name for f in self.fields)
+
+
+def as_json(value: Value) -> Any:
+    """A value as JSON has it: null is no_value, a list a record or a set."""
+    if value is NO_VALUE:
+        return None
+    if isinstance(value, frozenset):
+        return sorted(map(str, value))
+    return [as_json(one) for one in value] if isinstance(value, tuple) else value
+
+
+def of_json(found: Any) -> Value:
+    """The value that JSON stands for."""
+    if found is None:
+        return NO_VALUE
+    return tuple(of_json(one) for one in found) if isinstance(found, list) else found
 
 
 def _fits(component: Value, unit: str) -> bool:

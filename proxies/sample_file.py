@@ -16,7 +16,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from dyknow import NO_VALUE, Quality, Sample, Value
+from dyknow import Quality, Sample, Value, as_json, of_json
 from dyknow.errors import TextError
 from dyknow.instants import MAX_DURATION_US, US_PER_MS
 
@@ -52,7 +52,7 @@ def read_feed(lines: Iterable[str], place: str) -> list[FedSample]:
         valid_us = _time_us(record, "t_ms", number, place)
         at_us = _time_us(record, "at_ms", number, place) if "at_ms" in record else valid_us
         found += [
-            FedSample(at_us, name, valid_us, to_value(value)) for name, value in record.items() if name not in _TIMES
+            FedSample(at_us, name, valid_us, of_json(value)) for name, value in record.items() if name not in _TIMES
         ]
     return sorted(found, key=lambda each: each.at_us)
 
@@ -73,8 +73,8 @@ def read_record(lines: Iterable[str], place: str) -> tuple[Mapping[str, Any], li
         times: list[Any] = [record.get(name) for name in ("available_us", "valid_us")]
         if not isinstance(record.get(kind), str) or "value" not in record or not all(map(_is_time, times)):
             raise _wrong(number, place, "a recorded sample has a label or a stream, valid_us, available_us and a value")
-        quality = Quality(float(record.get("certainty", 1.0)), to_value(record.get("covariance", [])))
-        found.append(Recorded(kind, record[kind], Sample(times[0], times[1], to_value(record["value"]), quality)))
+        quality = Quality(float(record.get("certainty", 1.0)), of_json(record.get("covariance", [])))
+        found.append(Recorded(kind, record[kind], Sample(times[0], times[1], of_json(record["value"]), quality)))
     if not about:
         raise _wrong(1, place, "the record of a run begins with its specification")
     return about, found
@@ -86,26 +86,10 @@ def to_json(sample: Sample) -> dict[str, Any]:
     return {
         "valid_us": sample.valid_us,
         "available_us": sample.available_us,
-        "value": from_value(sample.value),
+        "value": as_json(sample.value),
         **({"certainty": quality.certainty} if quality.certainty != 1.0 else {}),
         **({"covariance": [list(row) for row in quality.covariance]} if quality.covariance else {}),
     }
-
-
-def from_value(value: Value) -> Any:
-    """JSON of a value: null is no_value, a list a record."""
-    if value is NO_VALUE:
-        return None
-    if isinstance(value, frozenset):
-        return sorted(map(str, value))
-    return [from_value(one) for one in value] if isinstance(value, tuple) else value
-
-
-def to_value(found: Any) -> Value:
-    """The value that JSON stands for."""
-    if found is None:
-        return NO_VALUE
-    return tuple(to_value(one) for one in found) if isinstance(found, list) else found
 
 
 def _records(lines: Iterable[str], place: str) -> Iterator[tuple[int, dict[str, Any]]]:

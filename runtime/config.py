@@ -104,4 +104,10 @@ class NodeConfig(Strict):
     translation: Path | None = None
     profiles: Path | None = None
     journal: Path | None = None
+    spec: Path | None = None
+    """A specification of knowledge processing, taken in again whenever the file changes."""
+    units: tuple[str, ...] = ()
+    """Modules with sources and computational units of the specification."""
+    feed: Path | None = None
+    """Samples of the specification's sources."""
     duration_s: float | None = Field(None, gt=0)

@@ -16,11 +16,12 @@ from queue import Empty
 from typing import Any, Protocol
 
 from agents.config import PlatformConfig
-from agents.effects import Event, Halt, InjectFault, Leave, Note, Reported
+from agents.effects import Event, Halt, InjectFault, Leave, Note, Reported, Tell
 from agents.interface import Trust
 from agents.own_streams import ESTIMATE
 from agents.plans import PlanBook
 from agents.platform import Platform
+from compunits import catalogue
 from dyknow import Policy
 from dyknow.errors import DecodeError, DyknowError, RosterError
 from federation import contents
@@ -39,6 +40,7 @@ from runtime.config import NodeConfig, WireConfig
 from runtime.journal import Journal, Journalled
 from runtime.loop import Node, step
 from runtime.mailbox import Mailbox
+from runtime.specified import Specified
 
 ASK_US = 300_000
 ADOPT_US = 2_000_000
@@ -88,6 +90,7 @@ class Process:
             self.clock.now_us() if epoch_us is None else epoch_us, config.clock.speed
         )
         self._vehicle: VehicleEdge | None = None
+        self._specified: Specified | None = None
         self._told: tuple[str, ...] = ()
 
     def run(self) -> int:
@@ -104,10 +107,13 @@ class Process:
             chosen = self.config.clock
             if chosen.speed != 1.0 and (chosen.epoch_us is None or chosen.yields):
                 self._adopt_epoch()
+            self._specified = self._specification()
             fitted = self._make_vehicle(self.config, self._federation_clock, self.clock, self._reported, self.stop)
             self._vehicle = fitted.edge
             self._serve(fitted)
         finally:
+            if self._specified is not None:
+                self._specified.stop()
             if self._vehicle is not None:
                 self._vehicle.stop()
             self._edge.close()
@@ -126,6 +132,8 @@ class Process:
         self._say({"event": "joined", "unit": self.config.unit, "labels": labels, "at_us": self.clock.now_us()})
         if self._vehicle is not None:
             self._vehicle.start()
+        if self._specified is not None:
+            self._specified.start()
         ends_us = None if self.config.duration_s is None else started_us + round(self.config.duration_s * 1e6)
         node = self._journalled(platform)
         if ends_us is not None:
@@ -137,6 +145,15 @@ class Process:
                 break
         self._perform_all(platform.on_event(Leave(self.clock.now_us()), self.clock.now_us()))
         self._say({"event": "ended", "unit": self.config.unit, "at_us": self.clock.now_us()})
+
+    def _specification(self) -> Specified | None:
+        """What the platform is to run; its times are those of the clock as it is now."""
+        config, clock = self.config, self._federation_clock
+        if config.spec is None:
+            return None
+        return Specified(
+            config.spec, config.feed, self.mailbox.post, self._note, self.clock.now_us, clock.federation_us
+        )
 
     def _journalled(self, platform: Platform) -> Node[Event, Any]:
         """The platform, or the platform with its journal: events, timers, and what was estimated."""
@@ -209,6 +226,8 @@ class Process:
             self._inject(effect)
         elif kind is Note:
             self._note(effect.text)
+        elif kind is Tell:
+            self._say({**effect.record, "unit": self.config.unit})
         elif kind is Halt:
             self._say(
                 {"event": "halted", "unit": self.config.unit, "reason": effect.reason, "at_us": self.clock.now_us()}
@@ -318,6 +337,7 @@ def platform_config(config: NodeConfig, clock: FederationClock, started_us: int,
         translation=translation,
         profiles=profiles,
         trust=trust_of(config, started_us),
+        catalogue=catalogue(config.units).offered,
     )
 
 

@@ -1,0 +1,79 @@
+"""What a running specification brings forth, as a person sees it: samples, alarms, who makes a stream."""
+
+import json
+from typing import TYPE_CHECKING, Any
+
+from console.command import Call
+from console.instants import clock_time
+from console.output import verbatim
+
+if TYPE_CHECKING:
+    from dyknow import Sample
+    from reasoning import AlarmEvent
+
+
+def tell_record(call: Call, said: dict[str, Any], *, begins_us: int | None = None) -> None:
+    """One JSON line of a platform; what is none of these is not shown. Times since `begins_us`, or by the clock."""
+    kind = str(said.get("event"))
+    if kind not in {"sample", "stream", "note", "alarm-opened", "alarm-closed"}:
+        return
+    valid_us = said.get("valid_us")
+    when = "" if valid_us is None else _when(valid_us, begins_us)
+    call.out.say(f"{when}{_SHOWN[kind](said)}", **said)
+
+
+def sample_record(name: str, sample: "Sample") -> dict[str, Any]:
+    """A sample of a declared stream."""
+    from dyknow import as_json
+
+    times = {"valid_us": sample.valid_us, "available_us": sample.available_us}
+    return {"event": "sample", "stream": name, **times, "value": as_json(sample.value)}
+
+
+def alarm_record(event: "AlarmEvent") -> dict[str, Any]:
+    """An alarm that opened or closed."""
+    from dyknow import as_json
+
+    return {
+        "event": f"alarm-{event.event}",
+        "monitor": event.monitor,
+        "id": event.id,
+        "units": list(event.units),
+        "valid_us": event.valid_us,
+        "detected_us": event.detected_us,
+        "values": {label: as_json(value) for label, value in event.values.items()},
+    }
+
+
+def _when(valid_us: int, begins_us: int | None) -> str:
+    return f"{clock_time(valid_us)}  " if begins_us is None else f"{(valid_us - begins_us) / 1000:10g} ms  "
+
+
+def _sample(said: dict[str, Any]) -> str:
+    value = "no value" if said["value"] is None else json.dumps(said["value"])
+    late_ms = (said["available_us"] - said["valid_us"]) / 1000
+    return f"[bold]{verbatim(said['stream'])}[/]  {verbatim(value)}  [dim]{late_ms:g} ms later[/]"
+
+
+def _stream(said: dict[str, Any]) -> str:
+    name = verbatim(said["stream"])
+    return f"[green]{name} is made[/]" if said["linked"] else f"[yellow]nobody makes {name} any more[/]"
+
+
+def _alarm(said: dict[str, Any]) -> str:
+    shown = ", ".join(f"{label} = {_short(value)}" for label, value in said["values"].items())
+    opened = said["event"] == "alarm-opened"
+    return f"[{'red' if opened else 'green'}]{said['event'].replace('-', ' ')}[/]  {verbatim(said['monitor'])}  {verbatim(shown)}"
+
+
+def _short(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else json.dumps(value)
+
+
+_SHOWN = {
+    "sample": _sample,
+    "stream": _stream,
+    "note": lambda said: f"[yellow]note[/] {verbatim(str(said.get('text')))}",
+    "alarm-opened": _alarm,
+    "alarm-closed": _alarm,
+}

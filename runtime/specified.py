@@ -1,0 +1,101 @@
+"""What a platform's specification lives on: its file, read again when it changes, and a feed of samples.
+
+Threads read; the node thread is given text that was read before, and samples when they are due.
+"""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from agents.declared import read
+from agents.effects import Fed, Specify
+from dyknow.errors import DyknowError, SpecificationFailed
+from proxies.sample_file import FedSample, read_feed
+
+LOOK_S = 0.5
+
+
+class Specified:
+    """Posts the specification now and whenever its file changes, and the samples of a feed at their times.
+
+    Args:
+        post: takes events for the node.
+        note: takes words for people.
+        now_us: the node clock; `federation_us` of it is what the feed's times count from the start in.
+
+    Raises:
+        SpecificationFailed: the specification or the feed cannot be read, or is wrong.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        feed: Path | None,
+        post: Callable[[Specify | Fed], None],
+        note: Callable[[str], None],
+        now_us: Callable[[], int],
+        federation_us: Callable[[int], int],
+    ) -> None:
+        self._path, self._post, self._note, self._now_us, self._federation_us = path, post, note, now_us, federation_us
+        self._over = threading.Event()
+        self._text = self._read()
+        self._samples = _samples(feed)
+        self._threads = [threading.Thread(target=self._watch, name="specification", daemon=True)]
+        if self._samples:
+            self._threads.append(threading.Thread(target=self._feed, name="feed", daemon=True))
+
+    def start(self) -> None:
+        self._post(Specify(self._now_us(), self._text, str(self._path)))
+        for thread in self._threads:
+            thread.start()
+
+    def stop(self) -> None:
+        self._over.set()
+
+    def _read(self) -> str:
+        """The text, which is one that can be read; it is remembered for the node."""
+        try:
+            text = self._path.read_text("utf-8")
+            read(text, str(self._path))
+        except (OSError, UnicodeDecodeError, DyknowError) as wrong:
+            raise SpecificationFailed(str(wrong)) from None
+        return text
+
+    def _watch(self) -> None:
+        seen = self._changed()
+        while not self._over.wait(LOOK_S):
+            now = self._changed()
+            if now == seen:
+                continue
+            seen = now
+            try:
+                text = self._read()
+            except SpecificationFailed as wrong:
+                self._note(f"the specification is not taken; what ran goes on:\n{wrong}")
+            else:
+                self._post(Specify(self._now_us(), text, str(self._path)))
+
+    def _changed(self) -> tuple[int, int] | None:
+        try:
+            found = self._path.stat()
+        except OSError:
+            return None
+        return found.st_mtime_ns, found.st_size
+
+    def _feed(self) -> None:
+        begins_us = self._federation_us(self._now_us())
+        for sample in self._samples:
+            while (left_us := begins_us + sample.at_us - self._federation_us(self._now_us())) > 0:
+                if self._over.wait(left_us / 1e6):
+                    return
+            self._post(Fed(self._now_us(), sample.source, begins_us + sample.valid_us, sample.value))
+
+
+def _samples(feed: Path | None) -> list[FedSample]:
+    if feed is None:
+        return []
+    try:
+        with feed.open(encoding="utf-8") as lines:
+            return read_feed(lines, str(feed))
+    except (OSError, UnicodeDecodeError, DyknowError) as wrong:
+        raise SpecificationFailed(str(wrong)) from None
