@@ -7,7 +7,7 @@ from dyknow.generator import Generator
 from dyknow.labels import Label
 from dyknow.network import Network
 from dyknow.policy import Policy
-from dyknow.processes import Input, Reader, Refinement
+from dyknow.processes import Input, OnDemand, Reader, Refinement
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.values import Sort
 
@@ -75,13 +75,11 @@ class ProcessFactory:
             raise WrongNumberOfInputs(name, arity, len(inputs))
         if output_policy is not None and not _supports(prototype, output_policy):
             raise PolicyNotSupported(f"{name} cannot provide its output with {output_policy}")
-        sort = Sort(prototype.sort)
-        if isinstance(prototype, UnitPrototype):
-            made = self._network.add_process(label, sort, Refinement(prototype, inputs, output_policy))
-        elif prototype.read is None:
+        sort, process = Sort(prototype.sort), process_of(prototype, inputs, output_policy)
+        if process is None:
             made = self._network.add_source(label, sort)
         else:
-            made = self._network.add_process(label, sort, Reader(prototype))
+            made = self._network.add_process(label, sort, process)
         self._made.add(label)
         return made
 
@@ -95,6 +93,19 @@ class ProcessFactory:
             raise UnknownLabel(str(label), tuple(map(str, self._made)))
         self._made.discard(label)
         self._network.remove(label)
+
+
+def process_of(
+    prototype: Prototype, inputs: Sequence[Input] = (), output_policy: Policy | None = None
+) -> OnDemand | None:
+    """A process made from a prototype, wherever it runs, not yet attached; None: samples are pushed from outside."""
+    if isinstance(prototype, UnitPrototype):
+        if prototype.elsewhere is not None:
+            return prototype.elsewhere(inputs, output_policy)
+        return Refinement(prototype, inputs, output_policy)
+    if prototype.elsewhere is not None:
+        return prototype.elsewhere()
+    return None if prototype.read is None else Reader(prototype)
 
 
 def _supports(prototype: Prototype, policy: Policy) -> bool:

@@ -261,7 +261,7 @@ class Reader(OnDemand):
         super().__init__()
         self.prototype = prototype
         self._readings: Iterator[Reading] = iter(())
-        self._next: Reading | None = None
+        self._next: tuple[int, Value] | None = None
 
     def inputs(self) -> Sequence[Input]:
         return ()
@@ -308,11 +308,16 @@ class Reader(OnDemand):
 
     def _advance(self) -> None:
         try:
-            valid_us, value = next(self._readings)
+            self._next = _timed(next(self._readings))
         except StopIteration:
             self._next = None
         except Exception as wrong:  # noqa: BLE001  (it is a user's code)
             self._next = None
             self.fault(f"{self.prototype.name} raised {wrong!r}; it is read no more")
-        else:
-            self._next = int(valid_us), value
+
+
+def _timed(reading: Reading) -> tuple[int, Value]:
+    valid_us, value = reading
+    if valid_us is None:
+        raise TypeError("the valid time None, for the time of the reading, is for sources in hosts")
+    return int(valid_us), value

@@ -20,15 +20,19 @@ What a class takes when it is made are its settings; `variant` makes a prototype
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar
 
 from dyknow.compunits import UnitFunction, latest_valid_us, of_values, quality_of
 from dyknow.join import Inputs
+from dyknow.labels import Label
 from dyknow.policy import Policy
 from dyknow.sample import Sample, Value
 
-Reading: TypeAlias = tuple[int, Value]
-"""Valid time and value of one sample of a source."""
+if TYPE_CHECKING:
+    from dyknow.processes import Input, OnDemand
+
+Reading: TypeAlias = tuple[int | None, Value]
+"""Valid time and value of one sample of a source; in a host the time may be None: when it was read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +50,7 @@ class UnitPrototype:
         cheaper: name of a unit over the same sorts that may stand in for it when there is too much to do.
         supports: whether it can provide its output under a policy.
         priority: of units that have something to do at the same time the one with the higher number is first.
+        elsewhere: the process over these inputs, under an output policy, where another host runs it (5.3).
     """
 
     name: str
@@ -57,6 +62,7 @@ class UnitPrototype:
     cheaper: str = ""
     supports: Callable[[Policy], bool] = lambda _policy: True
     priority: int = 0
+    elsewhere: Callable[[Sequence["Input"], Policy | None], "OnDemand"] | None = None
 
     def __post_init__(self) -> None:
         if not self.inputs:
@@ -88,11 +94,19 @@ class SourcePrototype:
         name: how specifications call it.
         sort: of its samples.
         read: from a time on, its samples, ordered by valid time; None: samples are pushed from outside.
+        label: of the stream generator that a host registers for it, `self` for the unit; empty: specifications say.
+        elsewhere: the process, where another host runs it (5.3).
     """
 
     name: str
     sort: str
     read: Callable[[int], Iterator[Reading]] | None = None
+    label: str = ""
+    elsewhere: Callable[[], "OnDemand"] | None = None
+
+    def __post_init__(self) -> None:
+        if self.label:
+            Label.parse(self.label)
 
 
 Prototype: TypeAlias = UnitPrototype | SourcePrototype
@@ -180,11 +194,15 @@ def variant(unit: Any, name: str, *sorts: str, history_us: int | None = None, **
     return replace(prototype, name=name, sort=sort, inputs=tuple(inputs), make=make, history_us=history_us)
 
 
-def source(sort: str, name: str = "") -> Callable[[Made], Made]:
-    """Declare a function from a time to an iterator of (valid time, value), ordered by valid time."""
+def source(sort: str, name: str = "", label: str = "") -> Callable[[Made], Made]:
+    """Declare a function from a time to an iterator of (valid time, value), ordered by valid time.
+
+    In a host (an operating system process of its own) it may block until there is something to be read, and give None
+    for a valid time that is the time of the reading; with a `label` its stream is there without being declared.
+    """
 
     def declare(made: Made) -> Made:
-        setattr(made, _PROTOTYPE, SourcePrototype(name or made.__name__, sort, made))
+        setattr(made, _PROTOTYPE, SourcePrototype(name or made.__name__, sort, made, label))
         return made
 
     return declare

@@ -4,14 +4,16 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from dyknow import Label, Policy, PolicyError, Sort
-from dyknow.errors import TextError
+from dyknow.errors import SortError, TextError
+from dyknow.factory import process_of
 from dyknow.instants import US_PER_MS, print_duration
 from dyknow.mediation import Mediation
 from dyknow.network import Process
-from dyknow.processes import Input, Reader, Refinement
-from dyknow.prototypes import SourcePrototype, UnitPrototype
+from dyknow.processes import Input
+from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.state_streams import StateStream, state_policy
 from kpl.definitions import Definitions
+from kpl.listing import print_declaration
 from kpl.specification import (
     ChronicleFile,
     Declaration,
@@ -91,16 +93,19 @@ class Compiler:
         match made:
             case FromSource(name):
                 prototype = self._instance.prototype(name)
-                if isinstance(prototype, SourcePrototype) and prototype.read is not None:
-                    return Made(self._instance.sort(prototype.sort), Reader(prototype), unit=name)
-                return Made(self._instance.sort(self._declared_sort(name, wanted)), None, name)
+                sort = self._instance.sort(self._declared_sort(name, wanted))
+                if isinstance(prototype, SourcePrototype) and (process := process_of(prototype)) is not None:
+                    return Made(sort, process, unit=name)
+                if name in self._instance.withdrawn:
+                    return Made(sort, None, unit=name, lacks=True)
+                return Made(sort, None, name, unit=name)
             case Refining(name, terms):
                 unit = self._instance.prototype(name)
                 if not isinstance(unit, UnitPrototype):
                     return Made(Sort(""), None, unit=name, lacks=True)
                 inputs = [self.input(term, members) for term in terms]
                 sort = self._unit_sort(unit, wanted, made) if unit.of_any_sort else unit.sort
-                return Made(self._instance.sort(sort), Refinement(unit, inputs), unit=name)
+                return Made(self._instance.sort(sort), process_of(unit, inputs), unit=name)
             case States(terms, policy):
                 inputs = [self.input(term, members) for term in terms]
                 try:
@@ -219,6 +224,21 @@ class Compiler:
             if body.label.feature == label.feature:
                 return self.making(body, tuple(wanted)).sort
         return Sort(label.feature)
+
+
+def check_offer(prototype: Prototype, specification: Specification) -> None:
+    """Refuse what is offered under a name that is declared with other sorts; raises SortError."""
+    for each in specification:
+        match each:
+            case UnitDeclaration(sort, name, inputs) if name == prototype.name:
+                fits = isinstance(prototype, UnitPrototype) and prototype.fits(sort, inputs)
+            case SourceDeclaration(sort, name) if name == prototype.name:
+                fits = isinstance(prototype, SourcePrototype) and prototype.sort == sort
+            case _:
+                continue
+        if not fits:
+            said = print_declaration(each)
+            raise SortError(f"{prototype.name} is declared as `{said}`, which what is offered is not")
 
 
 def _terms(made: Making) -> tuple[StreamTerm, ...]:

@@ -11,7 +11,7 @@ from dyknow.mediation import Configuration
 from dyknow.processes import Input
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.stream_proxy import StreamProxy
-from kpl.compiling import Compiler, Made, Members
+from kpl.compiling import Compiler, Made, Members, check_offer
 from kpl.definitions import Definitions
 from kpl.formula_monitors import FormulaMonitor
 from kpl.parsing import raise_all
@@ -74,6 +74,7 @@ class Instance:
         self.monitors: dict[str, FormulaMonitor] = {}
         self.families: dict[Label, Configuration] = {}
         self._catalogue = catalogue
+        self.withdrawn = set[str]()  # sources whose makers may come back: nobody else feeds them meanwhile
         self._sorts, self._semantic, self._federation = sorts or {}, semantic, federation
         self._undo: dict[Declaration, Undo] = {}
         self._fed: dict[str, list[Label]] = {}
@@ -141,13 +142,21 @@ class Instance:
 
         Raises:
             PrototypeExists: a name is taken; those before it are offered.
+            SortError: it is declared with other sorts; those before it are offered.
         """
         self.network.now_us = max(self.network.now_us, now_us)
         for prototype in prototypes:
+            check_offer(prototype, self.specification)
             self.factory.add_prototype(prototype)
+            self.withdrawn.discard(prototype.name)
             for label, (declaration, members) in self._parts.pop(prototype.name, {}).items():
                 self._release(label)
-                self._generate(declaration, members, label)
+                if self.network.has(label):  # a source that was fed from outside has somebody who reads it
+                    making = self._compiler.making(declaration, self._wanted, members)
+                    self.network.replace_process(label, making.sort, making.process)
+                    self._hold(declaration, members, label, making)
+                else:
+                    self._generate(declaration, members, label)
 
     def withdraw(self, names: Iterable[str], now_us: int) -> None:
         """What was made from these prototypes ends; its clients are told, and served again when they are offered again.
@@ -157,6 +166,8 @@ class Instance:
         """
         self.network.now_us = max(self.network.now_us, now_us)
         for name in names:
+            if isinstance(self.factory.prototype(name), SourcePrototype):
+                self.withdrawn.add(name)
             self.factory.remove_prototype(name)
             for label, (declaration, members) in self._parts.pop(name, {}).items():
                 self._release(label)
@@ -166,7 +177,11 @@ class Instance:
     @property
     def lacking(self) -> dict[str, tuple[Label, ...]]:
         """Prototypes that nobody offers, and the generators that wait for them."""
-        return {name: tuple(parts) for name, parts in self._parts.items() if self.factory.find(name) is None}
+        return {
+            name: tuple(parts)
+            for name, parts in self._parts.items()
+            if self.factory.find(name) is None and not self._fed.get(name)
+        }
 
     # What runs
 
