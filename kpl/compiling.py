@@ -104,8 +104,8 @@ class Compiler:
                 if not isinstance(unit, UnitPrototype):
                     return Made(Sort(""), None, unit=name, lacks=True)
                 inputs = [self.input(term, members) for term in terms]
-                sort = self._unit_sort(unit, wanted, made) if unit.of_any_sort else unit.sort
-                return Made(self._instance.sort(sort), process_of(unit, inputs), unit=name)
+                named = self._unit_sort(unit, wanted, made) if unit.of_any_sort else unit.sort
+                return Made(self._instance.sort(named), process_of(unit, inputs), unit=name)
             case States(terms, policy):
                 inputs = [self.input(term, members) for term in terms]
                 try:
