@@ -44,8 +44,8 @@ class Network:
     """
 
     __slots__ = (
-        "_attributes", "_generators", "_history", "_processes", "_timed", "_unit_inputs", "_waiting", "now_us",
-        "on_fault",
+        "_attributes", "_generators", "_history", "_implicit", "_processes", "_timed", "_unit_inputs", "_waiting", "now_us",
+        "on_fault", "resolve",
     )  # fmt: skip
 
     def __init__(self, history: int = 4096) -> None:
@@ -56,6 +56,8 @@ class Network:
         self.on_fault: Callable[[Label, str], None] = lambda _label, _said: None
         self._processes: dict[Label, Process] = {}
         self._attributes: dict[Label, list[Label]] = {}
+        self._implicit: dict[Label, None] = {}
+        self.resolve: Callable[[Label], tuple[Sort, Process] | None] = lambda _label: None
         self._waiting: dict[Label, list[StreamProxy]] = {}
         self._timed: list[Timed] = []  # replaced, never changed: consumers may subscribe while it is walked
 
@@ -138,7 +140,7 @@ class Network:
             ValueNotAvailable: it cannot begin so early.
         """
         proxy = StreamProxy(self, label, policy, consumer, on_link)
-        generator = self._generators.get(label) or self._attribute(label)
+        generator = self._generators.get(label) or self._attribute(label) or self._resolved(label)
         if generator is None:
             self.wait(proxy)
         else:
@@ -200,7 +202,9 @@ class Network:
         """
         generator = self.generator(label)
         for attribute in self._attributes.pop(label, ()):
-            self.remove(attribute)
+            if attribute in self._generators:
+                self.remove(attribute)
+        self._implicit.pop(label, None)
         del self._generators[label]
         self._take(generator)
         for subscription in self._unit_inputs.pop(label, ()):
@@ -286,7 +290,21 @@ class Network:
             attribute, stem.sort.fields[at].unit, (stem.sort.name,), lambda: of_values(itemgetter(at)), True
         )
         self._attributes.setdefault(stem.label, []).append(label)
+        self._implicit[label] = None
         return self.add_process(label, Sort(stem.sort.fields[at].unit), Refinement(unit, [Input(stem.label)]))
+
+    def _resolved(self, label: Label) -> Generator | None:
+        """A generator that is there because somebody asks for it."""
+        found = self.resolve(label)
+        if found is None:
+            return None
+        self._implicit[label] = None
+        return self.add_process(label, *found)
+
+    def sweep(self) -> None:
+        """Take away what was there because somebody asked for it, and nobody does any more."""
+        for label in [label for label in self._implicit if not self.generator(label).subscriptions]:
+            self.remove(label)
 
     def _give(self, generator: Generator, process: Process) -> None:
         self._processes[generator.label] = process

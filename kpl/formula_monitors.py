@@ -57,7 +57,7 @@ class FormulaMonitor:
         self._domains: dict[str, tuple[str, ...]] = dict.fromkeys(domains_of(formula), ())
         self._labels: tuple[str, ...] = ()
         self._states: Synchronizer | None = None
-        self._proxies: list[StreamProxy] = []
+        self.proxies: list[StreamProxy] = []
         self._members = [
             network.connect(Label(name), Policy(), partial(self._on_members, name)) for name in self._domains
         ]
@@ -68,10 +68,11 @@ class FormulaMonitor:
 
     @property
     def deadline_us(self) -> int | None:
-        if not self._members and not self._proxies:
+        if not self._members and not self.proxies:
             return None
         states_us = None if self._states is None else self._states.deadline_us
-        return earlier(states_us, self.monitor.deadline_us) or FAR_US
+        due_us = earlier(states_us, self.monitor.deadline_us)
+        return FAR_US if due_us is None else due_us
 
     def on_time(self, now_us: int) -> None:
         if self._states is not None:
@@ -81,9 +82,9 @@ class FormulaMonitor:
 
     def cancel(self) -> None:
         """Take no more streams."""
-        for proxy in (*self._members, *self._proxies):
+        for proxy in (*self._members, *self.proxies):
             proxy.cancel()
-        self._members, self._proxies, self._states = [], [], None
+        self._members, self.proxies, self._states = [], [], None
 
     def awaited(self) -> tuple[str, ...]:
         """Why there is no state yet, input by input."""
@@ -116,7 +117,7 @@ class FormulaMonitor:
             labels = required_labels(self._formula, self._domains)
         except UnknownLabel:
             return
-        if labels == self._labels and self._proxies:
+        if labels == self._labels and self.proxies:
             return
         self._labels = labels
         policy = Policy(max_delay_us=self.max_delay_us, importance=self._policy.importance)
@@ -130,9 +131,9 @@ class FormulaMonitor:
         states = self._states = (
             Synchronizer([StateInput(label, policy) for label in labels], wanted, explains=True) if labels else None
         )
-        before, self._proxies = self._proxies, []
+        before, self.proxies = self.proxies, []
         for i, label in enumerate(labels):
-            self._proxies.append(self._network.connect(Label.parse(label), policy, partial(self._on_sample, states, i)))
+            self.proxies.append(self._network.connect(Label.parse(label), policy, partial(self._on_sample, states, i)))
         for proxy in before:
             proxy.cancel()
 

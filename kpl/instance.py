@@ -13,6 +13,7 @@ from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.stream_proxy import StreamProxy
 from kpl.compiling import Compiler, Made, Members, check_offer
 from kpl.definitions import Definitions
+from kpl.figures import MEANINGS, figure
 from kpl.formula_monitors import FormulaMonitor
 from kpl.parsing import raise_all
 from kpl.specification import (
@@ -83,6 +84,7 @@ class Instance:
         self._wanted: Specification = ()
         self._declared: dict[Label, Declaration] = {}
         self._compiler = Compiler(self)
+        network.resolve = lambda label: figure(self, label)
 
     # What a specification says
 
@@ -123,6 +125,7 @@ class Instance:
             self._become(done[::-1], [each for each in before if each not in self._undo], before)
             raise _as_text_errors(wrong, text, file) from wrong
         self.specification = wanted
+        self.network.sweep()
         self.configurations.append(ConfigurationEntry(now_us, wanted))
         del self.configurations[:-MAX_CONFIGURATIONS]
 
@@ -198,6 +201,10 @@ class Instance:
         """What can be made under a name, here or among the declared sources."""
         return self.factory.find(name)
 
+    def lookup(self, name: str) -> Prototype | None:
+        """The same, or what the catalogue has."""
+        return self.factory.find(name) or self._catalogue(name)
+
     def sort(self, name: str) -> Sort:
         """A sort by name; unknown ones take any value."""
         return self._sorts.get(name) or Sort(name)
@@ -218,6 +225,7 @@ class Instance:
             },
             semantic=self._semantic,
             running=running,
+            figures=MEANINGS,
         )
         errors = list(check_specification(wanted, known, text, file).errors)
         raise_all(errors or self._compiler.check(wanted, running, text, file))

@@ -49,6 +49,7 @@ class Known(NamedTuple):
         labels: sorts of generators that are there already.
         semantic: sorts of the ontology's semantic labels, by name; None: any name is one.
         running: declarations that a running instance holds already.
+        figures: features of one object that an instance says of itself.
     """
 
     sorts: Collection[str] | None = None
@@ -57,6 +58,7 @@ class Known(NamedTuple):
     labels: Mapping[Label, str] = {}
     semantic: Mapping[str, str] | None = None
     running: Collection[Declaration] = ()
+    figures: Collection[str] = ()
 
 
 class Findings(NamedTuple):
@@ -244,6 +246,8 @@ class _Checker:
 
     def _present(self, term: StreamTerm, variables: frozenset[str]) -> None:
         label = term.label
+        if label.feature in self._known.figures and len(label.objects) == 1:
+            return
         if any(True for _ in self._makers(label, variables)) or self._is_known(label, variables):
             return
         names = (*(made.label for made in self._made), *self._known.labels)

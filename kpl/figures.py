@@ -1,0 +1,118 @@
+"""What an instance says of itself as streams: `stream_delay[speed_car1]` and so on, one sample every 100 ms (10.7).
+
+The object is the name of a declared stream, or the label of a generator with its objects after hyphens, `pos-car1` for
+`pos[car1]`; of delays also `worst`, the longest of all generators. Nothing is computed before somebody asks.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+from dyknow import NO_VALUE, Label, Sample, Sort, Value
+from dyknow.instants import US_PER_MS
+from dyknow.processes import Input, OnDemand
+from kpl.introspection import SAMPLE_BYTES, rate_and_delay
+
+if TYPE_CHECKING:
+    from dyknow import Generator
+    from dyknow.network import Process
+    from kpl.instance import Instance
+
+PERIOD_US: Final = 100 * US_PER_MS
+WORST: Final = "worst"
+MEANINGS: Final[Mapping[str, str]] = {
+    "stream_delay": "ms between the valid time and the available time of what came last, in the last 100 ms",
+    "stream_rate": "samples per second, of the last samples",
+    "stream_drops": "samples that a declared stream's policy has dropped, all in all",
+    "stream_memory": "bytes of the history, about",
+}
+SORT: Final = Sort("figure")
+
+
+def figure(instance: "Instance", label: Label) -> "tuple[Sort, Process] | None":
+    """The process of a figure; None if the label is none."""
+    if label.feature not in MEANINGS or len(label.objects) != 1:
+        return None
+    return SORT, Figure(instance, label)
+
+
+class Figure(OnDemand):
+    """One figure, looked at when a point of its grid has come."""
+
+    def __init__(self, instance: "Instance", label: Label) -> None:
+        super().__init__()
+        self._instance, self._name = instance, label.objects[0]
+        looks: dict[str, Callable[[], Value]] = {
+            "stream_delay": self._delay_ms,
+            "stream_rate": self._rate_hz,
+            "stream_drops": self._drops,
+            "stream_memory": self._memory_bytes,
+        }
+        self._look = looks[label.feature]
+        self._due_us = 0
+
+    def inputs(self) -> Sequence[Input]:
+        return ()
+
+    def begin(self) -> None:
+        if self._network is not None:
+            self._due_us = -(-self._network.now_us // PERIOD_US) * PERIOD_US
+            self._network.step(self)
+
+    def since_us(self) -> int:
+        """Nobody looked before."""
+        return self._due_us if self.running else self._instance.network.now_us
+
+    def on_sample(self, i: int, sample: Sample) -> None:
+        """It takes no streams."""
+
+    def on_time(self, now_us: int) -> None:
+        point_us = now_us // PERIOD_US * PERIOD_US
+        if point_us >= self._due_us:
+            self._due_us = point_us + PERIOD_US
+            self.emit(point_us, self._look(), now_us)
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._due_us if self.running else None
+
+    def _generator_of(self) -> "Generator | None":
+        network = self._instance.network
+        proxy = self._instance.streams.get(self._name)
+        if proxy is not None:
+            return network.generator(proxy.label) if network.has(proxy.label) else None
+        return next((network.generator(label) for label in network.labels() if flat(label) == self._name), None)
+
+    def _delay_ms(self) -> Value:
+        if self._name == WORST:
+            network = self._instance.network
+            generators = [network.generator(label) for label in network.labels() if label.feature not in MEANINGS]
+        else:
+            found = self._generator_of()
+            if found is None:
+                return NO_VALUE
+            generators = [found]
+        since_us = self._due_us - 2 * PERIOD_US
+        delays = [
+            generator.history.get_latest().delay_us
+            for generator in generators
+            if generator.last_us > since_us and generator.history.get_size()
+        ]
+        return max(delays, default=0) / US_PER_MS
+
+    def _rate_hz(self) -> Value:
+        generator = self._generator_of()
+        rate_hz = None if generator is None else rate_and_delay(generator.history)[0]
+        return NO_VALUE if rate_hz is None else rate_hz
+
+    def _drops(self) -> Value:
+        proxy = self._instance.streams.get(self._name)
+        return NO_VALUE if proxy is None else sum(proxy.adapter.dropped.values())
+
+    def _memory_bytes(self) -> Value:
+        generator = self._generator_of()
+        return NO_VALUE if generator is None else generator.history.get_size() * SAMPLE_BYTES
+
+
+def flat(label: Label) -> str:
+    """A label as the name of an object."""
+    return "-".join((label.feature.replace(".", "-"), *label.objects))

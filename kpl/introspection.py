@@ -1,0 +1,275 @@
+"""What an instance does, as a graph: who makes which stream of what, how often, how late, and what was dropped.
+
+Figures come from what is kept anyway, so that looking costs nothing before somebody looks: rate and delay from the last
+samples of a history, drops and gaps from the adapters.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from dyknow import History, Label, Network, PolicyAdapter, Sample
+from dyknow.instants import US_PER_S, print_span
+from dyknow.mediation import Mediation
+from dyknow.processes import OnDemand, Reader, Refinement
+from dyknow.state_streams import StateStream
+from dyknow.stream_proxy import StreamProxy
+
+if TYPE_CHECKING:
+    from kpl.instance import Instance
+
+LAST = 32
+"""So many samples say how often and how late a stream comes."""
+SAMPLE_BYTES = 250
+"""What a sample of a few numbers takes in a history, about."""
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A generator, a declared stream or a monitor.
+
+    Attributes:
+        kind: source, unit, state, select, merge, stream, monitor, made outside.
+        made_by: the source, or the computational unit.
+        running: whether it computes; None: it does so always.
+        rate_hz: samples per second of available time; None: too few to say.
+        delay_us: mean of available minus valid time.
+        held: samples in its history; about `held_bytes` of memory.
+        note: what else there is to say, e.g. why there is no state yet.
+    """
+
+    name: str
+    kind: str
+    sort: str = ""
+    made_by: str = ""
+    running: bool | None = None
+    rate_hz: float | None = None
+    delay_us: float | None = None
+    held: int = 0
+    held_bytes: int = 0
+    note: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A stream from a generator to who takes it.
+
+    Attributes:
+        policy: as declared; `in_force` as it is now, if that differs.
+        dropped: samples that did not come through, by reason.
+        linked: whether there is a generator.
+    """
+
+    source: str
+    target: str
+    policy: str = ""
+    in_force: str = ""
+    stretched: int = 1
+    importance: float = 1.0
+    dropped: Mapping[str, int] = field(default_factory=dict)
+    gaps: int = 0
+    linked: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    """The network of one instance at one time."""
+
+    nodes: tuple[Node, ...]
+    edges: tuple[Edge, ...]
+
+
+def graph_of(instance: "Instance") -> Graph:
+    """The network as it is now."""
+    network = instance.network
+    nodes = [_generator_node(network, label) for label in network.labels()]
+    edges = [
+        edge
+        for label in network.labels()
+        for proxy, wanted in _inputs_of(network, label)
+        for edge in [_edge(str(wanted), str(label), proxy)]
+    ]
+    for name, proxy in instance.streams.items():
+        nodes.append(Node(name, "stream"))
+        edges.append(_edge(str(proxy.label), name, proxy))
+    for name, monitor in instance.monitors.items():
+        nodes.append(Node(name, "monitor", note=(monitor.monitor.shows, *monitor.awaited())))
+        edges += [_edge(str(proxy.label), name, proxy) for proxy in monitor.proxies]
+    return Graph(tuple(nodes), tuple(edges))
+
+
+def proxies_of(instance: "Instance") -> Iterator[tuple[str, StreamProxy]]:
+    """Every stream of an instance, with who takes it."""
+    for label in instance.network.labels():
+        process = instance.network.process(label)
+        if isinstance(process, OnDemand):
+            for proxy in (*process.proxies, *(process.members.values() if isinstance(process, Mediation) else ())):
+                yield str(label), proxy
+    for name, proxy in instance.streams.items():
+        yield name, proxy
+
+
+def rate_and_delay(history: History) -> tuple[float | None, float | None]:
+    """Samples per second, and the mean delay in microseconds, of the last samples."""
+    held = min(history.get_size(), LAST)
+    if held == 0:
+        return None, None
+    last: list[Sample] = history.get_slice(history.get_size() - held, history.get_size() - 1)
+    span_us = last[-1].available_us - last[0].available_us
+    rate_hz = (held - 1) * US_PER_S / span_us if span_us > 0 else None
+    return rate_hz, sum(sample.delay_us for sample in last) / held
+
+
+def _generator_node(network: Network, label: Label) -> Node:
+    generator = network.generator(label)
+    process = network.process(label)
+    rate_hz, delay_us = rate_and_delay(generator.history)
+    held = generator.history.get_size()
+    note: tuple[str, ...] = ()
+    if isinstance(process, StateStream):
+        note = tuple(map(str, process.awaited()))
+    return Node(
+        str(label),
+        _kind(process),
+        generator.sort.name,
+        process.prototype.name if isinstance(process, Refinement | Reader) else "",
+        process.running if isinstance(process, OnDemand) else None,
+        rate_hz,
+        delay_us,
+        held,
+        held * SAMPLE_BYTES,
+        note,
+    )
+
+
+def _kind(process: object) -> str:
+    match process:
+        case StateStream():
+            return "state"
+        case Mediation():
+            return "select" if process.single else "merge"
+        case Reader():
+            return "source"
+        case Refinement():
+            return "unit"
+        case None:
+            return "source"
+    return type(process).__name__.lower()
+
+
+def _inputs_of(network: Network, label: Label) -> Iterator[tuple[StreamProxy | None, Label]]:
+    process = network.process(label)
+    if not isinstance(process, OnDemand):
+        return
+    if process.proxies:
+        yield from ((proxy, proxy.label) for proxy in process.proxies)
+    else:
+        yield from ((None, each.label) for each in process.inputs())
+    if isinstance(process, Mediation):
+        yield from ((proxy, proxy.label) for proxy in process.members.values())
+
+
+def _edge(source: str, target: str, proxy: StreamProxy | None) -> Edge:
+    if proxy is None:
+        return Edge(source, target)
+    adapter: PolicyAdapter = proxy.adapter
+    declared, now = str(proxy.policy), str(adapter.policy)
+    return Edge(
+        source,
+        target,
+        declared,
+        "" if now == declared else now,
+        proxy.stretched,
+        proxy.policy.importance,
+        dict(adapter.dropped),
+        adapter.gaps,
+        proxy.linked,
+    )
+
+
+def as_text(graph: Graph) -> str:
+    """For people: each node, and what it takes below it."""
+    lines: list[str] = []
+    for node in graph.nodes:
+        made = f" = {node.made_by}" if node.made_by else ""
+        sort = f"{node.sort} " if node.sort else ""
+        lines.append(f"{node.kind} {sort}{node.name}{made}{_figures(node)}")
+        lines += [f"    <- {edge.source}{_conditions(edge)}" for edge in graph.edges if edge.target == node.name]
+        lines += [f"    {each}" for each in node.note]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def as_json(graph: Graph) -> dict[str, Any]:
+    """Nodes and edges as JSON has them."""
+    return {
+        "nodes": [{name: getattr(node, name) for name in Node.__slots__} for node in graph.nodes],
+        "edges": [{name: getattr(edge, name) for name in Edge.__slots__} for edge in graph.edges],
+    }
+
+
+def as_mermaid(graph: Graph) -> str:
+    """A flowchart for documents that draw Mermaid."""
+    ids = {node.name: f"n{i}" for i, node in enumerate(graph.nodes)}
+    shapes = {"source": '[("{}")]', "stream": '(["{}"])', "monitor": '{{{{"{}"}}}}'}
+    lines = ["flowchart LR"]
+    for node in graph.nodes:
+        shape = shapes.get(node.kind, '["{}"]')
+        said = node.name if not node.made_by else f"{node.name}<br/>{node.made_by}"
+        lines.append(f"    {ids[node.name]}{shape.format(_quoted(said))}")
+    for edge in graph.edges:
+        source = ids.get(edge.source)
+        if source is None:
+            source = ids[edge.source] = f"n{len(ids)}"
+            lines.append(f'    {source}["{_quoted(edge.source)}?"]')
+        said = f'|"{_quoted(edge.in_force or edge.policy)}"|' if edge.policy or edge.in_force else ""
+        lines.append(f"    {source} -->{said} {ids[edge.target]}")
+    return "".join(f"{line}\n" for line in lines)
+
+
+def as_dot(graph: Graph) -> str:
+    """For Graphviz."""
+    shapes = {"source": "cylinder", "stream": "oval", "monitor": "hexagon"}
+    lines = ["digraph dyknow {", "    rankdir=LR;", "    node [shape=box];"]
+    for node in graph.nodes:
+        said = node.name if not node.made_by else f"{node.name}\\n{node.made_by}"
+        lines.append(f'    "{_escaped(node.name)}" [label="{_escaped(said)}", shape={shapes.get(node.kind, "box")}];')
+    for edge in graph.edges:
+        policy = edge.in_force or edge.policy
+        said = f' [label="{_escaped(policy)}"]' if policy else ""
+        lines.append(f'    "{_escaped(edge.source)}" -> "{_escaped(edge.target)}"{said};')
+    return "".join(f"{line}\n" for line in [*lines, "}"])
+
+
+def _figures(node: Node) -> str:
+    parts = []
+    if node.running is False:
+        parts.append("rests: nobody asks for it")
+    if node.rate_hz is not None:
+        parts.append(f"{node.rate_hz:.3g} Hz")
+    if node.delay_us is not None:
+        parts.append(f"{print_span(node.delay_us)} late")
+    if node.held:
+        parts.append(f"{node.held} held")
+    return f"  ({', '.join(parts)})" if parts else ""
+
+
+def _conditions(edge: Edge) -> str:
+    parts = [f" with {edge.policy}"] if edge.policy and edge.policy != "any update" else []
+    if edge.in_force:
+        parts.append(f", now {edge.in_force}")
+    lost = ", ".join(f"{count} {reason}" for reason, count in edge.dropped.items())
+    if lost:
+        parts.append(f"; dropped: {lost}")
+    if edge.gaps:
+        parts.append(f"; {edge.gaps} gaps")
+    if not edge.linked:
+        parts.append("; nobody makes it")
+    return "".join(parts)
+
+
+def _quoted(text: str) -> str:
+    return text.replace('"', "#quot;")
+
+
+def _escaped(text: str) -> str:
+    return text.replace('"', '\\"')
