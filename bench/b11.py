@@ -119,10 +119,10 @@ class _Watched(Platform):
         self.opened: list[tuple[int, int]] = []
         super().__init__(*given, **named)
 
-    def _on_alarm(self, event: AlarmEvent) -> None:
+    def on_alarm(self, event: AlarmEvent) -> None:
         if event.event == "opened":
             self.opened.append((event.valid_us, time.monotonic_ns()))
-        super()._on_alarm(event)
+        super().on_alarm(event)
 
 
 class Monitoring(Member):
@@ -176,8 +176,29 @@ class Monitoring(Member):
                 and all(instance.monitor.inputs == "fresh" for instance in named.instances.values())
             )
 
-        self.wait_for(fresh, "fresh inputs of all")
+        try:
+            self.wait_for(fresh, "fresh inputs of all")
+        except TimeoutError:
+            raise TimeoutError(f"{self.index}: {self.do(self._lacks)}") from None
         return True
+
+    def _lacks(self) -> str:
+        """What a platform says of the monitors that do not settle."""
+        platform = self.platform
+        named = platform.monitors.named.get("proximity")
+        stale = {
+            member: (instance.monitor.inputs, instance.monitor.missing_inputs, dict(instance.monitor.reasons))
+            for member, instance in ({} if named is None else named.instances).items()
+            if instance.monitor.inputs != "fresh"
+        }
+        present = [entry.unit for entry in platform.directory.search()]
+        standing = {unit: platform.clocks.standing(unit) for unit in stale}
+        imports = {
+            found.stream.label: (found.stream.account, found.stream.missing)
+            for found in platform.importer.imports.values()
+            if found.stream.owner in stale
+        }
+        return f"{stale} of {present}; {standing}; {imports}; refused {dict(platform.importer.refused)}"
 
     def run(self, seconds: float) -> dict[str, Any]:
         """Measure for a while."""
