@@ -5,6 +5,7 @@ for it, queries it or monitors it finds it where every other stream is found. An
 inputs of monitors are (thesis 9.4.1).
 """
 
+from collections import Counter
 from collections.abc import Iterable
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
 OWNER = "specification"
 PERIOD_US = 100_000
 MAX_DELAY_US = 1_000_000
-UNITS = "units"
+TOLD = 3
+"""So many faults of one stream are told."""
 
 
 @lru_cache(maxsize=4)
@@ -50,7 +52,7 @@ class Declared:
         self._p = platform
         self._exported: dict[str, LabelEntry] = {}
         self.imported: dict[str, set[tuple[str, int, int]]] = {}
-        self._faults = set[tuple[Label, str]]()
+        self._faults: Counter[Label] = Counter()
         ontology = platform.config.ontology
         self.instance = Instance(
             platform.network,
@@ -206,9 +208,10 @@ class Declared:
         )
 
     def _on_fault(self, label: Label, said: str) -> None:
-        if (label, said) not in self._faults and len(self._faults) < 1000:
-            self._faults.add((label, said))
-            self._p.note(f"{label}: {said}")
+        self._faults[label] += 1
+        if self._faults[label] <= TOLD:
+            more = "; further ones of it are not told" if self._faults[label] == TOLD else ""
+            self._p.note(f"{label}: {said}{more}")
 
 
 def _converting(sort: str, convert: Convert) -> UnitPrototype:

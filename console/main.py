@@ -1,7 +1,7 @@
 """The command `dyknow`. Each command is declared here and done in a module of its own, imported when it is called."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -226,11 +226,11 @@ SpecificationFile = Annotated[Path, typer.Argument(metavar="FILE", help="A speci
 
 
 @command(kpl, name="check", example="dyknow kpl check mission.kpl")
-def kpl_check(call: Call, file: SpecificationFile) -> int:
+def kpl_check(call: Call, file: SpecificationFile, modules: UnitModules = None) -> int:
     """Every error of a specification with its place and repair, and what nobody reaches; exit 1 if there is an error."""
     from console.specifications import check as run
 
-    return run(call, file)
+    return run(call, file, units=modules or ())
 
 
 @command(kpl, name="show", example="dyknow kpl show mission.kpl")
@@ -241,6 +241,9 @@ def kpl_show(call: Call, file: SpecificationFile) -> int:
     return run(call, file)
 
 
+GraphForm = Literal["text", "json", "mermaid", "dot"]
+
+
 @command(kpl, name="run", example="dyknow kpl run cars.kpl --feed cars.jsonl --units cars.py")
 def kpl_run(
     call: Call,
@@ -248,15 +251,24 @@ def kpl_run(
     feed: Feed = None,
     modules: UnitModules = None,
     unit: Annotated[str, typer.Option(metavar="U", help="What `self` means.")] = "0",
-    speed: Annotated[
+    pace: Annotated[
         float | None,
-        typer.Option(help="Times as fast as the wall; 0: as fast as it goes, which a feed is unless said otherwise."),
+        typer.Option(
+            "--speed", help="Times as fast as the wall; 0: as fast as it goes, which a feed is unless said otherwise."
+        ),
     ] = None,
     duration: Annotated[str | None, typer.Option(metavar="TIME", help="End after so long, e.g. 10s.")] = None,
     record: Annotated[
         Path | None, typer.Option(metavar="FILE.jsonl", help="Write every sample, for `kpl verify`.")
     ] = None,
     watch: Annotated[bool, typer.Option("--watch", help="Take in the file again whenever it is changed.")] = False,
+    govern: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Lengthen the least important periods while delays are longer than this."),
+    ] = None,
+    graph: Annotated[
+        GraphForm | None, typer.Option("--graph", help="In the end show the network, with rates, delays and drops.")
+    ] = None,
 ) -> int:
     """Run a specification in an instance of its own and show its streams and alarms; Ctrl-C ends it."""
     from console.specification_runs import run
@@ -267,11 +279,27 @@ def kpl_run(
         feed=feed,
         units=modules or (),
         unit=unit,
-        speed=speed,
+        speed=pace,
         duration=duration,
         record=record,
         watch=watch,
+        govern=govern,
+        graph_form=graph,
     )
+
+
+@command(kpl, name="graph", example="dyknow kpl graph cars.kpl --form mermaid")
+def kpl_graph(
+    call: Call,
+    file: SpecificationFile,
+    modules: UnitModules = None,
+    unit: Annotated[str, typer.Option(metavar="U", help="What `self` means.")] = "0",
+    form: Annotated[GraphForm, typer.Option(help="How it is drawn.")] = "text",
+) -> int:
+    """The network that a specification makes: who makes which stream of what."""
+    from console.specification_runs import graph as run
+
+    return run(call, file, units=modules or (), unit=unit, form=form)
 
 
 @command(kpl, name="verify", example="dyknow kpl verify cars.kpl --journal run.jsonl")

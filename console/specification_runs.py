@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from functools import partial
@@ -15,14 +16,18 @@ from console.errors import DONE, INTERRUPTED, NO, WrongCall
 from console.instants import SHORTEST_US, duration_us
 from console.output import verbatim
 from console.specifications import read_text
+from dyknow import earlier
 from dyknow.errors import DyknowError, TextErrors
 
 if TYPE_CHECKING:
     from dyknow import Label, Network, Prototype, Sample
     from kpl import Hooks, Instance
+    from kpl.governor import Governor
     from proxies.sample_file import FedSample
     from reasoning import AlarmEvent
 
+TOLD = 3
+"""So many faults of one stream are told."""
 LOOK_S = 0.2
 """How often a file that is watched is looked at."""
 
@@ -45,7 +50,9 @@ class Run:
         self.network.on_fault = self._on_fault
         hooks = Hooks(self._on_sample, self._on_link, self._on_alarm)
         self.instance = instance_of(self.network, hooks, modules, unit)
-        self._faults = set[tuple[Any, str]]()
+        self._faults: Counter[Any] = Counter()
+        self._governor: Governor | None = None
+        self._waited_us = 0
         self._record: IO[str] | None = None
         self._recorded = set[Any]()
         self.now_us = 0 if speed == 0 else time.time_ns() // 1000
@@ -62,6 +69,12 @@ class Run:
             self._call.out.note(f"note: nobody offers {name}: {waiting} and what is made of it wait (--units MODULE).")
         self._watch()
 
+    def govern(self, limit_us: int) -> None:
+        """Lengthen the periods of the least important streams while delays are longer than this."""
+        from kpl.governor import Governor
+
+        self._governor = Governor(self.instance, lambda: self._waited_us, self.now_us, limit_us)
+
     def record(self, out: IO[str], text: str) -> None:
         """Write every sample of every generator and stream; what is recorded is computed."""
         out.write(json.dumps({"specification": text, "file": str(self._path), "unit": self.instance.unit}) + "\n")
@@ -76,6 +89,8 @@ class Run:
         following = next(fed, None)
         while True:
             due_us = self.network.deadline_us
+            if self._governor is not None:
+                due_us = earlier(due_us, self._governor.deadline_us)
             fed_us = None if following is None else following.at_us + begins_us
             times = [each for each in (due_us, fed_us) if each is not None]
             next_us = min(times, default=None)
@@ -93,6 +108,8 @@ class Run:
                 following = next(fed, None)
             else:
                 self.network.on_time(self.now_us)
+                if self._governor is not None:
+                    self._governor.on_time(self.now_us)
             self._watch()
 
     def _last_us(self) -> int:
@@ -104,14 +121,17 @@ class Run:
     def _wait(self, next_us: int | None, until_us: int | None, stop: Event, reload: Callable[[], None] | None) -> bool:
         """Let time pass until something is due; False: something else may have happened."""
         if self.speed == 0:
-            self.now_us = max(self.now_us, next_us or 0)
+            before_us, self.now_us = self.now_us, max(self.now_us, next_us or 0)
+            self._waited_us += self.now_us - before_us
             return True
         target_us = min((each for each in (next_us, until_us) if each is not None), default=None)
         wall_s = time.monotonic() - self._began_s
         self.now_us = self._began_us + round(wall_s * 1e6 * self.speed)
         if target_us is None or target_us > self.now_us:
             left_s = LOOK_S if target_us is None else (target_us - self.now_us) / 1e6 / self.speed
+            began_s = time.monotonic()
             stop.wait(min(left_s, LOOK_S))
+            self._waited_us += round((time.monotonic() - began_s) * 1e6 * self.speed)
             if reload is not None:
                 reload()
             return False
@@ -146,9 +166,10 @@ class Run:
         tell_record(self._call, alarm_record(event), begins_us=self._shown_from_us)
 
     def _on_fault(self, label: "Label", said: str) -> None:
-        if (label, said) not in self._faults:
-            self._faults.add((label, said))
-            self._call.out.note(f"note: {label}: {said}")
+        self._faults[label] += 1
+        if self._faults[label] <= TOLD:
+            more = "; further ones of it are not told" if self._faults[label] == TOLD else ""
+            self._call.out.note(f"note: {label}: {said}{more}")
 
 
 def run(
@@ -162,8 +183,12 @@ def run(
     duration: str | None,
     record: Path | None,
     watch: bool,
+    govern: str | None,
+    graph_form: str | None,
 ) -> int:
     """Run until the feed is over, the duration has passed, or somebody interrupts."""
+    from kpl.specification import Export, Import
+
     if speed is not None and speed < 0:
         raise WrongCall(f"--speed is how many times as fast as the wall, 0 for as fast as it goes; got {speed:g}.")
     text = read_text(path)
@@ -173,7 +198,11 @@ def run(
     with ExitStack() as stack:
         if record is not None:
             going.record(stack.enter_context(_created(record)), text)
+        if govern is not None:
+            going.govern(duration_us(govern, option="--govern", least_us=SHORTEST_US))
         going.specify(text)
+        if any(isinstance(each, Export | Import) for each in going.instance.specification):
+            call.out.note(f"note: exports and imports need a federation: dyknow join --unit {unit} --spec {path}.")
         unfed = set(going.instance.sources()) - {each.source for each in fed}
         if unfed and feed is not None:
             call.out.note(f"note: {feed} has nothing for {', '.join(sorted(unfed))}.")
@@ -181,6 +210,9 @@ def run(
             going.go(None if lasts_us is None else going.now_us + lasts_us, _reloading(call, going, path, watch))
         except KeyboardInterrupt:
             return INTERRUPTED
+        finally:
+            if graph_form is not None:
+                show_graph(call, going.instance, graph_form)
     return DONE
 
 
@@ -222,6 +254,30 @@ def verify(call: Call, path: Path, *, journal: Path, units: Sequence[str]) -> in
     return NO if found else DONE
 
 
+def graph(call: Call, path: Path, *, units: Sequence[str], unit: str, form: str) -> int:
+    """The network that a specification makes, before anything runs."""
+    from dyknow import Network
+    from kpl import Hooks, parse_specification
+
+    text = read_text(path)
+    instance = instance_of(Network(), Hooks(), units, unit)
+    instance.add(parse_specification(text, str(path)), 0, text, str(path))
+    show_graph(call, instance, form)
+    return DONE
+
+
+def show_graph(call: Call, instance: "Instance", form: str) -> None:
+    """Print the network in a form."""
+    from kpl.introspection import as_dot, as_json, as_mermaid, as_text, graph_of
+
+    found = graph_of(instance)
+    if call.out.json_lines or form == "json":
+        call.out.line(as_json(found))
+        return
+    text = {"text": as_text, "mermaid": as_mermaid, "dot": as_dot}[form](found)
+    call.out.console.print(text, end="", markup=False, soft_wrap=form != "text")
+
+
 def instance_of(
     network: "Network", hooks: "Hooks", modules: Iterable[str], unit: str, *, reads: bool = True
 ) -> "Instance":
@@ -231,6 +287,7 @@ def instance_of(
     """
     from compunits import catalogue
     from federation.keys import unit as unit_name
+    from federation.ontology import default_ontology
     from kpl import Instance
 
     find = catalogue(modules).offered
@@ -245,7 +302,15 @@ def instance_of(
             return replace(prototype, read=None)
         return prototype
 
-    return Instance(network, unit=unit_name(unit), catalogue=found, hooks=hooks)
+    ontology = default_ontology()
+    return Instance(
+        network,
+        unit=unit_name(unit),
+        sorts={ontology[name].sort.name: ontology[name].sort for name in ontology},
+        semantic={name: ontology[name].sort.name for name in ontology},
+        catalogue=found,
+        hooks=hooks,
+    )
 
 
 def _feed(path: Path) -> "list[FedSample]":

@@ -1,5 +1,6 @@
 """`dyknow kpl`: specifications checked and printed back."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,24 +10,27 @@ from console.output import verbatim
 from dyknow.errors import TextError, TextErrors
 
 if TYPE_CHECKING:
-    from kpl import Known, Specification
+    from kpl import Specification
 
 LONGEST_FILE = 1 << 20
 
 
-def check(call: Call, path: Path) -> int:
+def check(call: Call, path: Path, *, units: Sequence[str] = (), unit: str = "0") -> int:
     """Every error and every warning, each at its place; 1 if there is an error."""
-    from kpl import check_specification, read_specification
+    from console.specification_runs import instance_of
+    from dyknow import Network
+    from kpl import Hooks, read_specification
 
     text = read_text(path)
     try:
         specification, errors = read_specification(text, str(path))
     except TextError as wrong:
         specification, errors = (), [wrong]
-    findings = check_specification(specification, _known(), text, str(path))
+    warnings: Sequence[TextError] = ()
     if not errors:  # what could not be read would be missed everywhere
+        findings = instance_of(Network(), Hooks(), units, unit).findings(specification, (), text, str(path))
         errors = list(findings.errors)
-    warnings = [] if errors else findings.warnings
+        warnings = () if errors else findings.warnings
     for severity, found in (*(("error", one) for one in errors), *(("warning", one) for one in warnings)):
         _say(call, severity, found)
     if not call.out.json_lines:
@@ -43,14 +47,6 @@ def show(call: Call, path: Path) -> int:
         said = print_declaration(declaration)
         call.out.say(verbatim(said), line=declaration.place.line, declaration=said)
     return DONE
-
-
-def _known() -> "Known":
-    from federation.ontology import default_ontology
-    from kpl import Known
-
-    ontology = default_ontology()
-    return Known(semantic={name: ontology[name].sort.name for name in ontology})
 
 
 def read_text(path: Path) -> str:

@@ -75,7 +75,7 @@ class ProcessFactory:
             raise WrongNumberOfInputs(name, arity, len(inputs))
         if output_policy is not None and not _supports(prototype, output_policy):
             raise PolicyNotSupported(f"{name} cannot provide its output with {output_policy}")
-        sort, process = Sort(prototype.sort), process_of(prototype, inputs, output_policy)
+        sort, process = Sort(prototype.sort, is_open=True), process_of(prototype, inputs, output_policy)
         if process is None:
             made = self._network.add_source(label, sort)
         else:

@@ -42,10 +42,14 @@ class Field(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Sort:
-    """What the values of a stream are: records of `fields`, or, without fields, simple values."""
+    """What the values of a stream are: records of `fields`, or, without fields, simple values.
+
+    An open sort is one of which no more is known than its name: its values are simple, or tuples of values.
+    """
 
     name: str
     fields: tuple[Field, ...] = ()
+    is_open: bool = field(default=False, compare=False)
     _numbers: int = field(init=False, repr=False, compare=False, default=0)
 
     def __post_init__(self) -> None:
@@ -106,7 +110,10 @@ class Sort:
         return value
 
     def _check_simple(self, value: Value) -> None:
-        if not isinstance(value, bool | str) and not _fits(value, ""):
+        if self.is_open and isinstance(value, tuple | frozenset):
+            for component in value:
+                self.check(component)
+        elif not isinstance(value, bool | str) and not _fits(value, ""):
             raise SortError(f"{self.name}: {_shown(value)} is not a simple value")
 
     def _names(self) -> str:

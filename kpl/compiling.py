@@ -83,6 +83,10 @@ class Compiler:
     def input(self, term: StreamTerm, members: Members | None = None) -> Input:
         return Input(self.label(term.label, members), term.policy)
 
+    def sources(self, declaration: GeneratorDeclaration, members: Members | None = None) -> tuple[Label, ...]:
+        """The generators it is made from."""
+        return tuple(self.label(term.label, members) for term in _terms(declaration.made))
+
     def making(self, declaration: GeneratorDeclaration, wanted: Specification, members: Members | None = None) -> Made:
         """The process of a generator, not yet attached.
 
@@ -110,7 +114,7 @@ class Compiler:
                 inputs = [self.input(term, members) for term in terms]
                 try:
                     synchronised, when = state_policy(policy, [each.policy for each in inputs])
-                    return Made(Sort("state"), StateStream(inputs, synchronised, when))
+                    return Made(Sort("state", is_open=True), StateStream(inputs, synchronised, when))
                 except PolicyError as wrong:
                     raise _at(made, str(wrong)) from None
             case Select(term, variable, domain) | Merge(term, variable, domain):
@@ -223,7 +227,7 @@ class Compiler:
                 continue
             if body.label.feature == label.feature:
                 return self.making(body, tuple(wanted)).sort
-        return Sort(label.feature)
+        return Sort(label.feature, is_open=True)
 
 
 def check_offer(prototype: Prototype, specification: Specification) -> None:

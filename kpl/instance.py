@@ -1,16 +1,17 @@
 """A running specification: declarations become processes, streams and monitors, and can be changed while they run."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
 from dyknow import Label, Network, Sort, Value
-from dyknow.errors import DyknowError, TextError, TextErrors
+from dyknow.errors import DyknowError
 from dyknow.factory import ProcessFactory
 from dyknow.mediation import Configuration
 from dyknow.processes import Input
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.stream_proxy import StreamProxy
+from kpl.changes import as_text_errors, rank
 from kpl.compiling import Compiler, Made, Members, check_offer
 from kpl.definitions import Definitions
 from kpl.figures import MEANINGS, figure
@@ -28,7 +29,7 @@ from kpl.specification import (
     StreamDeclaration,
     StreamTerm,
 )
-from kpl.specification_checking import Known, check_specification
+from kpl.specification_checking import Findings, Known, check_specification
 from kpl.surroundings import Federation, Hooks, Undo
 
 MAX_CONFIGURATIONS = 256
@@ -114,16 +115,16 @@ class Instance:
         wanted = tuple(specification)
         self.network.now_us = max(self.network.now_us, now_us)
         running = set(self.specification)
-        self._check(wanted, running, text, file)
+        raise_all(list(self.findings(wanted, running, text, file).errors))
         before, staying = self.specification, set(wanted)
-        gone = sorted((each for each in before if each not in staying), key=_rank, reverse=True)
-        new = sorted((each for each in wanted if each not in running), key=_rank)
+        gone = sorted((each for each in before if each not in staying), key=rank, reverse=True)
+        new = sorted((each for each in wanted if each not in running), key=rank)
         try:
             self._become(gone, new, wanted)
         except (DyknowError, RecursionError) as wrong:
             done = [each for each in new if each in self._undo]
             self._become(done[::-1], [each for each in before if each not in self._undo], before)
-            raise _as_text_errors(wrong, text, file) from wrong
+            raise as_text_errors(wrong, text, file) from wrong
         self.specification = wanted
         self.network.sweep()
         self.configurations.append(ConfigurationEntry(now_us, wanted))
@@ -186,6 +187,14 @@ class Instance:
             if self.factory.find(name) is None and not self._fed.get(name)
         }
 
+    def inputs_of(self, label: Label) -> tuple[Label, ...]:
+        """What a declared generator is made of, also while nobody makes it."""
+        for parts in self._parts.values():
+            if label in parts:
+                declaration, members = parts[label]
+                return self._compiler.sources(declaration, members)
+        return ()
+
     # What runs
 
     def push(self, source: str, valid_us: int, value: Value, now_us: int) -> None:
@@ -207,12 +216,14 @@ class Instance:
 
     def sort(self, name: str) -> Sort:
         """A sort by name; unknown ones take any value."""
-        return self._sorts.get(name) or Sort(name)
+        return self._sorts.get(name) or Sort(name, is_open=True)
 
     # How it becomes so
 
-    def _check(self, wanted: Specification, running: set[Declaration], text: str, file: str) -> None:
-        """All that can be said before anything changes."""
+    def findings(
+        self, wanted: Specification, running: Collection[Declaration] = (), text: str = "", file: str = ""
+    ) -> Findings:
+        """All that can be said of a specification before it runs; `running` is what runs already."""
         self._look_up(wanted)
         prototypes = self.factory.prototypes()
         known = Known(
@@ -227,8 +238,12 @@ class Instance:
             running=running,
             figures=MEANINGS,
         )
-        errors = list(check_specification(wanted, known, text, file).errors)
-        raise_all(errors or self._compiler.check(wanted, running, text, file))
+        found = check_specification(wanted, known, text, file)
+        return (
+            found
+            if found.errors
+            else Findings(tuple(self._compiler.check(wanted, running, text, file)), found.warnings)
+        )
 
     def _look_up(self, wanted: Specification) -> None:
         """Offer what the catalogue has under the names that are used."""
@@ -396,21 +411,6 @@ class Instance:
             monitor.cancel()
 
         return end
-
-
-def _rank(declaration: Declaration) -> int:
-    """Makers first, then what goes to other platforms, then who takes the streams."""
-    ranks = {Import: 1, Export: 2, StreamDeclaration: 3, MonitorDeclaration: 4}
-    return ranks.get(type(declaration), 0)
-
-
-def _as_text_errors(wrong: BaseException, text: str, file: str) -> TextErrors:
-    if isinstance(wrong, TextErrors):
-        return wrong
-    if isinstance(wrong, TextError):
-        return TextErrors((wrong,))
-    said = "a chain of streams is too long" if isinstance(wrong, RecursionError) else str(wrong)
-    return TextErrors((TextError(said, text=text, file=file),))
 
 
 def _forget(fed: dict[str, list[Label]], name: str) -> None:

@@ -95,6 +95,10 @@ def graph_of(instance: "Instance") -> Graph:
     for name, monitor in instance.monitors.items():
         nodes.append(Node(name, "monitor", note=(monitor.monitor.shows, *monitor.awaited())))
         edges += [_edge(str(proxy.label), name, proxy) for proxy in monitor.proxies]
+    for prototype, labels in instance.lacking.items():
+        for label in labels:
+            nodes.append(Node(str(label), "unit", made_by=prototype, note=(f"nobody offers {prototype} yet",)))
+            edges += [Edge(str(source), str(label)) for source in instance.inputs_of(label)]
     return Graph(tuple(nodes), tuple(edges))
 
 

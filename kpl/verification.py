@@ -125,7 +125,7 @@ def _given(instance: Instance, labels: Streams) -> list[str]:
     for name in labels:
         label = Label.parse(name)
         if not network.has(label):
-            network.add_source(label, Sort(label.feature))
+            network.add_source(label, Sort(label.feature, is_open=True))
             given.append(name)
         elif network.process(label) is None:
             given.append(name)

@@ -1,0 +1,53 @@
+"""Sources of uav0.kpl and uav1.kpl: two UAVs that fly past each other again and again, on one height.
+
+A real one would read its receiver here: the iterator may block until there is something to read.
+"""
+
+import math
+from collections.abc import Iterator
+
+from dyknow import source
+
+PERIOD_US = 100_000
+LATITUDE_DEG, LONGITUDE_DEG = 58.4, 15.6
+LEG_DEG = 4e-4  # 45 m north and south of the middle
+LAP_S = 12.0
+
+
+def _flown(from_us: int, phase: float) -> Iterator[tuple[int, tuple[float, float]]]:
+    valid_us = -(-from_us // PERIOD_US) * PERIOD_US
+    while True:
+        share = math.sin(2 * math.pi * (valid_us / 1e6 / LAP_S + phase))
+        yield valid_us, (LATITUDE_DEG + LEG_DEG * share, LONGITUDE_DEG)
+        valid_us += PERIOD_US
+
+
+def _level(from_us: int, altitude_m: float) -> Iterator[tuple[int, tuple[float]]]:
+    valid_us = -(-from_us // PERIOD_US) * PERIOD_US
+    while True:
+        yield valid_us, (altitude_m,)
+        valid_us += PERIOD_US
+
+
+@source("position")
+def gps_0(from_us: int) -> Iterator[tuple[int, tuple[float, float]]]:
+    """Latitude and longitude in degrees, WGS-84."""
+    return _flown(from_us, 0.0)
+
+
+@source("position")
+def gps_1(from_us: int) -> Iterator[tuple[int, tuple[float, float]]]:
+    """The same, half a lap later."""
+    return _flown(from_us, 0.5)
+
+
+@source("altitude")
+def barometer_0(from_us: int) -> Iterator[tuple[int, tuple[float]]]:
+    """Metres above mean sea level."""
+    return _level(from_us, 120.0)
+
+
+@source("altitude")
+def barometer_1(from_us: int) -> Iterator[tuple[int, tuple[float]]]:
+    """Metres above mean sea level."""
+    return _level(from_us, 121.0)
