@@ -96,7 +96,7 @@ class Compiler:
         made = declaration.made
         match made:
             case FromSource(name):
-                prototype = self._instance.prototype(name)
+                prototype = self._instance.factory.find(name)
                 sort = self._instance.sort(self._declared_sort(name, wanted))
                 if isinstance(prototype, SourcePrototype) and (process := process_of(prototype)) is not None:
                     return Made(sort, process, unit=name)
@@ -104,7 +104,7 @@ class Compiler:
                     return Made(sort, None, unit=name, lacks=True)
                 return Made(sort, None, name, unit=name)
             case Refining(name, terms):
-                unit = self._instance.prototype(name)
+                unit = self._instance.factory.find(name)
                 if not isinstance(unit, UnitPrototype):
                     return Made(Sort(""), None, unit=name, lacks=True)
                 inputs = [self.input(term, members) for term in terms]
@@ -157,14 +157,14 @@ class Compiler:
             case ForEach(variable, _, body):
                 self._check_made(body, wanted, {variable: variable})
             case UnitDeclaration(sort, name, inputs):
-                unit = self._instance.prototype(name)
+                unit = self._instance.factory.find(name)
                 if isinstance(unit, UnitPrototype) and not unit.fits(sort, inputs):
                     takes = ", ".join(unit.inputs)
                     raise _at(
                         declaration, f"{name} is implemented with other sorts", f"compunit {unit.sort} {name}({takes})"
                     )
             case SourceDeclaration(sort, name):
-                source = self._instance.prototype(name)
+                source = self._instance.factory.find(name)
                 if isinstance(source, SourcePrototype) and source.sort != sort:
                     raise _at(declaration, f"{name} is implemented with another sort", f"source {source.sort} {name}")
             case MonitorDeclaration():
@@ -206,7 +206,7 @@ class Compiler:
 
     def _declared_sort(self, source: str, wanted: Specification) -> str:
         found = (each.sort for each in wanted if isinstance(each, SourceDeclaration) and each.name == source)
-        prototype = self._instance.prototype(source)
+        prototype = self._instance.factory.find(source)
         return next(found, "" if prototype is None else prototype.sort)
 
     def _unit_sort(self, unit: UnitPrototype, wanted: Specification, place: Node) -> str:

@@ -206,10 +206,6 @@ class Instance:
         """The declared sources that are fed from outside."""
         return tuple(self._fed)
 
-    def prototype(self, name: str) -> Prototype | None:
-        """What can be made under a name, here or among the declared sources."""
-        return self.factory.find(name)
-
     def lookup(self, name: str) -> Prototype | None:
         """The same, or what the catalogue has."""
         return self.factory.find(name) or self._catalogue(name)
@@ -297,7 +293,7 @@ class Instance:
                 return self._federation.export(semantic, self._compiler.term(term))
             case Import(semantic, unit, term) if self._federation is not None:
                 return self._federation.import_(semantic, unit, self._compiler.term(term))
-            case SourceDeclaration(_, name) if not isinstance(self.prototype(name), SourcePrototype):
+            case SourceDeclaration(_, name) if not isinstance(self.factory.find(name), SourcePrototype):
                 self._fed.setdefault(name, [])
                 return partial(_forget, self._fed, name)
         return _nothing

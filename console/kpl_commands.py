@@ -1,0 +1,112 @@
+"""`dyknow kpl ...`: specifications checked, shown, run, drawn and verified."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from console.command import Call, command
+
+kpl = typer.Typer(help="Specifications of knowledge processing, in KPL.", no_args_is_help=True)
+UnitModules = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--units", metavar="MODULE", help="A module or file.py with sources and computational units (repeatable)."
+    ),
+]
+
+
+Feed = Annotated[
+    Path | None, typer.Option(metavar="FILE.jsonl", help="Samples of the specification's sources, one instant a line.")
+]
+SpecificationFile = Annotated[Path, typer.Argument(metavar="FILE", help="A specification, mission.kpl.")]
+
+
+@command(kpl, name="check", example="dyknow kpl check mission.kpl")
+def kpl_check(call: Call, file: SpecificationFile, modules: UnitModules = None) -> int:
+    """Every error of a specification with its place and repair, and what nobody reaches; exit 1 if there is an error."""
+    from console.specifications import check as run
+
+    return run(call, file, units=modules or ())
+
+
+@command(kpl, name="show", example="dyknow kpl show mission.kpl")
+def kpl_show(call: Call, file: SpecificationFile) -> int:
+    """A specification as it is understood: one declaration a line."""
+    from console.specifications import show as run
+
+    return run(call, file)
+
+
+GraphForm = Literal["text", "json", "mermaid", "dot"]
+
+
+@command(kpl, name="run", example="dyknow kpl run cars.kpl --feed cars.jsonl --units cars.py")
+def kpl_run(
+    call: Call,
+    file: SpecificationFile,
+    feed: Feed = None,
+    modules: UnitModules = None,
+    unit: Annotated[str, typer.Option(metavar="U", help="What `self` means.")] = "0",
+    pace: Annotated[
+        float | None,
+        typer.Option(
+            "--speed", help="Times as fast as the wall; 0: as fast as it goes, which a feed is unless said otherwise."
+        ),
+    ] = None,
+    duration: Annotated[str | None, typer.Option(metavar="TIME", help="End after so long, e.g. 10s.")] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE.jsonl", help="Write every sample, for `kpl verify`.")
+    ] = None,
+    watch: Annotated[bool, typer.Option("--watch", help="Take in the file again whenever it is changed.")] = False,
+    govern: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Lengthen the least important periods while delays are longer than this."),
+    ] = None,
+    graph: Annotated[
+        GraphForm | None, typer.Option("--graph", help="In the end show the network, with rates, delays and drops.")
+    ] = None,
+) -> int:
+    """Run a specification in an instance of its own and show its streams and alarms; Ctrl-C ends it."""
+    from console.specification_runs import run
+
+    return run(
+        call,
+        file,
+        feed=feed,
+        units=modules or (),
+        unit=unit,
+        speed=pace,
+        duration=duration,
+        record=record,
+        watch=watch,
+        govern=govern,
+        graph_form=graph,
+    )
+
+
+@command(kpl, name="graph", example="dyknow kpl graph cars.kpl --form mermaid")
+def kpl_graph(
+    call: Call,
+    file: SpecificationFile,
+    modules: UnitModules = None,
+    unit: Annotated[str, typer.Option(metavar="U", help="What `self` means.")] = "0",
+    form: Annotated[GraphForm, typer.Option(help="How it is drawn.")] = "text",
+) -> int:
+    """The network that a specification makes: who makes which stream of what."""
+    from console.specification_runs import graph as run
+
+    return run(call, file, units=modules or (), unit=unit, form=form)
+
+
+@command(kpl, name="verify", example="dyknow kpl verify cars.kpl --journal run.jsonl")
+def kpl_verify(
+    call: Call,
+    file: SpecificationFile,
+    journal: Annotated[Path, typer.Option(metavar="FILE.jsonl", help="What `kpl run --record` wrote.")],
+    modules: UnitModules = None,
+) -> int:
+    """Whether a recorded run satisfies its specification; if not, which sample broke which constraint. Exit 1 then."""
+    from console.specification_runs import verify
+
+    return verify(call, file, journal=journal, units=modules or ())
