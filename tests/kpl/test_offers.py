@@ -63,7 +63,7 @@ def test_what_does_not_fit_its_declaration_is_not_taken(text: str) -> None:
     offered = UnitPrototype("f", "speed", ("height",), lambda: of_values(lambda value: value))
     with pytest.raises(SortError, match="declared as"):
         instance.offer([offered], 0)
-    assert instance.prototype("f") is None
+    assert instance.factory.find("f") is None
 
 
 def test_a_source_without_valid_times_is_for_hosts() -> None:
