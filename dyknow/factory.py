@@ -1,6 +1,6 @@
 """The knowledge process factory: prototypes by name, and the processes made from them (thesis 5.4.1)."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from dyknow.errors import PolicyNotSupported, PrototypeExists, UnknownLabel, UnknownPrototype, WrongNumberOfInputs
 from dyknow.generator import Generator
@@ -13,10 +13,14 @@ from dyknow.values import Sort
 
 
 class ProcessFactory:
-    """Makes processes in one network, which is their stream generator manager (5.4.2)."""
+    """Makes processes in one network, which is their stream generator manager (5.4.2).
 
-    def __init__(self, network: Network) -> None:
-        self._network = network
+    Args:
+        sorts: sorts whose values are checked; any other name is a sort of unchecked values.
+    """
+
+    def __init__(self, network: Network, sorts: Mapping[str, Sort] | None = None) -> None:
+        self._network, self._sorts = network, sorts or {}
         self._prototypes: dict[str, Prototype] = {}
         self._made = set[Label]()
 
@@ -75,7 +79,8 @@ class ProcessFactory:
             raise WrongNumberOfInputs(name, arity, len(inputs))
         if output_policy is not None and not _supports(prototype, output_policy):
             raise PolicyNotSupported(f"{name} cannot provide its output with {output_policy}")
-        sort, process = Sort(prototype.sort, is_open=True), process_of(prototype, inputs, output_policy)
+        sort = self._sorts.get(prototype.sort) or Sort(prototype.sort, is_open=True)
+        process = process_of(prototype, inputs, output_policy)
         if process is None:
             made = self._network.add_source(label, sort)
         else:

@@ -14,7 +14,6 @@ from dyknow.sampling import Grid, PolicyAdapter
 from dyknow.values import Sort
 
 Consumer: TypeAlias = Callable[[Sample], None]
-_UNRESTRICTED = Policy()
 _new = tuple.__new__  # makes a NamedTuple in half the time; every sample of the instance is made here
 
 
@@ -38,7 +37,7 @@ class Owner(Protocol):
 class Subscription:
     """One stream: the samples of one generator, adapted to one policy, handed to one consumer by a plain call."""
 
-    __slots__ = ("_generator", "adapter", "consumer", "on_end")
+    __slots__ = ("_generator", "adapter", "consumer", "on_end", "unwatch")
 
     def __init__(
         self,
@@ -51,6 +50,7 @@ class Subscription:
         self.adapter = policy if isinstance(policy, PolicyAdapter) else PolicyAdapter(policy)
         self.consumer = consumer
         self.on_end = on_end
+        self.unwatch: Callable[[Subscription], None] | None = None
 
     @property
     def policy(self) -> Policy:
@@ -66,6 +66,8 @@ class Subscription:
         if self._generator is not None:
             generator, self._generator = self._generator, None
             self.consumer = _ignore
+            if self.unwatch is not None:
+                self.unwatch(self)
             generator.drop(self)
 
     def end(self) -> None:
@@ -100,7 +102,7 @@ class Generator:
         last_us: available time of the last sample.
     """
 
-    __slots__ = ("_adapted", "_open", "history", "label", "last_us", "owner", "sort", "subscriptions")
+    __slots__ = ("_adapted", "_closed_us", "_open", "history", "label", "last_us", "owner", "sort", "subscriptions")
 
     def __init__(self, label: Label, sort: Sort, capacity: int) -> None:
         self.label, self.sort = label, sort
@@ -109,7 +111,7 @@ class Generator:
         self.subscriptions: tuple[Subscription, ...] = ()
         self._open: tuple[Subscription, ...] = ()  # no constraint: every sample passes as it is
         self._adapted: tuple[Subscription, ...] = ()
-        self.last_us = -(2**80)
+        self.last_us = self._closed_us = -(2**80)
 
     def push(self, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> Sample:
         """Add a sample that became available at `now_us` and hand it on. A tie of available times is moved by 1 us."""
@@ -117,17 +119,35 @@ class Generator:
         self.last_us = available_us
         sample = _new(Sample, (available_us, valid_us, value, quality))
         self.history.add(sample)
+        adapted_to = self._adapted  # who subscribes while consumers are called begins with the next sample
         for subscription in self._open:
             subscription.consumer(sample)
-        for subscription in self._adapted:
+        for subscription in adapted_to:
             for adapted in subscription.adapter.on_sample(sample, now_us):
                 subscription.consumer(adapted)
         return sample
 
     def remember(self, valid_us: int, value: Value, available_us: int, quality: Quality = SURE) -> None:
         """Add a sample of the past: to the history, not to the streams."""
+        if available_us <= self._closed_us:
+            return
         self.last_us = max(available_us, self.last_us + 1)
         self.history.add(Sample(self.last_us, valid_us, value, quality))
+
+    def succeed(self) -> None:
+        """Another process takes over: what its predecessor made until now stays as it is."""
+        self._closed_us = self.last_us
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self.history.reset()
+        self.last_us = self._closed_us = -(2**80)
+
+    def prepare(self, from_us: int) -> int:
+        """Hold as much as can be had of what is valid from `from_us` on; the time from which on that is all."""
+        if self.owner is not None:
+            self.owner.reach(max(from_us, self.owner.since_us()))
+        return max(from_us, self.since_us)
 
     def past(self, from_us: int) -> list[Sample]:
         """What is valid from `from_us` on and came already, as it came.
@@ -147,10 +167,16 @@ class Generator:
             )
         return sorted(self.history.get_between(from_us, 2**80), key=_available_us)
 
+    def held(self) -> list[Sample]:
+        """All of the past that can be had now, as it came."""
+        if self.owner is not None:
+            self.owner.reach(None)
+        return self.history.get_slice(0, self.history.get_size() - 1)
+
     @property
     def since_us(self) -> int:
         """The earliest valid time from which all can be had; -2**80: all there ever was."""
-        starts_us = self.history.starts_us
+        starts_us = self.history.whole_since_us
         held_us = -(2**80) if starts_us is None else starts_us
         return held_us if self.owner is None else max(held_us, self.owner.since_us())
 
@@ -177,23 +203,23 @@ class Generator:
 
     @property
     def wanted(self) -> Grid | None:
-        """The coarsest grid on which every valid time lies that a subscriber can take; None: all that there are."""
-        period_us, anchor_us = 0, None
+        """The coarsest grid on which every valid time lies that a subscriber can take; None: all that there are.
+
+        Until a subscriber has got its first sample nobody knows where its grid lies, unless its policy says so.
+        """
+        period_us, anchor_us = 0, 0
         for subscription in self.subscriptions:
-            grid = None if subscription.policy.approximation != "none" else subscription.adapter.grid
-            if grid is None:
+            grid = subscription.adapter.needed
+            if grid is None or grid.anchor_us is None:
                 return None
-            period_us = gcd(period_us, grid.period_us)
-            if anchor_us is None:
-                anchor_us = grid.anchor_us
-            elif grid.anchor_us is not None:
-                period_us = gcd(period_us, grid.anchor_us - anchor_us)
-        return Grid(period_us, anchor_us) if period_us else None
+            period_us = gcd(period_us, grid.period_us, grid.anchor_us - anchor_us if period_us else 0)
+            anchor_us = grid.anchor_us
+        return Grid(period_us, anchor_us % period_us) if period_us else None
 
     def _arrange(self, subscriptions: tuple[Subscription, ...]) -> None:
         self.subscriptions = subscriptions
-        self._open = tuple(s for s in subscriptions if s.policy == _UNRESTRICTED)
-        self._adapted = tuple(s for s in subscriptions if s.policy != _UNRESTRICTED)
+        self._open = tuple(s for s in subscriptions if s.adapter.is_open)
+        self._adapted = tuple(s for s in subscriptions if not s.adapter.is_open)
         if self.owner is not None:
             self.owner.on_demand()
 

@@ -165,6 +165,12 @@ class History:
         return ordered[at].valid_us if at < end else dropped_us + 1
 
     @property
+    def whole_since_us(self) -> int | None:
+        """The earliest time from which on nothing valid was forgotten; None when nothing was forgotten."""
+        dropped_us = self._dropped()
+        return None if dropped_us is None else dropped_us + 1
+
+    @property
     def _start(self) -> int:
         return max(0, len(self._samples) - self.capacity)
 

@@ -1,12 +1,16 @@
 """Mediation and configuration: inputs, or whole processes, that come and go with a stream of objects (3.3.3, 3.3.4)."""
 
 import re
-from collections.abc import Callable, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from dyknow.errors import SortError
-from dyknow.processes import Input, OnDemand
+from dyknow.labels import RESERVED, Label
+from dyknow.processes import EVER_US, Input, OnDemand
 from dyknow.sample import Sample, Value
+from dyknow.sampling import Grid
 from dyknow.stream_proxy import StreamProxy
 from dyknow.values import NO_VALUE
 
@@ -14,6 +18,8 @@ if TYPE_CHECKING:
     from dyknow.network import Network
 
 MAX_MEMBERS = 4096
+MAX_NAME = 128
+"""Longest name of a member, in characters."""
 EVER = 2**80
 _OBJECT = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(-[A-Za-z0-9_]+)*|[0-9]+")
 
@@ -29,11 +35,20 @@ def members_of(value: Value) -> tuple[str, ...]:
     several = value if isinstance(value, tuple | frozenset) else (value,)
     if len(several) > MAX_MEMBERS:
         raise SortError(f"{len(several)} objects at once; at most {MAX_MEMBERS} can be members")
-    members = [str(one) if isinstance(one, str | int) and not isinstance(one, bool) else "" for one in several]
-    wrong = next((one for one, name in zip(several, members, strict=True) if not _OBJECT.fullmatch(name)), None)
-    if wrong is not None:
-        raise SortError(f"{wrong!r:.80} names no object")
+    members = list(map(_name, several))
     return tuple(dict.fromkeys(sorted(members) if isinstance(value, frozenset) else members))
+
+
+def _name(one: Value) -> str:
+    if isinstance(one, int) and not isinstance(one, bool):
+        if 0 <= one < 10**MAX_NAME:
+            return str(one)
+        raise SortError(f"{'a number of that size' if one > 0 else 'a negative number'} names no object")
+    if not isinstance(one, str):
+        raise SortError(f"a {type(one).__name__} names no object; a text or an integer does")
+    if len(one) > MAX_NAME or not _OBJECT.fullmatch(one) or (one in RESERVED and one not in {"from", "to"}):
+        raise SortError(f"{one[:80]!r} names no object")
+    return one
 
 
 class Mediation(OnDemand):
@@ -50,19 +65,22 @@ class Mediation(OnDemand):
         self._domain, self._member, self.single = domain, member, single
         self.members: dict[str, StreamProxy] = {}
         self._past: list[tuple[int, str, Sample]] = []
+        self._grid: Grid | None = None
 
     def inputs(self) -> Sequence[Input]:
         return (self._domain,)
 
+    def taken(self) -> Iterable[Label]:
+        return [proxy.label for proxy in (*self.proxies, *self.members.values())]
+
     def begin(self) -> None:
         self.members = {}
 
-    def on_demand(self) -> None:
-        super().on_demand()
-        if self._generator is not None and self.running:
-            wanted = self._generator.wanted
-            for proxy in self.members.values():
-                proxy.want(wanted)
+    def want(self, grid: Grid | None) -> bool:
+        self._grid = grid
+        for proxy in self.members.values():
+            proxy.want(grid)
+        return grid is not None
 
     def on_sample(self, i: int, sample: Sample) -> None:
         del i
@@ -74,12 +92,17 @@ class Mediation(OnDemand):
             return
         if self.single and len(members) != 1:
             members = ()
-        for gone in self.members.keys() - set(members):
-            self.members.pop(gone).cancel()
-            self._past = [each for each in self._past if each[1] != gone]
-        for new in members:
-            if new not in self.members:
-                self._join(new, sample)
+        staying = set(members)
+        gone = self.members.keys() - staying
+        for member in gone:
+            self.members.pop(member).cancel()
+        if gone:
+            self._past = [each for each in self._past if each[1] not in gone]
+        for member in members:
+            if member not in self.members:
+                self._join(member, sample)
+        if self._in_past:
+            self._past.sort(key=lambda each: each[:2])
 
     def end(self) -> None:
         members, self.members = self.members, {}
@@ -87,36 +110,62 @@ class Mediation(OnDemand):
         for proxy in members.values():
             proxy.cancel()
 
-    def _start(self, from_us: int | None) -> None:
-        super()._start(from_us)
-        self._in_past = True
+    def _connect(self, i: int, wanted: Input, from_us: int | None) -> StreamProxy:
+        """Who the members are now; for the past also who they were."""
+        network, consumer = self._network, partial(self.on_sample, i)
+        assert network is not None  # noqa: S101  (only what is attached starts)
+        generator = None if from_us is None else network.find(wanted.label)
+        if from_us is None or generator is None:
+            return network.connect(wanted.label, wanted.policy, consumer, current=True)
+        begins_us = generator.prepare(EVER_US)
+        if begins_us > EVER_US:
+            held = generator.held()
+            self._since_us = max(self._since_us, held[0].available_us if held else begins_us)
+        return network.connect(wanted.label, wanted.policy, consumer, from_us=begins_us, current=True)
+
+    def _relive(self, _from_us: int | None) -> None:
+        for proxy in self.proxies:
+            for named in proxy.take_backlog():
+                self.on_sample(0, named)
         self._replay(EVER)
-        self._in_past = False
-        newest = _newest(self._network, self._domain)
-        if newest is not None and not self.members:
-            self.on_sample(0, newest)
 
     def _join(self, member: str, named: Sample) -> None:
         """A member's stream, from when the member was named."""
         network, wanted = self._network, self._member(member)
         if network is None:
             return
-        begins_us = named.available_us if self._in_past and network.has(wanted.label) else None
-        from_us = None if begins_us is None else network.generator(wanted.label).since_us
-        proxy = network.connect(wanted.label, wanted.policy, self._pass, from_us=from_us, after_us=begins_us)
+        generator = network.find(wanted.label) if self._in_past else None
+        if generator is None:
+            proxy = network.connect(wanted.label, wanted.policy, self._pass)
+        else:
+            begins_us = generator.prepare(EVER_US)
+            held = generator.held()
+            if begins_us > EVER_US and (not held or held[0].available_us > named.available_us):
+                self._since_us = max(self._since_us, begins_us)
+            proxy = network.connect(
+                wanted.label, wanted.policy, self._pass, from_us=begins_us, after_us=named.available_us
+            )
         self.members[member] = proxy
         self._past += [(sample.available_us, member, sample) for sample in proxy.take_backlog()]
-        self._past.sort(key=lambda each: each[:2])
-        if self._generator is not None:
-            proxy.want(self._generator.wanted)
+        proxy.want(self._grid)
 
     def _replay(self, until_us: int) -> None:
         """Pass on what the members brought in the past before `until_us`."""
-        while self._past and self._past[0][0] < until_us:
-            self._pass(self._past.pop(0)[2])
+        passed = bisect_left(self._past, until_us, key=lambda each: each[0])
+        for _, _, sample in self._past[:passed]:
+            self._pass(sample)
+        del self._past[:passed]
 
     def _pass(self, sample: Sample) -> None:
-        self.emit(sample.valid_us, sample.value, sample.available_us, sample.quality)
+        generator = self._generator
+        if generator is None:
+            return
+        try:
+            generator.sort.check(sample.value)
+        except SortError as wrong:
+            self.fault(f"a member brings what is not of the sort: {wrong}")
+        else:
+            self.emit(sample.valid_us, sample.value, sample.available_us, sample.quality)
 
 
 class Configuration:
@@ -131,8 +180,7 @@ class Configuration:
     ) -> None:
         self._network, self.domain, self._create, self._remove = network, domain, create, remove
         self.members: dict[str, None] = {}
-        self.proxy = network.connect(domain.label, domain.policy, self._on_sample, self._on_link)
-        self._look()
+        self.proxy = network.connect(domain.label, domain.policy, self._on_sample, current=True)
 
     def renew(self) -> None:
         """Some of what belongs to the members may be gone: create it again where it is."""
@@ -143,15 +191,6 @@ class Configuration:
         """All members go."""
         self.proxy.cancel()
         self._set(())
-
-    def _on_link(self, linked: bool) -> None:
-        if linked:
-            self._look()
-
-    def _look(self) -> None:
-        newest = _newest(self._network, self.domain)
-        if newest is not None:
-            self._on_sample(newest)
 
     def _on_sample(self, sample: Sample) -> None:
         try:
@@ -167,11 +206,3 @@ class Configuration:
             if new not in self.members:
                 self.members[new] = None
                 self._create(new)
-
-
-def _newest(network: "Network | None", domain: Input) -> Sample | None:
-    """What a stream of members says now."""
-    if network is None or not network.has(domain.label):
-        return None
-    history = network.snapshot(domain.label)
-    return history.get_latest_vtime() if history.get_size() else None

@@ -6,7 +6,7 @@ from operator import itemgetter
 from typing import Protocol
 
 from dyknow.compunits import ComputationalUnit, UnitFunction, of_values
-from dyknow.errors import LabelAlreadyExists, SortError, UnknownLabel
+from dyknow.errors import LabelAlreadyExists, SortError, UnknownLabel, ValueNotAvailable
 from dyknow.generator import Consumer, Generator, Owner, Subscription
 from dyknow.history import History
 from dyknow.labels import Label
@@ -36,6 +36,10 @@ class Process(Owner, Protocol):
         """Feed it no more, and hold nothing."""
 
 
+FAR_US = 2**80
+MANY = 64
+
+
 class Network:
     """Samples flow by plain calls: a push returns when every unit and consumer behind it has run.
 
@@ -44,8 +48,8 @@ class Network:
     """
 
     __slots__ = (
-        "_attributes", "_generators", "_history", "_implicit", "_processes", "_timed", "_unit_inputs", "_waiting", "now_us",
-        "on_fault", "resolve",
+        "_attributes", "_enough", "_generators", "_history", "_implicit", "_processes", "_timed", "_unit_inputs", "_waiting",
+        "now_us", "on_fault", "resolve",
     )  # fmt: skip
 
     def __init__(self, history: int = 4096) -> None:
@@ -55,11 +59,12 @@ class Network:
         self.now_us = 0
         self.on_fault: Callable[[Label, str], None] = lambda _label, _said: None
         self._processes: dict[Label, Process] = {}
-        self._attributes: dict[Label, list[Label]] = {}
+        self._attributes: dict[Label, dict[Label, None]] = {}
         self._implicit: dict[Label, None] = {}
         self.resolve: Callable[[Label], tuple[Sort, Process] | None] = lambda _label: None
         self._waiting: dict[Label, list[StreamProxy]] = {}
-        self._timed: list[Timed] = []  # replaced, never changed: consumers may subscribe while it is walked
+        self._timed: dict[Timed, None] = {}
+        self._enough = MANY
 
     def add_source(self, label: Label, sort: Sort, history: int | None = None) -> Generator:
         """A generator fed by `push`, with its own length of history if one is given.
@@ -130,21 +135,27 @@ class Network:
         *,
         from_us: int | None = None,
         after_us: int | None = None,
+        current: bool = False,
     ) -> StreamProxy:
         """A stream for `consumer` whether a generator carries the label yet or not; `on_link` hears when that changes.
 
         With `from_us` it begins in the past, as if it had been there then (with `after_us`: as if it had begun at that
-        available time): take the proxy's backlog first.
+        available time): take the proxy's backlog first. A `current` one is handed the newest sample there is as soon as
+        there is a generator.
 
         Raises:
             ValueNotAvailable: it cannot begin so early.
         """
-        proxy = StreamProxy(self, label, policy, consumer, on_link)
-        generator = self._generators.get(label) or self._attribute(label) or self._resolved(label)
+        proxy = StreamProxy(self, label, policy, consumer, on_link, current=current)
+        generator = self.find(label)
         if generator is None:
             self.wait(proxy)
-        else:
+            return proxy
+        try:
             proxy.link(generator, from_us, after_us)
+        except ValueNotAvailable:
+            self.tidy(generator.label)
+            raise
         return proxy
 
     def add_process(self, label: Label, sort: Sort, process: Process) -> Generator:
@@ -173,6 +184,9 @@ class Network:
             raise SortError(f"{label} is a stream of {generator.sort.name}, which {sort.name} cannot replace")
         self._take(generator)
         if process is not None:
+            if not generator.subscriptions:
+                generator.reset()
+            generator.succeed()
             self._give(generator, process)
         return generator
 
@@ -186,12 +200,15 @@ class Network:
         Raises:
             UnknownLabel: no generator carries `label`.
         """
-        generator = self.generator(label)
+        generator = self.find(label)
+        if generator is None:
+            raise self._unknown(label)
         if generator.owner is None or generator.subscriptions:
             return generator.history
         generator.owner.reach(None)
         held = generator.history.copy()
         generator.owner.on_demand()
+        self.tidy(generator.label)
         return held
 
     def remove(self, label: Label) -> None:
@@ -202,8 +219,12 @@ class Network:
         """
         generator = self.generator(label)
         for attribute in self._attributes.pop(label, ()):
-            if attribute in self._generators:
-                self.remove(attribute)
+            self.remove(attribute)
+        stem = _stem(label)
+        if label in self._attributes.get(stem, ()):
+            del self._attributes[stem][label]
+            if not self._attributes[stem]:
+                del self._attributes[stem]
         self._implicit.pop(label, None)
         del self._generators[label]
         self._take(generator)
@@ -222,9 +243,21 @@ class Network:
             raise self._unknown(label)
         return generator
 
+    def find(self, label: Label) -> Generator | None:
+        """The generator that carries `label`, or is made because it is asked for; None if there is none."""
+        return self._generators.get(label) or self._attribute(label) or self._resolved(label)
+
+    def behind(self, label: Label) -> Generator | None:
+        """The generator that carries `label`, or of whose values that is an attribute; none is made."""
+        return self._generators.get(label) or self._generators.get(_stem(label))
+
     def has(self, label: Label) -> bool:
         """Whether a generator carries `label`."""
         return label in self._generators
+
+    def is_attribute(self, label: Label) -> bool:
+        """Whether its generator is there because somebody wants an attribute of what another one makes."""
+        return label in self._attributes.get(_stem(label), ())
 
     def labels(self) -> tuple[Label, ...]:
         """Every label, in the order they were added."""
@@ -233,27 +266,38 @@ class Network:
     def on_time(self, now_us: int) -> None:
         """Hand on what policies owe at `now_us`."""
         self.now_us = now_us
-        for subscription in self._timed:
-            due_us = subscription.deadline_us
-            if due_us is not None and due_us <= now_us:
-                subscription.on_time(now_us)
+        for timed in tuple(self._timed):
+            due_us = timed.deadline_us
+            if due_us is None:
+                self._timed.pop(timed, None)
+            elif due_us <= now_us:
+                timed.on_time(now_us)
 
     @property
     def deadline_us(self) -> int | None:
         """Next instant at which `on_time` has work, or None."""
         if not self._timed:
             return None
-        return min((due_us for s in self._timed if (due_us := s.deadline_us) is not None), default=None)
+        due_us = min((due_us for s in self._timed if (due_us := s.deadline_us) is not None), default=None)
+        return None if due_us is None or due_us >= FAR_US else due_us
 
     def watch(self, subscription: Subscription) -> Subscription:
         """Remember the streams that make samples when time passes, and forget those that will not again."""
         if subscription.deadline_us is not None:
+            subscription.unwatch = self.unstep
             self.step(subscription)
         return subscription
 
     def step(self, timed: Timed) -> None:
-        """Call it at its deadlines, until it has none."""
-        self._timed = [*(t for t in self._timed if t.deadline_us is not None and t is not timed), timed]
+        """Call it at its deadlines, until it has none; `FAR_US` is: perhaps later."""
+        self._timed[timed] = None
+        if len(self._timed) > self._enough:
+            self._timed = {each: None for each in self._timed if each is timed or each.deadline_us is not None}
+            self._enough = max(MANY, 2 * len(self._timed))
+
+    def unstep(self, timed: Timed) -> None:
+        """Call it no more."""
+        self._timed.pop(timed, None)
 
     def wait(self, proxy: StreamProxy) -> None:
         """Link it as soon as a generator carries its label."""
@@ -289,9 +333,14 @@ class Network:
         unit = UnitPrototype(
             attribute, stem.sort.fields[at].unit, (stem.sort.name,), lambda: of_values(itemgetter(at)), True
         )
-        self._attributes.setdefault(stem.label, []).append(label)
+        self._attributes.setdefault(stem.label, {})[label] = None
         self._implicit[label] = None
         return self.add_process(label, Sort(stem.sort.fields[at].unit), Refinement(unit, [Input(stem.label)]))
+
+    def tidy(self, label: Label) -> None:
+        """Take it away if it was there because somebody asked for it, and nobody does any more."""
+        if label in self._implicit and not self._generators[label].subscriptions:
+            self.remove(label)
 
     def _resolved(self, label: Label) -> Generator | None:
         """A generator that is there because somebody asks for it."""
@@ -303,8 +352,8 @@ class Network:
 
     def sweep(self) -> None:
         """Take away what was there because somebody asked for it, and nobody does any more."""
-        for label in [label for label in self._implicit if not self.generator(label).subscriptions]:
-            self.remove(label)
+        for label in tuple(self._implicit):
+            self.tidy(label)
 
     def _give(self, generator: Generator, process: Process) -> None:
         self._processes[generator.label] = process
@@ -320,3 +369,8 @@ class Network:
 
     def _unknown(self, label: Label) -> UnknownLabel:
         return UnknownLabel(str(label), tuple(map(str, self._generators)))
+
+
+def _stem(label: Label) -> Label:
+    """Of what a label can be an attribute."""
+    return Label(label.feature.rpartition(".")[0], label.objects)

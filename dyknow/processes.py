@@ -1,6 +1,6 @@
 """Knowledge processes that work on demand: while a stream of theirs is wanted they take streams, and only then (3.3)."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
@@ -12,14 +12,18 @@ from dyknow.labels import Label
 from dyknow.policy import Policy
 from dyknow.prototypes import Reading, SourcePrototype, UnitPrototype
 from dyknow.sample import SURE, Quality, Sample, Value
-from dyknow.sampling import PolicyAdapter
+from dyknow.sampling import Grid, PolicyAdapter
 from dyknow.stream_proxy import StreamProxy
 
 if TYPE_CHECKING:
     from dyknow.network import Network
 
 EVER_US = -(2**80)
+MAX_TIMERS = 16_384
+"""So many timers of the past go off one by one; after that, time is let pass from sample to sample."""
 MAX_FAULT = 200
+MAX_READ = 4096
+"""So many samples of a source are read at once; then others have their turn."""
 OnFault: TypeAlias = Callable[[Label, str], None]
 
 
@@ -34,20 +38,20 @@ class OnDemand:
     """What the processes have in common; each says what it takes (`_inputs`) and does (`_begin`, `_on_sample`, `_end`).
 
     A process that begins with a past sees it as if it had been there then: samples of all inputs in the order in which
-    they became available. What it makes of them goes to the history of its generator.
+    they became available, at one instant in the order of the inputs. What it makes of them goes to the history of its generator.
 
     Attributes:
         proxies: its input streams; none while it rests.
     """
 
     history_us = 0
-    samplewise = False
 
     def __init__(self) -> None:
         self.proxies: tuple[StreamProxy, ...] = ()
         self._network: Network | None = None
         self._generator: Generator | None = None
-        self._running = self._in_past = self._changing = False
+        self._running = self._in_past = self._changing = self._settling = self._confined = False
+        self._wanted_grid: Grid | None = None
         self._since_us = EVER_US
 
     # What a process is
@@ -69,8 +73,31 @@ class OnDemand:
     def emit(self, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
         """The process has a new sample."""
         generator = self._generator
-        if generator is not None:
-            (generator.remember if self._in_past else generator.push)(valid_us, value, now_us, quality)
+        if generator is None:
+            return
+        if self._in_past:
+            generator.remember(valid_us, value, now_us, quality)
+            return
+        generator.push(valid_us, value, now_us, quality)
+        if self._settling:
+            self._narrow()
+
+    def want(self, grid: Grid | None) -> bool:
+        """Only what lies on `grid` is of use to those who take its stream; whether less is computed for that."""
+        del grid
+        return False
+
+    def taken(self) -> Iterable[Label]:
+        """Where its samples come from."""
+        return [proxy.label for proxy in self.proxies]
+
+    def on_time(self, now_us: int) -> None:
+        """Time has passed."""
+
+    @property
+    def deadline_us(self) -> int | None:
+        """When it makes samples by itself."""
+        return None
 
     def fault(self, said: str) -> None:
         """Something a person wrote does not work: it is told, and the process goes on."""
@@ -88,8 +115,9 @@ class OnDemand:
         self._network, self._generator = network, generator
 
     def detach(self) -> None:
+        self._generator = None
         self._rest()
-        self._network = self._generator = None
+        self._network = None
 
     def on_demand(self) -> None:
         if self._changing or self._generator is None:
@@ -99,15 +127,22 @@ class OnDemand:
             return
         if not self._running:
             self._start(None)
-        if self.samplewise:
+        self._narrow()
+
+    def _narrow(self) -> None:
+        """Ask for no more than is asked for."""
+        if self._generator is not None:
             wanted = self._generator.wanted
-            for proxy in self.proxies:
-                proxy.want(wanted)
+            self._settling = wanted is None and any(s.adapter.settling for s in self._generator.subscriptions)
+            before, self._confined = self._confined, self.want(wanted)
+            if before and wanted != self._wanted_grid:  # what was computed until now is not all there is
+                self._since_us = max(self._since_us, self._now_us())
+            self._wanted_grid = wanted
 
     def since_us(self) -> int:
         """The earliest valid time from which what it makes can be had."""
         if self._running:
-            return self._since_us
+            return self._now_us() if self._confined else self._since_us
         return max((self._held_since_us(each.label) for each in self.inputs()), default=EVER_US)
 
     def reach(self, from_us: int | None) -> None:
@@ -127,27 +162,58 @@ class OnDemand:
 
     def _start(self, from_us: int | None) -> None:
         self._changing = self._running = True
-        self.begin()
         wanted = self.inputs()
-        begins_us = self._begins_us(wanted, from_us)
+        proxies: list[StreamProxy] = []
         try:
-            proxies = [self._connect(i, each, begins_us) for i, each in enumerate(wanted)]
+            self._since_us = EVER_US if from_us is None else from_us
+            self.begin()
+            begins_us = self._begins_us(wanted, from_us)
+            for i, each in enumerate(wanted):
+                proxies.append(self._connect(i, each, begins_us))
         finally:
+            self.proxies = tuple(proxies)
             self._changing = False
-        self.proxies = tuple(proxies)
-        self._since_us = max(map(self._beginning_us, wanted), default=EVER_US) if from_us is None else from_us
-        past = [(sample.available_us, i, sample) for i, proxy in enumerate(proxies) for sample in proxy.take_backlog()]
+            if len(proxies) < len(wanted):
+                self._rest()
+        if from_us is None:
+            self._since_us = self._now_us()
         self._in_past = True
-        for _, i, sample in sorted(past, key=lambda each: each[:2]):
-            self.on_sample(i, sample)
+        self._relive(begins_us)
         self._in_past = False
+
+    def _relive(self, from_us: int | None) -> None:
+        """Go through what the inputs brought before now."""
+        proxies, now_us = self.proxies, self._network.now_us if self._network is not None else 0
+        past = [(sample.available_us, i, sample) for i, proxy in enumerate(proxies) for sample in proxy.take_backlog()]
+        past.sort(key=lambda each: each[:2])
+        if from_us is None or not past:
+            return
+        self.on_time(from_us if from_us > 0 else past[0][0])
+        timers = MAX_TIMERS
+        for available_us, i, sample in past:
+            timers = self._tick(available_us - 1, timers)
+            self.on_sample(i, sample)
+        self._tick(now_us - 1, timers)
+
+    def _tick(self, until_us: int, timers: int) -> int:
+        """Let time pass from one deadline to the next, so many at the most; how many are left."""
+        while timers and (due_us := self.deadline_us) is not None and due_us <= until_us:
+            self.on_time(due_us)
+            timers -= 1
+        if not timers:
+            self.on_time(until_us)
+        return timers
 
     def _connect(self, i: int, wanted: Input, from_us: int | None) -> StreamProxy:
         network = self._network
         assert network is not None  # noqa: S101  (only what is attached starts)
-        if from_us is not None and network.has(wanted.label):
-            from_us = max(from_us, self._held_since_us(wanted.label))
-        return network.connect(wanted.label, wanted.policy, partial(self.on_sample, i), from_us=from_us)
+        generator = None if from_us is None else network.find(wanted.label)
+        if from_us is None or generator is None:
+            return network.connect(wanted.label, wanted.policy, partial(self.on_sample, i))
+        begins_us = generator.prepare(from_us)
+        if begins_us > from_us:
+            self._since_us = max(self._since_us, begins_us)
+        return network.connect(wanted.label, wanted.policy, partial(self.on_sample, i), from_us=begins_us)
 
     def _begins_us(self, wanted: Sequence[Input], from_us: int | None) -> int | None:
         """From when on the inputs are taken: also what the process needs to get going, where that is held."""
@@ -158,35 +224,37 @@ class OnDemand:
         newest_us = [valid_us for each in wanted if (valid_us := self._newest_us(each.label)) is not None]
         return max(newest_us) - self.history_us if newest_us else None
 
-    def _beginning_us(self, wanted: Input) -> int:
-        """What was valid before is unknown to a process that began just now."""
-        newest_us = self._newest_us(wanted.label)
-        return self._held_since_us(wanted.label) if newest_us is None else newest_us + 1
+    def _now_us(self) -> int:
+        """What was valid before is unknown to a process that begins just now."""
+        return max(map(self._beginning_us, self.taken()), default=EVER_US)
+
+    def _beginning_us(self, label: Label) -> int:
+        newest_us = self._newest_us(label)
+        return self._held_since_us(label) if newest_us is None else newest_us + 1
 
     def _newest_us(self, label: Label) -> int | None:
         network = self._network
-        if network is None or not network.has(label):
+        generator = None if network is None else network.behind(label)
+        if generator is None:
             return None
-        history = network.generator(label).history
+        history = generator.history
         return history.get_latest_vtime().valid_us if history.get_size() else None
 
     def _held_since_us(self, label: Label) -> int:
-        network = self._network
-        if network is None or not network.has(label):
-            return EVER_US
-        return network.generator(label).since_us
+        generator = None if self._network is None else self._network.behind(label)
+        return EVER_US if generator is None else generator.since_us
 
     def _rest(self) -> None:
         if not self._running:
             return
-        self._running = False
+        self._running = self._settling = self._confined = False
+        self._wanted_grid = None
         proxies, self.proxies = self.proxies, ()
         for proxy in proxies:
             proxy.cancel()
         self.end()
         if self._generator is not None:
-            self._generator.history.reset()
-            self._generator.last_us = EVER_US
+            self._generator.reset()
 
     @property
     def _label(self) -> str:
@@ -204,7 +272,7 @@ class Refinement(OnDemand):
         self.prototype = prototype
         self._output = output
         self._adapter: PolicyAdapter | None = None
-        self.history_us, self.samplewise = prototype.history_us, prototype.samplewise
+        self.history_us = prototype.history_us
         self._wanted = tuple(inputs)
         self._unit: ComputationalUnit | None = None
 
@@ -213,6 +281,16 @@ class Refinement(OnDemand):
 
     def begin(self) -> None:
         self._adapter = None if self._output is None else PolicyAdapter(self._output)
+        self._renew()
+
+    def want(self, grid: Grid | None) -> bool:
+        if not self.prototype.samplewise or self._output is not None:
+            grid = None
+        for proxy in self.proxies:
+            proxy.want(grid)
+        return grid is not None
+
+    def _renew(self) -> None:
         try:
             self._unit = ComputationalUnit(self.prototype.make(), len(self._wanted))
         except Exception as wrong:  # noqa: BLE001  (it is a user's code)
@@ -245,13 +323,10 @@ class Refinement(OnDemand):
     def exchange(self, prototype: UnitPrototype) -> None:
         """Let another unit over the same sorts do the work from now on; its memory begins empty."""
         self.prototype = prototype
-        self.samplewise = prototype.samplewise
-        if self._running:
-            self.begin()
-            if not self.samplewise:
-                for proxy in self.proxies:
-                    proxy.want(None)
-            self.on_demand()
+        self.history_us = prototype.history_us
+        if self.running:
+            self._renew()
+            self._narrow()
 
 
 class Reader(OnDemand):
@@ -283,7 +358,9 @@ class Reader(OnDemand):
         return self._network.now_us
 
     def on_time(self, now_us: int) -> None:
-        while self._next is not None and self._next[0] <= now_us:
+        for _ in range(MAX_READ):
+            if self._next is None or self._next[0] > now_us:
+                return
             (valid_us, value), generator = self._next, self._generator
             self._advance()
             try:
@@ -300,6 +377,8 @@ class Reader(OnDemand):
 
     def end(self) -> None:
         self._readings, self._next = iter(()), None
+        if self._network is not None:
+            self._network.unstep(self)
 
     def _start(self, from_us: int | None) -> None:
         super()._start(from_us)
@@ -307,6 +386,7 @@ class Reader(OnDemand):
             self._since_us = self._network.now_us
 
     def _advance(self) -> None:
+        last_us = EVER_US if self._next is None else self._next[0]
         try:
             self._next = _timed(next(self._readings))
         except StopIteration:
@@ -314,6 +394,10 @@ class Reader(OnDemand):
         except Exception as wrong:  # noqa: BLE001  (it is a user's code)
             self._next = None
             self.fault(f"{self.prototype.name} raised {wrong!r}; it is read no more")
+        else:
+            if self._next[0] < last_us:
+                self.fault(f"{self.prototype.name} went back from {last_us} to {self._next[0]} us; it is read no more")
+                self._next = None
 
 
 def _timed(reading: Reading) -> tuple[int, Value]:

@@ -1,7 +1,7 @@
 """One stream made to satisfy one policy, sample by sample (thesis, 4.4.5, Def. 4.5.9 to 4.5.11)."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import inf
 from typing import Final, NamedTuple
 
@@ -12,8 +12,11 @@ from dyknow.values import NO_VALUE
 
 CATCH_UP = 1024
 """Grid points approximated at once after a silence of the caller; older ones are a gap."""
+MAX_REPLAYED = 16 * CATCH_UP
+"""Grid points approximated for a stream that begins in the past; older ones are a gap."""
 
 _COUNTS: Final = ("gaps", "_late", "_out_of_order", "_outside", "_no_change", "_off_grid", "_uncertain")
+_UNRESTRICTED: Final = Policy()
 _EVER_US: Final = 2**80  # beyond every time, so that "no limit" needs no test of its own on the hot path
 
 
@@ -39,11 +42,12 @@ class PolicyAdapter:
     """
 
     __slots__ = (
-        "_anchor_us", "_changes", "_from_us", "_last", "_late", "_least_certainty", "_least_step_us", "_max_delay_us",
+        "_all", "_anchor_us", "_changes", "_confined_to", "_from_us", "_last", "_late", "_least_certainty", "_least_step_us", "_max_delay_us",
         "_most_deviation", "_no_change", "_off_grid", "_out_of_order", "_outside", "_owed", "_period_us", "_previous",
         "_take", "_to_us", "_uncertain", "gaps", "on_sample", "policy",
     )  # fmt: skip
     on_sample: Callable[[Sample, int], list[Sample]]
+    _all: Callable[[Sample, int], list[Sample]]
     _take: Callable[[Sample, int], list[Sample]]
 
     def __init__(self, policy: Policy) -> None:
@@ -69,24 +73,58 @@ class PolicyAdapter:
         self._most_deviation = inf if policy.max_deviation is None else policy.max_deviation
         if policy.min_certainty is not None or policy.max_deviation is not None:
             self._take, self.on_sample = self.on_sample, self._good
+        self._all, self._confined_to = self.on_sample, (1, 0)
 
     def on_time(self, now_us: int) -> list[Sample]:
         """What is due at `now_us`; more often than at `deadline_us` is harmless."""
-        return [] if self._owed is None else self._settle(self._owed, now_us, now_us)
+        return [] if self._owed is None else self._on_grid(self._settle(self._owed, now_us, now_us))
+
+    def confine(self, grid: Grid | None) -> None:
+        """From now on nothing leaves that lies beside `grid`, which has an anchor; order and counts are as without it.
+
+        So the rest of the stream is unaffected, and who takes it computes nothing in vain.
+        """
+        if grid is None or grid.anchor_us is None:
+            self._confined_to, self.on_sample = (1, 0), self._all
+        else:
+            self._confined_to, self.on_sample = (grid.period_us, grid.anchor_us), self._confined
+
+    def replay(self, samples: Iterable[Sample], from_us: int, now_us: int) -> list[Sample]:
+        """What this stream would have given until now, had it been there from `from_us` on; timers included."""
+        if self._owed is not None:
+            self._owed.listen(max(from_us, now_us - MAX_REPLAYED * self._period_us))
+        found: list[Sample] = []
+        for sample in samples:
+            found += self._until(sample.available_us - 1)
+            found += self.on_sample(sample, sample.available_us)
+        return found + self._until(now_us - 1)  # at one instant inputs are first
+
+    def _until(self, now_us: int) -> list[Sample]:
+        found: list[Sample] = []
+        while (due_us := self.deadline_us) is not None and due_us <= now_us:
+            found += self.on_time(due_us)
+        return found
+
+    def _confined(self, sample: Sample, now_us: int) -> list[Sample]:
+        return self._on_grid(self._all(sample, now_us))
+
+    def _on_grid(self, samples: list[Sample]) -> list[Sample]:
+        period_us, anchor_us = self._confined_to
+        return samples if period_us == 1 else [each for each in samples if (each.valid_us - anchor_us) % period_us == 0]
 
     @property
     def deadline_us(self) -> int | None:
         """Next instant at which `on_time` has work, or None."""
         return None if self._owed is None else self._owed.deadline_us
 
-    def continued(self, policy: Policy, anchor_us: int | None = None) -> "PolicyAdapter":
-        """The rest of this stream under another policy: order, counts and, where none is given, the grid go on."""
+    def continued(self, policy: Policy) -> "PolicyAdapter":
+        """The rest of this stream under another policy: order, counts and, where it has none of its own, the grid."""
         after = PolicyAdapter(policy)
         after._last, after._previous = self._last, self._previous
         for name in _COUNTS:
             setattr(after, name, getattr(self, name))
         if after._anchor_us is None:
-            after._anchor_us = self._anchor_us if anchor_us is None else anchor_us
+            after._anchor_us = self._anchor_us
         if self._owed is not None and after._owed is not None:
             after._owed.take_over(self._owed)
         return after
@@ -95,6 +133,28 @@ class PolicyAdapter:
     def grid(self) -> Grid | None:
         """The valid times that can come through; None: any."""
         return Grid(self._period_us, self._anchor_us) if self._period_us else None
+
+    @property
+    def settling(self) -> bool:
+        """Whether only its first sample says where its grid lies."""
+        return self._period_us > 0 and self._anchor_us is None
+
+    @property
+    def is_open(self) -> bool:
+        """Whether every sample passes as it is."""
+        return self.policy == _UNRESTRICTED and self._confined_to[0] == 1
+
+    @property
+    def needed(self) -> Grid | None:
+        """Only samples on this grid, which has an anchor, make a difference to what comes out; None: all do."""
+        policy = self.policy
+        if policy.approximation != "none":
+            return None
+        if self._period_us:
+            return None if self._anchor_us is None else self.grid
+        if policy.change != "any update" or policy.order != "any" or self._confined_to[0] == 1:
+            return None
+        return Grid(*self._confined_to)
 
     @property
     def dropped(self) -> Counter[str]:
@@ -240,6 +300,11 @@ class _Owed:
         behind_us = before.next_us - self.next_us
         if behind_us > 0:
             self.advance(-(-behind_us // self.period_us))
+
+    def listen(self, now_us: int) -> None:
+        """Somebody listens from now on."""
+        if not self.listening:
+            self.catch_up(now_us)
 
     def catch_up(self, now_us: int) -> None:
         """Skip what was due before anybody listened, and all but the last points after a long silence of the caller."""

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Literal, TypeAlias
 
 from dyknow.errors import PolicyError
+from dyknow.instants import earlier
 from dyknow.policy import Policy
 from dyknow.processes import Input, OnDemand
 from dyknow.sample import Sample, Value
@@ -14,6 +15,7 @@ from dyknow.values import NO_VALUE
 When: TypeAlias = Literal["sampled", "any update", "any change", "all updated", "all changed"]
 """At sampled points; or whenever any input has a new sample, or another value; or when all of them have."""
 KEPT = 64
+FAR_US = 2**80
 
 
 class StateStream(OnDemand):
@@ -48,7 +50,10 @@ class StateStream(OnDemand):
 
     @property
     def deadline_us(self) -> int | None:
-        return self._maker.deadline_us if self.running else None
+        """Far away, and not none, while the first sample has yet to say where the states begin."""
+        if not self.running or isinstance(self._maker, ChangeStates):
+            return None
+        return earlier(self._maker.deadline_us, FAR_US)
 
     def awaited(self) -> tuple[Awaited, ...]:
         """Why there is no state yet: what is waited for, input by input."""
@@ -56,6 +61,8 @@ class StateStream(OnDemand):
 
     def end(self) -> None:
         self.recent.clear()
+        if self._network is not None:
+            self._network.unstep(self)
 
     def _make(self) -> "Synchronizer | ChangeStates":
         if self._policy is None or self.when == "sampled":

@@ -24,19 +24,27 @@ class StreamProxy:
         policy: what the client wants.
         backlog: samples of the past, if the stream began there; the client takes them with `take_backlog`.
         stretched: how many times longer its sample period is than it was declared (10.7).
+        current: whenever it is linked it begins with the newest sample that it would have had already.
     """
 
     __slots__ = (
-        "_adapter", "_consumer", "_last_us", "_network", "_on_link", "_subscription", "_wanted", "backlog", "label",
-        "policy", "stretched",
+        "_adapter", "_consumer", "_last_us", "_network", "_on_link", "_subscription", "_wanted", "backlog", "current",
+        "label", "policy", "stretched",
     )  # fmt: skip
 
     def __init__(
-        self, network: "Network", label: Label, policy: Policy, consumer: Consumer, on_link: OnLink | None
+        self,
+        network: "Network",
+        label: Label,
+        policy: Policy,
+        consumer: Consumer,
+        on_link: OnLink | None = None,
+        *,
+        current: bool = False,
     ) -> None:
         self.label, self.policy = label, policy
         self.backlog: list[Sample] = []
-        self.stretched = 1
+        self.stretched, self.current = 1, current
         self._network, self._consumer, self._on_link = network, consumer, on_link
         self._adapter = PolicyAdapter(policy)
         self._subscription: Subscription | None = None
@@ -60,17 +68,21 @@ class StreamProxy:
         Raises:
             ValueNotAvailable: it does not reach back so far.
         """
+        newest: list[Sample] = []
         if from_us is not None:
-            for sample in generator.past(from_us):
-                if after_us is not None and sample.available_us <= after_us:
-                    continue
-                self.backlog += self._adapter.on_sample(sample, sample.available_us)
+            past = [s for s in generator.past(from_us) if after_us is None or s.available_us > after_us]
+            self.backlog += self._adapter.replay(past, from_us if after_us is None else after_us, self._network.now_us)
+        elif self.current:
+            held = generator.held()
+            newest = self._adapter.replay(held, held[0].available_us, self._network.now_us)[-1:] if held else []
         if self._last_us is not None:
             generator.last_us = max(generator.last_us, self._last_us)
         self._subscription = generator.subscribe(self._adapter, self._consumer, lambda: self._lost(generator))
         self._network.watch(self._subscription)
         if self._on_link is not None:
             self._on_link(True)
+        for sample in newest:
+            self._consumer(sample)
 
     def take_backlog(self) -> list[Sample]:
         """The samples of the past, once."""
@@ -78,10 +90,12 @@ class StreamProxy:
         return backlog
 
     def want(self, grid: Grid | None) -> None:
-        """Only what lies on `grid` is of use to the client; None: everything."""
+        """Only what lies on `grid`, which has an anchor, is of use to the client; None: everything."""
         if grid != self._wanted:
             self._wanted = grid
-            self._retune()
+            self._adapter.confine(grid)
+            if self._subscription is not None:
+                self._subscription.retune(self._adapter)
 
     def stretch(self, factor: int) -> None:
         """Let every sample period be `factor` times as long as it would be; 1 takes that back."""
@@ -101,14 +115,16 @@ class StreamProxy:
         if self._subscription is not None:
             self._subscription.cancel()
             self._subscription = None
+            self._network.tidy(self.label)
 
     def _retune(self) -> None:
-        policy, anchor_us = narrowed(self.policy, self._adapter.grid, self._wanted)
+        policy = self.policy
         if self.stretched > 1 and policy.sample_us is not None:
             policy = replace(policy, sample_us=policy.sample_us * self.stretched)
-        if policy == self._adapter.policy and anchor_us is None:
+        if policy == self._adapter.policy:
             return
-        self._adapter = self._adapter.continued(policy, anchor_us)
+        self._adapter = self._adapter.continued(policy)
+        self._adapter.confine(self._wanted)
         if self._subscription is not None:
             self._subscription.retune(self._adapter)
             self._network.watch(self._subscription)
@@ -119,21 +135,6 @@ class StreamProxy:
         self._network.wait(self)
         if self._on_link is not None:
             self._on_link(False)
-
-
-def narrowed(policy: Policy, grid: Grid | None, wanted: Grid | None) -> tuple[Policy, int | None]:
-    """The policy under which nothing comes that is not wanted, and the anchor of its grid if it needs one.
-
-    Where that cannot be said by a longer sample period, the policy stays as it is.
-    """
-    if wanted is None or policy.approximation != "none" or policy.change == "any change":
-        return policy, None
-    if policy.sample_us is not None:
-        anchors = [g.anchor_us for g in (grid, wanted) if g is not None and g.anchor_us is not None]
-        apart_us = anchors[0] - anchors[-1] if anchors else 0
-        if wanted.period_us % policy.sample_us or apart_us % policy.sample_us:
-            return policy, None
-    return replace(policy, change="sample", sample_us=wanted.period_us), wanted.anchor_us
 
 
 def _ignore(_sample: Sample) -> None:

@@ -59,10 +59,9 @@ class FormulaMonitor:
         self._states: Synchronizer | None = None
         self.proxies: list[StreamProxy] = []
         self._members = [
-            network.connect(Label(name), Policy(), partial(self._on_members, name)) for name in self._domains
+            network.connect(Label(name), Policy(), partial(self._on_members, name), current=True)
+            for name in self._domains
         ]
-        for name in self._domains:
-            self._look(name)
         self._subscribe()
         network.step(self)
 
@@ -85,18 +84,11 @@ class FormulaMonitor:
         for proxy in (*self._members, *self.proxies):
             proxy.cancel()
         self._members, self.proxies, self._states = [], [], None
+        self._network.unstep(self)
 
     def awaited(self) -> tuple[str, ...]:
         """Why there is no state yet, input by input."""
         return () if self._states is None else tuple(map(str, self._states.awaited()))
-
-    def _look(self, name: str) -> None:
-        """Who the members are already."""
-        label = Label(name)
-        if self._network.has(label):
-            history = self._network.snapshot(label)
-            if history.get_size():
-                self._set_members(name, history.get_latest_vtime())
 
     def _on_members(self, name: str, sample: Sample) -> None:
         if self._set_members(name, sample):
