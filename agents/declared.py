@@ -17,6 +17,7 @@ from dyknow.processes import Input, Refinement
 from federation.ontology import Convert
 from federation.wire import LabelEntry
 from kpl import Hooks, Instance, Specification, parse_specification
+from kpl.governor import Governor
 from kpl.specification import MonitorDeclaration, StreamTerm
 from kpl.surroundings import Undo
 from reasoning import AlarmEvent
@@ -64,6 +65,8 @@ class Declared:
             federation=self,
         )
         platform.network.on_fault = self._on_fault
+        self._waited_us = 0
+        self._governor: Governor | None = None
 
     def specify(self, text: str, file: str, now_us: int) -> None:
         """Become this specification; what is wrong with it is told, and what ran goes on. Federation time."""
@@ -75,6 +78,15 @@ class Declared:
             return
         for name, labels in self.instance.lacking.items():
             self._p.note(f"nobody offers {name} yet; {', '.join(map(str, labels[:8]))} will begin when somebody does")
+
+    def on_waited(self, waited_us: int, now_us: int) -> None:
+        """How long this process has waited for something to do: the governor looks. Federation time."""
+        self._waited_us = round(waited_us * self._p.clock.speed)
+        limit_us = self._p.config.govern_us
+        if self._governor is None and limit_us is not None:
+            self._governor = Governor(self.instance, lambda: self._waited_us, now_us, limit_us)
+        if self._governor is not None:
+            self._governor.on_time(now_us)
 
     def entries(self) -> Iterable[LabelEntry]:
         """The semantic labels that are exported."""

@@ -37,7 +37,14 @@ class Fed(NamedTuple):
     value: Any
 
 
-Event: TypeAlias = WireEvent | Reported | Leave | Specify | Fed
+class Waited(NamedTuple):
+    """How long this process has waited for something to do, all in all; for the governor, if there is one."""
+
+    at_us: int
+    waited_us: int
+
+
+Event: TypeAlias = WireEvent | Reported | Leave | Specify | Fed | Waited
 
 
 class InjectFault(NamedTuple):

@@ -18,7 +18,7 @@ from agents.config import PlatformConfig
 from agents.context import Context
 from agents.coordination import Coordination
 from agents.declared import Declared
-from agents.effects import Effect, Event, Fed, Halt, Leave, Note, Reported, Specify, Tell
+from agents.effects import Effect, Event, Fed, Halt, Leave, Note, Reported, Specify, Tell, Waited
 from agents.export_proxy import ExportProxy
 from agents.federation_agent import FederationAgent
 from agents.fixes import fix_of
@@ -276,6 +276,8 @@ class Platform:
                 self.declared.instance.push(
                     event.source, event.valid_us, event.value, self.clock.federation_us(self._now_us)
                 )
+            case Waited():
+                self.declared.on_waited(event.waited_us, self.clock.federation_us(self._now_us))
             case Leave():
                 self.leave(event.at_us)
         return True

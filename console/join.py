@@ -65,6 +65,10 @@ def _followed(call: Call, fleet: Fleet, unit: str) -> int:
         time.sleep(_POLL_S)
 
 
+def _milliseconds(limit: str | None) -> float | None:
+    return None if limit is None else duration_us(limit, option="--govern", least_us=SHORTEST_US) / 1000
+
+
 def _absolute(path: Path | None) -> Path | None:
     """The platform is a process of its own, wherever that runs."""
     return None if path is None else path.absolute()
@@ -130,6 +134,7 @@ def _config(call: Call, unit: str, duration: str | None, chosen: dict[str, Any])
             "spec": _absolute(chosen["spec"]),
             "units": [str(_absolute(Path(name))) if name.endswith(".py") else name for name in chosen["modules"] or ()],
             "feed": _absolute(chosen["feed"]),
+            "govern_ms": _milliseconds(chosen["govern"]),
             "duration_s": duration_us(duration, option="--duration", least_us=SHORTEST_US) / 1e6 if duration else None,
         }
     )

@@ -38,6 +38,10 @@ def kpl_show(call: Call, file: SpecificationFile) -> int:
     return run(call, file)
 
 
+Govern = Annotated[
+    str | None,
+    typer.Option(metavar="TIME", help="Lengthen the least important periods while delays are longer than this."),
+]
 GraphForm = Literal["text", "json", "mermaid", "dot"]
 
 
@@ -59,10 +63,7 @@ def kpl_run(
         Path | None, typer.Option(metavar="FILE.jsonl", help="Write every sample, for `kpl verify`.")
     ] = None,
     watch: Annotated[bool, typer.Option("--watch", help="Take in the file again whenever it is changed.")] = False,
-    govern: Annotated[
-        str | None,
-        typer.Option(metavar="TIME", help="Lengthen the least important periods while delays are longer than this."),
-    ] = None,
+    govern: Govern = None,
     graph: Annotated[
         GraphForm | None, typer.Option("--graph", help="In the end show the network, with rates, delays and drops.")
     ] = None,

@@ -7,7 +7,7 @@ import typer
 
 from console.choices import Merge, Persona, Role, Select, fault_kinds, scenarios, task_names
 from console.command import Call, command
-from console.kpl_commands import Feed, UnitModules, kpl
+from console.kpl_commands import Feed, Govern, UnitModules, kpl
 
 LOOPBACK = ("127.0.0.1", "localhost")
 
@@ -111,6 +111,7 @@ def join(
     ] = None,
     modules: UnitModules = None,
     feed: Feed = None,
+    govern: Govern = None,
     avoidance: Avoidance = True,
     duration: Duration = None,
 ) -> int:
@@ -132,6 +133,7 @@ def join(
         spec=spec,
         modules=modules,
         feed=feed,
+        govern=govern,
         avoidance=avoidance,
     )
 

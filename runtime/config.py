@@ -108,6 +108,8 @@ class NodeConfig(Strict):
     """A specification of knowledge processing, taken in again whenever the file changes."""
     units: tuple[str, ...] = ()
     """Modules with sources and computational units of the specification."""
+    govern_ms: float | None = Field(None, gt=0, le=60_000)
+    """While delays are longer than this the periods of the least important streams are lengthened."""
     feed: Path | None = None
     """Samples of the specification's sources."""
     duration_s: float | None = Field(None, gt=0)

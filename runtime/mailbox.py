@@ -64,6 +64,9 @@ class Mailbox:
 
     Args:
         now_us: the node clock, for the stamps of `Conflated`.
+
+    Attributes:
+        waited_us: how long `get` has waited, all in all.
     """
 
     def __init__(self, now_us: Callable[[], int]) -> None:
@@ -73,6 +76,7 @@ class Mailbox:
         self._by_key: dict[str, _Lane] = {}
         self._lanes: dict[Hashable, _Lane] = {}
         self._many = _FEW_LANES
+        self.waited_us = 0
 
     def __len__(self) -> int:
         return self._queue.qsize()
@@ -92,7 +96,14 @@ class Mailbox:
         Raises:
             queue.Empty: none came within `timeout` seconds.
         """
-        return self._queue.get(timeout != 0, timeout)()
+        if timeout == 0 or self._queue.qsize():
+            return self._queue.get(timeout != 0, timeout)()
+        began_us = self._now_us()
+        try:
+            take = self._queue.get(timeout=timeout)
+        finally:
+            self.waited_us += self._now_us() - began_us
+        return take()
 
     def _conflate(self, lane: _Lane, event: Any) -> None:
         with self._lock:

@@ -16,7 +16,7 @@ from queue import Empty
 from typing import Any, Protocol
 
 from agents.config import PlatformConfig
-from agents.effects import Event, Halt, InjectFault, Leave, Note, Reported, Tell
+from agents.effects import Event, Halt, InjectFault, Leave, Note, Reported, Tell, Waited
 from agents.interface import Trust
 from agents.own_streams import ESTIMATE
 from agents.plans import PlanBook
@@ -42,6 +42,7 @@ from runtime.loop import Node, step
 from runtime.mailbox import Mailbox
 from runtime.specified import Specified
 
+WEIGH_US = 100_000
 ASK_US = 300_000
 ADOPT_US = 2_000_000
 """How often a process that joins a faster federation asks for its epoch, and how long it waits to be told."""
@@ -92,6 +93,7 @@ class Process:
         self._vehicle: VehicleEdge | None = None
         self._specified: Specified | None = None
         self._told: tuple[str, ...] = ()
+        self._weighed_us = 0
 
     def run(self) -> int:
         """Join, step until stopped, leave; the exit code.
@@ -141,6 +143,7 @@ class Process:
         while self._going:
             step(node, self.mailbox, self.clock.now_us, self._perform)
             self._tell_directory(platform)
+            self._tell_waiting()
             if ends_us is not None and self.clock.now_us() >= ends_us:
                 break
         self._perform_all(platform.on_event(Leave(self.clock.now_us()), self.clock.now_us()))
@@ -255,6 +258,13 @@ class Process:
     def _note(self, text: str) -> None:
         self._say({"event": "note", "unit": self.config.unit, "text": text, "at_us": self.clock.now_us()})
 
+    def _tell_waiting(self) -> None:
+        """The governor is told how busy this process is."""
+        now_us = self.clock.now_us()
+        if self.config.govern_ms is not None and now_us >= self._weighed_us + WEIGH_US:
+            self._weighed_us = now_us
+            self.mailbox.post(Waited(now_us, self.mailbox.waited_us))
+
     def _tell_directory(self, platform: Platform) -> None:
         """Say whom this platform has found, whenever that changed."""
         found = platform.membership.found
@@ -338,6 +348,7 @@ def platform_config(config: NodeConfig, clock: FederationClock, started_us: int,
         profiles=profiles,
         trust=trust_of(config, started_us),
         catalogue=catalogue(config.units).offered,
+        govern_us=None if config.govern_ms is None else round(config.govern_ms * 1000),
     )
 
 

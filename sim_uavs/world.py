@@ -14,7 +14,7 @@ from random import Random
 from typing import Any
 
 from agents.config import PlatformConfig
-from agents.effects import Effect, Event, Halt, InjectFault, Leave, Note, Reported
+from agents.effects import Effect, Event, Halt, InjectFault, Leave, Note, Reported, Tell
 from agents.platform import Platform
 from dyknow.errors import TextError
 from federation.acts import Act, Performative
@@ -339,6 +339,8 @@ class World:
                     self._injected(node, effect)
                 case Note():
                     node.notes.append(effect.text)
+                case Tell():
+                    node.told.append(effect.record)
                 case Halt():
                     node.halted.append(effect.reason)
                     self.agenda.at(self.now_us, self.kill, node.config.unit)

@@ -1,5 +1,6 @@
 """What the simulated world is made of: units, each with a clock of its own, and what was said to them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -46,6 +47,7 @@ class Node:
         lives: all platforms that have run under this name, the present one last.
         halted: why a process of it ended by itself.
         notes: what its processes told people.
+        told: what its specification brought forth.
     """
 
     config: PlatformConfig
@@ -58,6 +60,7 @@ class Node:
     lives: list[Platform] = field(default_factory=list)
     halted: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    told: list[Mapping[str, Any]] = field(default_factory=list)
     truth: list[Truth] = field(default_factory=list)
     due_us: int | None = None
     asked_us: int | None = None
