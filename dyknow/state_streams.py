@@ -65,9 +65,10 @@ class StateStream(OnDemand):
             self._network.unstep(self)
 
     def _make(self) -> "Synchronizer | ChangeStates":
-        if self._policy is None or self.when == "sampled":
+        if self.when == "sampled":
             named = [StateInput(str(each.label), each.policy) for each in self._wanted]
-            assert self._policy is not None  # noqa: S101  (sampled states have a policy)
+            if self._policy is None:
+                raise PolicyError("sampled states need a period and a delay")
             return Synchronizer(named, self._policy, explains=True)
         return ChangeStates(tuple(str(each.label) for each in self._wanted), self.when)
 
