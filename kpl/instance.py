@@ -292,7 +292,7 @@ class Instance:
             case Export(semantic, term) if self._federation is not None:
                 return self._federation.export(semantic, self._compiler.term(term))
             case Import(semantic, unit, term) if self._federation is not None:
-                return self._federation.import_(semantic, unit, self._compiler.term(term))
+                return self._import(semantic, unit, self._compiler.term(term), declaration)
             case SourceDeclaration(_, name) if not isinstance(self.factory.find(name), SourcePrototype):
                 self._fed.setdefault(name, [])
                 return partial(_forget, self._fed, name)
@@ -362,6 +362,17 @@ class Instance:
         def undo() -> None:
             self.families.pop(declaration.body.label, None)
             family.cancel()
+
+        return undo
+
+    def _import(self, semantic: str, unit: str, term: StreamTerm, declaration: Declaration) -> Undo:
+        assert self._federation is not None  # noqa: S101  (only then it is called)
+        take_back = self._federation.import_(semantic, unit, term)
+        self._declared[term.label] = declaration
+
+        def undo() -> None:
+            self._declared.pop(term.label, None)
+            take_back()
 
         return undo
 

@@ -14,7 +14,7 @@ from random import Random
 from typing import Any
 
 from agents.config import PlatformConfig
-from agents.effects import Effect, Event, Halt, InjectFault, Leave, Note, Reported, Tell
+from agents.effects import Effect, Event, Halt, InjectFault, Leave, Note, Reported, Specify, Tell
 from agents.platform import Platform
 from dyknow.errors import TextError
 from federation.acts import Act, Performative
@@ -207,6 +207,11 @@ class World:
         self._perform(node, platform.on_time(node_us))
         self._wake(node)
         return result
+
+    def specify(self, unit: str, text: str, file: str = "") -> None:
+        """Give its process a specification, in place of the one it has."""
+        node = self.nodes[unit]
+        self._reach(node, Specify(node.clock.node_us(self.now_us), text, file))
 
     def ask(
         self,

@@ -1,0 +1,148 @@
+"""Platforms that run specifications: what one exports another imports, queries and monitors (language.md, 9.3, 9.4)."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from agents.config import PlatformConfig
+from compunits import catalogue
+from dyknow import Label
+from kpl import print_specification
+from sim_uavs.world import World
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def text_of(name):
+    return (EXAMPLES / name).read_text("utf-8")
+
+
+class Pair:
+    """Two platforms without vehicles."""
+
+    def __init__(self, *texts):
+        self.world = World(1, truth_us=None)
+        find = catalogue([str(EXAMPLES / "flights.py")]).offered
+        for unit, text in enumerate(texts):
+            self.world.add(str(unit), PlatformConfig(str(unit), 0, catalogue=find))
+            self.specify(str(unit), text)
+
+    def specify(self, unit, text):
+        self.world.specify(unit, text, f"{unit}.kpl")
+        self.world.run_for(0.001)
+
+    def told(self, unit, event):
+        return [record for record in self.world.nodes[unit].told if record["event"] == event]
+
+    def notes(self, unit):
+        return self.world.nodes[unit].notes
+
+    def declared(self, unit):
+        return self.world.platform(unit).declared
+
+
+@pytest.fixture
+def pair():
+    return Pair(text_of("uav0.kpl"), text_of("uav1.kpl"))
+
+
+def test_an_imported_stream_comes_and_what_is_derived_from_it(pair):
+    pair.world.run_for(10)
+    distances = [each["value"] for each in pair.told("0", "sample") if each["stream"] == "distance_m"]
+    assert len(distances) >= 15
+    assert min(distances) < 15
+    assert max(distances) > 80
+    assert pair.notes("0") == []
+
+
+def test_exported_labels_are_offered_and_queried_like_those_of_a_vehicle(pair):
+    pair.world.run_for(3)
+    entry = pair.world.platform("0").directory.entry("1")
+    assert {label.label: label.period_us for label in entry.labels} == {
+        "heli-position": 100_000,
+        "heli-altitude": 100_000,
+    }
+    found = pair.world.platform("1").gateway.latest("heli-altitude")
+    assert found.value == (121.0,)
+    assert pair.world.now_us - found.valid_us <= 200_000
+
+
+def test_a_declared_monitor_over_units_opens_and_closes_alarms(pair):
+    pair.world.run_for(20)
+    opened, closed = pair.told("0", "alarm-opened"), pair.told("0", "alarm-closed")
+    assert len(opened) >= 2
+    assert len(opened) - len(closed) in {0, 1}
+    assert {each["monitor"] for each in opened} == {"apart"}
+    assert opened[0]["units"] == ["0", "1"]
+    assert 5_000_000 < opened[1]["valid_us"] - opened[0]["valid_us"] < 7_000_000, "they meet twice a lap"
+
+
+def test_what_is_taken_back_is_offered_asked_for_and_monitored_no_more(pair):
+    pair.world.run_for(3)
+    text = text_of("uav0.kpl")
+    less = "".join(
+        line for line in text.splitlines(keepends=True) if not line.startswith(("import", "monitor", "export"))
+    )
+    pair.specify("0", "".join(line for line in less.splitlines(keepends=True) if "dist" not in line))
+    pair.world.run_for(3)
+    platform = pair.world.platform("0")
+    assert platform.gateway.needs() == {}
+    assert not platform.monitors.named
+    assert not pair.world.platform("1").directory.entry("0").labels
+    assert not pair.world.platform("1").exports.streams()
+    pair.specify("0", text)
+    before = len(pair.told("0", "sample"))
+    pair.world.run_for(6)
+    assert len(pair.told("0", "sample")) - before >= 8
+
+
+def test_a_wrong_change_is_told_and_what_ran_goes_on(pair):
+    pair.world.run_for(2)
+    pair.specify("0", text_of("uav0.kpl") + "strmgen x = Nobody(pos[nobody])\n")
+    assert "Nobody is no computational unit" in pair.notes("0")[-1]
+    assert "what ran goes on" in pair.notes("0")[-1]
+    before = len(pair.told("0", "sample"))
+    pair.world.run_for(4)
+    assert len(pair.told("0", "sample")) > before
+    assert print_specification(pair.declared("0").instance.specification).count("\n") == 12
+
+
+def test_a_partner_that_dies_is_told_and_its_streams_come_again_when_it_returns(pair):
+    pair.world.run_for(4)
+    pair.world.kill("1")
+    pair.world.run_for(5)
+    monitor = pair.world.platform("0").monitors.named["apart"].instances["1"].monitor
+    assert monitor.shows == "unknown"
+    pair.world.restart("1")
+    pair.specify("1", text_of("uav1.kpl"))
+    before = len(pair.told("0", "sample"))
+    pair.world.run_for(6)
+    assert len(pair.told("0", "sample")) - before >= 6
+    assert monitor.shows in {"ok", "alarm"}
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("import heli-position from 0 as pos[me]", "that is this platform"),
+        ("import heli-colour from 1 as colour[uav1]", "the ontology has no label heli-colour"),
+        ("monitor m = always (xy_dist[self, self] > 1 and pos[self] > 1)", "one formula cannot speak of both"),
+    ],
+)
+def test_what_a_federation_cannot_do_is_refused_in_words(pair, line, said):
+    pair.specify("0", text_of("uav0.kpl") + line + "\n")
+    assert said in pair.notes("0")[-1]
+    assert pair.world.platform("0").network.has(Label("pos", ("0",)))
+
+
+def test_two_imports_of_one_stream_under_two_policies_are_both_served(pair):
+    pair.specify(
+        "0",
+        text_of("uav0.kpl")
+        + "import heli-position from 1 as slow[uav1] with sample every 1s, max delay 1s\nstream slow = slow[uav1]\n",
+    )
+    pair.world.run_for(8)
+    slow = [each["valid_us"] for each in pair.told("0", "sample") if each["stream"] == "slow"]
+    assert len(slow) >= 5
+    assert {b - a for a, b in pairwise(slow)} == {1_000_000}
