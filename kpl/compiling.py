@@ -100,7 +100,7 @@ class Compiler:
                 sort = self._instance.sort(self._declared_sort(name, wanted))
                 if isinstance(prototype, SourcePrototype) and (process := process_of(prototype)) is not None:
                     return Made(sort, process, unit=name)
-                if name in self._instance.withdrawn:
+                if name in self._instance.parts.withdrawn:
                     return Made(sort, None, unit=name, lacks=True)
                 return Made(sort, None, name, unit=name)
             case Refining(name, terms):

@@ -12,11 +12,12 @@ from dyknow.processes import Input
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.stream_proxy import StreamProxy
 from kpl.changes import as_text_errors, rank
-from kpl.compiling import Compiler, Made, Members, check_offer
+from kpl.compiling import Compiler
 from kpl.definitions import Definitions
 from kpl.figures import MEANINGS, figure
 from kpl.formula_monitors import FormulaMonitor
 from kpl.parsing import raise_all
+from kpl.parts import Parts
 from kpl.specification import (
     Declaration,
     Export,
@@ -76,15 +77,10 @@ class Instance:
         self.monitors: dict[str, FormulaMonitor] = {}
         self.families: dict[Label, Configuration] = {}
         self._catalogue = catalogue
-        self.withdrawn = set[str]()  # sources whose makers may come back: nobody else feeds them meanwhile
         self._sorts, self._semantic, self._federation = sorts or {}, semantic, federation
         self._undo: dict[Declaration, Undo] = {}
-        self._fed: dict[str, list[Label]] = {}
-        self._parts: dict[str, dict[Label, tuple[GeneratorDeclaration, Members | None]]] = {}
-        self._of_families: dict[Label, Undo] = {}
-        self._wanted: Specification = ()
-        self._declared: dict[Label, Declaration] = {}
         self._compiler = Compiler(self)
+        self.parts = Parts(network, self.factory, self._compiler)
         network.resolve = lambda label: figure(self, label)
 
     # What a specification says
@@ -149,18 +145,7 @@ class Instance:
             SortError: it is declared with other sorts; those before it are offered.
         """
         self.network.now_us = max(self.network.now_us, now_us)
-        for prototype in prototypes:
-            check_offer(prototype, self.specification)
-            self.factory.add_prototype(prototype)
-            self.withdrawn.discard(prototype.name)
-            for label, (declaration, members) in self._parts.pop(prototype.name, {}).items():
-                self._release(label)
-                if self.network.has(label):  # a source that was fed from outside has somebody who reads it
-                    making = self._compiler.making(declaration, self._wanted, members)
-                    self.network.replace_process(label, making.sort, making.process)
-                    self._hold(declaration, members, label, making)
-                else:
-                    self._generate(declaration, members, label)
+        self.parts.offer(prototypes)
 
     def withdraw(self, names: Iterable[str], now_us: int) -> None:
         """What was made from these prototypes ends; its clients are told, and served again when they are offered again.
@@ -169,42 +154,22 @@ class Instance:
             UnknownPrototype: there is none of that name; those before it are withdrawn.
         """
         self.network.now_us = max(self.network.now_us, now_us)
-        for name in names:
-            if isinstance(self.factory.prototype(name), SourcePrototype):
-                self.withdrawn.add(name)
-            self.factory.remove_prototype(name)
-            for label, (declaration, members) in self._parts.pop(name, {}).items():
-                self._release(label)
-                self.network.remove(label)
-                self._generate(declaration, members, label)
+        self.parts.withdraw(names)
 
     @property
     def lacking(self) -> dict[str, tuple[Label, ...]]:
         """Prototypes that nobody offers, and the generators that wait for them."""
-        return {
-            name: tuple(parts)
-            for name, parts in self._parts.items()
-            if self.factory.find(name) is None and not self._fed.get(name)
-        }
-
-    def inputs_of(self, label: Label) -> tuple[Label, ...]:
-        """What a declared generator is made of, also while nobody makes it."""
-        for parts in self._parts.values():
-            if label in parts:
-                declaration, members = parts[label]
-                return self._compiler.sources(declaration, members)
-        return ()
+        return self.parts.lacking
 
     # What runs
 
     def push(self, source: str, valid_us: int, value: Value, now_us: int) -> None:
         """A source that is fed from outside has a new sample; where nothing is made from it, it is dropped."""
-        for label in tuple(self._fed.get(source, ())):
-            self.network.push(label, valid_us, value, now_us)
+        self.parts.push(source, valid_us, value, now_us)
 
     def sources(self) -> tuple[str, ...]:
         """The declared sources that are fed from outside."""
-        return tuple(self._fed)
+        return self.parts.sources()
 
     def lookup(self, name: str) -> Prototype | None:
         """The same, or what the catalogue has."""
@@ -228,7 +193,7 @@ class Instance:
             labels={
                 label: self.network.generator(label).sort.name
                 for label in self.network.labels()
-                if label not in self._declared
+                if label not in self.parts.declared
             },
             semantic=self._semantic,
             running=running,
@@ -252,13 +217,14 @@ class Instance:
                     self.factory.add_prototype(prototype)
 
     def _become(self, gone: Sequence[Declaration], new: Iterable[Declaration], wanted: Specification) -> None:
-        self._wanted = wanted
+        self.parts.wanted = wanted
         replaced = {each.label: each for each in new if isinstance(each, GeneratorDeclaration)}
         successors = list(new)
         for each in gone:
             by = replaced.get(each.label) if isinstance(each, GeneratorDeclaration) else None
-            if isinstance(each, GeneratorDeclaration) and by is not None and self._replace(each, by):
+            if by is not None and self.parts.replace(by):
                 successors.remove(by)
+                self._undo[by] = self._undo.pop(each)
             else:
                 self._undo.pop(each)()
         for declared in successors:
@@ -267,22 +233,10 @@ class Instance:
             for family in self.families.values():
                 family.renew()
 
-    def _replace(self, old: GeneratorDeclaration, new: GeneratorDeclaration) -> bool:
-        """Put another process behind a generator, whose subscribers stay; False: that is another stream altogether."""
-        making = self._compiler.making(new, self._wanted)
-        label = self._compiler.label(new.label)
-        if making.lacks or not self.network.has(label) or self.network.generator(label).sort != making.sort:
-            return False
-        self._release(label)
-        self.network.replace_process(label, making.sort, making.process)
-        self._undo[new] = self._undo.pop(old)
-        self._hold(new, None, label, making)
-        return True
-
     def _realise(self, declaration: Declaration) -> Undo:
         match declaration:
             case GeneratorDeclaration():
-                return self._add_generator(declaration)
+                return self.parts.add(declaration)
             case ForEach():
                 return self._configure(declaration)
             case StreamDeclaration(name, term):
@@ -294,50 +248,9 @@ class Instance:
             case Import(semantic, unit, term) if self._federation is not None:
                 return self._import(semantic, unit, self._compiler.term(term), declaration)
             case SourceDeclaration(_, name) if not isinstance(self.factory.find(name), SourcePrototype):
-                self._fed.setdefault(name, [])
-                return partial(_forget, self._fed, name)
+                self.parts.fed.setdefault(name, [])
+                return partial(_forget, self.parts.fed, name)
         return _nothing
-
-    def _generate(self, declaration: GeneratorDeclaration, members: Members | None, label: Label) -> None:
-        """Make what a declaration says, or wait for who can make it."""
-        making = self._compiler.making(declaration, self._wanted, members)
-        if making.lacks:
-            pass
-        elif making.process is None:
-            self.network.add_source(label, making.sort)
-        else:
-            self.network.add_process(label, making.sort, making.process)
-        self._hold(declaration, members, label, making)
-
-    def _add_generator(self, declaration: GeneratorDeclaration, members: Members | None = None) -> Undo:
-        label = self._compiler.label(declaration.label, members)
-        if members is None and label in self._of_families:
-            self._of_families.pop(label)()
-        self._generate(declaration, members, label)
-        return partial(self._drop_generator, label)
-
-    def _drop_generator(self, label: Label) -> None:
-        self._release(label)
-        if self.network.has(label):
-            self.network.remove(label)
-
-    def _hold(self, declaration: GeneratorDeclaration, members: Members | None, label: Label, making: Made) -> None:
-        self._declared[label] = declaration
-        if making.source:
-            self._fed.setdefault(making.source, []).append(label)
-        if making.unit:
-            self._parts.setdefault(making.unit, {})[label] = declaration, members
-
-    def _release(self, label: Label) -> None:
-        """Nothing is known of the generator any more."""
-        self._declared.pop(label, None)
-        for labels in self._fed.values():
-            if label in labels:
-                labels.remove(label)
-        for name, parts in list(self._parts.items()):
-            parts.pop(label, None)
-            if not parts:
-                del self._parts[name]
 
     def _configure(self, declaration: ForEach) -> Undo:
         """One process per member; a member for which there is a declaration of its own is left to that."""
@@ -345,15 +258,15 @@ class Instance:
         def create(member: str) -> None:
             members = {declaration.variable: member}
             label = self._compiler.label(declaration.body.label, members)
-            if label not in self._declared:
+            if label not in self.parts.declared:
                 try:
-                    self._of_families[label] = self._add_generator(declaration.body, members)
+                    self.parts.of_families[label] = self.parts.add(declaration.body, members)
                 except DyknowError as wrong:
                     self.network.on_fault(label, str(wrong))
 
         def remove(member: str) -> None:
             label = self._compiler.label(declaration.body.label, {declaration.variable: member})
-            self._of_families.pop(label, _nothing)()
+            self.parts.of_families.pop(label, _nothing)()
 
         domain = self._compiler.input(declaration.domain)
         family = Configuration(self.network, domain, create, remove)
@@ -368,10 +281,10 @@ class Instance:
     def _import(self, semantic: str, unit: str, term: StreamTerm, declaration: Declaration) -> Undo:
         assert self._federation is not None  # noqa: S101  (only then it is called)
         take_back = self._federation.import_(semantic, unit, term)
-        self._declared[term.label] = declaration
+        self.parts.declared[term.label] = declaration
 
         def undo() -> None:
-            self._declared.pop(term.label, None)
+            self.parts.declared.pop(term.label, None)
             take_back()
 
         return undo
@@ -398,7 +311,7 @@ class Instance:
         return undo
 
     def _monitor(self, declaration: MonitorDeclaration) -> Undo:
-        formula = Definitions(self._wanted).resolved(declaration.formula, self.unit)
+        formula = Definitions(self.parts.wanted).resolved(declaration.formula, self.unit)
         if self._federation is not None:
             undo = self._federation.monitor(declaration, formula)
             if undo is not None:

@@ -98,7 +98,7 @@ def graph_of(instance: "Instance") -> Graph:
     for prototype, labels in instance.lacking.items():
         for label in labels:
             nodes.append(Node(str(label), "unit", made_by=prototype, note=(f"nobody offers {prototype} yet",)))
-            edges += [Edge(str(source), str(label)) for source in instance.inputs_of(label)]
+            edges += [Edge(str(source), str(label)) for source in instance.parts.inputs_of(label)]
     return Graph(tuple(nodes), tuple(edges))
 
 
