@@ -33,12 +33,12 @@ from federation.unpacking import (
     items,
     named,
     pack,
+    sampled,
     unpack,
 )
 from federation.wire import Description
 
 MAX_ACKS: Final = 256
-MAX_VALUE_DEPTH: Final = 4
 
 Signature: TypeAlias = bytes
 """Ed25519 over the body of an act, 64 bytes."""
@@ -296,35 +296,8 @@ def _samples(found: Any) -> list[StreamSample]:
             fail("number")
         if not (0 < seq <= MAX_INTEGER and MIN_INTEGER <= valid_us <= MAX_INTEGER):
             fail("number")
-        samples.append(StreamSample(seq, valid_us, _sampled(value)))
+        samples.append(StreamSample(seq, valid_us, sampled(value)))
     return samples
-
-
-def _sampled(value: Any) -> Value:
-    """The value of a sample, checked; records of finite floats, the common case, in one pass."""
-    if type(value) is tuple:
-        for member in value:
-            if type(member) is not float or member - member != 0.0:
-                return _odd(value, 0)
-        return value
-    return _odd(value, 0)
-
-
-def _odd(value: Any, depth: int) -> Value:
-    kind = type(value)
-    if kind is float:
-        return value if value - value == 0.0 else fail("not finite")
-    if kind is int:
-        return value if MIN_INTEGER <= value <= MAX_INTEGER else fail("number")
-    if kind is str or kind is bool:
-        return value
-    if value is None:
-        return NO_VALUE
-    if kind is not tuple:
-        fail("type")
-    if depth >= MAX_VALUE_DEPTH:
-        fail("nesting")
-    return tuple([_odd(member, depth + 1) for member in value])
 
 
 def encode_range(question: Range) -> bytes:

@@ -11,13 +11,15 @@ from typing import Any, Final, NoReturn
 import msgpack
 
 from dyknow.errors import DecodeError, NameRefused
-from dyknow.values import NoValue
+from dyknow.sample import Value
+from dyknow.values import NO_VALUE, NoValue
 from federation.sexpr import MAX_INTEGER, MIN_INTEGER
 
 VERSION: Final = 1
 MAX_BYTES: Final = 65_536
 MAX_STRING: Final = 32_768
 MAX_ITEMS: Final = 1024
+MAX_VALUE_DEPTH: Final = 4
 
 _HASH = re.compile(r"[0-9a-f]{8}")
 
@@ -115,3 +117,30 @@ def digest(value: Any) -> str:
     if type(value) is not str or not _HASH.fullmatch(value):
         fail("name")
     return value
+
+
+def sampled(value: Any) -> Value:
+    """The value of a sample, checked; records of finite floats, the common case, in one pass."""
+    if type(value) is tuple:
+        for member in value:
+            if type(member) is not float or member - member != 0.0:
+                return _odd(value, 0)
+        return value
+    return _odd(value, 0)
+
+
+def _odd(value: Any, depth: int) -> Value:
+    kind = type(value)
+    if kind is float:
+        return value if value - value == 0.0 else fail("not finite")
+    if kind is int:
+        return value if MIN_INTEGER <= value <= MAX_INTEGER else fail("number")
+    if kind is str or kind is bool:
+        return value
+    if value is None:
+        return NO_VALUE
+    if kind is not tuple:
+        fail("type")
+    if depth >= MAX_VALUE_DEPTH:
+        fail("nesting")
+    return tuple([_odd(member, depth + 1) for member in value])
