@@ -44,7 +44,31 @@ class Waited(NamedTuple):
     waited_us: int
 
 
-Event: TypeAlias = WireEvent | Reported | Leave | Specify | Fed | Waited
+
+class HostCame(NamedTuple):
+    """An operating system process of this machine has opened the local channel; `host` counts connections."""
+
+    at_us: int
+    host: int
+
+
+class HostSaid(NamedTuple):
+    """One message of a host; `TakeHost` says that the next may come."""
+
+    at_us: int
+    host: int
+    payload: bytes
+
+
+class HostLeft(NamedTuple):
+    """The connection is over."""
+
+    at_us: int
+    host: int
+
+
+HostEvent: TypeAlias = HostCame | HostSaid | HostLeft
+Event: TypeAlias = WireEvent | Reported | Leave | Specify | Fed | Waited | HostEvent
 
 
 class InjectFault(NamedTuple):
@@ -68,10 +92,32 @@ class Tell(NamedTuple):
     record: Mapping[str, Any]
 
 
+class TellHost(NamedTuple):
+    """Messages for a host, in order."""
+
+    host: int
+    payloads: tuple[bytes, ...]
+
+
+class TakeHost(NamedTuple):
+    """A message of a host has been dealt with."""
+
+    host: int
+
+
+class DropHost(NamedTuple):
+    """End the connection, when everything has been said."""
+
+    host: int
+
+
+HostEffect: TypeAlias = TellHost | TakeHost | DropHost
+
+
 class Halt(NamedTuple):
     """This platform cannot go on in the federation, and why."""
 
     reason: str
 
 
-Effect: TypeAlias = WireEffect | Command | InjectFault | Note | Tell | Halt
+Effect: TypeAlias = WireEffect | Command | InjectFault | Note | Tell | Halt | HostEffect

@@ -1,0 +1,315 @@
+"""A knowledge process host as its platform sees it, and the processes it runs for it (thesis 5.2, 5.3).
+
+A hosted process is one on demand like any other: its input streams end here, its generator is here. What it takes goes
+to the host as messages, what it makes comes back later; so its streams cannot begin in the past.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple
+
+from dyknow import Label, Policy, Prototype, SourcePrototype, UnitPrototype
+from dyknow.compunits import UnitFunction
+from dyknow.errors import ContentError, DecodeError, SortError, ValueNotAvailable
+from dyknow.instants import print_span
+from dyknow.processes import Input, OnDemand
+from dyknow.sample import Sample
+from dyknow.sampling import Grid
+from federation.host_codec import encode, inputs_of, pack_sample
+from federation.hosting import (
+    WINDOW,
+    Backlog,
+    Begin,
+    Chain,
+    End,
+    FromPlatform,
+    Made,
+    Register,
+    SourceOffer,
+    UnitOffer,
+    Want,
+)
+
+_EVER: Final = 2**63
+_OPEN: Final = Policy()
+
+
+class Link(NamedTuple):
+    """An input that the host takes from another process of its own, in what that made from one serial up to another."""
+
+    maker: int
+    since: int
+    until: int
+
+
+class Host:
+    """One host, while its connection lasts.
+
+    Args:
+        number: of the connection.
+        said: what it registered with.
+        unit: of the platform, for the labels of its own stream generators.
+    """
+
+    def __init__(self, number: int, said: Register, unit: str) -> None:
+        self.number, self.said = number, said
+        self.present = False
+        self.dropped = self.dropped_there = 0
+        self.processes: dict[int, HostedProcess] = {}
+        self.out: list[bytes] = []
+        self.due: dict[HostedProcess, None] = {}
+        self.is_unchained = False
+        self.delivering: tuple[int, int] | None = None
+        self._processes_begun = self._serial = 0
+        self.prototypes: list[Prototype] = [
+            *map(self._unit, said.units), *(self._source(each) for each in said.sources if not each.label)
+        ]  # fmt: skip
+        labelled = [each for each in said.sources if each.label]
+        self.own = {_own_label(each.label, unit): self._source(each) for each in labelled}
+        if len(self.own) < len(labelled):
+            raise DecodeError("duplicate label")
+
+    @property
+    def name(self) -> str:
+        """As people are told of it."""
+        return f"host {self.said.pid} ({self.said.module})"
+
+    @property
+    def is_owing(self) -> bool:
+        """Whether there is something to be said to it."""
+        return bool(self.out or self.due or self.is_unchained)
+
+    def say(self, message: FromPlatform) -> None:
+        self.out.append(encode(message))
+
+    def begin(self, process: "HostedProcess", label: Label, output: Policy | None, now_us: int) -> int:
+        """Have a process made; its number."""
+        self._processes_begun += 1
+        number = self._processes_begun
+        self.processes[number] = process
+        text = "" if output is None else str(output)
+        self.say(Begin(number, process.prototype.name, str(label), now_us, text, process.grid))
+        self.is_unchained = self.said.train
+        return number
+
+    def end(self, number: int) -> None:
+        process = self.processes.pop(number, None)
+        if process is not None:
+            self.due.pop(process, None)
+            self.is_unchained |= self.said.train
+            self.say(End(number))
+
+    def flush(self) -> list[bytes]:
+        """Everything that is to be said now."""
+        if self.is_unchained:
+            self._chain()
+        due, self.due = self.due, {}
+        for process in due:
+            self.out += process.due()
+        out, self.out = self.out, []
+        return out
+
+    def on_made(self, made: Made, now_us: int) -> None:
+        """Hand on what a process made; one that nobody wants any more is none. Raises DecodeError if it cannot be."""
+        process = self.processes.get(made.process)
+        if process is None:
+            return
+        self.delivering = (made.process, made.serial)
+        try:
+            process.on_made(made, now_us)
+        finally:
+            self.delivering = None
+
+    def _chain(self) -> None:
+        """Let processes here that take all another one here makes have it without a detour over the platform."""
+        self.is_unchained = False
+        makers = {process.label: number for number, process in self.processes.items()}
+        for number, process in self.processes.items():
+            for i, maker in process.chainable(makers).items():
+                if maker != process.maker(i):
+                    self._serial += 1
+                    process.chain(i, maker, self._serial)
+                    self.say(Chain(number, i, maker, self._serial))
+
+    def _unit(self, offer: UnitOffer) -> UnitPrototype:
+        def elsewhere(inputs: Sequence[Input], output: Policy | None) -> OnDemand:
+            return HostedProcess(self, prototype, inputs, output)
+
+        prototype = UnitPrototype(
+            offer.name,
+            offer.sort,
+            offer.inputs,
+            _not_here(offer.name),
+            offer.samplewise,
+            offer.history_us,
+            offer.cheaper,
+            priority=offer.priority,
+            elsewhere=elsewhere,
+        )
+        return prototype
+
+    def _source(self, offer: SourceOffer) -> SourcePrototype:
+        def elsewhere() -> OnDemand:
+            return HostedProcess(self, prototype)
+
+        prototype = SourcePrototype(offer.name, offer.sort, label=offer.label, elsewhere=elsewhere)
+        return prototype
+
+
+class HostedProcess(OnDemand):
+    """One process at a host.
+
+    Attributes:
+        grid: what of a source is wanted, so that no more of it travels; None: all.
+    """
+
+    def __init__(
+        self, host: Host, prototype: Prototype, inputs: Sequence[Input] = (), output: Policy | None = None
+    ) -> None:
+        super().__init__()
+        self.prototype = prototype
+        self.grid: Grid | None = None
+        self._host, self._wanted, self._output = host, tuple(inputs), output
+        if isinstance(prototype, UnitPrototype):
+            self.samplewise, self.history_us = prototype.samplewise, prototype.history_us
+        self._number = self._sent = self._taken = 0
+        self._backlog = Backlog()
+        self._links: dict[int, Link] = {}
+
+    def inputs(self) -> Sequence[Input]:
+        return self._wanted
+
+    @property
+    def label(self) -> Label:
+        """Of its generator."""
+        assert self._generator is not None  # noqa: S101  (asked only of processes that run)
+        return self._generator.label
+
+    # Demand
+
+    def begin(self) -> None:
+        self._sent = self._taken = 0
+        self._backlog, self._links = Backlog(), {}
+        if self._network is not None and self._generator is not None:
+            self.grid = None if self._wanted else self._generator.wanted
+            self._number = self._host.begin(self, self._generator.label, self._output, self._network.now_us)
+
+    def end(self) -> None:
+        self._host.end(self._number)
+        self._number = 0
+
+    def on_demand(self) -> None:
+        super().on_demand()
+        self._want()
+        self._host.is_unchained |= self._host.said.train
+
+    def since_us(self) -> int:
+        if self.running or self._network is None:
+            return self._since_us
+        return self._network.now_us
+
+    def reach(self, from_us: int | None) -> None:
+        earliest_us = self.since_us()
+        if from_us is not None and from_us < earliest_us:
+            raise ValueNotAvailable(
+                f"{self._label} is made by {self._host.name} and cannot begin at {from_us} us: the earliest possible "
+                f"time is {earliest_us} us, {print_span(earliest_us - from_us)} later"
+            )
+
+    def _start(self, from_us: int | None) -> None:
+        super()._start(from_us)
+        if self._network is not None and not self._wanted:
+            self._since_us = self._network.now_us
+
+    def _want(self) -> None:
+        """Tell the host what of a source is wanted now."""
+        if self._number and not self._wanted and self._generator is not None:
+            grid = self._generator.wanted
+            if grid != self.grid:
+                self.grid = grid
+                self._host.say(Want(self._number, grid))
+
+    # Samples
+
+    def on_sample(self, i: int, sample: Sample) -> None:
+        if self._is_linked(i):
+            return
+        try:
+            dropped = self._backlog.put(self._in_past, pack_sample(sample, i))
+        except ContentError as wrong:
+            self.fault(str(wrong))
+            return
+        if dropped and self._host.dropped == 0:
+            self.fault(f"{self._host.name} takes samples slower than they come: the oldest are dropped")
+        self._host.dropped += dropped
+        self._host.due[self] = None
+
+    def due(self) -> list[bytes]:
+        """The messages that the host has room for."""
+        messages = []
+        for past, packed in self._backlog.take(WINDOW - (self._sent - self._taken)):
+            self._sent += len(packed)
+            messages.append(inputs_of(self._number, packed, past))
+        return messages
+
+    def on_made(self, made: Made, now_us: int) -> None:
+        if not self._taken <= made.taken <= self._sent:
+            raise DecodeError("taken", f"{made.taken} of {self._sent}")
+        self._taken = made.taken
+        if len(self._backlog):
+            self._host.due[self] = None
+        for sample in made.samples:
+            generator = self._generator
+            if generator is None or not self._number:
+                return  # who got a sample has ended it
+            try:
+                generator.sort.check(sample.value)
+            except SortError as wrong:
+                self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
+                continue
+            if made.past:
+                generator.remember(sample.valid_us, sample.value, min(sample.available_us, now_us), sample.quality)
+            else:
+                self.emit(sample.valid_us, sample.value, now_us, sample.quality)
+        self._want()
+
+    # Chains
+
+    def chainable(self, makers: dict[Label, int]) -> dict[int, int]:
+        """Which process at the host makes what input so-and-so takes all of; 0: none, or not all of it is taken."""
+        return {
+            i: makers.get(each.label, 0) if proxy.adapter.policy == _OPEN else 0
+            for i, (each, proxy) in enumerate(zip(self._wanted, self.proxies, strict=False))
+        }
+
+    def maker(self, i: int) -> int:
+        """Which process an input is chained to; 0: none."""
+        link = self._links.get(i)
+        return link.maker if link is not None and link.until == _EVER else 0
+
+    def chain(self, i: int, maker: int, serial: int) -> None:
+        """The host is told to chain an input to a process, 0: to none."""
+        if maker:
+            self._links[i] = Link(maker, serial, _EVER)
+        else:
+            self._links[i] = self._links[i]._replace(until=serial)
+
+    def _is_linked(self, i: int) -> bool:
+        """Whether the host has had the sample that is being delivered already."""
+        link, delivering = self._links.get(i), self._host.delivering
+        if link is None or self._in_past:
+            return False
+        if link.until == _EVER and self.proxies[i].adapter.policy != _OPEN:
+            self._host.is_unchained = True
+        return delivering is not None and delivering[0] == link.maker and link.since <= delivering[1] < link.until
+
+
+def _own_label(text: str, unit: str) -> Label:
+    feature, objects = Label.parse(text)
+    return Label(feature, tuple(unit if each == "self" else each for each in objects))
+
+
+def _not_here(name: str) -> Callable[..., UnitFunction]:
+    def make() -> UnitFunction:
+        raise ContentError(f"{name} runs at a host")
+
+    return make
