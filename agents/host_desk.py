@@ -165,7 +165,7 @@ class HostDesk:
         """Nothing is taken before everything can be; raises what is in the way."""
         instance = self._instance
         for prototype in host.prototypes:
-            if instance.prototype(prototype.name) is not None:
+            if instance.factory.find(prototype.name) is not None:
                 raise PrototypeExists(prototype.name)
             check_offer(prototype, instance.specification)
         for label in host.own:
@@ -177,7 +177,7 @@ class HostDesk:
         host.present = False
         instance = self._instance
         for prototype in host.prototypes:
-            if instance.prototype(prototype.name) is prototype:
+            if instance.factory.find(prototype.name) is prototype:
                 instance.withdraw([prototype.name], federation_us)
         for label, prototype in host.own.items():
             process = instance.network.process(label)

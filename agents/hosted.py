@@ -30,7 +30,6 @@ from federation.hosting import (
 )
 
 _EVER: Final = 2**63
-_OPEN: Final = Policy()
 
 
 class Link(NamedTuple):
@@ -277,7 +276,7 @@ class HostedProcess(OnDemand):
     def chainable(self, makers: dict[Label, int]) -> dict[int, int]:
         """Which process at the host makes what input so-and-so takes all of; 0: none, or not all of it is taken."""
         return {
-            i: makers.get(each.label, 0) if proxy.adapter.policy == _OPEN else 0
+            i: makers.get(each.label, 0) if proxy.adapter.is_open else 0
             for i, (each, proxy) in enumerate(zip(self._wanted, self.proxies, strict=False))
         }
 
@@ -298,7 +297,7 @@ class HostedProcess(OnDemand):
         link, delivering = self._links.get(i), self._host.delivering
         if link is None or self._in_past:
             return False
-        if link.until == _EVER and self.proxies[i].adapter.policy != _OPEN:
+        if link.until == _EVER and not self.proxies[i].adapter.is_open:
             self._host.is_unchained = True
         return delivering is not None and delivering[0] == link.maker and link.since <= delivering[1] < link.until
 
