@@ -1,9 +1,12 @@
 """Hosts register with an instance, run processes for it, and are missed (thesis 5.2, 5.3)."""
 
+from itertools import pairwise
+
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
+from agents.effects import DropHost, HostCame, HostSaid
 from agents.host_desk import MAX_HOSTS, SILENT_US
 from dyknow import (
     Label,
@@ -115,8 +118,6 @@ def test_a_platform_that_stood_still_itself_does_not_take_its_hosts_for_silent()
 
 
 def test_who_connects_and_does_not_register_is_sent_away() -> None:
-    from agents.effects import DropHost, HostCame
-
     site = Site()
     site.desk.on_event(HostCame(site.now_us, 1), site.now_us)
     site.desk.on_time(site.now_us + SILENT_US)
@@ -286,14 +287,31 @@ def test_with_trains_a_chain_is_one_action_and_its_samples_make_no_detour() -> N
     assert {each.process for each in heard(chained, Inputs)} != {each.process for each in heard(detoured, Inputs)}
 
 
-@given(st.lists(st.sampled_from(["push", "work", "hear", "drop first", "take first", "begin b", "end b"]), max_size=60))
+@given(st.lists(st.sampled_from(["push", "work", "say", "hear", "begin", "end"]), max_size=60))
+@example(
+    [
+        "push",
+        "hear",
+        "work",
+        "push",
+        "hear",
+        "work",
+        "begin",
+        *["say"] * 4,
+        "hear",
+        "say",
+        "say",
+        "push",
+        "hear",
+        "work",
+    ]
+)
 def test_no_sample_is_lost_or_doubled_while_chains_come_and_go(steps: list[str]) -> None:
     """Messages of both sides are under way while streams, and with them chains, begin and end."""
     site = Site(CHAIN)
     guest = site.open(TWICE, PLUS, NEXT, train=True)
-    has_first = True
-    number = 0
-    for step in steps:
+    number, begun, unsaid = 0, [0], list[bytes]()
+    for step in [*steps, *["say"] * len(steps) * 4]:
         match step:
             case "push":
                 number += 1
@@ -302,25 +320,20 @@ def test_no_sample_is_lost_or_doubled_while_chains_come_and_go(steps: list[str])
                 site.perform(site.desk.flush())
             case "work":
                 guest.work(site.now_us)
-                take_some(site, guest)
-            case "drop first" | "take first":
-                wanted = step == "take first"
-                if wanted != has_first:
-                    has_first = wanted
-                    site.declare(CHAIN if wanted else CHAIN.replace("stream first = a\n", ""))
-            case "begin b" | "end b":
-                extra = "strmgen d = plus(b)\nstream other = d\n" if step == "begin b" else ""
-                site.declare((CHAIN if has_first else CHAIN.replace("stream first = a\n", "")) + extra)
+                unsaid += guest.outbox.take()
+            case "say" if unsaid:
+                site.desk.on_event(HostSaid(site.now_us, guest.number, unsaid.pop(0)), site.now_us)
+            case "begin" | "end":
+                extra = "strmgen d = plus(b)\nstream other = d\n" if step == "begin" else ""
+                site.declare(CHAIN + extra)
+                if step == "end":
+                    begun.append(len(site.values("other")))
     site.settle()
     assert site.values("out") == [2.0 * (1_000_000 + each) + 1.5 for each in range(1, number + 1)]
+    others = site.values("other")
+    for begins, ends in pairwise([*begun, len(others)]):
+        assert all(after - before == 2.0 for before, after in pairwise(others[begins:ends]))
     assert not site.faults
-
-
-def take_some(site: Site, guest: Guest) -> None:
-    from agents.effects import HostSaid
-
-    for payload in guest.outbox.take():
-        site.desk.on_event(HostSaid(site.now_us, guest.number, payload), site.now_us)
 
 
 def test_a_chain_that_is_sampled_is_none() -> None:
@@ -348,8 +361,6 @@ def test_a_process_can_be_replaced_by_one_at_a_host_and_back() -> None:
 
 @given(st.lists(st.binary(max_size=200), max_size=20))
 def test_hostile_bytes_end_one_connection_and_change_nothing(payloads: list[bytes]) -> None:
-    from agents.effects import HostCame, HostSaid
-
     site = Site(TEXT)
     good = site.open(TWICE)
     for number, payload in enumerate(payloads, 100):
