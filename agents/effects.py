@@ -44,7 +44,6 @@ class Waited(NamedTuple):
     waited_us: int
 
 
-
 class HostCame(NamedTuple):
     """An operating system process of this machine has opened the local channel; `host` counts connections."""
 
