@@ -14,9 +14,11 @@ from agents.plans import MonitorPlan
 from dyknow import Label, Policy, Sample, UnitPrototype, as_json, of_values
 from dyknow.errors import Refused, TextError
 from dyknow.processes import Input, Refinement
+from federation import contents
+from federation.acts import Act, Performative
 from federation.ontology import Convert
 from federation.wire import LabelEntry
-from kpl import Hooks, Instance, Specification, parse_specification
+from kpl import Hooks, Instance, Specification, parse_specification, print_specification
 from kpl.governor import Governor
 from kpl.specification import MonitorDeclaration, StreamTerm
 from kpl.surroundings import Undo
@@ -31,6 +33,8 @@ if TYPE_CHECKING:
 OWNER = "specification"
 PERIOD_US = 100_000
 MAX_DELAY_US = 1_000_000
+PAGE = 4000
+"""Characters of a specification in one answer."""
 TOLD = 3
 """So many faults of one stream are told."""
 
@@ -87,6 +91,36 @@ class Declared:
             self._governor = Governor(self.instance, lambda: self._waited_us, now_us, limit_us)
         if self._governor is not None:
             self._governor.on_time(now_us)
+
+    def restore(self, number: int, now_us: int) -> None:
+        """Hold again what was held in a configuration. Federation time.
+
+        Raises:
+            Refused: there is none of that number, or it cannot be any more.
+        """
+        held = self.instance.configurations
+        if number >= len(held):
+            raise Refused(f"there are {len(held)} configurations, counted from 0; there is none of number {number}")
+        try:
+            self.instance.restore(number, now_us)
+        except TextError as wrong:
+            raise Refused(str(wrong)) from None
+
+    def on_asked(self, act: Act, content: contents.Specification, now_us: int) -> None:
+        """Print back what is held, or was."""
+        held = self.instance.configurations
+        number = len(held) - 1 if content.number is None else content.number
+        if not 0 <= number < len(held):
+            raise Refused(
+                f"there is no configuration {number}; {len(held)} are kept, counted from 0" if held
+                else "this platform was given no specification"
+            )  # fmt: skip
+        text, desk = print_specification(held[number].specification), self._p.interface
+        at_us, last = held[number].at_us, len(held) - 1
+        pages = [text[at : at + PAGE] for at in range(0, len(text), PAGE)] or [""]
+        for i, page in enumerate(pages):
+            said = contents.SpecificationText(text=page, number=number, last=last, at_us=at_us, more=i < len(pages) - 1)
+            desk.answer(act, Performative.INFORM, said, now_us)
 
     def entries(self) -> Iterable[LabelEntry]:
         """The semantic labels that are exported."""

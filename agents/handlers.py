@@ -29,6 +29,7 @@ def offers_of(config: "PlatformConfig") -> tuple[Offer, ...]:
         services.DIRECTORY,
         services.ACCOUNT,
         services.INSTANCE,
+        services.SPECIFICATION,
     ]
     if config.vehicle:
         found.append(services.FLIGHT)
@@ -63,6 +64,8 @@ def handlers_of(platform: "Platform") -> dict[str, Handler]:
         "leave": lambda act, _c, now_us: _leave(p, act, now_us),
         "rejoin": _doing(p, p.rejoin),
         "labels": p.bulletin.on_labels,
+        "specification": p.declared.on_asked,
+        "restore-specification": lambda act, content, now_us: _restore(p, act, content, now_us),
         "goto": lambda act, c, now_us: _fly(p, act, GoTo(c.latitude_deg, c.longitude_deg, c.altitude_m), now_us),
         "hold": lambda act, _c, now_us: _fly(p, act, Hold(), now_us),
         "land": lambda act, _c, now_us: _fly(p, act, Land(), now_us),
@@ -98,6 +101,12 @@ def _leave(p: "Platform", act: Act, now_us: int) -> None:
     """The answer goes before the good-bye: nobody listens to a platform that has left."""
     _done(p, act, now_us)
     p.leave(now_us)
+
+
+def _restore(p: "Platform", act: Act, content: contents.RestoreSpecification, now_us: int) -> None:
+    """What was held before is checked as if it were new. Raises Refused, saying what is wrong with it."""
+    p.declared.restore(content.number, p.clock.federation_us(now_us))
+    _done(p, act, now_us, f"configuration {content.number} is held again")
 
 
 def _fly(p: "Platform", act: Act, order: Order, now_us: int) -> None:

@@ -62,6 +62,13 @@ ACCOUNT = _offer(
 )
 FAULTS = _offer("fault-injection", "simulator", Visibility.PROTECTED, (_ASKED, ("fault",)))
 INSTANCE = _offer("local-instance", "gateway", Visibility.PRIVATE, (_QUESTION, ("labels",)))
+SPECIFICATION = _offer(
+    "specification",
+    "gateway",
+    Visibility.PROTECTED,
+    (_QUESTION, ("specification",)),
+    (_ASKED, ("restore-specification",)),
+)
 
 INTERFACE = "interface"
 """The agent every platform is addressed by from outside."""

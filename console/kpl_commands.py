@@ -31,11 +31,28 @@ def kpl_check(call: Call, file: SpecificationFile, modules: UnitModules = None) 
 
 
 @command(kpl, name="show", example="dyknow kpl show mission.kpl")
-def kpl_show(call: Call, file: SpecificationFile) -> int:
-    """A specification as it is understood: one declaration a line."""
-    from console.specifications import show as run
+def kpl_show(
+    call: Call,
+    file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="A specification, mission.kpl.")] = None,
+    unit: Annotated[
+        str | None, typer.Option(metavar="U", help="Instead of a file: what this running platform holds.")
+    ] = None,
+    configuration: Annotated[
+        int | None, typer.Option(metavar="N", min=0, help="What it held in an earlier configuration.")
+    ] = None,
+    restore: Annotated[
+        int | None, typer.Option(metavar="N", min=0, help="Have it hold that configuration again.")
+    ] = None,
+) -> int:
+    """A specification as it is understood, one declaration a line: of a file, or of a running platform."""
+    from console.errors import WrongCall
+    from console.specifications import held, show
 
-    return run(call, file)
+    if (file is None) == (unit is None):
+        raise WrongCall("say of what: a FILE, or --unit U for what a running platform holds.")
+    if file is not None:
+        return show(call, file)
+    return held(call, str(unit), number=configuration, restore=restore)
 
 
 Govern = Annotated[

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from console.command import Call
-from console.errors import DONE, NO, WrongCall
+from console.errors import DONE, NO, NothingFound, WrongCall
 from console.output import verbatim
 from dyknow.errors import TextError, TextErrors
 
@@ -46,6 +46,36 @@ def show(call: Call, path: Path) -> int:
     for declaration in specification:
         said = print_declaration(declaration)
         call.out.say(verbatim(said), line=declaration.place.line, declaration=said)
+    return DONE
+
+
+def held(call: Call, unit: str, *, number: int | None, restore: int | None) -> int:
+    """What a running platform holds, or held in an earlier configuration; with `restore` it holds that again."""
+    from console.client import connected
+    from console.errors import FederationFailed
+    from federation.acts import Performative
+    from federation.contents import RestoreSpecification, Specification, SpecificationText
+
+    with connected(call) as client:
+        client.chosen(unit)
+        if restore is not None:
+            said = RestoreSpecification(number=restore)
+            dialogue = next(client.ask([unit], said, Performative.REQUEST, 3.0))
+            if dialogue.trouble:
+                raise FederationFailed(f"platform {unit}: {dialogue.trouble}")
+            call.out.say(f"[green]restored[/] configuration {restore}", event="restored", unit=unit, number=restore)
+            return DONE
+        dialogue = next(client.ask([unit], Specification(number=number), Performative.QUERY_REF, 3.0))
+    pages = [said for said in dialogue.results if isinstance(said, SpecificationText)]
+    if dialogue.trouble or not pages:
+        raise NothingFound(f"platform {unit}: {dialogue.trouble or 'no answer came'}")
+    text = "".join(page.text for page in pages)
+    if call.out.json_lines:
+        about = {"unit": unit, "number": pages[0].number, "last": pages[0].last, "at_us": pages[0].at_us}
+        call.out.line({**about, "specification": text})
+    else:
+        call.out.console.print(text, end="", markup=False, soft_wrap=True)
+        call.out.note(f"configuration {pages[0].number} of 0 to {pages[0].last}")
     return DONE
 
 

@@ -18,7 +18,7 @@ from federation.contents.parts import (
     Units,
     Word,
 )
-from federation.wire import SemanticLabel
+from federation.wire import Count, SemanticLabel
 
 
 class Tasks(Content):
@@ -98,6 +98,28 @@ class Latest(Content):
     """The latest value of a local label? For agents of the same platform."""
 
     label: Line
+
+
+class Specification(Content):
+    """What does your instance hold, in KPL? `number`: what it held in an earlier configuration, counted from 0."""
+
+    number: Count | None = None
+
+
+class SpecificationText(Content):
+    """Part of a specification; `at_us` is since when it is, or was, held (federation time), `last` the newest number."""
+
+    text: Formula
+    number: Count
+    last: Count
+    at_us: Instant
+    more: bool = False
+
+
+class RestoreSpecification(Content):
+    """Hold again what you held in that configuration."""
+
+    number: Count
 
 
 class Leave(Content):
