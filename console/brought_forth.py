@@ -50,9 +50,8 @@ def _when(valid_us: int, begins_us: int | None) -> str:
 
 
 def _sample(said: dict[str, Any]) -> str:
-    value = "no value" if said["value"] is None else json.dumps(said["value"])
-    late_ms = (said["available_us"] - said["valid_us"]) / 1000
-    return f"[bold]{verbatim(said['stream'])}[/]  {verbatim(value)}  [dim]{late_ms:g} ms later[/]"
+    late_ms = round((said["available_us"] - said["valid_us"]) / 1000, 1)
+    return f"[bold]{verbatim(said['stream'])}[/]  {verbatim(_short(said['value']))}  [dim]{late_ms:g} ms later[/]"
 
 
 def _stream(said: dict[str, Any]) -> str:
@@ -67,7 +66,12 @@ def _alarm(said: dict[str, Any]) -> str:
 
 
 def _short(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else json.dumps(value)
+    """Seven decimals are a centimetre of latitude; all there are go to `--json`."""
+    if value is None:
+        return "no value"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_short, value))}]"
+    return f"{round(value, 7):.12g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)
 
 
 _SHOWN = {

@@ -10,7 +10,7 @@ from console.command import Call
 from console.errors import DONE, INTERRUPTED, FederationFailed, WrongCall
 from console.instants import SHORTEST_US, duration_us, instant_us
 from console.launch import clock_of, configured, journal_of, mavlink_endpoint, replayed, trust_of, wire_of
-from console.output import unit_json
+from console.output import unit_json, verbatim
 from console.processes import Fleet, interruptible, run_directory, uninterrupted
 from console.up import READY_S, Gathering, tell_notes
 from federation.keys import unit as unit_name
@@ -36,8 +36,11 @@ def join(call: Call, *, unit: str, duration: str | None, **chosen: Any) -> int:
                         f"platform {unit} did not join in {READY_S:.0f} s.\n{fleet.last_words(unit)}"
                     )
             labels = gathering.labels[unit]
+            specified = chosen["spec"] is not None
+            runs = f"runs {verbatim(str(chosen['spec']))}; Ctrl-C ends it" if specified else ""
             call.out.say(
-                f"[green]joined[/green]: platform {unit} offers {', '.join(labels) or 'no labels yet'}",
+                f"[green]joined[/green]: platform {unit} "
+                f"{runs or 'offers ' + (', '.join(labels) or 'no labels yet')}",
                 event="joined",
                 unit=unit_json(unit),
                 labels=labels,

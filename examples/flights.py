@@ -1,4 +1,4 @@
-"""Sources of uav0.kpl and uav1.kpl: two UAVs that fly past each other again and again, on one height.
+"""Sources and a unit of uav0.kpl and uav1.kpl: two UAVs that fly past each other again and again, on one height.
 
 A real one would read its receiver here: the iterator may block until there is something to read.
 """
@@ -6,7 +6,8 @@ A real one would read its receiver here: the iterator may block until there is s
 import math
 from collections.abc import Iterator
 
-from dyknow import source
+from compunits import distance_xy
+from dyknow import source, value_unit
 
 PERIOD_US = 100_000
 LATITUDE_DEG, LONGITUDE_DEG = 58.4, 15.6
@@ -14,11 +15,11 @@ LEG_DEG = 4e-4  # 45 m north and south of the middle
 LAP_S = 12.0
 
 
-def _flown(from_us: int, phase: float) -> Iterator[tuple[int, tuple[float, float]]]:
+def _flown(from_us: int, phase: float, east_deg: float) -> Iterator[tuple[int, tuple[float, float]]]:
     valid_us = -(-from_us // PERIOD_US) * PERIOD_US
     while True:
         share = math.sin(2 * math.pi * (valid_us / 1e6 / LAP_S + phase))
-        yield valid_us, (LATITUDE_DEG + LEG_DEG * share, LONGITUDE_DEG)
+        yield valid_us, (LATITUDE_DEG + LEG_DEG * share, LONGITUDE_DEG + east_deg)
         valid_us += PERIOD_US
 
 
@@ -32,13 +33,13 @@ def _level(from_us: int, altitude_m: float) -> Iterator[tuple[int, tuple[float]]
 @source("position")
 def gps_0(from_us: int) -> Iterator[tuple[int, tuple[float, float]]]:
     """Latitude and longitude in degrees, WGS-84."""
-    return _flown(from_us, 0.0)
+    return _flown(from_us, 0.0, 0.0)
 
 
 @source("position")
 def gps_1(from_us: int) -> Iterator[tuple[int, tuple[float, float]]]:
-    """The same, half a lap later."""
-    return _flown(from_us, 0.5)
+    """The same, half a lap later and 6 m to the east."""
+    return _flown(from_us, 0.5, 1e-4)
 
 
 @source("altitude")
@@ -51,3 +52,10 @@ def barometer_0(from_us: int) -> Iterator[tuple[int, tuple[float]]]:
 def barometer_1(from_us: int) -> Iterator[tuple[int, tuple[float]]]:
     """Metres above mean sea level."""
     return _level(from_us, 121.0)
+
+
+@value_unit("distance", "state", name="Between")
+def between(state: tuple[tuple[float, float], tuple[float, float]]) -> float:
+    """Metres between two positions of one time."""
+    here, there = state
+    return distance_xy(here, there)

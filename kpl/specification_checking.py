@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from dyknow.errors import TextError
 from dyknow.labels import Label
+from kpl.formula_monitors import domains_of
 from kpl.specification import (
     Declaration,
     Define,
@@ -334,6 +335,7 @@ class _Checker:
                     wanted.update(id(one) for one in self._makers(term.label, frozenset()))
                 case Define(_, formula) | MonitorDeclaration(_, formula):
                     features |= {node.name for node in walk(formula) if isinstance(node, Feature)}
+                    features.update(domains_of(formula))
         for made in self._made:
             if id(made) not in wanted and _stem(made.label) not in features:
                 self._suspicious(f"nobody here asks for {made.label}", made.node)
