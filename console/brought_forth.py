@@ -19,7 +19,13 @@ def tell_record(call: Call, said: dict[str, Any], *, begins_us: int | None = Non
         return
     valid_us = said.get("valid_us")
     when = "" if valid_us is None else _when(valid_us, begins_us)
-    call.out.say(f"{when}{_SHOWN[kind](said)}", **said)
+    text = _SHOWN[kind](said)
+    if call.out.json_lines or not when:
+        call.out.say(text, **said)
+    elif kind == "sample":
+        call.out.console.print(f"[dim]{when}[/]  {text}", soft_wrap=True, highlight=False)
+    else:
+        call.out.aside(when, text)
 
 
 def sample_record(name: str, sample: "Sample") -> dict[str, Any]:
@@ -46,7 +52,7 @@ def alarm_record(event: "AlarmEvent") -> dict[str, Any]:
 
 
 def _when(valid_us: int, begins_us: int | None) -> str:
-    return f"{clock_time(valid_us)}  " if begins_us is None else f"{(valid_us - begins_us) / 1000:10g} ms  "
+    return clock_time(valid_us) if begins_us is None else f"{(valid_us - begins_us) / 1000:10.10g} ms"
 
 
 def _sample(said: dict[str, Any]) -> str:

@@ -39,8 +39,7 @@ def join(call: Call, *, unit: str, duration: str | None, **chosen: Any) -> int:
             specified = chosen["spec"] is not None
             runs = f"runs {verbatim(str(chosen['spec']))}; Ctrl-C ends it" if specified else ""
             call.out.say(
-                f"[green]joined[/green]: platform {unit} "
-                f"{runs or 'offers ' + (', '.join(labels) or 'no labels yet')}",
+                f"[green]joined[/green]: platform {unit} {runs or 'offers ' + (', '.join(labels) or 'no labels yet')}",
                 event="joined",
                 unit=unit_json(unit),
                 labels=labels,

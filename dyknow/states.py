@@ -7,6 +7,7 @@ from math import gcd
 from typing import Literal, NamedTuple, TypeAlias
 
 from dyknow.errors import PolicyError
+from dyknow.instants import print_duration
 from dyknow.policy import Approximation, Policy
 from dyknow.sample import Sample, Value
 from dyknow.sampling import interpolate
@@ -60,8 +61,12 @@ class Awaited(NamedTuple):
     last_us: int | None
 
     def __str__(self) -> str:
-        last = "nothing has come" if self.last_us is None else f"its last sample is valid at {self.last_us} us"
-        until = "" if self.until_us is None else f"; waited for until {self.until_us} us"
+        last = (
+            "nothing has come"
+            if self.last_us is None
+            else f"its last sample is valid at {print_duration(self.last_us)}"
+        )
+        until = "" if self.until_us is None else f"; waited for until {print_duration(self.until_us)}"
         return f"{self.name}: {self.category.value} ({last}{until})"
 
 

@@ -5,7 +5,7 @@ samples of a history, drops and gaps from the adapters.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from dyknow import History, Label, Network, PolicyAdapter, Sample
@@ -14,6 +14,8 @@ from dyknow.mediation import Mediation
 from dyknow.processes import OnDemand, Reader, Refinement
 from dyknow.state_streams import StateStream
 from dyknow.stream_proxy import StreamProxy
+from kpl.compiling import Compiler
+from kpl.specification import Export, Import
 
 if TYPE_CHECKING:
     from kpl.instance import Instance
@@ -29,8 +31,8 @@ class Node:
     """A generator, a declared stream or a monitor.
 
     Attributes:
-        kind: source, unit, state, select, merge, stream, monitor, made outside.
-        made_by: the source, or the computational unit.
+        kind: source, unit, state, select, merge, stream, monitor, family, import, export, made outside.
+        made_by: the source, the computational unit, or who it is imported from.
         running: whether it computes; None: it does so always.
         rate_hz: samples per second of available time; None: too few to say.
         delay_us: mean of available minus valid time.
@@ -82,7 +84,8 @@ class Graph:
 def graph_of(instance: "Instance") -> Graph:
     """The network as it is now."""
     network = instance.network
-    nodes = [_generator_node(network, label) for label in network.labels()]
+    fed_from = {label: source for source, labels in instance.parts.fed.items() for label in labels}
+    nodes = [_generator_node(network, label, fed_from.get(label, "")) for label in network.labels()]
     edges = [
         edge
         for label in network.labels()
@@ -95,11 +98,32 @@ def graph_of(instance: "Instance") -> Graph:
     for name, monitor in instance.monitors.items():
         nodes.append(Node(name, "monitor", note=(monitor.monitor.shows, *monitor.awaited())))
         edges += [_edge(str(proxy.label), name, proxy) for proxy in monitor.proxies]
+    for label, family in instance.families.items():
+        members = ", ".join(family.members) or "none now"
+        nodes.append(Node(str(label), "family", note=(f"members: {members}",)))
+        edges.append(_edge(str(family.domain.label), str(label), family.proxy))
     for prototype, labels in instance.lacking.items():
         for label in labels:
             nodes.append(Node(str(label), "unit", made_by=prototype, note=(f"nobody offers {prototype} yet",)))
             edges += [Edge(str(source), str(label)) for source in instance.parts.inputs_of(label)]
-    return Graph(tuple(nodes), tuple(edges))
+    return _with_federation(instance, nodes, edges)
+
+
+def _with_federation(instance: "Instance", nodes: list[Node], edges: list[Edge]) -> Graph:
+    """The network with what comes from other platforms and goes to them."""
+    compiler = Compiler(instance)
+    imported = {}
+    for each in instance.specification:
+        match each:
+            case Export(semantic, term):
+                nodes.append(Node(semantic, "export"))
+                edges.append(Edge(str(compiler.label(term.label)), semantic, str(term.policy)))
+            case Import(semantic, unit, term):
+                label = str(compiler.label(term.label))
+                imported[label] = Node(label, "import", made_by=f"{semantic} from {unit}")
+    there = {node.name for node in nodes}
+    nodes = [*(node for label, node in imported.items() if label not in there), *nodes]
+    return Graph(tuple(nodes), tuple(replace(e, linked=True) if e.source in imported else e for e in edges))
 
 
 def proxies_of(instance: "Instance") -> Iterator[tuple[str, StreamProxy]]:
@@ -124,7 +148,7 @@ def rate_and_delay(history: History) -> tuple[float | None, float | None]:
     return rate_hz, sum(sample.delay_us for sample in last) / held
 
 
-def _generator_node(network: Network, label: Label) -> Node:
+def _generator_node(network: Network, label: Label, fed_from: str) -> Node:
     generator = network.generator(label)
     process = network.process(label)
     rate_hz, delay_us = rate_and_delay(generator.history)
@@ -136,7 +160,7 @@ def _generator_node(network: Network, label: Label) -> Node:
         str(label),
         _kind(process),
         generator.sort.name,
-        process.prototype.name if isinstance(process, Refinement | Reader) else "",
+        process.prototype.name if isinstance(process, Refinement | Reader) else fed_from,
         process.running if isinstance(process, OnDemand) else None,
         rate_hz,
         delay_us,
@@ -196,7 +220,7 @@ def as_text(graph: Graph) -> str:
     lines: list[str] = []
     for node in graph.nodes:
         made = f" = {node.made_by}" if node.made_by else ""
-        sort = f"{node.sort} " if node.sort else ""
+        sort = f"{node.sort} " if node.sort not in {"", node.kind} else ""
         lines.append(f"{node.kind} {sort}{node.name}{made}{_figures(node)}")
         lines += [f"    <- {edge.source}{_conditions(edge)}" for edge in graph.edges if edge.target == node.name]
         lines += [f"    {each}" for each in node.note]
@@ -215,6 +239,7 @@ def as_mermaid(graph: Graph) -> str:
     """A flowchart for documents that draw Mermaid."""
     ids = {node.name: f"n{i}" for i, node in enumerate(graph.nodes)}
     shapes = {"source": '[("{}")]', "stream": '(["{}"])', "monitor": '{{{{"{}"}}}}'}
+    shapes |= {"import": '[/"{}"/]', "export": '[/"{}"/]'}
     lines = ["flowchart LR"]
     for node in graph.nodes:
         shape = shapes.get(node.kind, '["{}"]')
@@ -233,6 +258,7 @@ def as_mermaid(graph: Graph) -> str:
 def as_dot(graph: Graph) -> str:
     """For Graphviz."""
     shapes = {"source": "cylinder", "stream": "oval", "monitor": "hexagon"}
+    shapes |= {"import": "parallelogram", "export": "parallelogram"}
     lines = ["digraph dyknow {", "    rankdir=LR;", "    node [shape=box];"]
     for node in graph.nodes:
         said = node.name if not node.made_by else f"{node.name}\\n{node.made_by}"

@@ -27,6 +27,10 @@ def _join(call: Call, unit: str, file: Path, *, speed: float = 1.0, from_: str =
         speed=speed,
         translation=None,
         avoidance=True,
+        spec=None,
+        modules=None,
+        feed=None,
+        govern=None,
     )
 
 
