@@ -24,7 +24,18 @@ from dyknow.errors import (
 from dyknow.generator import Consumer, Generator, Subscription
 from dyknow.history import History
 from dyknow.instants import US_PER_MS, US_PER_S, earlier, parse_duration, print_duration, print_span
-from dyknow.join import Inputs, Join, available, available_times, join, last_available, previous
+from dyknow.join import (
+    Inputs,
+    Join,
+    available,
+    available_times,
+    join,
+    last_available,
+    last_valid_before,
+    most_recent_at,
+    previous,
+    valid_before,
+)
 from dyknow.labels import Label
 from dyknow.network import Network
 from dyknow.policy import Approximation, Change, Order, Policy
@@ -104,9 +115,11 @@ __all__ = [
     "interpolate",
     "join",
     "last_available",
+    "last_valid_before",
     "latest_valid_us",
     "max_delay",
     "monotone_order",
+    "most_recent_at",
     "of_json",
     "of_samples",
     "of_values",
@@ -121,6 +134,7 @@ __all__ = [
     "sample_every",
     "source",
     "strict_order",
+    "valid_before",
     "value_unit",
     "variant",
 ]

@@ -1,4 +1,4 @@
-"""Joining streams: at every available time the last available sample of each (thesis, Def. 4.3.7, 4.3.8, 4.3.12 to 4.3.16).
+"""Joining streams: at every available time the last available sample of each (thesis, Def. 4.3.7 to 4.3.16).
 
 `no_sample` is None: it is never part of a stream.
 """
@@ -20,6 +20,23 @@ def available(stream: Iterable[Sample], at_us: int) -> list[Sample]:
 def last_available(stream: Iterable[Sample], at_us: int) -> Sample | None:
     """The available sample with the greatest available time (Def. 4.3.8)."""
     return max(available(stream, at_us), key=_available_us, default=None)
+
+
+def valid_before(stream: Iterable[Sample], valid_us: int, query_us: int) -> list[Sample]:
+    """The samples valid at or before `valid_us` among those available at `query_us` (Def. 4.3.9)."""
+    return [s for s in available(stream, query_us) if s.valid_us <= valid_us]
+
+
+def last_valid_before(stream: Iterable[Sample], valid_us: int, query_us: int) -> list[Sample]:
+    """Of these the ones with the greatest valid time (Def. 4.3.10)."""
+    found = valid_before(stream, valid_us, query_us)
+    latest_us = max((s.valid_us for s in found), default=0)
+    return [s for s in found if s.valid_us == latest_us]
+
+
+def most_recent_at(stream: Iterable[Sample], valid_us: int, query_us: int) -> Sample | None:
+    """Of these the one that became available last (Def. 4.3.11); `History.most_recent_at` finds it in large streams."""
+    return last_available(last_valid_before(stream, valid_us, query_us), query_us)
 
 
 def previous(stream: Iterable[Sample], sample: Sample | None) -> Sample | None:

@@ -1,6 +1,7 @@
 """From declarations to processes: what a generator declaration makes, with names of members and of the unit put in."""
 
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from dyknow import Label, Policy, PolicyError, Sort
@@ -17,9 +18,11 @@ from kpl.listing import print_declaration
 from kpl.specification import (
     ChronicleFile,
     Declaration,
+    Export,
     ForEach,
     FromSource,
     GeneratorDeclaration,
+    Import,
     Link,
     Making,
     Merge,
@@ -27,6 +30,7 @@ from kpl.specification import (
     Select,
     SourceDeclaration,
     Specification,
+    StreamDeclaration,
     StreamTerm,
     UnitDeclaration,
 )
@@ -78,10 +82,15 @@ class Compiler:
         return Label(label.feature, tuple(meant.get(one, one) for one in label.objects))
 
     def term(self, term: StreamTerm, members: Members | None = None) -> StreamTerm:
-        return StreamTerm(self.label(term.label, members), term.policy, place=term.place)
+        return StreamTerm(self.label(term.label, members), self._served(term.policy), place=term.place)
 
     def input(self, term: StreamTerm, members: Members | None = None) -> Input:
-        return Input(self.label(term.label, members), term.policy)
+        return Input(self.label(term.label, members), self._served(term.policy))
+
+    def _served(self, policy: Policy) -> Policy:
+        """The policy, or with the shortest period that is served if that is the choice."""
+        too_often = policy.sample_us is not None and policy.sample_us < LEAST_PERIOD_US
+        return replace(policy, sample_us=LEAST_PERIOD_US) if too_often else policy
 
     def sources(self, declaration: GeneratorDeclaration, members: Members | None = None) -> tuple[Label, ...]:
         """The generators it is made from."""
@@ -169,7 +178,9 @@ class Compiler:
                     raise _at(declaration, f"{name} is implemented with another sort", f"source {source.sort} {name}")
             case MonitorDeclaration():
                 definitions.resolved(declaration.formula, self._instance.unit, text, file)
-                _check_period(declaration, declaration.policy)
+                self._check_period(declaration, declaration.policy)
+            case StreamDeclaration(_, term) | Export(_, term) | Import(_, _, term):
+                self._check_period(term, term.policy)
             case ChronicleFile():
                 raise _at(declaration, "chronicles are not run here yet")
 
@@ -179,9 +190,19 @@ class Compiler:
         self.making(declaration, wanted, members)
         made = declaration.made
         if isinstance(made, States):
-            _check_period(made, made.policy)
+            self._check_period(made, made.policy)
         for term in _terms(made):
-            _check_period(term, term.policy)
+            self._check_period(term, term.policy)
+
+    def _check_period(self, node: Node, policy: Policy) -> None:
+        if self._instance.admission == "longer":
+            return
+        if policy.sample_us is not None and policy.sample_us < LEAST_PERIOD_US:
+            raise _at(
+                node,
+                f"a sample every {print_duration(policy.sample_us)} cannot be served",
+                f"at least {print_duration(LEAST_PERIOD_US)}",
+            )
 
     def _chains(self, wanted: Specification, text: str, file: str) -> list[TextError]:
         """Samples flow by plain calls, so that a chain of processes has a limit."""
@@ -254,15 +275,6 @@ def _terms(made: Making) -> tuple[StreamTerm, ...]:
         case Link(source):
             return (StreamTerm(source),)
     return ()
-
-
-def _check_period(node: Node, policy: Policy) -> None:
-    if policy.sample_us is not None and policy.sample_us < LEAST_PERIOD_US:
-        raise _at(
-            node,
-            f"a sample every {print_duration(policy.sample_us)} cannot be served",
-            f"at least {print_duration(LEAST_PERIOD_US)}",
-        )
 
 
 def _at(node: Node, message: str, repair: str = "") -> TextError:

@@ -6,7 +6,7 @@ there is room again the steps are taken back, the most important stream first. E
 `refinements`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -188,6 +188,7 @@ class Governor:
         network = instance.network
         if not network.has(REFINEMENTS):
             network.add_source(REFINEMENTS, SORT)
+        instance.governor = self
         formula = read_formula(f"always {WORST_DELAY} <= {limit_us / US_PER_MS}")
         declared = MonitorDeclaration("overload", formula, Policy.parse("sample every 100ms, max delay 200ms"))
         self.monitor = FormulaMonitor(network, declared, formula, instance.unit, lambda _event: None, now_us)
@@ -200,6 +201,20 @@ class Governor:
     def overloaded(self) -> bool:
         """Whether the monitor's alarm is open."""
         return self.monitor.monitor.alarm_id is not None
+
+    @property
+    def full(self) -> bool:
+        """Whether there is no time for more."""
+        return self.overloaded or self.load > ROOM
+
+    def hold_back(self, known: Collection[int], now_us: int) -> None:
+        """Let sampled streams that are new begin at twice their period, until there is room; `known` are the others."""
+        for target, proxy in proxies_of(self._instance):
+            option = Longer(target, proxy)
+            if id(proxy) not in known and option.relieves:
+                said = option.step()
+                self.steps.append(Step(option, option.importance, now_us, self.load))
+                self._tell(option, said, "admitted while there is no time for more", now_us)
 
     def on_time(self, now_us: int) -> None:
         """Look at the delays, and act."""

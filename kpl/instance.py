@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 from dyknow import Label, Network, Sort, Value
-from dyknow.errors import DyknowError
+from dyknow.errors import DyknowError, TextError, TextErrors
 from dyknow.factory import ProcessFactory
 from dyknow.mediation import Configuration
 from dyknow.processes import Input
@@ -16,10 +16,12 @@ from kpl.compiling import Compiler
 from kpl.definitions import Definitions
 from kpl.figures import MEANINGS, figure
 from kpl.formula_monitors import FormulaMonitor
+from kpl.introspection import proxies_of
 from kpl.parsing import raise_all
 from kpl.parts import Parts
 from kpl.specification import (
     Declaration,
+    Define,
     Export,
     ForEach,
     GeneratorDeclaration,
@@ -29,9 +31,13 @@ from kpl.specification import (
     Specification,
     StreamDeclaration,
     StreamTerm,
+    UnitDeclaration,
 )
 from kpl.specification_checking import Findings, Known, check_specification
 from kpl.surroundings import Federation, Hooks, Undo
+
+if TYPE_CHECKING:
+    from kpl.governor import Governor
 
 MAX_CONFIGURATIONS = 256
 
@@ -41,6 +47,9 @@ class ConfigurationEntry(NamedTuple):
 
     at_us: int
     specification: Specification
+
+
+Admission: TypeAlias = Literal["refuse", "longer"]
 
 
 class Instance:
@@ -53,6 +62,8 @@ class Instance:
         semantic: sorts of the semantic labels there are; None: any.
         prototypes: what sources and units can be made from.
         catalogue: asked for others by name; None: there is none.
+        admission: what becomes of declarations while a governor sees no time for more: they are refused, or their
+            sampled streams begin at a longer period.
     """
 
     def __init__(
@@ -66,7 +77,10 @@ class Instance:
         catalogue: Callable[[str], Prototype | None] = lambda _name: None,
         hooks: Hooks | None = None,
         federation: Federation | None = None,
+        admission: Admission = "refuse",
     ) -> None:
+        self.admission: Admission = admission
+        self.governor: Governor | None = None
         self.network, self.unit, self.hooks = network, unit, hooks or Hooks()
         self.factory = ProcessFactory(network)
         for prototype in prototypes:
@@ -112,6 +126,8 @@ class Instance:
         self.network.now_us = max(self.network.now_us, now_us)
         running = set(self.specification)
         raise_all(list(self.findings(wanted, running, text, file).errors))
+        self._admit([each for each in wanted if each not in running], text, file)
+        known = {id(proxy) for _, proxy in proxies_of(self)} if self._is_full() else ()
         before, staying = self.specification, set(wanted)
         gone = sorted((each for each in before if each not in staying), key=rank, reverse=True)
         new = sorted((each for each in wanted if each not in running), key=rank)
@@ -123,6 +139,8 @@ class Instance:
             raise as_text_errors(wrong, text, file) from wrong
         self.specification = wanted
         self.network.sweep()
+        if self.governor is not None and self._is_full():
+            self.governor.hold_back(known, self.network.now_us)
         self.configurations.append(ConfigurationEntry(now_us, wanted))
         del self.configurations[:-MAX_CONFIGURATIONS]
 
@@ -205,6 +223,22 @@ class Instance:
             if found.errors
             else Findings(tuple(self._compiler.check(wanted, running, text, file)), found.warnings)
         )
+
+    def _is_full(self) -> bool:
+        return self.governor is not None and self.governor.full
+
+    def _admit(self, new: Sequence[Declaration], text: str, file: str) -> None:
+        """Refuse what there is no time for, if that is the choice; raises TextErrors."""
+        work = next((each for each in new if not isinstance(each, SourceDeclaration | UnitDeclaration | Define)), None)
+        if work is None or self.governor is None or self.admission != "refuse" or not self._is_full():
+            return
+        place = work.place
+        said = f"there is no time for more: {self.governor.load:.0%} of it is spent"
+        repair = "later, or with the choice to admit it at a longer period"
+        error = TextError(
+            said, text=text, line=place.line, column=place.column, width=place.width, repair=repair, file=file
+        )
+        raise TextErrors((error,))
 
     def _look_up(self, wanted: Specification) -> None:
         """Offer what the catalogue has under the names that are used."""

@@ -14,7 +14,20 @@ from random import Random
 from typing import Any
 
 from agents.config import PlatformConfig
-from agents.effects import Effect, Event, Halt, InjectFault, Leave, Note, Reported, Specify, Tell
+from agents.effects import (
+    DropHost,
+    Effect,
+    Event,
+    Halt,
+    InjectFault,
+    Leave,
+    Note,
+    Reported,
+    Specify,
+    TakeHost,
+    Tell,
+    TellHost,
+)
 from agents.platform import Platform
 from dyknow.errors import TextError
 from federation.acts import Act, Performative
@@ -349,6 +362,8 @@ class World:
                 case Halt():
                     node.halted.append(effect.reason)
                     self.agenda.at(self.now_us, self.kill, node.config.unit)
+                case TellHost() | TakeHost() | DropHost():
+                    pass  # there are no hosts in this world
                 case _:
                     self.wire.perform(node.config.unit, effect)
 

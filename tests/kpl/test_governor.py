@@ -6,6 +6,7 @@ from itertools import pairwise
 import pytest
 
 from dyknow import Network, prototypes_in, value_unit
+from dyknow.errors import TextErrors
 from kpl import Hooks, Instance, parse_specification
 from kpl.governor import Governor
 
@@ -115,3 +116,42 @@ def test_a_stream_without_a_period_is_made_by_a_cheaper_unit_for_a_while():
     assert world.steps()[0][1:3] == ("heavy[0]", "made by Rough")
     assert world.steps()[-1][1:3] == ("heavy[0]", "made by Heavy")
     assert max(world.delays_ms("vital_out", 5, 12)) < 100
+
+
+class Full(World):
+    """Overloaded for good, with a choice of what becomes of more."""
+
+    def __init__(self, admission):
+        super().__init__(3, 100, heavy_us=24_000)
+        self.instance.admission = admission
+        self.governor.load = 0.97
+
+    def add(self, text):
+        self.instance.add(parse_specification(text), self.now_us, text)
+
+
+def test_what_there_is_no_time_for_is_refused_in_words():
+    world = Full("refuse")
+    before = world.instance.specification
+    with pytest.raises(TextErrors, match=r"1:1: there is no time for more: 97% of it is spent"):
+        world.add("stream more = pos[self] with sample every 20")
+    assert world.instance.specification == before
+    world.add("define LIMIT = 5")
+
+
+def test_or_it_is_admitted_at_a_longer_period_until_there_is_room():
+    world = Full("longer")
+    world.add("stream more = pos[self] with sample every 20")
+    assert world.instance.streams["more"].adapter.policy.sample_us == 40_000
+    assert world.steps()[-1][1:3] == ("pos[0] for more", "sample every 40ms")
+    assert str(world.instance.streams["more"].policy) == "sample every 20", "it is printed back as it was declared"
+
+
+def test_a_period_that_nobody_keeps_is_refused_or_lengthened():
+    refusing, lengthening = Full("refuse"), Full("longer")
+    text = "stream more = pos[self] with sample every 1us"
+    with pytest.raises(TextErrors, match="a sample every 1us cannot be served"):
+        refusing.add(text)
+    lengthening.governor.load = 0.1
+    lengthening.add(text)
+    assert lengthening.instance.streams["more"].adapter.policy.sample_us == 1_000

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import dyknow
 from dyknow import (
     NO_VALUE,
     ComputationalUnit,
@@ -88,7 +89,9 @@ def test_definitions_4_3_7_and_4_3_8_available_and_last_available(f: list[Sample
 @given(streams(), times_us, times_us)
 def test_definitions_4_3_9_to_4_3_11_most_recent_at(f: list[Sample], t: int, tq: int) -> None:
     found = asked(remembered(f), t, tq)
-    assert found == most_recent_at(f, t, tq)
+    assert found == most_recent_at(f, t, tq) == dyknow.most_recent_at(f, t, tq)
+    assert dyknow.valid_before(f, t, tq) == valid_before(f, t, tq)
+    assert dyknow.last_valid_before(f, t, tq) == last_valid_before(f, t, tq)
     if found is None:
         assert not valid_before(f, t, tq)
     else:
