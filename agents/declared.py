@@ -20,6 +20,7 @@ from federation.ontology import Convert
 from federation.wire import LabelEntry
 from kpl import Hooks, Instance, Specification, parse_specification, print_specification
 from kpl.governor import Governor
+from kpl.introspection import drawn, graph_of
 from kpl.specification import MonitorDeclaration, StreamTerm
 from kpl.surroundings import Undo
 from reasoning import AlarmEvent
@@ -115,7 +116,11 @@ class Declared:
                 f"there is no configuration {number}; {len(held)} are kept, counted from 0" if held
                 else "this platform was given no specification"
             )  # fmt: skip
-        text, desk = print_specification(held[number].specification), self._p.interface
+        desk = self._p.interface
+        if content.form == "kpl":
+            text = print_specification(held[number].specification)
+        else:
+            text = drawn(graph_of(self.instance), content.form)
         at_us, last = held[number].at_us, len(held) - 1
         pages = [text[at : at + PAGE] for at in range(0, len(text), PAGE)] or [""]
         for i, page in enumerate(pages):

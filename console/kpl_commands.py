@@ -106,15 +106,24 @@ def kpl_run(
 @command(kpl, name="graph", example="dyknow kpl graph cars.kpl --form mermaid")
 def kpl_graph(
     call: Call,
-    file: SpecificationFile,
+    file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="A specification, mission.kpl.")] = None,
     modules: UnitModules = None,
-    unit: Annotated[str, typer.Option(metavar="U", help="What `self` means.")] = "0",
+    unit: Annotated[
+        str | None,
+        typer.Option(metavar="U", help="What `self` means; without a file: what this running platform does."),
+    ] = None,
     form: Annotated[GraphForm, typer.Option(help="How it is drawn.")] = "text",
 ) -> int:
-    """The network that a specification makes: who makes which stream of what."""
+    """The network of a specification, or of a running platform with rates, delays and drops: who makes what of what."""
+    from console.errors import WrongCall
     from console.specification_runs import graph as run
+    from console.specifications import held
 
-    return run(call, file, units=modules or (), unit=unit, form=form)
+    if file is not None:
+        return run(call, file, units=modules or (), unit=unit or "0", form=form)
+    if unit is None:
+        raise WrongCall("say of what: a FILE, or --unit U for what a running platform does.")
+    return held(call, unit, form="json" if call.out.json_lines else form)
 
 
 @command(kpl, name="verify", example="dyknow kpl verify cars.kpl --journal run.jsonl")

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from console.command import Call
 from console.errors import DONE, NO, NothingFound, WrongCall
@@ -12,6 +12,7 @@ from dyknow.errors import TextError, TextErrors
 if TYPE_CHECKING:
     from kpl import Specification
 
+GraphForm = Literal["kpl", "text", "json", "mermaid", "dot"]
 LONGEST_FILE = 1 << 20
 
 
@@ -49,8 +50,13 @@ def show(call: Call, path: Path) -> int:
     return DONE
 
 
-def held(call: Call, unit: str, *, number: int | None, restore: int | None) -> int:
-    """What a running platform holds, or held in an earlier configuration; with `restore` it holds that again."""
+def held(
+    call: Call, unit: str, *, number: int | None = None, restore: int | None = None, form: GraphForm = "kpl"
+) -> int:
+    """What a running platform holds, or held in an earlier configuration; with `restore` it holds that again.
+
+    In another form than KPL: the graph of what runs now.
+    """
     from console.client import connected
     from console.errors import FederationFailed
     from federation.acts import Performative
@@ -65,12 +71,14 @@ def held(call: Call, unit: str, *, number: int | None, restore: int | None) -> i
                 raise FederationFailed(f"platform {unit}: {dialogue.trouble}")
             call.out.say(f"[green]restored[/] configuration {restore}", event="restored", unit=unit, number=restore)
             return DONE
-        dialogue = next(client.ask([unit], Specification(number=number), Performative.QUERY_REF, 3.0))
+        dialogue = next(client.ask([unit], Specification(number=number, form=form), Performative.QUERY_REF, 3.0))
     pages = [said for said in dialogue.results if isinstance(said, SpecificationText)]
     if dialogue.trouble or not pages:
         raise NothingFound(f"platform {unit}: {dialogue.trouble or 'no answer came'}")
     text = "".join(page.text for page in pages)
-    if call.out.json_lines:
+    if form != "kpl":
+        call.out.console.print(text, end="", markup=False, highlight=False, soft_wrap=True)
+    elif call.out.json_lines:
         about = {"unit": unit, "number": pages[0].number, "last": pages[0].last, "at_us": pages[0].at_us}
         call.out.line({**about, "specification": text})
     else:

@@ -4,6 +4,7 @@ Figures come from what is kept anyway, so that looking costs nothing before some
 samples of a history, drops and gaps from the adapters.
 """
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -213,6 +214,17 @@ def _edge(source: str, target: str, proxy: StreamProxy | None) -> Edge:
         adapter.gaps,
         proxy.linked,
     )
+
+
+def drawn(graph: Graph, form: str) -> str:
+    """The graph as `text`, `json`, `mermaid` or `dot`."""
+    forms = {
+        "text": as_text,
+        "json": lambda found: json.dumps(as_json(found)) + "\n",
+        "mermaid": as_mermaid,
+        "dot": as_dot,
+    }
+    return forms[form](graph)
 
 
 def as_text(graph: Graph) -> str:

@@ -101,9 +101,13 @@ class Latest(Content):
 
 
 class Specification(Content):
-    """What does your instance hold, in KPL? `number`: what it held in an earlier configuration, counted from 0."""
+    """What does your instance hold? `number`: what it held in an earlier configuration, counted from 0.
+
+    As KPL, or what runs of it now as a graph in another form.
+    """
 
     number: Count | None = None
+    form: Literal["kpl", "text", "json", "mermaid", "dot"] = "kpl"
 
 
 class SpecificationText(Content):
