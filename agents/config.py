@@ -26,6 +26,7 @@ class PlatformConfig:
         control: whether it may command its vehicle.
         period_us: the grid of its estimates.
         catalogue: what its specification can make sources and units from, by name.
+        monotonic_offset_us: its node clock minus the monotonic clock of the machine, which hosts have, too.
         govern_us: while delays are longer than this the least important streams suffer; None: nobody governs.
     """
 
@@ -46,6 +47,7 @@ class PlatformConfig:
     profiles: Mapping[str, Profile] = field(default_factory=builtin_profiles)
     trust: Trust | None = None
     catalogue: Callable[[str], Prototype | None] = lambda _name: None
+    monotonic_offset_us: int = 0
     govern_us: int | None = None
     acts_per_s: float = ACTS_PER_S
     acts_burst: float = ACTS_BURST

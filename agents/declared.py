@@ -10,6 +10,8 @@ from collections.abc import Iterable
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
+from agents.effects import HostEvent
+from agents.host_desk import HostDesk
 from agents.plans import MonitorPlan
 from dyknow import Label, Policy, Sample, UnitPrototype, as_json, of_values
 from dyknow.errors import Refused, TextError
@@ -51,6 +53,7 @@ class Declared:
 
     Attributes:
         instance: what runs; it prints back what it was given.
+        desk: the operating system processes that offer to make some of it.
         imported: which (semantic label, period, max delay) of which unit it lives on.
     """
 
@@ -70,6 +73,7 @@ class Declared:
             federation=self,
         )
         platform.network.on_fault = self._on_fault
+        self.desk = HostDesk(self.instance, platform.clock, platform.note, platform.config.monotonic_offset_us)
         self._waited_us = 0
         self._governor: Governor | None = None
 
@@ -126,6 +130,15 @@ class Declared:
         for i, page in enumerate(pages):
             said = contents.SpecificationText(text=page, number=number, last=last, at_us=at_us, more=i < len(pages) - 1)
             desk.answer(act, Performative.INFORM, said, now_us)
+
+    def on_host(self, event: HostEvent, now_us: int) -> bool:
+        """A host came, said something or left; whether something follows. Node time."""
+        self.desk.on_event(event, now_us)
+        timetable = self._p.timetable
+        timetable.hasten(self.desk)
+        timetable.hasten_federation(self._p.monitors)
+        timetable.hasten_federation(self._p.network)
+        return self._p.is_owing
 
     def entries(self) -> Iterable[LabelEntry]:
         """The semantic labels that are exported."""

@@ -56,7 +56,8 @@ class Host:
         self.processes: dict[int, HostedProcess] = {}
         self.out: list[bytes] = []
         self.due: dict[HostedProcess, None] = {}
-        self.is_unchained = False
+        self.fresh: dict[int, None] = {}  # begun since the last flush: nothing of theirs is under way
+        self.loose: dict[HostedProcess, None] = {}
         self.delivering: tuple[int, int] | None = None
         self._processes_begun = self._serial = 0
         self.prototypes: list[Prototype] = [
@@ -75,7 +76,7 @@ class Host:
     @property
     def is_owing(self) -> bool:
         """Whether there is something to be said to it."""
-        return bool(self.out or self.due or self.is_unchained)
+        return bool(self.out or self.due or self.loose)
 
     def say(self, message: FromPlatform) -> None:
         self.out.append(encode(message))
@@ -87,19 +88,20 @@ class Host:
         self.processes[number] = process
         text = "" if output is None else str(output)
         self.say(Begin(number, process.prototype.name, str(label), now_us, text, process.grid))
-        self.is_unchained = self.said.train
+        self.fresh[number] = None
         return number
 
     def end(self, number: int) -> None:
         process = self.processes.pop(number, None)
         if process is not None:
             self.due.pop(process, None)
-            self.is_unchained |= self.said.train
+            self.loose.pop(process, None)
+            self.fresh.pop(number, None)
             self.say(End(number))
 
     def flush(self) -> list[bytes]:
         """Everything that is to be said now."""
-        if self.is_unchained:
+        if self.said.train:
             self._chain()
         due, self.due = self.due, {}
         for process in due:
@@ -119,15 +121,24 @@ class Host:
             self.delivering = None
 
     def _chain(self) -> None:
-        """Let processes here that take all another one here makes have it without a detour over the platform."""
-        self.is_unchained = False
-        makers = {process.label: number for number, process in self.processes.items()}
-        for number, process in self.processes.items():
-            for i, maker in process.chainable(makers).items():
-                if maker != process.maker(i):
-                    self._serial += 1
-                    process.chain(i, maker, self._serial)
-                    self.say(Chain(number, i, maker, self._serial))
+        """Let processes here that take all another one here makes have it without a detour over the platform.
+
+        Only those that begin together, so that no sample overtakes another that is still on that detour.
+        """
+        fresh, self.fresh = {number: self.processes[number] for number in self.fresh}, {}
+        makers = {process.label: number for number, process in fresh.items()}
+        for number, process in fresh.items():
+            for i, maker in process.chainable(makers):
+                self._say_chain(number, process, i, maker)
+        loose, self.loose = self.loose, {}
+        for process in loose:
+            for i in process.stretched():
+                self._say_chain(process.number, process, i, 0)
+
+    def _say_chain(self, number: int, process: "HostedProcess", i: int, maker: int) -> None:
+        self._serial += 1
+        process.chain(i, maker, self._serial)
+        self.say(Chain(number, i, maker, self._serial))
 
     def _unit(self, offer: UnitOffer) -> UnitPrototype:
         def elsewhere(inputs: Sequence[Input], output: Policy | None) -> OnDemand:
@@ -158,6 +169,7 @@ class HostedProcess(OnDemand):
     """One process at a host.
 
     Attributes:
+        number: what the host knows it by; 0 while it rests.
         grid: what of a source is wanted, so that no more of it travels; None: all.
     """
 
@@ -169,8 +181,8 @@ class HostedProcess(OnDemand):
         self.grid: Grid | None = None
         self._host, self._wanted, self._output = host, tuple(inputs), output
         if isinstance(prototype, UnitPrototype):
-            self.samplewise, self.history_us = prototype.samplewise, prototype.history_us
-        self._number = self._sent = self._taken = 0
+            self._is_samplewise, self.history_us = prototype.samplewise, prototype.history_us
+        self.number = self._sent = self._taken = 0
         self._backlog = Backlog()
         self._links: dict[int, Link] = {}
 
@@ -190,16 +202,24 @@ class HostedProcess(OnDemand):
         self._backlog, self._links = Backlog(), {}
         if self._network is not None and self._generator is not None:
             self.grid = None if self._wanted else self._generator.wanted
-            self._number = self._host.begin(self, self._generator.label, self._output, self._network.now_us)
+            self.number = self._host.begin(self, self._generator.label, self._output, self._network.now_us)
 
     def end(self) -> None:
-        self._host.end(self._number)
-        self._number = 0
+        self._host.end(self.number)
+        self.number, self._links = 0, {}
 
-    def on_demand(self) -> None:
-        super().on_demand()
-        self._want()
-        self._host.is_unchained |= self._host.said.train
+    def want(self, grid: Grid | None) -> bool:
+        if self._wanted:
+            if not self._is_samplewise or self._output is not None:
+                grid = None
+            for proxy in self.proxies:
+                proxy.want(grid)
+            if self._links:
+                self._host.loose[self] = None
+        elif grid != self.grid and self.number:
+            self.grid = grid
+            self._host.say(Want(self.number, grid))
+        return grid is not None
 
     def since_us(self) -> int:
         if self.running or self._network is None:
@@ -218,14 +238,6 @@ class HostedProcess(OnDemand):
         super()._start(from_us)
         if self._network is not None and not self._wanted:
             self._since_us = self._network.now_us
-
-    def _want(self) -> None:
-        """Tell the host what of a source is wanted now."""
-        if self._number and not self._wanted and self._generator is not None:
-            grid = self._generator.wanted
-            if grid != self.grid:
-                self.grid = grid
-                self._host.say(Want(self._number, grid))
 
     # Samples
 
@@ -247,7 +259,7 @@ class HostedProcess(OnDemand):
         messages = []
         for past, packed in self._backlog.take(WINDOW - (self._sent - self._taken)):
             self._sent += len(packed)
-            messages.append(inputs_of(self._number, packed, past))
+            messages.append(inputs_of(self.number, packed, past))
         return messages
 
     def on_made(self, made: Made, now_us: int) -> None:
@@ -258,7 +270,7 @@ class HostedProcess(OnDemand):
             self._host.due[self] = None
         for sample in made.samples:
             generator = self._generator
-            if generator is None or not self._number:
+            if generator is None or not self.number:
                 return  # who got a sample has ended it
             try:
                 generator.sort.check(sample.value)
@@ -269,21 +281,17 @@ class HostedProcess(OnDemand):
                 generator.remember(sample.valid_us, sample.value, min(sample.available_us, now_us), sample.quality)
             else:
                 self.emit(sample.valid_us, sample.value, now_us, sample.quality)
-        self._want()
 
     # Chains
 
-    def chainable(self, makers: dict[Label, int]) -> dict[int, int]:
-        """Which process at the host makes what input so-and-so takes all of; 0: none, or not all of it is taken."""
-        return {
-            i: makers.get(each.label, 0) if proxy.adapter.is_open else 0
-            for i, (each, proxy) in enumerate(zip(self._wanted, self.proxies, strict=False))
-        }
+    def chainable(self, makers: dict[Label, int]) -> list[tuple[int, int]]:
+        """The inputs that take all of what one of these processes makes, and which."""
+        taken = enumerate(zip(self._wanted, self.proxies, strict=True))
+        return [(i, makers[each.label]) for i, (each, proxy) in taken if each.label in makers and proxy.adapter.is_open]
 
-    def maker(self, i: int) -> int:
-        """Which process an input is chained to; 0: none."""
-        link = self._links.get(i)
-        return link.maker if link is not None and link.until == _EVER else 0
+    def stretched(self) -> list[int]:
+        """The inputs that take all no longer."""
+        return [i for i, each in self._links.items() if each.until == _EVER and not self.proxies[i].adapter.is_open]
 
     def chain(self, i: int, maker: int, serial: int) -> None:
         """The host is told to chain an input to a process, 0: to none."""
@@ -298,7 +306,7 @@ class HostedProcess(OnDemand):
         if link is None or self._in_past:
             return False
         if link.until == _EVER and not self.proxies[i].adapter.is_open:
-            self._host.is_unchained = True
+            self._host.loose[self] = None
         return delivering is not None and delivering[0] == link.maker and link.since <= delivering[1] < link.until
 
 

@@ -18,7 +18,7 @@ from agents.config import PlatformConfig
 from agents.context import Context
 from agents.coordination import Coordination
 from agents.declared import Declared
-from agents.effects import Effect, Event, Fed, Halt, Leave, Note, Reported, Specify, Tell, Waited
+from agents.effects import Effect, Event, Fed, Halt, HostEvent, Leave, Note, Reported, Specify, Tell, Waited
 from agents.export_proxy import ExportProxy
 from agents.federation_agent import FederationAgent
 from agents.fixes import fix_of
@@ -77,7 +77,7 @@ class Platform:
         parts = (self.clocks, self.interface, self.importer, self.exports, self.coordination, self.membership)
         own = () if self.own is None else (self.own,)
         self.timetable = Timetable(
-            config.clock, (*parts, self.supply, self.checks), (self.monitors, self.network, *own)
+            config.clock, (*parts, self.supply, self.checks, self.declared.desk), (self.monitors, self.network, *own)
         )
         self._arrivals = Arrivals(self)
 
@@ -216,6 +216,7 @@ class Platform:
         self.membership.on_time(now_us)
         self.supply.on_time(now_us)
         self.checks.on_time(now_us)
+        self.declared.desk.on_time(now_us)
         self.gateway.exporter.flush()
         return self._done()
 
@@ -232,7 +233,7 @@ class Platform:
     @property
     def is_owing(self) -> bool:
         """Whether there are effects to return, or samples to put."""
-        return bool(self._out) or self.gateway.exporter.pending
+        return bool(self._out) or self.gateway.exporter.pending or self.declared.desk.is_owing
 
     def _done(self) -> list[Effect]:
         self.timetable.forget()
@@ -240,6 +241,7 @@ class Platform:
         return self._effects()
 
     def _effects(self) -> list[Effect]:
+        self._out += self.declared.desk.flush()
         if not self._out:
             return []
         effects = self._out[:]
@@ -278,6 +280,8 @@ class Platform:
                 )
             case Waited():
                 self.declared.on_waited(event.waited_us, self.clock.federation_us(self._now_us))
+            case _ if isinstance(event, HostEvent):
+                return self.declared.on_host(event, self._now_us)
             case Leave():
                 self.leave(event.at_us)
         return True

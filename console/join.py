@@ -9,7 +9,7 @@ from console.client import connected
 from console.command import Call
 from console.errors import DONE, INTERRUPTED, FederationFailed, WrongCall
 from console.instants import SHORTEST_US, duration_us, instant_us
-from console.launch import clock_of, configured, journal_of, mavlink_endpoint, replayed, trust_of, wire_of
+from console.launch import clock_of, configured, hosts_of, journal_of, mavlink_endpoint, replayed, trust_of, wire_of
 from console.output import unit_json, verbatim
 from console.processes import Fleet, interruptible, run_directory, uninterrupted
 from console.up import READY_S, Gathering, tell_notes
@@ -136,6 +136,7 @@ def _config(call: Call, unit: str, duration: str | None, chosen: dict[str, Any])
             "spec": _absolute(chosen["spec"]),
             "units": [str(_absolute(Path(name))) if name.endswith(".py") else name for name in chosen["modules"] or ()],
             "feed": _absolute(chosen["feed"]),
+            "hosts": hosts_of(call, unit),
             "govern_ms": _milliseconds(chosen["govern"]),
             "duration_s": duration_us(duration, option="--duration", least_us=SHORTEST_US) / 1e6 if duration else None,
         }

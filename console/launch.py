@@ -216,10 +216,16 @@ def fleet_of(call: Call, chosen: Mapping[str, Any], now_us: int) -> list[NodeCon
             "journal": journal_of(call.file, name, vehicle),
             "translation": own.translation,
             "profiles": own.profiles,
+            "hosts": hosts_of(call, name),
             "duration_s": duration / 1e6 if duration is not None else None,
         }
         found.append(configured(fields))
     return found
+
+
+def hosts_of(call: Call, unit: str) -> Path:
+    """Where hosts of this machine register with a platform."""
+    return run_directory(call.settings.federation) / f"{unit}.hosts"
 
 
 def only_these(names: list[str], only: list[str] | None) -> list[str]:

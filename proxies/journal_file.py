@@ -19,7 +19,7 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 
-from agents.effects import Event, Fed, Leave, Reported, Specify, Waited
+from agents.effects import Event, Fed, HostEvent, Leave, Reported, Specify, Waited
 from dyknow.errors import DecodeError
 from federation.transport import WireEvent
 from navigation.vehicle import Report
@@ -30,7 +30,8 @@ CLOCK_EPOCH, CLOCK_SPEED = "clock_epoch_us", "clock_speed"
 """What a journal says of the federation's clock: by it reports and samples are valid, while entries have the node's."""
 _NAMED, _TUPLE = 1, 2
 _KINDS: dict[str, type[Any]] = {
-    kind.__name__: kind for kind in (*get_args(WireEvent), *get_args(Report), Reported, Leave, Specify, Fed, Waited)
+    kind.__name__: kind
+    for kind in (*get_args(WireEvent), *get_args(Report), *get_args(HostEvent), Reported, Leave, Specify, Fed, Waited)
 }
 
 

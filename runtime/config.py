@@ -112,4 +112,6 @@ class NodeConfig(Strict):
     """While delays are longer than this the periods of the least important streams are lengthened."""
     feed: Path | None = None
     """Samples of the specification's sources."""
+    hosts: Path | None = None
+    """The socket at which knowledge process hosts of this machine register."""
     duration_s: float | None = Field(None, gt=0)

@@ -21,7 +21,7 @@ from functools import partial
 from queue import SimpleQueue
 from typing import Any, NamedTuple
 
-from agents.effects import Reported
+from agents.effects import HostEvent, Reported
 from federation.transport import Answered, Arrived, Asked, AskEnded, Conflated, HandlerFailed, TokenChanged
 
 LIMIT = 50_000
@@ -160,6 +160,8 @@ def _place(event: Any) -> tuple[Hashable, str, Rule]:
             return AskEnded, AskEnded.__name__, ENDS
         case Reported(report=report):
             return (Reported, type(report)), type(report).__name__, REPORTS
+        case _ if isinstance(event, HostEvent):  # the door lets so many of each host in
+            return HostEvent, "hosts", ENDS
         case HandlerFailed(where=where):
             return (HandlerFailed, where), where, FAILURES
         case _:

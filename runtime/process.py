@@ -16,14 +16,14 @@ from queue import Empty
 from typing import Any, Protocol
 
 from agents.config import PlatformConfig
-from agents.effects import Event, Halt, InjectFault, Leave, Note, Reported, Tell, Waited
+from agents.effects import Event, Halt, HostEffect, InjectFault, Leave, Note, Reported, Tell, Waited
 from agents.interface import Trust
 from agents.own_streams import ESTIMATE
 from agents.plans import PlanBook
 from agents.platform import Platform
 from compunits import catalogue
 from dyknow import Policy
-from dyknow.errors import DecodeError, DyknowError, RosterError
+from dyknow.errors import DecodeError, DyknowError, EndpointFailed, RosterError
 from federation import contents
 from federation.clock import FederationClock
 from federation.codec import decode_description
@@ -31,6 +31,7 @@ from federation.ontology import Translation, default_ontology
 from federation.transport import Answered, Ask, Put
 from federation.trust import Roster, Signer, Verifier
 from navigation.vehicle import Command, Report
+from proxies.host_door import HostDoor
 from proxies.journal_file import CLOCK_EPOCH, CLOCK_SPEED
 from proxies.zenoh_config import LOOPBACK, ZenohOptions
 from proxies.zenoh_edge import ZenohEdge
@@ -92,6 +93,7 @@ class Process:
         )
         self._vehicle: VehicleEdge | None = None
         self._specified: Specified | None = None
+        self._door = None if config.hosts is None else HostDoor(config.hosts, self.mailbox.post, self.clock.now_us)
         self._told: tuple[str, ...] = ()
         self._weighed_us = 0
 
@@ -118,6 +120,8 @@ class Process:
                 self._specified.stop()
             if self._vehicle is not None:
                 self._vehicle.stop()
+            if self._door is not None:
+                self._door.close()
             self._edge.close()
             if self._journal is not None:
                 self._journal.close()
@@ -126,7 +130,11 @@ class Process:
     def _serve(self, fitted: "Fitted") -> None:
         started_us = self.clock.now_us()
         platform = Platform(
-            replace(platform_config(self.config, self._federation_clock, started_us, self._edge.zid), **fitted.changes),
+            replace(
+                platform_config(self.config, self._federation_clock, started_us, self._edge.zid),
+                monotonic_offset_us=self.clock.monotonic_offset_us,
+                **fitted.changes,
+            ),
             started_us,
         )
         self._perform_all(platform.start(self.clock.now_us()))
@@ -136,6 +144,7 @@ class Process:
             self._vehicle.start()
         if self._specified is not None:
             self._specified.start()
+        self._let_hosts_in()
         ends_us = None if self.config.duration_s is None else started_us + round(self.config.duration_s * 1e6)
         node = self._journalled(platform)
         if ends_us is not None:
@@ -148,6 +157,14 @@ class Process:
                 break
         self._perform_all(platform.on_event(Leave(self.clock.now_us()), self.clock.now_us()))
         self._say({"event": "ended", "unit": self.config.unit, "at_us": self.clock.now_us()})
+
+    def _let_hosts_in(self) -> None:
+        """A platform goes on without hosts, too."""
+        try:
+            if self._door is not None:
+                self._door.open()
+        except EndpointFailed as wrong:
+            self._note(str(wrong))
 
     def _specification(self) -> Specified | None:
         """What the platform is to run; its times are those of the clock as it is now."""
@@ -229,6 +246,9 @@ class Process:
             self._inject(effect)
         elif kind is Note:
             self._note(effect.text)
+        elif isinstance(effect, HostEffect):
+            if self._door is not None:
+                self._door.perform(effect)
         elif kind is Tell:
             self._say({**effect.record, "unit": self.config.unit})
         elif kind is Halt:

@@ -32,8 +32,8 @@ stream out = t
 """
 
 
-def unit(name: str, function=lambda value: 2 * value, **given) -> UnitPrototype:
-    return UnitPrototype(name, "number", ("number",), lambda: of_values(function), **given)
+def unit(name: str, function=lambda value: 2 * value) -> UnitPrototype:
+    return UnitPrototype(name, "number", ("number",), lambda: of_values(function), samplewise=True)
 
 
 TWICE, PLUS, NEXT = unit("twice"), unit("plus", lambda value: value + 1), unit("next", lambda value: value + 0.5)
@@ -287,7 +287,7 @@ def test_with_trains_a_chain_is_one_action_and_its_samples_make_no_detour() -> N
     assert {each.process for each in heard(chained, Inputs)} != {each.process for each in heard(detoured, Inputs)}
 
 
-@given(st.lists(st.sampled_from(["push", "work", "say", "hear", "begin", "end"]), max_size=60))
+@given(st.lists(st.sampled_from(["push", "work", "say", "hear", "begin", "end", "narrow", "widen"]), max_size=60))
 @example(
     [
         "push",
@@ -315,7 +315,7 @@ def test_no_sample_is_lost_or_doubled_while_chains_come_and_go(steps: list[str])
         match step:
             case "push":
                 number += 1
-                site.push("raw", 1_000_000 + number, settle=False)
+                site.push("raw", 1_000_000 + 1_000 * number, settle=False)
             case "hear":
                 site.perform(site.desk.flush())
             case "work":
@@ -324,15 +324,17 @@ def test_no_sample_is_lost_or_doubled_while_chains_come_and_go(steps: list[str])
             case "say" if unsaid:
                 site.desk.on_event(HostSaid(site.now_us, guest.number, unsaid.pop(0)), site.now_us)
             case "begin" | "end":
-                extra = "strmgen d = plus(b)\nstream other = d\n" if step == "begin" else ""
+                extra = "strmgen d = plus(b)\nstrmgen e = next(d)\nstream other = e\n" if step == "begin" else ""
                 site.declare(CHAIN + extra)
                 if step == "end":
                     begun.append(len(site.values("other")))
+            case "narrow" | "widen":
+                site.instance.streams["out"].change(Policy.parse("sample every 1" if step == "narrow" else ""))
     site.settle()
-    assert site.values("out") == [2.0 * (1_000_000 + each) + 1.5 for each in range(1, number + 1)]
+    assert site.values("out") == [2.0 * (1_000_000 + 1_000 * each) + 1.5 for each in range(1, number + 1)]
     others = site.values("other")
     for begins, ends in pairwise([*begun, len(others)]):
-        assert all(after - before == 2.0 for before, after in pairwise(others[begins:ends]))
+        assert all(after - before == 2000.0 for before, after in pairwise(others[begins:ends]))
     assert not site.faults
 
 
