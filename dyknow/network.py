@@ -255,9 +255,9 @@ class Network:
         """Whether a generator carries `label`."""
         return label in self._generators
 
-    def is_attribute(self, label: Label) -> bool:
-        """Whether its generator is there because somebody wants an attribute of what another one makes."""
-        return label in self._attributes.get(_stem(label), ())
+    def is_implicit(self, label: Label) -> bool:
+        """Whether its generator is there because somebody asks for it, like that of an attribute."""
+        return label in self._implicit
 
     def labels(self) -> tuple[Label, ...]:
         """Every label, in the order they were added."""

@@ -1,7 +1,40 @@
 """In which order declarations are taken in, and how what goes wrong is told."""
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 from dyknow.errors import TextError, TextErrors
-from kpl.specification import Declaration, Export, Import, MonitorDeclaration, StreamDeclaration
+from kpl.specification import Declaration, Export, Import, MonitorDeclaration, Specification, StreamDeclaration
+
+
+def difference(
+    before: Specification, wanted: Iterable[Declaration]
+) -> tuple[list[Declaration], list[Declaration], Specification]:
+    """What goes, what comes, and what is wanted in terms of what is there: equal declarations are one.
+
+    What is there already is known by itself, so that little is compared where little changes.
+    """
+    running = {id(each): each for each in before}
+    staying = set[int]()
+    after: list[Declaration] = []
+    others: list[int] = []
+    for each in wanted:
+        if id(each) in running and id(each) not in staying:
+            staying.add(id(each))
+            after.append(each)
+        else:
+            others.append(len(after))
+            after.append(replace(each))  # what is named twice is two
+    left = {each: each for each in before if id(each) not in staying} if others else {}
+    new: list[Declaration] = []
+    for at in others:
+        same = left.pop(after[at], None)
+        if same is None:
+            new.append(after[at])
+        else:
+            staying.add(id(same))
+            after[at] = same
+    return [each for each in before if id(each) not in staying], new, tuple(after)
 
 
 def rank(declaration: Declaration) -> int:

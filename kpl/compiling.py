@@ -1,11 +1,11 @@
 """From declarations to processes: what a generator declaration makes, with names of members and of the unit put in."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from dyknow import Label, Policy, PolicyError, Sort
-from dyknow.errors import SortError, TextError
+from dyknow.errors import SortError, TextError, TextErrors
 from dyknow.factory import process_of
 from dyknow.instants import US_PER_MS, print_duration
 from dyknow.mediation import Mediation
@@ -13,6 +13,7 @@ from dyknow.network import Process
 from dyknow.processes import Input
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.state_streams import StateStream, state_policy
+from kpl.declared import Declared
 from kpl.definitions import Definitions
 from kpl.listing import print_declaration
 from kpl.specification import (
@@ -48,7 +49,6 @@ if TYPE_CHECKING:
 Members: TypeAlias = Mapping[str, str]
 """What variables stand for."""
 LEAST_PERIOD_US = US_PER_MS
-LONGEST_CHAIN = 100
 MAX_DECLARATIONS = 10_000
 SELF = "self"
 
@@ -96,7 +96,7 @@ class Compiler:
         """The generators it is made from."""
         return tuple(self.label(term.label, members) for term in _terms(declaration.made))
 
-    def making(self, declaration: GeneratorDeclaration, wanted: Specification, members: Members | None = None) -> Made:
+    def making(self, declaration: GeneratorDeclaration, declared: Declared, members: Members | None = None) -> Made:
         """The process of a generator, not yet attached.
 
         Raises:
@@ -106,7 +106,7 @@ class Compiler:
         match made:
             case FromSource(name):
                 prototype = self._instance.factory.find(name)
-                sort = self._instance.sort(self._declared_sort(name, wanted))
+                sort = self._instance.sort(self._declared_sort(name, declared))
                 if isinstance(prototype, SourcePrototype) and (process := process_of(prototype)) is not None:
                     return Made(sort, process, unit=name)
                 if name in self._instance.parts.withdrawn:
@@ -117,7 +117,7 @@ class Compiler:
                 if not isinstance(unit, UnitPrototype):
                     return Made(Sort(""), None, unit=name, lacks=True)
                 inputs = [self.input(term, members) for term in terms]
-                named = self._unit_sort(unit, wanted, made) if unit.of_any_sort else unit.sort
+                named = self._unit_sort(unit, declared, made) if unit.of_any_sort else unit.sort
                 return Made(self._instance.sort(named), process_of(unit, inputs), unit=name)
             case States(terms, policy):
                 inputs = [self.input(term, members) for term in terms]
@@ -128,7 +128,7 @@ class Compiler:
                     raise _at(made, str(wrong)) from None
             case Select(term, variable, domain) | Merge(term, variable, domain):
                 return Made(
-                    self._sort_of(term.label, variable, wanted),
+                    self._sort_of(term.label, declared),
                     Mediation(
                         self.input(domain, members),
                         lambda member: self.input(term, {**(members or {}), variable: member}),
@@ -140,31 +140,31 @@ class Compiler:
 
     # What can be said beforehand
 
-    def check(self, wanted: Specification, running: Collection[Declaration], text: str, file: str) -> list[TextError]:
+    def check(
+        self, new: Iterable[Declaration], wanted: Specification, declared: Declared, text: str, file: str
+    ) -> list[TextError]:
         """What cannot run although it is well-formed: units nobody implements, periods nobody keeps, limits."""
         errors: list[TextError] = []
         if len(wanted) > MAX_DECLARATIONS:
-            return [TextError(f"{len(wanted)} declarations; an instance holds at most {MAX_DECLARATIONS}", file=file)]
+            return [too_many(len(wanted), file)]
         definitions = Definitions(wanted)
-        for each in wanted:
-            if each in running:
-                continue
+        for each in new:
             try:
-                self._check(each, definitions, wanted, text, file)
+                self._check(each, definitions, declared, text, file)
+            except TextErrors as wrong:
+                errors += wrong.errors
             except TextError as wrong:
                 errors.append(_in_text(wrong, text, file))
-        if not errors:
-            errors += self._chains(wanted, text, file)
         return errors
 
     def _check(
-        self, declaration: Declaration, definitions: Definitions, wanted: Specification, text: str, file: str
+        self, declaration: Declaration, definitions: Definitions, declared: Declared, text: str, file: str
     ) -> None:
         match declaration:
             case GeneratorDeclaration():
-                self._check_made(declaration, wanted)
+                self._check_made(declaration, declared)
             case ForEach(variable, _, body):
-                self._check_made(body, wanted, {variable: variable})
+                self._check_made(body, declared, {variable: variable})
             case UnitDeclaration(sort, name, inputs):
                 unit = self._instance.factory.find(name)
                 if isinstance(unit, UnitPrototype) and not unit.fits(sort, inputs):
@@ -185,9 +185,9 @@ class Compiler:
                 raise _at(declaration, "chronicles are not run here yet")
 
     def _check_made(
-        self, declaration: GeneratorDeclaration, wanted: Specification, members: Members | None = None
+        self, declaration: GeneratorDeclaration, declared: Declared, members: Members | None = None
     ) -> None:
-        self.making(declaration, wanted, members)
+        self.making(declaration, declared, members)
         made = declaration.made
         if isinstance(made, States):
             self._check_period(made, made.policy)
@@ -204,51 +204,36 @@ class Compiler:
                 f"at least {print_duration(LEAST_PERIOD_US)}",
             )
 
-    def _chains(self, wanted: Specification, text: str, file: str) -> list[TextError]:
-        """Samples flow by plain calls, so that a chain of processes has a limit."""
-        made = {each.label: each for each in wanted if isinstance(each, GeneratorDeclaration)}
-        depth: dict[Label, int] = {}
-        for label in made:
-            waiting = [label]
-            while waiting:
-                current = waiting[-1]
-                needs = [t.label for t in _terms(made[current].made) if t.label in made]
-                open_ = [each for each in needs if each not in depth]
-                if open_ and current not in depth:
-                    waiting += open_
-                    continue
-                waiting.pop()
-                depth[current] = 1 + max((depth[each] for each in needs), default=0)
-        too_long = next((label for label, length in depth.items() if length > LONGEST_CHAIN), None)
-        if too_long is None:
-            return []
-        wrong = _at(made[too_long], f"{too_long} is at the end of a chain of {depth[too_long]} processes")
-        return [_in_text(wrong, text, file, f"chains of at most {LONGEST_CHAIN}")]
-
-    def _declared_sort(self, source: str, wanted: Specification) -> str:
-        found = (each.sort for each in wanted if isinstance(each, SourceDeclaration) and each.name == source)
+    def _declared_sort(self, source: str, declared: Declared) -> str:
+        found = declared.maker(source)
+        if isinstance(found, SourceDeclaration):
+            return found.sort
         prototype = self._instance.factory.find(source)
-        return next(found, "" if prototype is None else prototype.sort)
+        return "" if prototype is None else prototype.sort
 
-    def _unit_sort(self, unit: UnitPrototype, wanted: Specification, place: Node) -> str:
+    def _unit_sort(self, unit: UnitPrototype, declared: Declared, place: Node) -> str:
         """Of a unit for streams of any sort, as it is declared."""
-        for each in wanted:
-            if isinstance(each, UnitDeclaration) and each.name == unit.name:
-                return each.sort
+        found = declared.maker(unit.name)
+        if isinstance(found, UnitDeclaration):
+            return found.sort
         takes = ", ".join(each.removeprefix("?") for each in unit.inputs)
         repair = f"compunit {unit.sort.removeprefix('?')} {unit.name}({takes})"
         raise _at(place, f"{unit.name} is for streams of any sort and not declared: say of which", repair)
 
-    def _sort_of(self, label: Label, variable: str, wanted: Iterable[Declaration]) -> Sort:
+    def _sort_of(self, label: Label, declared: Declared) -> Sort:
         """The sort of what a label of a member is made of: that of any of its makers."""
-        del variable
-        for each in wanted:
-            body = each.body if isinstance(each, ForEach) else each
-            if not isinstance(body, GeneratorDeclaration) or isinstance(body.made, Select | Merge):
-                continue
-            if body.label.feature == label.feature:
-                return self.making(body, tuple(wanted)).sort
+        for made in declared.of_feature(label.feature):
+            body = made.body
+            if isinstance(body, GeneratorDeclaration) and not isinstance(body.made, Select | Merge):
+                return self.making(body, declared).sort
         return Sort(label.feature, is_open=True)
+
+
+def too_many(declarations: int, file: str) -> TextError:
+    """The error for a specification that is too large."""
+    return TextError(
+        f"{declarations} declarations; an instance holds at most {MAX_DECLARATIONS}", file=file, repair="declare less"
+    )
 
 
 def check_offer(prototype: Prototype, specification: Specification) -> None:

@@ -11,8 +11,9 @@ from dyknow.mediation import Configuration
 from dyknow.processes import Input
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.stream_proxy import StreamProxy
-from kpl.changes import as_text_errors, rank
-from kpl.compiling import Compiler
+from kpl.changes import as_text_errors, difference, rank
+from kpl.compiling import MAX_DECLARATIONS, Compiler, too_many
+from kpl.declared import Declared
 from kpl.definitions import Definitions
 from kpl.figures import MEANINGS, figure
 from kpl.formula_monitors import FormulaMonitor
@@ -33,7 +34,7 @@ from kpl.specification import (
     StreamTerm,
     UnitDeclaration,
 )
-from kpl.specification_checking import Findings, Known, check_specification
+from kpl.specification_checking import Findings, Known, check_change, check_specification
 from kpl.surroundings import Federation, Hooks, Undo
 
 if TYPE_CHECKING:
@@ -113,8 +114,8 @@ class Instance:
         Raises:
             TextErrors: what stays needs them; the instance is as it was.
         """
-        gone = set(declarations)
-        self.change([each for each in self.specification if each not in gone], now_us)
+        gone = {id(self.parts.specified.find(each)) for each in declarations}
+        self.change([each for each in self.specification if id(each) not in gone], now_us)
 
     def change(self, specification: Iterable[Declaration], now_us: int, text: str = "", file: str = "") -> None:
         """Become another specification; what both declare goes on untouched, what both make differently is replaced.
@@ -122,21 +123,25 @@ class Instance:
         Raises:
             TextErrors: with everything that is wrong; the instance is as it was.
         """
-        wanted = tuple(specification)
+        before = self.specification
+        gone, new, wanted = difference(before, specification)
         self.network.now_us = max(self.network.now_us, now_us)
-        running = set(self.specification)
-        raise_all(list(self.findings(wanted, running, text, file).errors))
-        self._admit([each for each in wanted if each not in running], text, file)
-        known = {id(proxy) for _, proxy in proxies_of(self)} if self._is_full() else ()
-        before, staying = self.specification, set(wanted)
-        gone = sorted((each for each in before if each not in staying), key=rank, reverse=True)
-        new = sorted((each for each in wanted if each not in running), key=rank)
+        self._declare(gone, new)
         try:
-            self._become(gone, new, wanted)
-        except (DyknowError, RecursionError) as wrong:
-            done = [each for each in new if each in self._undo]
-            self._become(done[::-1], [each for each in before if each not in self._undo], before)
-            raise as_text_errors(wrong, text, file) from wrong
+            self._check(gone, new, wanted, text, file)
+            self._admit(new, text, file)
+            known = {id(proxy) for _, proxy in proxies_of(self)} if self._is_full() else ()
+            gone.sort(key=rank, reverse=True)
+            new.sort(key=rank)
+            try:
+                self._become(gone, new, wanted)
+            except (DyknowError, RecursionError) as wrong:
+                done = [each for each in new if each in self._undo]
+                self._become(done[::-1], [each for each in before if each not in self._undo], before)
+                raise as_text_errors(wrong, text, file) from wrong
+        except TextError:
+            self._declare(new, gone)
+            raise
         self.specification = wanted
         self.network.sweep()
         if self.governor is not None and self._is_full():
@@ -199,29 +204,46 @@ class Instance:
 
     # How it becomes so
 
+    def _declare(self, gone: Iterable[Declaration], new: Iterable[Declaration]) -> None:
+        for each in gone:
+            self.parts.specified.discard(each)
+        for each in new:
+            self.parts.specified.add(each)
+
+    def _check(
+        self, gone: Sequence[Declaration], new: Sequence[Declaration], wanted: Specification, text: str, file: str
+    ) -> None:
+        """What is said of a change before anything changes."""
+        if len(wanted) > MAX_DECLARATIONS:
+            raise_all([too_many(len(wanted), file)])
+        self._look_up(new)
+        specified = self.parts.specified
+        errors = list(check_change(specified, gone, new, self._known(self.specification), text, file))
+        raise_all(errors or self._compiler.check(new, wanted, specified, text, file))
+
     def findings(
         self, wanted: Specification, running: Collection[Declaration] = (), text: str = "", file: str = ""
     ) -> Findings:
         """All that can be said of a specification before it runs; `running` is what runs already."""
         self._look_up(wanted)
+        found = check_specification(wanted, self._known(running), text, file)
+        if found.errors:
+            return found
+        return Findings(tuple(self._compiler.check(wanted, wanted, Declared(wanted), text, file)), found.warnings)
+
+    def _known(self, running: Collection[Declaration]) -> Known:
         prototypes = self.factory.prototypes()
-        known = Known(
+        return Known(
             sources={each.name: each.sort for each in prototypes if isinstance(each, SourcePrototype)},
             units={each.name: (each.sort, each.inputs) for each in prototypes if isinstance(each, UnitPrototype)},
             labels={
                 label: self.network.generator(label).sort.name
                 for label in self.network.labels()
-                if label not in self.parts.declared
+                if label not in self.parts.declared and not self.network.is_implicit(label)
             },
             semantic=self._semantic,
             running=running,
             figures=MEANINGS,
-        )
-        found = check_specification(wanted, known, text, file)
-        return (
-            found
-            if found.errors
-            else Findings(tuple(self._compiler.check(wanted, running, text, file)), found.warnings)
         )
 
     def _is_full(self) -> bool:
@@ -240,7 +262,7 @@ class Instance:
         )
         raise TextErrors((error,))
 
-    def _look_up(self, wanted: Specification) -> None:
+    def _look_up(self, wanted: Iterable[Declaration]) -> None:
         """Offer what the catalogue has under the names that are used."""
         for each in wanted:
             made = each.body.made if isinstance(each, ForEach) else getattr(each, "made", None)

@@ -7,6 +7,7 @@ from dyknow import Label, Network, Value
 from dyknow.factory import ProcessFactory
 from dyknow.prototypes import Prototype, SourcePrototype
 from kpl.compiling import Compiler, Made, Members, check_offer
+from kpl.declared import Declared
 from kpl.specification import Declaration, GeneratorDeclaration, Specification
 from kpl.surroundings import Undo
 
@@ -15,7 +16,7 @@ class Parts:
     """Makes, replaces and takes away generators as declared.
 
     Attributes:
-        wanted: the specification as it is to be.
+        wanted: the specification as it is to be; specified: the same, by what its declarations name and need.
         declared: what declares each generator.
         of_families: how to take away what members of families have.
         withdrawn: sources whose makers may come back: nobody else feeds them meanwhile.
@@ -24,6 +25,7 @@ class Parts:
     def __init__(self, network: Network, factory: ProcessFactory, compiler: Compiler) -> None:
         self._network, self._factory, self._compiler = network, factory, compiler
         self.wanted: Specification = ()
+        self.specified = Declared()
         self.declared: dict[Label, Declaration] = {}
         self.of_families: dict[Label, Undo] = {}
         self.withdrawn = set[str]()
@@ -44,7 +46,7 @@ class Parts:
             for label, (declaration, members) in self._made_from.pop(prototype.name, {}).items():
                 self._release(label)
                 if self._network.has(label):  # a source that was fed from outside has somebody who reads it
-                    making = self._compiler.making(declaration, self.wanted, members)
+                    making = self._compiler.making(declaration, self.specified, members)
                     self._network.replace_process(label, making.sort, making.process)
                     self._hold(declaration, members, label, making)
                 else:
@@ -93,7 +95,7 @@ class Parts:
 
     def replace(self, new: GeneratorDeclaration) -> bool:
         """Put another process behind a generator, whose subscribers stay; False: that is another stream altogether."""
-        making = self._compiler.making(new, self.wanted)
+        making = self._compiler.making(new, self.specified)
         label = self._compiler.label(new.label)
         if making.lacks or not self._network.has(label) or self._network.generator(label).sort != making.sort:
             return False
@@ -104,7 +106,7 @@ class Parts:
 
     def _generate(self, declaration: GeneratorDeclaration, members: Members | None, label: Label) -> None:
         """Make what a declaration says, or wait for who can make it."""
-        making = self._compiler.making(declaration, self.wanted, members)
+        making = self._compiler.making(declaration, self.specified, members)
         if making.lacks:
             pass
         elif making.process is None:

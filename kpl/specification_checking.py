@@ -3,13 +3,15 @@
 Labels of members (`pos[car]` in `for car in ...`, select and merge) stand for all labels that they can become.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from typing import NamedTuple
 
 from dyknow.errors import TextError
 from dyknow.labels import Label
+from kpl.declared import GENERATOR, MAKER, Declared, Made, fit, is_pattern, names_of, needs_of, stem, uses_of
 from kpl.formula_monitors import domains_of
+from kpl.listing import print_declaration
 from kpl.specification import (
     Declaration,
     Define,
@@ -25,14 +27,14 @@ from kpl.specification import (
     Select,
     SourceDeclaration,
     StateStream,
-    StreamDeclaration,
     StreamTerm,
     UnitDeclaration,
 )
 from reasoning.formulas import Feature, Node, walk
 
 STATE = "state"
-SELF = "self"
+LONGEST_CHAIN = 100
+"""Samples flow by plain calls: so many processes may follow one another."""
 ANY = "?"
 """How the sorts begin that stand for any: a unit that has such and is not declared is told of where it is made."""
 LONGEST_GUESS = 64
@@ -73,95 +75,90 @@ def check_specification(
     specification: Iterable[Declaration], known: Known | None = None, text: str = "", file: str = ""
 ) -> Findings:
     """Look at all declarations together; `text` and `file` are what they were read from, for the drawing of errors."""
-    checker = _Checker(tuple(specification), known or Known(), text, file)
-    checker.check()
-    return Findings(_in_order(checker.errors), _in_order(checker.warnings))
+    every = tuple(specification)
+    checker = _Checker(Declared(every), known or Known(), text, file)
+    checker.check(every, every)
+    return Findings(_in_order(checker.errors), _in_order(checker.suspicions(every)))
 
 
-class _Made(NamedTuple):
-    """A generator, or a family of them: the variables stand for any object."""
+def check_change(
+    declared: Declared,
+    gone: Sequence[Declaration],
+    new: Sequence[Declaration],
+    known: Known,
+    text: str = "",
+    file: str = "",
+) -> tuple[TextError, ...]:
+    """What is wrong with `declared` now that these have gone and come, if nothing was before: as if all were looked at.
 
-    label: Label
-    variables: frozenset[str]
-    node: Node
-    needs: tuple["_Need", ...]
-
-
-class _Need(NamedTuple):
-    term: StreamTerm
-    variables: frozenset[str]
+    Looked at is what is new, and what depends on what changed.
+    """
+    touched = {id(each): each for each in new}
+    waiting = [*gone, *new]
+    while waiting:
+        changed = waiting.pop()
+        for each in declared.dependent(changed):
+            if id(each) not in touched:
+                touched[id(each)] = each
+                waiting.append(each)  # its sort may be another one now, and chains through it longer
+    checker = _Checker(declared, known, text, file)
+    checker.check(new, tuple(touched.values()))
+    return _in_order(checker.errors)
 
 
 class _Checker:
-    def __init__(self, specification: tuple[Declaration, ...], known: Known, text: str, file: str) -> None:
+    def __init__(self, declared: Declared, known: Known, text: str, file: str) -> None:
         self.errors: list[TextError] = []
-        self.warnings: list[TextError] = []
-        self._specification, self._known, self._text, self._file = specification, known, text, file
-        self._sources = dict(known.sources)
-        self._units = dict(known.units)
-        self._made: list[_Made] = []
-        self._by_feature: dict[str, list[_Made]] = {}
+        self._declared, self._known, self._text, self._file = declared, known, text, file
         self._sorts: dict[int, str | None] = {}
         self._known_by_stem: dict[str, list[Label]] = {}
         for label in known.labels:
-            self._known_by_stem.setdefault(_stem(label), []).append(label)
-        self._used = set[str]()
+            self._known_by_stem.setdefault(stem(label), []).append(label)
+        self._of: Declaration | None = None
+        self._old = False
 
-    def check(self) -> None:
-        self._take_names()
-        for declaration in self._specification:
-            self._check(declaration)
-        self._check_inputs()
-        self._check_cycles()
-        self._check_use()
+    def check(self, new: Sequence[Declaration], touched: Sequence[Declaration]) -> None:
+        """`new` are from the text, the others that are touched run already."""
+        from_text = {id(each) for each in new}
+        for each in touched:
+            self._of, self._old = each, id(each) not in from_text
+            if not self._old:
+                self._check_names(each)
+                self._check(each)
+            self._check_making(each)
+            self._check_inputs(each)
+        self._of = None
+        self._check_chains(touched, from_text)
 
     # Names
 
-    def _take_names(self) -> None:
-        seen: dict[tuple[str, object], Node] = {}
-        for declaration in self._specification:
-            match declaration:
-                case SourceDeclaration(sort, name):
-                    self._once(seen, ("a source or a unit", name), declaration, self._known.units)
-                    self._sources[name] = sort
-                case UnitDeclaration(sort, name, inputs):
-                    self._once(seen, ("a source or a unit", name), declaration, self._known.sources)
-                    self._units[name] = (sort, inputs)
-                case GeneratorDeclaration(label):
-                    self._once(seen, ("a generator", label), declaration, self._known.labels)
-                    self._add(_Made(label, frozenset(), declaration, tuple(_needs(declaration, frozenset()))))
-                case ForEach(variable, domain, body):
-                    self._once(seen, ("a generator", body.label), declaration, self._known.labels)
-                    inside = frozenset({variable})
-                    needs = (_Need(domain, frozenset()), *_needs(body, inside))
-                    self._add(_Made(body.label, inside, declaration, needs))
-                case Import(_, _, term):
-                    self._once(seen, ("a generator", term.label), declaration, self._known.labels)
-                    self._add(_Made(term.label, frozenset(), declaration, ()))
-                case StreamDeclaration(name):
-                    self._once(seen, ("a stream", name), declaration)
-                case Export(semantic):
-                    self._once(seen, ("an export", semantic), declaration)
-                case MonitorDeclaration(name):
-                    self._once(seen, ("a monitor", name), declaration)
-                case Define(feature):
-                    self._once(seen, ("a definition", (feature.name, len(feature.objects))), declaration)
+    def _check_names(self, declaration: Declaration) -> None:
+        for kind, name in names_of(declaration):
+            before = next(iter(self._declared.named[kind, name].values()))
+            said = name[0] if isinstance(name, tuple) and not isinstance(name, Label) else name
+            if before is not declaration:
+                where = "the running instance" if before in self._known.running else f"line {before.place.line}"
+                self._wrong(f"{said} is {kind} already, in {where}", declaration, "another name")
+            elif (kind == GENERATOR and name in self._known.labels) or (kind == MAKER and self._is_other(declaration)):
+                self._wrong(f"{said} is {kind} already, in the running instance", declaration, "another name")
 
-    def _once(
-        self, seen: dict[tuple[str, object], Node], what: tuple[str, object], node: Node, there: Collection[object] = ()
-    ) -> None:
-        before = seen.setdefault(what, node)
-        kind, name = what
-        said = name[0] if isinstance(name, tuple) and not isinstance(name, Label) else name
-        if before is not node:
-            where = "the running instance" if before in self._known.running else f"line {before.place.line}"
-            self._wrong(f"{said} is {kind} already, in {where}", node, "another name")
-        elif name in there:
-            self._wrong(f"{said} is {kind} already, in the running instance", node, "another name")
+    def _is_other(self, declaration: Declaration) -> bool:
+        """Whether there is a unit under the name of a source, or a source under that of a unit."""
+        if isinstance(declaration, SourceDeclaration):
+            return declaration.name in self._known.units
+        return isinstance(declaration, UnitDeclaration) and declaration.name in self._known.sources
 
-    def _add(self, made: _Made) -> None:
-        self._made.append(made)
-        self._by_feature.setdefault(made.label.feature, []).append(made)
+    def _source(self, name: str) -> str | None:
+        """The sort of a source."""
+        declared = self._declared.maker(name)
+        return declared.sort if isinstance(declared, SourceDeclaration) else self._known.sources.get(name)
+
+    def _unit_of(self, name: str) -> tuple[str, tuple[str, ...]] | None:
+        """Sorts of a unit and of its inputs."""
+        declared = self._declared.maker(name)
+        return (
+            (declared.sort, declared.inputs) if isinstance(declared, UnitDeclaration) else self._known.units.get(name)
+        )
 
     # Declarations, one by one
 
@@ -172,8 +169,6 @@ class _Checker:
             case UnitDeclaration(sort, _, inputs):
                 for each in dict.fromkeys((sort, *inputs)):
                     self._sort(each, declaration)
-            case GeneratorDeclaration(_, made):
-                self._check_made(made)
             case ForEach(variable, _, body):
                 if variable not in body.label.objects:
                     self._wrong(
@@ -181,7 +176,6 @@ class _Checker:
                         body,
                         f"{body.label.feature}[{', '.join((variable, *body.label.objects))}]",
                     )
-                self._check_made(body.made)
             case Import(semantic) | Export(semantic):
                 if self._known.semantic is not None and semantic not in self._known.semantic:
                     self._wrong(
@@ -190,13 +184,16 @@ class _Checker:
                         self._closest(semantic, self._known.semantic),
                     )
 
-    def _check_made(self, made: Node) -> None:
+    def _check_making(self, declaration: Declaration) -> None:
+        body = declaration.body if isinstance(declaration, ForEach) else declaration
+        made = body.made if isinstance(body, GeneratorDeclaration) else None
         match made:
             case FromSource(source):
-                self._used.add(source)
-                if source not in self._sources:
-                    repair = f"{source}(...)" if source in self._units else self._closest(source, self._sources)
-                    kind = "a unit, which takes streams" if source in self._units else "no source that is declared"
+                if self._source(source) is None:
+                    is_unit = self._unit_of(source) is not None
+                    sources = (*self._declared.sources(), *self._known.sources)
+                    repair = f"{source}(...)" if is_unit else self._closest(source, sources)
+                    kind = "a unit, which takes streams" if is_unit else "no source that is declared"
                     self._wrong(f"{source} is {kind}", made, repair)
             case Refinement(unit, inputs):
                 self._unit(unit, len(inputs), made)
@@ -209,12 +206,12 @@ class _Checker:
                     )
 
     def _unit(self, unit: str, arity: int, made: Node) -> None:
-        self._used.add(unit)
-        declared = self._units.get(unit)
+        declared = self._unit_of(unit)
         if declared is None:
-            is_source = unit in self._sources
+            is_source = self._source(unit) is not None
             kind = "a source, which takes no streams" if is_source else "no computational unit that is declared"
-            self._wrong(f"{unit} is {kind}", made, unit if is_source else self._closest(unit, self._units))
+            units = (*self._declared.units(), *self._known.units)
+            self._wrong(f"{unit} is {kind}", made, unit if is_source else self._closest(unit, units))
         elif len(declared[1]) != arity:
             takes = ", ".join(declared[1])
             self._wrong(f"{unit} takes {len(declared[1])} streams ({takes}), not {arity}", made, f"{unit}({takes})")
@@ -225,19 +222,15 @@ class _Checker:
 
     # Inputs: are they there, and of the right sort
 
-    def _check_inputs(self) -> None:
-        for made in self._made:
-            for need in made.needs:
-                self._present(need.term, need.variables)
-            body = made.node.body if isinstance(made.node, ForEach) else made.node
-            if isinstance(body, GeneratorDeclaration) and isinstance(body.made, Refinement):
-                self._check_sorts(body.made, made.variables)
-        for declaration in self._specification:
-            if isinstance(declaration, StreamDeclaration | Export):
-                self._present(declaration.term, frozenset())
+    def _check_inputs(self, declaration: Declaration) -> None:
+        for need in needs_of(declaration):
+            self._present(need.term, need.variables)
+        body = declaration.body if isinstance(declaration, ForEach) else declaration
+        if isinstance(body, GeneratorDeclaration) and isinstance(body.made, Refinement):
+            self._check_sorts(body.made, self._declared.made[id(declaration)].variables)
 
     def _check_sorts(self, made: Refinement, variables: frozenset[str]) -> None:
-        declared = self._units.get(made.unit)
+        declared = self._unit_of(made.unit)
         if declared is None or len(declared[1]) != len(made.inputs):
             return
         for wanted, term in zip(declared[1], made.inputs, strict=True):
@@ -249,43 +242,37 @@ class _Checker:
         label = term.label
         if label.feature in self._known.figures and len(label.objects) == 1:
             return
-        if any(True for _ in self._makers(label, variables)) or self._is_known(label, variables):
+        if any(True for _ in self._declared.makers(label, variables)) or self._is_known(label, variables):
             return
-        names = (*(made.label for made in self._made), *self._known.labels)
+        names = (*(made.label for made in self._declared.made.values()), *self._known.labels)
         self._wrong(f"nothing makes {label}", term, self._closest(str(label), names))
 
     def _is_known(self, label: Label, variables: frozenset[str]) -> bool:
-        return any(_fit(label, variables, known, frozenset()) for known in self._known_by_stem.get(_stem(label), ()))
-
-    def _makers(self, label: Label, variables: frozenset[str]) -> Iterator[_Made]:
-        """All generators that may make this label; `cars.link[car1]` is an attribute of what `cars` makes."""
-        exact = self._by_feature.get(label.feature)
-        if exact is not None:
-            yield from (made for made in exact if _fit(label, variables, made.label, made.variables))
-        elif "." in label.feature:
-            yield from self._by_feature.get(_stem(label), ())
+        if label in self._known.labels and not is_pattern(label, variables):
+            return True
+        return any(fit(label, variables, known, frozenset()) for known in self._known_by_stem.get(stem(label), ()))
 
     def _sort_of(self, label: Label, variables: frozenset[str], under: frozenset[int]) -> str | None:
         """None when it is not known, or not one."""
-        for made in self._makers(label, variables):
+        for made in self._declared.makers(label, variables):
             return None if made.label.feature != label.feature or id(made) in under else self._made_sort(made, under)
         return self._known.labels.get(label)
 
-    def _made_sort(self, made: _Made, under: frozenset[int]) -> str | None:
+    def _made_sort(self, made: Made, under: frozenset[int]) -> str | None:
         if id(made) not in self._sorts:
             self._sorts[id(made)] = self._found_sort(made, under | {id(made)})
         return self._sorts[id(made)]
 
-    def _found_sort(self, made: _Made, under: frozenset[int]) -> str | None:
+    def _found_sort(self, made: Made, under: frozenset[int]) -> str | None:
         if isinstance(made.node, Import):
             return (self._known.semantic or _NONE).get(made.node.semantic)
-        body = made.node.body if isinstance(made.node, ForEach) else made.node
+        body = made.body
         match body.made if isinstance(body, GeneratorDeclaration) else None:
             case FromSource(source):
-                return self._sources.get(source)
+                return self._source(source)
             case Refinement(unit):
-                sort = self._units[unit][0] if unit in self._units else ANY
-                return None if sort.startswith(ANY) else sort
+                found = self._unit_of(unit)
+                return None if found is None or found[0].startswith(ANY) else found[0]
             case StateStream():
                 return STATE
             case Select(term, variable) | Merge(term, variable):
@@ -294,57 +281,74 @@ class _Checker:
 
     # The whole
 
-    def _check_cycles(self) -> None:
-        """A generator that needs, by whatever way, what it makes itself. Each cycle is told once."""
-        state: dict[int, int] = {}
-        for start in self._made:
-            path: list[tuple[_Made, Iterator[_Made]]] = []
-            self._enter(start, state, path)
+    def _check_chains(self, touched: Sequence[Declaration], from_text: Collection[int]) -> None:
+        """A generator that needs, by whatever way, what it makes itself; each cycle is told once. And long chains."""
+        depth: dict[int, int] = {}  # 0 while it is on the path
+        told = False
+        for start in touched:
+            made = self._declared.made.get(id(start))
+            path: list[tuple[Made, Iterator[Made]]] = []
+            if made is not None:
+                self._enter(made, depth, path)
             while path:
                 made, rest = path[-1]
                 after = next(rest, None)
                 if after is None:
-                    state[id(made)] = 2
                     path.pop()
-                elif state.get(id(after)) == 1:
+                    depth[id(made)] = 1 + max((depth[id(one)] for one in self._before(made)), default=0)
+                    if depth[id(made)] > LONGEST_CHAIN and not told:
+                        told = True
+                        self._at(made, from_text)
+                        self._wrong(
+                            f"{made.label} is at the end of a chain of more than {LONGEST_CHAIN} processes",
+                            made.node,
+                            f"chains of at most {LONGEST_CHAIN}",
+                        )
+                elif depth.get(id(after)) == 0:
                     at = next(i for i, (one, _) in enumerate(path) if one is after)
                     around = " <- ".join(str(one.label) for one in [*(one for one, _ in path[at:]), after])
+                    self._at(made, from_text)
                     self._wrong(f"a cycle: {around}", made.node, "a stream from outside the cycle")
                 else:
-                    self._enter(after, state, path)
+                    self._enter(after, depth, path)
 
-    def _enter(self, made: _Made, state: dict[int, int], path: list[tuple[_Made, Iterator[_Made]]]) -> None:
-        if id(made) not in state:
-            state[id(made)] = 1
-            after = {id(one): one for need in made.needs for one in self._makers(need.term.label, need.variables)}
-            path.append((made, iter(after.values())))
+    def _at(self, made: Made, from_text: Collection[int]) -> None:
+        self._of, self._old = made.node, id(made.node) not in from_text
 
-    def _check_use(self) -> None:
+    def _before(self, made: Made) -> Iterable[Made]:
+        """What it needs."""
+        return {
+            id(one): one for need in made.needs for one in self._declared.makers(need.term.label, need.variables)
+        }.values()
+
+    def _enter(self, made: Made, depth: dict[int, int], path: list[tuple[Made, Iterator[Made]]]) -> None:
+        if id(made) not in depth:
+            depth[id(made)] = 0
+            path.append((made, iter(self._before(made))))
+
+    def suspicions(self, every: Sequence[Declaration]) -> list[TextError]:
         """Sources and units that nothing is made from, and generators whose streams nobody asks for here."""
+        found: list[TextError] = []
         wanted = set[int]()
-        for made in self._made:
-            for need in made.needs:
-                wanted.update(id(one) for one in self._makers(need.term.label, need.variables))
+        used = set[str]()
         features = set[str]()
-        for declaration in self._specification:
-            match declaration:
-                case SourceDeclaration(_, name) | UnitDeclaration(_, name):
-                    if name not in self._used:
-                        self._suspicious(f"nothing is made from {name}", declaration)
-                case StreamDeclaration(_, term) | Export(_, term):
-                    wanted.update(id(one) for one in self._makers(term.label, frozenset()))
-                case Define(_, formula) | MonitorDeclaration(_, formula):
-                    features |= {node.name for node in walk(formula) if isinstance(node, Feature)}
-                    features.update(domains_of(formula))
-        for made in self._made:
-            if id(made) not in wanted and _stem(made.label) not in features:
-                self._suspicious(f"nobody here asks for {made.label}", made.node)
+        for each in every:
+            for need in needs_of(each):
+                wanted.update(id(one) for one in self._declared.makers(need.term.label, need.variables))
+            used.update(uses_of(each))
+            if isinstance(each, Define | MonitorDeclaration):
+                features |= {node.name for node in walk(each.formula) if isinstance(node, Feature)}
+                features.update(domains_of(each.formula))
+        for each in every:
+            made = self._declared.made.get(id(each))
+            if isinstance(each, SourceDeclaration | UnitDeclaration) and each.name not in used:
+                found.append(self._said(f"nothing is made from {each.name}", each, ""))
+            if made is not None and id(made) not in wanted and stem(made.label) not in features:
+                found.append(self._said(f"nobody here asks for {made.label}", each, ""))
+        return found
 
     def _wrong(self, message: str, node: Node, repair: str = "") -> None:
         self.errors.append(self._said(message, node, repair))
-
-    def _suspicious(self, message: str, node: Node) -> None:
-        self.warnings.append(self._said(message, node, ""))
 
     def _closest(self, name: str, names: Iterable[object]) -> str:
         """What may have been meant; looked for while there are few errors, since it takes its time."""
@@ -353,6 +357,11 @@ class _Checker:
         return next(iter(get_close_matches(name, list(map(str, names)), n=1)), "")
 
     def _said(self, message: str, node: Node, repair: str) -> TextError:
+        if self._old and self._of is not None:  # it is not in the text: what runs needs what is taken from it
+            running = print_declaration(self._of)
+            return TextError(
+                f"{message}, which the running instance needs", text=running, width=len(running), repair=repair
+            )
         place = node.place
         return TextError(
             message,
@@ -363,28 +372,6 @@ class _Checker:
             repair=repair,
             file=self._file,
         )
-
-
-def _needs(declaration: GeneratorDeclaration, variables: frozenset[str]) -> Iterator[_Need]:
-    match declaration.made:
-        case Refinement(_, inputs) | StateStream(inputs):
-            yield from (_Need(term, variables) for term in inputs)
-        case Link(source):
-            yield _Need(StreamTerm(source, place=declaration.made.place), variables)
-        case Select(term, variable, domain) | Merge(term, variable, domain):
-            yield _Need(domain, variables)
-            yield _Need(term, variables | {variable})
-
-
-def _fit(one: Label, free: frozenset[str], other: Label, also_free: frozenset[str]) -> bool:
-    """Whether two labels of one feature can become the same: free objects stand for any, `self` for one unit."""
-    return len(one.objects) == len(other.objects) and all(
-        a in free or b in also_free or a == b or SELF in (a, b) for a, b in zip(one.objects, other.objects, strict=True)
-    )
-
-
-def _stem(label: Label) -> str:
-    return label.feature.partition(".")[0]
 
 
 def _in_order(errors: list[TextError]) -> tuple[TextError, ...]:

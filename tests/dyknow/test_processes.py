@@ -380,7 +380,7 @@ def test_attributes_come_with_those_who_want_them_and_go_with_them() -> None:
     assert not early.linked
     network.add_source(UAV, POS)
     assert early.linked
-    assert network.is_attribute(ALTITUDE)
+    assert network.is_implicit(ALTITUDE)
     network.push(UAV, 5, (58.0, 120.5), 6)
     assert times(got) == [(6, 5, 120.5)]
     early.cancel()
