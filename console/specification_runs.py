@@ -16,7 +16,7 @@ from console.command import Call
 from console.errors import DONE, INTERRUPTED, NO, WrongCall
 from console.instants import SHORTEST_US, duration_us
 from console.output import verbatim
-from console.specifications import read_text
+from console.specifications import counted, read_text
 from dyknow import earlier
 from dyknow.errors import DyknowError, TextErrors
 
@@ -249,9 +249,13 @@ def verify(call: Call, path: Path, *, journal: Path, units: Sequence[str]) -> in
             said=violation.said,
         )
     samples = sum(map(len, (*labels.values(), *streams.values())))
-    verdict = f"[red]{len(found)} violations[/]" if found else "[green]satisfied[/]"
-    call.out.say(f"{verdict}: {samples} samples of {len(labels)} generators and {len(streams)} streams",
-                 event="verified", satisfied=not found, violations=len(found), samples=samples)  # fmt: skip
+    verdict = f"[red]{counted(len(found), 'violation')}[/]" if found else "[green]satisfied[/]"
+    looked_at = (
+        f"{counted(samples, 'sample')} of {counted(len(labels), 'generator')} and {counted(len(streams), 'stream')}"
+    )
+    call.out.say(
+        f"{verdict}: {looked_at}", event="verified", satisfied=not found, violations=len(found), samples=samples
+    )
     return NO if found else DONE
 
 
@@ -284,8 +288,14 @@ def show_graph(call: Call, instance: "Instance", form: str) -> None:
 def folded(line: str, width: int) -> str:
     """A line that is too long for the terminal goes on below, indented more than it begins."""
     indent = line[: len(line) - len(line.lstrip())]
-    inside = {"initial_indent": indent, "subsequent_indent": f"{indent}      "}
-    return fill(line.lstrip(), max(width, 20), **inside, break_long_words=False, break_on_hyphens=False)
+    return fill(
+        line.lstrip(),
+        max(width, 20),
+        initial_indent=indent,
+        subsequent_indent=f"{indent}      ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 def instance_of(

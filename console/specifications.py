@@ -110,9 +110,9 @@ def _say(call: Call, severity: str, found: TextError) -> None:
 
 
 def _summary(declarations: int, errors: int, warnings: int) -> str:
-    said = [_counted(declarations, "declaration"), _counted(errors, "error"), _counted(warnings, "warning")]
+    said = [counted(declarations, "declaration"), counted(errors, "error"), counted(warnings, "warning")]
     return ", ".join(said)
 
 
-def _counted(number: int, what: str) -> str:
+def counted(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"

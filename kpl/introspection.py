@@ -303,7 +303,7 @@ def _conditions(edge: Edge) -> str:
     if lost:
         parts.append(f"; dropped: {lost}")
     if edge.gaps:
-        parts.append(f"; {edge.gaps} gaps")
+        parts.append(f"; {edge.gaps} gap{'' if edge.gaps == 1 else 's'}")
     if not edge.linked:
         parts.append("; nobody makes it")
     return "".join(parts)

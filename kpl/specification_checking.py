@@ -30,7 +30,8 @@ from kpl.specification import (
     StreamTerm,
     UnitDeclaration,
 )
-from reasoning.formulas import Feature, Node, walk
+from reasoning.derivation import FEATURES
+from reasoning.formulas import Feature, Formula, Node, walk
 
 STATE = "state"
 LONGEST_CHAIN = 100
@@ -214,7 +215,11 @@ class _Checker:
             self._wrong(f"{unit} is {kind}", made, unit if is_source else self._closest(unit, units))
         elif len(declared[1]) != arity:
             takes = ", ".join(declared[1])
-            self._wrong(f"{unit} takes {len(declared[1])} streams ({takes}), not {arity}", made, f"{unit}({takes})")
+            self._wrong(
+                f"{unit} takes {len(declared[1])} stream{'s' * (len(declared[1]) != 1)} ({takes}), not {arity}",
+                made,
+                f"{unit}({takes})",
+            )
 
     def _sort(self, sort: str, node: Node) -> None:
         if self._known.sorts is not None and sort not in self._known.sorts:
@@ -339,13 +344,29 @@ class _Checker:
             if isinstance(each, Define | MonitorDeclaration):
                 features |= {node.name for node in walk(each.formula) if isinstance(node, Feature)}
                 features.update(domains_of(each.formula))
+        there = {*(stem(made.label) for made in self._declared.made.values()), *map(stem, self._known.labels)}
+        there |= {*self._known.figures, *FEATURES, *(each.feature.name for each in every if isinstance(each, Define))}
         for each in every:
             made = self._declared.made.get(id(each))
             if isinstance(each, SourceDeclaration | UnitDeclaration) and each.name not in used:
                 found.append(self._said(f"nothing is made from {each.name}", each, ""))
             if made is not None and id(made) not in wanted and stem(made.label) not in features:
                 found.append(self._said(f"nobody here asks for {made.label}", each, ""))
+            if isinstance(each, Define | MonitorDeclaration):
+                found += self._unread(each.formula, there)
         return found
+
+    def _unread(self, formula: Formula, there: Collection[str]) -> list[TextError]:
+        """Features of objects that nothing is called like; names without objects may be more than features."""
+        return [
+            self._said(
+                f"nothing here makes {node.name}, so that its value stays unknown",
+                node,
+                self._closest(node.name, there),
+            )
+            for node in walk(formula)
+            if isinstance(node, Feature) and node.objects and node.name not in there
+        ]
 
     def _wrong(self, message: str, node: Node, repair: str = "") -> None:
         self.errors.append(self._said(message, node, repair))

@@ -1,0 +1,73 @@
+"""The pages of docs/ say what is so: files are included whole, commands are run, what is shown comes out."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from dyknow.policy_text import _CONSTRAINTS
+from kpl import parse_specification
+from kpl.grammar import parse_tree
+from tests.docs.pages import DOCS, PAGES, ROOT, commands, fences, folder, library_table, output
+
+NAMES = [page.name for page in PAGES]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_included_files_are_verbatim(name: str) -> None:
+    for fence in fences(DOCS / name):
+        if fence.about and fence.language != "console":
+            assert fence.text == (ROOT / fence.about).read_text(encoding="utf-8"), fence.about
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_command_says_what_the_page_shows(name: str, tmp_path: Path) -> None:
+    place = folder(tmp_path)
+    for fence in fences(DOCS / name):
+        if fence.language == "console" and not fence.about:
+            for shown in commands(fence):
+                assert output(shown.command, place) == shown.output, shown.command
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_specification_can_be_read(name: str) -> None:
+    for fence in fences(DOCS / name):
+        if fence.language == "kpl":
+            parse_specification(fence.text, name)
+        elif fence.language == "formula":
+            for line in fence.text.splitlines():
+                parse_tree(line, "formula_only", name)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_piece_of_python_runs(name: str) -> None:
+    for fence in fences(DOCS / name):
+        if fence.language == "python":
+            exec(compile(fence.text, name, "exec"), {"__name__": name})
+
+
+@pytest.mark.parametrize("name", [*NAMES, "../README.md"])
+def test_every_file_a_page_links_to_exists(name: str) -> None:
+    text = (DOCS / name).read_text(encoding="utf-8")
+    linked = re.findall(r"\]\((?!https?:|#)([^)#]+)", text)
+    assert [link for link in linked if not (DOCS / name).parent.joinpath(link).exists()] == []
+
+
+def test_every_constraint_and_every_statement_is_explained() -> None:
+    text = (DOCS / "kpl.md").read_text(encoding="utf-8")
+    assert [each for each in _CONSTRAINTS if f"`{each}`" not in text] == []
+    statements = re.search(r"^_statement: (.*)$", (ROOT / "kpl" / "kpl.lark").read_text(), re.MULTILINE)
+    assert statements is not None
+    words = {"for_each": "for", "import_": "import", "chronicle_file": "chronicle"}
+    named = [words.get(each, each) for each in statements[1].split(" | ")]
+    assert [each for each in named if not re.search(rf"^### `{each}\b", text, re.MULTILINE)] == []
+
+
+def test_the_ready_units_are_all_listed() -> None:
+    assert library_table() in (DOCS / "units.md").read_text(encoding="utf-8")
+
+
+def test_every_example_is_shown_on_a_page() -> None:
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    shown = {path.relative_to(ROOT).as_posix() for path in (ROOT / "examples").rglob("*.kpl")}
+    assert sorted(path for path in shown if path not in text) == []
