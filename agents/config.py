@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 from agents.interface import Trust
 from agents.limits import ACTS_BURST, ACTS_PER_S
@@ -27,6 +28,7 @@ class PlatformConfig:
         period_us: the grid of its estimates.
         catalogue: what its specification can make sources and units from, by name.
         monotonic_offset_us: its node clock minus the monotonic clock of the machine, which hosts have, too.
+        admission: what becomes of declarations that there is no time for.
         govern_us: while delays are longer than this the least important streams suffer; None: nobody governs.
     """
 
@@ -49,5 +51,6 @@ class PlatformConfig:
     catalogue: Callable[[str], Prototype | None] = lambda _name: None
     monotonic_offset_us: int = 0
     govern_us: int | None = None
+    admission: Literal["refuse", "longer"] = "refuse"
     acts_per_s: float = ACTS_PER_S
     acts_burst: float = ACTS_BURST

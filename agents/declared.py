@@ -71,6 +71,7 @@ class Declared:
             catalogue=platform.config.catalogue,
             hooks=Hooks(self._on_output, self._on_link, platform.on_alarm),
             federation=self,
+            admission=platform.config.admission,
         )
         platform.network.on_fault = self._on_fault
         self.desk = HostDesk(self.instance, platform.clock, platform.note, platform.config.monotonic_offset_us)

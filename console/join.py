@@ -137,6 +137,7 @@ def _config(call: Call, unit: str, duration: str | None, chosen: dict[str, Any])
             "units": [str(_absolute(Path(name))) if name.endswith(".py") else name for name in chosen["modules"] or ()],
             "feed": _absolute(chosen["feed"]),
             "hosts": hosts_of(call, unit),
+            "admit": chosen["admit"],
             "govern_ms": _milliseconds(chosen["govern"]),
             "duration_s": duration_us(duration, option="--duration", least_us=SHORTEST_US) / 1e6 if duration else None,
         }

@@ -59,6 +59,10 @@ Govern = Annotated[
     str | None,
     typer.Option(metavar="TIME", help="Lengthen the least important periods while delays are longer than this."),
 ]
+Admit = Annotated[
+    Literal["refuse", "longer"],
+    typer.Option(help="What becomes of declarations that there is no time for: refused, or served less often."),
+]
 GraphForm = Literal["text", "json", "mermaid", "dot"]
 
 
@@ -81,6 +85,7 @@ def kpl_run(
     ] = None,
     watch: Annotated[bool, typer.Option("--watch", help="Take in the file again whenever it is changed.")] = False,
     govern: Govern = None,
+    admit: Admit = "refuse",
     graph: Annotated[
         GraphForm | None, typer.Option("--graph", help="In the end show the network, with rates, delays and drops.")
     ] = None,
@@ -99,6 +104,7 @@ def kpl_run(
         record=record,
         watch=watch,
         govern=govern,
+        admit=admit,
         graph_form=graph,
     )
 

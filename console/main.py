@@ -7,7 +7,7 @@ import typer
 
 from console.choices import Merge, Persona, Role, Select, fault_kinds, scenarios, task_names
 from console.command import Call, command
-from console.kpl_commands import Feed, Govern, UnitModules, kpl
+from console.kpl_commands import Admit, Feed, Govern, UnitModules, kpl
 
 LOOPBACK = ("127.0.0.1", "localhost")
 
@@ -112,6 +112,7 @@ def join(
     modules: UnitModules = None,
     feed: Feed = None,
     govern: Govern = None,
+    admit: Admit = "refuse",
     avoidance: Avoidance = True,
     duration: Duration = None,
 ) -> int:
@@ -134,6 +135,7 @@ def join(
         modules=modules,
         feed=feed,
         govern=govern,
+        admit=admit,
         avoidance=avoidance,
     )
 

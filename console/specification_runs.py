@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from textwrap import fill
 from threading import Event
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, Literal
 
 from console.brought_forth import alarm_record, sample_record, tell_record
 from console.command import Call
@@ -185,6 +185,7 @@ def run(
     record: Path | None,
     watch: bool,
     govern: str | None,
+    admit: Literal["refuse", "longer"],
     graph_form: str | None,
 ) -> int:
     """Run until the feed is over, the duration has passed, or somebody interrupts."""
@@ -199,6 +200,7 @@ def run(
     with ExitStack() as stack:
         if record is not None:
             going.record(stack.enter_context(_created(record)), text)
+        going.instance.admission = admit
         if govern is not None:
             going.govern(duration_us(govern, option="--govern", least_us=SHORTEST_US))
         going.specify(text)

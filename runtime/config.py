@@ -110,6 +110,8 @@ class NodeConfig(Strict):
     """Modules with sources and computational units of the specification."""
     govern_ms: float | None = Field(None, gt=0, le=60_000)
     """While delays are longer than this the periods of the least important streams are lengthened."""
+    admit: Literal["refuse", "longer"] = "refuse"
+    """What becomes of declarations there is no time for: refused, or served at a longer period until there is."""
     feed: Path | None = None
     """Samples of the specification's sources."""
     hosts: Path | None = None

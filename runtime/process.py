@@ -368,6 +368,7 @@ def platform_config(config: NodeConfig, clock: FederationClock, started_us: int,
         profiles=profiles,
         trust=trust_of(config, started_us),
         catalogue=catalogue(config.units).offered,
+        admission=config.admit,
         govern_us=None if config.govern_ms is None else round(config.govern_ms * 1000),
     )
 
