@@ -17,6 +17,8 @@ from bench.machine import machine
 from bench.rows import Options, Row
 
 _HERE = Path(__file__).parent
+_WIDEST = 8
+"""With more metrics than that each is a line and each side a column."""
 
 
 def rows() -> list[str]:
@@ -42,16 +44,24 @@ def measured(name: str, options: Options) -> dict[str, Any]:
 
 
 def _show(middle: dict[str, dict[str, float]], judged: list[Any]) -> None:
-    metrics = sorted({metric for figures in middle.values() for metric in figures})
-    width = max((len(side) for side in middle), default=4)
-    print(f"  {'':{width}}  " + "  ".join(f"{metric:>14}" for metric in metrics))
-    for side, figures in middle.items():
-        cells = (f"{figures[metric]:>14,.2f}" if metric in figures else f"{'':>14}" for metric in metrics)
-        print(f"  {side:{width}}  " + "  ".join(cells))
+    metrics = list(dict.fromkeys(metric for figures in middle.values() for metric in figures))
+    cells = {(side, metric): f"{figures[metric]:,.2f}" for side, figures in middle.items() for metric in figures}
+    if len(metrics) > _WIDEST:
+        _table(metrics, list(middle), {(metric, side): said for (side, metric), said in cells.items()})
+    else:
+        _table(list(middle), metrics, cells)
     for verdict in judged:
         interval = f"[{verdict.low:.2f}, {verdict.high:.2f}]"
         print(f"  {'met    ' if verdict.met else 'NOT met'}  {verdict.what}: {verdict.value:.2f} {interval}")
     print(flush=True)
+
+
+def _table(lines: list[str], columns: list[str], cells: dict[tuple[str, str], str]) -> None:
+    width = max(map(len, lines), default=4)
+    widths = [max(len(column), 14) for column in columns]
+    for line in ("", *lines):
+        said = ((cells.get((line, column), "") if line else column) for column in columns)
+        print(f"  {line:{width}}  " + "  ".join(f"{each:>{wide}}" for each, wide in zip(said, widths, strict=True)))
 
 
 def main() -> int:

@@ -17,6 +17,12 @@ class Pair(NamedTuple):
         self.sender.call("pace", count=count, period_us=period_us)
         return dict(self.receiver.end())
 
+    def on_grid(self, count: int, period_us: int, **collecting: int) -> dict[str, float]:
+        """The same with every sample at a multiple of the period, as `sample every` wants it."""
+        self.receiver.begin("collect_on_grid", count=count, period_us=period_us, **collecting)
+        self.sender.call("put_on_grid", count=count, period_us=period_us)
+        return dict(self.receiver.end())
+
     def linked(self) -> bool:
         """Whether samples come through; what was on its way has arrived after it."""
         self.receiver.begin("collect", count=10**9)

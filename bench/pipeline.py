@@ -7,17 +7,20 @@ heartbeats), which samples do not pass through. Valid times are the monotonic cl
 import itertools
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from agents.export_proxy import ExportProxy
 from agents.import_proxy import ImportProxy
-from bench.raw import IDLE_S, PATIENCE_S, latencies
+from bench.experiments import fluent_streams
+from bench.instants import grid
+from bench.raw import IDLE_S, PATIENCE_S, averages, latencies
 from dyknow import Label, Network, Policy, Sample
 from federation import keys
 from federation.clock import FederationClock, Offset
 from federation.exports import Exports
 from federation.ontology import Ontology, Translation
 from federation.transport import Answered, Arrived, Asked, AskEnded, DeclareQueryable, Put, Urgency, WireEffect
+from kpl import Instance, parse_specification
 from proxies.zenoh_config import ZenohOptions
 from proxies.zenoh_edge import ZenohEdge
 from runtime.loop import step
@@ -90,6 +93,14 @@ class Exporter:
             time.sleep(0.001)
         return True
 
+    def put_on_grid(self, count: int, period_us: int) -> dict[str, float]:
+        """`count` samples, each valid and put at a multiple of a period."""
+        for _, due_us in zip(range(count), grid(period_us), strict=False):
+            self._network.push(self._local, due_us, VALUE, monotonic_us())
+            self._proxy.flush()
+        self._serve()
+        return {}
+
     def _push(self) -> None:
         now_us = monotonic_us()
         self._network.push(self._local, now_us, VALUE, now_us)
@@ -121,29 +132,56 @@ class Importer:
 
     def collect(self, count: int, streams: int = 1, idle_s: float = IDLE_S) -> dict[str, float]:
         """What the last of `streams` consumers gets, until it has `count` samples or none came for `idle_s`."""
-        found, last = self._node.consume(streams), 0
+        found = self._node.consume(streams)
+        self._take(found, count, idle_s)
+        return self._figures(found)
+
+    def collect_on_grid(self, count: int, period_us: int, streams: int = 1, idle_s: float = IDLE_S) -> dict[str, float]:
+        """The same of `streams` streams as thesis 5.5 declares them."""
+        found = self._node.specify(streams, period_us)
+        self._take(found, count, idle_s)
+        return {
+            **self._figures(found),
+            **averages(
+                [each.at_ns - each.valid_us * 1000 for each in found],
+                [(each.arrived_us - each.valid_us) * 1000 for each in found],
+            ),
+        }
+
+    def _take(self, found: "list[_Found]", count: int, idle_s: float) -> None:
+        last = 0
         self._node.wake_us = monotonic_us() + round(PATIENCE_S * 1e6)
         while len(found) < count and monotonic_us() < self._node.wake_us:
             step(self._node, self._mailbox, monotonic_us, self._edge.perform)
             if len(found) > last:
                 last = len(found)
                 self._node.wake_us = monotonic_us() + round(idle_s * 1e6)
-        arrived = [at_ns for at_ns, _ in found]
+
+    def _figures(self, found: "list[_Found]") -> dict[str, float]:
+        arrived = [each.at_ns for each in found]
         seconds = (arrived[-1] - arrived[0]) / 1e9 if len(arrived) > 1 else 1.0
-        account = self._node.account()
         return {
-            **latencies([at_ns - valid_us * 1000 for at_ns, valid_us in found]),
+            **latencies([each.at_ns - each.valid_us * 1000 for each in found]),
             "rate_per_s": max(0, len(arrived) - 1) / seconds,
-            "missing": float(account.lost + self._node.missing()),
+            "missing": float(self._node.account().lost + self._node.missing()),
         }
 
     def close(self) -> None:
         self._edge.close()
 
 
+class _Found(NamedTuple):
+    """A sample that reached its consumer, and when it had reached this process."""
+
+    at_ns: int
+    valid_us: int
+    arrived_us: int
+
+
 class _ImportingNode:
     def __init__(self) -> None:
         self.wake_us: int | None = None
+        self._arrived_us = 0
         self._effects: list[WireEffect] = []
         self._network = Network()
         self._subscriptions: list[Any] = []
@@ -165,23 +203,44 @@ class _ImportingNode:
             source,
         )
         self._importer.expect(OWNER, LABEL, POLICY.content_hash(), POLICY, 0)
+        self._instance = Instance(self._network)
 
-    def consume(self, streams: int) -> list[tuple[int, int]]:
-        """`streams` consumers; the list that the last of them fills with (monotonic ns, valid us)."""
-        for subscription in self._subscriptions:
-            subscription.cancel()
-        found: list[tuple[int, int]] = []
+    def consume(self, streams: int) -> list[_Found]:
+        """`streams` consumers; the list that the last of them fills."""
+        self._release()
+        found: list[_Found] = []
 
         def ignore(sample: Sample) -> None:
             pass
 
         def keep(sample: Sample) -> None:
-            found.append((time.monotonic_ns(), sample.valid_us))
+            found.append(_Found(time.monotonic_ns(), sample.valid_us, self._arrived_us))
 
         self._subscriptions = [
             self._network.subscribe(self._local, POLICY, consumer) for consumer in [ignore] * (streams - 1) + [keep]
         ]
         return found
+
+    def specify(self, streams: int, period_us: int) -> list[_Found]:
+        """The streams of a specification; the list that the last of them fills."""
+        self._release()
+        found: list[_Found] = []
+        last = f"strm{streams}"
+
+        def keep(name: str, sample: Sample) -> None:
+            if name == last:
+                found.append(_Found(time.monotonic_ns(), sample.valid_us, self._arrived_us))
+
+        self._instance.hooks.on_output = keep
+        text = fluent_streams(streams, str(self._local), period_us // 1000)
+        self._instance.change(parse_specification(text), monotonic_us(), text)
+        return found
+
+    def _release(self) -> None:
+        for subscription in self._subscriptions:
+            subscription.cancel()
+        self._subscriptions = []
+        self._instance.change((), monotonic_us())
 
     def account(self) -> Any:
         return next(iter(self._importer.imports.values())).stream.account
@@ -199,6 +258,7 @@ class _ImportingNode:
 
     def on_event(self, event: Any, _now_us: int) -> list[WireEffect]:
         if isinstance(event, Arrived):
+            self._arrived_us = event.at_us
             self._importer.on_arrived(event)
         elif isinstance(event, Answered):
             self._importer.on_answered(event)

@@ -9,12 +9,13 @@ import struct
 import time
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from statistics import median
+from statistics import fmean, median
 from typing import Any
 
 import zenoh
 from zenoh.handlers import Callback
 
+from bench.instants import grid
 from proxies.zenoh_config import ZenohOptions, zenoh_config
 
 STAMP = struct.Struct("<qq")
@@ -43,6 +44,14 @@ def latencies(found_ns: list[int]) -> dict[str, float]:
     }
 
 
+def averages(found_ns: list[int], channel_ns: list[int]) -> dict[str, float]:
+    """The delays of thesis 5.5: until the last consumer has it, and of that until it reached the receiving process."""
+    return {
+        "total_us": fmean(found_ns) / 1e3 if found_ns else 0.0,
+        "channel_us": fmean(channel_ns) / 1e3 if channel_ns else 0.0,
+    }
+
+
 class Receiver:
     """A subscriber whose handler puts into a queue; one thread reads it."""
 
@@ -60,6 +69,7 @@ class Receiver:
     def collect(self, count: int, streams: int = 1, idle_s: float = IDLE_S) -> dict[str, float]:
         """What the last of `streams` consumers gets, until it has `count` samples or none came for `idle_s`."""
         found: list[int] = []
+        channel: list[int] = []
         first = last = 0
         wait_s = PATIENCE_S
 
@@ -75,13 +85,20 @@ class Receiver:
         consumers = [ignore] * (streams - 1) + [keep]
         try:
             while len(found) < count:
-                _, payload = self._queue.get(timeout=wait_s)
+                arrived_ns, payload = self._queue.get(timeout=wait_s)
                 for consumer in consumers:
                     consumer(payload)
+                channel.append(arrived_ns - STAMP.unpack_from(payload)[1])
                 wait_s = idle_s
         except Empty:
             pass
-        return {**latencies(found), "rate_per_s": (len(found) - 1) / ((last - first) / 1e9) if len(found) > 1 else 0.0}
+        rate_per_s = (len(found) - 1) / ((last - first) / 1e9) if len(found) > 1 else 0.0
+        return {**latencies(found), **averages(found, channel), "rate_per_s": rate_per_s}
+
+    def collect_on_grid(self, count: int, period_us: int, streams: int = 1) -> dict[str, float]:
+        """The same; whoever only calls has no grid."""
+        del period_us
+        return self.collect(count, streams)
 
     def close(self) -> None:
         self._session.close()
@@ -103,6 +120,13 @@ class Sender:
                 raise TimeoutError("nobody subscribes")
             time.sleep(0.01)
         return True
+
+    def put_on_grid(self, count: int, period_us: int, size: int = 100) -> dict[str, float]:
+        """`count` messages, each at a multiple of a period."""
+        rest = bytes(size - STAMP.size)
+        for number, due_us in zip(range(count), grid(period_us), strict=False):
+            self._publisher.put(STAMP.pack(number, due_us * 1000) + rest)
+        return {}
 
     def pace(self, count: int, period_us: int, size: int = 100) -> dict[str, float]:
         """`count` messages, one per period."""

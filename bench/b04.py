@@ -1,0 +1,28 @@
+"""B4: the experiments of thesis 5.5 in one instance, as its specifications say."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from bench.experiments import EXPERIMENTS, ByCalls, InInstance, Running, measured
+from bench.rows import Limit, Options, Side
+
+TITLE = "Figures 5.7, 5.9 and 5.11 in one instance, 10 Hz (calls: the same wiring as lists of functions)"
+BARS = (
+    Limit("slope_total_5.7_us", 5.0),
+    Limit("slope_total_5.9_us", 10.0),
+    Limit("slope_total_5.11_us", 10.0),
+    Limit("unexplained_total_5.7", 0.1),
+    Limit("unexplained_total_5.9", 0.1),
+    Limit("unexplained_total_5.11", 0.1),
+)
+
+
+@contextmanager
+def sides(options: Options) -> Iterator[dict[str, Side]]:
+    samples = max(2, round(20 * options.effort))
+
+    def side(kind: Callable[[str], Running]) -> Side:
+        running = {(each.figure, n): kind(each.text(n)) for each in EXPERIMENTS for n in each.points}
+        return lambda: measured(running, samples)
+
+    yield {"calls": side(ByCalls), "ours": side(InInstance)}
