@@ -184,7 +184,7 @@ class Configuration:
 
     def renew(self) -> None:
         """Some of what belongs to the members may be gone: create it again where it is."""
-        for member in self.members:
+        for member in tuple(self.members):
             self._create(member)
 
     def cancel(self) -> None:

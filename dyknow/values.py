@@ -149,5 +149,8 @@ def _wanted(unit: str) -> str:
 
 
 def _shown(value: Value) -> str:
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:  # it holds a number of thousands of digits
+        return f"a {type(value).__name__} too long to be shown"
     return text if len(text) <= 80 else f"{text[:77]}..."

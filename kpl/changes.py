@@ -43,10 +43,23 @@ def rank(declaration: Declaration) -> int:
     return ranks.get(type(declaration), 0)
 
 
+def in_text(wrong: TextError, text: str, file: str, repair: str = "") -> TextError:
+    """The error with the text it is about."""
+    return TextError(
+        wrong.message,
+        text=wrong.text or text,
+        line=wrong.line,
+        column=wrong.column,
+        width=wrong.width,
+        repair=wrong.repair or repair,
+        file=wrong.file or file,
+    )
+
+
 def as_text_errors(wrong: BaseException, text: str, file: str) -> TextErrors:
     if isinstance(wrong, TextErrors):
         return wrong
     if isinstance(wrong, TextError):
-        return TextErrors((wrong,))
+        return TextErrors((in_text(wrong, text, file),))
     said = "a chain of streams is too long" if isinstance(wrong, RecursionError) else str(wrong)
     return TextErrors((TextError(said, text=text, file=file),))

@@ -13,6 +13,7 @@ from dyknow.network import Process
 from dyknow.processes import Input
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.state_streams import StateStream, state_policy
+from kpl.changes import in_text
 from kpl.declared import Declared
 from kpl.definitions import Definitions
 from kpl.listing import print_declaration
@@ -125,7 +126,7 @@ class Compiler:
                     synchronised, when = state_policy(policy, [each.policy for each in inputs])
                     return Made(Sort("state", is_open=True), StateStream(inputs, synchronised, when))
                 except PolicyError as wrong:
-                    raise _at(made, str(wrong)) from None
+                    raise located(made, str(wrong)) from None
             case Select(term, variable, domain) | Merge(term, variable, domain):
                 return Made(
                     self._sort_of(term.label, declared),
@@ -136,7 +137,7 @@ class Compiler:
                     ),
                 )
             case Link():
-                raise _at(made, "links of objects are not run here yet: they come with anchoring")
+                raise located(made, "links of objects are not run here yet: they come with anchoring")
 
     # What can be said beforehand
 
@@ -154,7 +155,7 @@ class Compiler:
             except TextErrors as wrong:
                 errors += wrong.errors
             except TextError as wrong:
-                errors.append(_in_text(wrong, text, file))
+                errors.append(in_text(wrong, text, file))
         return errors
 
     def _check(
@@ -163,26 +164,29 @@ class Compiler:
         match declaration:
             case GeneratorDeclaration():
                 self._check_made(declaration, declared)
-            case ForEach(variable, _, body):
+            case ForEach(variable, domain, body):
+                self._check_period(domain, domain.policy)
                 self._check_made(body, declared, {variable: variable})
             case UnitDeclaration(sort, name, inputs):
                 unit = self._instance.factory.find(name)
                 if isinstance(unit, UnitPrototype) and not unit.fits(sort, inputs):
                     takes = ", ".join(unit.inputs)
-                    raise _at(
+                    raise located(
                         declaration, f"{name} is implemented with other sorts", f"compunit {unit.sort} {name}({takes})"
                     )
             case SourceDeclaration(sort, name):
                 source = self._instance.factory.find(name)
                 if isinstance(source, SourcePrototype) and source.sort != sort:
-                    raise _at(declaration, f"{name} is implemented with another sort", f"source {source.sort} {name}")
+                    raise located(
+                        declaration, f"{name} is implemented with another sort", f"source {source.sort} {name}"
+                    )
             case MonitorDeclaration():
                 definitions.resolved(declaration.formula, self._instance.unit, text, file)
                 self._check_period(declaration, declaration.policy)
             case StreamDeclaration(_, term) | Export(_, term) | Import(_, _, term):
                 self._check_period(term, term.policy)
             case ChronicleFile():
-                raise _at(declaration, "chronicles are not run here yet")
+                raise located(declaration, "chronicles are not run here yet")
 
     def _check_made(
         self, declaration: GeneratorDeclaration, declared: Declared, members: Members | None = None
@@ -198,7 +202,7 @@ class Compiler:
         if self._instance.admission == "longer":
             return
         if policy.sample_us is not None and policy.sample_us < LEAST_PERIOD_US:
-            raise _at(
+            raise located(
                 node,
                 f"a sample every {print_duration(policy.sample_us)} cannot be served",
                 f"at least {print_duration(LEAST_PERIOD_US)}",
@@ -218,7 +222,7 @@ class Compiler:
             return found.sort
         takes = ", ".join(each.removeprefix("?") for each in unit.inputs)
         repair = f"compunit {unit.sort.removeprefix('?')} {unit.name}({takes})"
-        raise _at(place, f"{unit.name} is for streams of any sort and not declared: say of which", repair)
+        raise located(place, f"{unit.name} is for streams of any sort and not declared: say of which", repair)
 
     def _sort_of(self, label: Label, declared: Declared) -> Sort:
         """The sort of what a label of a member is made of: that of any of its makers."""
@@ -262,18 +266,7 @@ def _terms(made: Making) -> tuple[StreamTerm, ...]:
     return ()
 
 
-def _at(node: Node, message: str, repair: str = "") -> TextError:
+def located(node: Node, message: str, repair: str = "") -> TextError:
+    """An error at a node of the syntax tree, whose text is not known here."""
     place = node.place
     return TextError(message, line=place.line, column=place.column, width=place.width, repair=repair)
-
-
-def _in_text(wrong: TextError, text: str, file: str, repair: str = "") -> TextError:
-    return TextError(
-        wrong.message,
-        text=text,
-        line=wrong.line,
-        column=wrong.column,
-        width=wrong.width,
-        repair=wrong.repair or repair,
-        file=file,
-    )

@@ -4,16 +4,15 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
-from dyknow import Label, Network, Sort, Value
-from dyknow.errors import DyknowError, TextError, TextErrors
+from dyknow import Label, Network, Sample, Sort, Value
+from dyknow.errors import DyknowError, TextError, TextErrors, ValueNotAvailable
 from dyknow.factory import ProcessFactory
 from dyknow.mediation import Configuration
-from dyknow.processes import Input
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.stream_proxy import StreamProxy
 from kpl.changes import as_text_errors, difference, rank
-from kpl.compiling import MAX_DECLARATIONS, Compiler, too_many
-from kpl.declared import Declared
+from kpl.compiling import MAX_DECLARATIONS, Compiler, located, too_many
+from kpl.declared import Declared, names_of
 from kpl.definitions import Definitions
 from kpl.figures import MEANINGS, figure
 from kpl.formula_monitors import FormulaMonitor
@@ -50,6 +49,7 @@ class ConfigurationEntry(NamedTuple):
     specification: Specification
 
 
+Part: TypeAlias = SourceDeclaration | UnitDeclaration | GeneratorDeclaration
 Admission: TypeAlias = Literal["refuse", "longer"]
 
 
@@ -94,6 +94,8 @@ class Instance:
         self._catalogue = catalogue
         self._sorts, self._semantic, self._federation = sorts or {}, semantic, federation
         self._undo: dict[Declaration, Undo] = {}
+        self._backlog: list[tuple[str, Sample]] = []
+        self._is_going_back = False
         self._compiler = Compiler(self)
         self.parts = Parts(network, self.factory, self._compiler)
         network.resolve = lambda label: figure(self, label)
@@ -133,12 +135,7 @@ class Instance:
             known = {id(proxy) for _, proxy in proxies_of(self)} if self._is_full() else ()
             gone.sort(key=rank, reverse=True)
             new.sort(key=rank)
-            try:
-                self._become(gone, new, wanted)
-            except (DyknowError, RecursionError) as wrong:
-                done = [each for each in new if each in self._undo]
-                self._become(done[::-1], [each for each in before if each not in self._undo], before)
-                raise as_text_errors(wrong, text, file) from wrong
+            self._take_over(gone, new, wanted, text, file)
         except TextError:
             self._declare(new, gone)
             raise
@@ -272,6 +269,38 @@ class Instance:
                 if prototype is not None:
                     self.factory.add_prototype(prototype)
 
+    def _take_over(
+        self, gone: Sequence[Declaration], new: Sequence[Declaration], wanted: Specification, text: str, file: str
+    ) -> None:
+        """Become what is wanted, or stay; what was never begun has told nothing."""
+        before, self._backlog = self.specification, []
+        try:
+            self._begin_in_past(gone, new, wanted)
+            other = self.parts.of_other_sorts((*gone, *new))
+            remade = [each for each in other if each in self._undo and each not in gone]
+            rest = [each for each in new if each not in self._undo]
+            self._become([*gone, *remade], sorted([*rest, *remade], key=rank), wanted)
+        except (DyknowError, RecursionError) as wrong:
+            self._is_going_back = True
+            done = [each for each in new if each in self._undo]
+            self._become(done[::-1], [each for each in before if each not in self._undo], before)
+            self._is_going_back = False
+            raise as_text_errors(wrong, text, file) from wrong
+        for name, sample in self._backlog:
+            self.hooks.on_output(name, sample)
+
+    def _begin_in_past(self, gone: Sequence[Declaration], new: Sequence[Declaration], wanted: Specification) -> None:
+        """What may be refused comes first, with what it needs, while everything is still as it was."""
+        past = [each for each in new if isinstance(each, StreamDeclaration) and self._past_us(each.term) is not None]
+        if not past:
+            return
+        self.parts.wanted = wanted
+        taken = {name for each in gone for name in names_of(each)}
+        for each in (*(each for each in new if isinstance(each, Part)), *past):
+            label = each.label if isinstance(each, GeneratorDeclaration) else None
+            if taken.isdisjoint(names_of(each)) and (label is None or label not in self.parts.declared):
+                self._undo[each] = self._realise(each)
+
     def _become(self, gone: Sequence[Declaration], new: Iterable[Declaration], wanted: Specification) -> None:
         self.parts.wanted = wanted
         replaced = {each.label: each for each in new if isinstance(each, GeneratorDeclaration)}
@@ -295,8 +324,8 @@ class Instance:
                 return self.parts.add(declaration)
             case ForEach():
                 return self._configure(declaration)
-            case StreamDeclaration(name, term):
-                return self._deliver(name, term)
+            case StreamDeclaration():
+                return self._deliver(declaration)
             case MonitorDeclaration():
                 return self._monitor(declaration)
             case Export(semantic, term) if self._federation is not None:
@@ -310,26 +339,34 @@ class Instance:
 
     def _configure(self, declaration: ForEach) -> Undo:
         """One process per member; a member for which there is a declaration of its own is left to that."""
+        own = set[Label]()
+        family_label = declaration.body.label
 
         def create(member: str) -> None:
             members = {declaration.variable: member}
-            label = self._compiler.label(declaration.body.label, members)
+            label = self._compiler.label(family_label, members)
             if label not in self.parts.declared:
                 try:
                     self.parts.of_families[label] = self.parts.add(declaration.body, members)
+                    own.add(label)
                 except DyknowError as wrong:
                     self.network.on_fault(label, str(wrong))
 
         def remove(member: str) -> None:
-            label = self._compiler.label(declaration.body.label, {declaration.variable: member})
-            self.parts.of_families.pop(label, _nothing)()
+            label = self._compiler.label(family_label, {declaration.variable: member})
+            if label in own:
+                own.discard(label)
+                self.parts.of_families.pop(label, _nothing)()
+                for other, family in self.families.items():
+                    if other.feature == family_label.feature and other != family_label:
+                        family.renew()
 
         domain = self._compiler.input(declaration.domain)
         family = Configuration(self.network, domain, create, remove)
-        self.families[declaration.body.label] = family
+        self.families[family_label] = family
 
         def undo() -> None:
-            self.families.pop(declaration.body.label, None)
+            self.families.pop(family_label, None)
             family.cancel()
 
         return undo
@@ -345,20 +382,27 @@ class Instance:
 
         return undo
 
-    def _deliver(self, name: str, term: StreamTerm) -> Undo:
-        wanted: Input = self._compiler.input(term)
-        begins_us = wanted.policy.from_us
-        past_us = begins_us if begins_us is not None and begins_us < self.network.now_us else None
-        proxy = self.network.connect(
-            wanted.label,
-            wanted.policy,
-            lambda sample: self.hooks.on_output(name, sample),
-            lambda linked: self.hooks.on_link(name, linked),
-            from_us=past_us,
-        )
+    def _past_us(self, term: StreamTerm) -> int | None:
+        """When a stream begins that began already."""
+        begins_us = term.policy.from_us
+        is_past = begins_us is not None and begins_us < self.network.now_us
+        return begins_us if is_past and not self._is_going_back else None
+
+    def _deliver(self, declaration: StreamDeclaration) -> Undo:
+        name, term = declaration.name, declaration.term
+        wanted = self._compiler.input(term)
+        try:
+            proxy = self.network.connect(
+                wanted.label,
+                wanted.policy,
+                lambda sample: self.hooks.on_output(name, sample),
+                lambda linked: self.hooks.on_link(name, linked),
+                from_us=self._past_us(term),
+            )
+        except ValueNotAvailable as wrong:
+            raise located(declaration, str(wrong)) from wrong
         self.streams[name] = proxy
-        for sample in proxy.take_backlog():
-            self.hooks.on_output(name, sample)
+        self._backlog += [(name, sample) for sample in proxy.take_backlog()]
 
         def undo() -> None:
             self.streams.pop(name, None)
@@ -390,7 +434,8 @@ class Instance:
 
 
 def _forget(fed: dict[str, list[Label]], name: str) -> None:
-    fed.pop(name, None)
+    if not fed.get(name):
+        fed.pop(name, None)
 
 
 def _nothing() -> None:

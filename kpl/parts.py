@@ -3,12 +3,18 @@
 from collections.abc import Iterable
 from functools import partial
 
-from dyknow import Label, Network, Value
+from dyknow import Label, Network, SortError, Value
 from dyknow.factory import ProcessFactory
 from dyknow.prototypes import Prototype, SourcePrototype
 from kpl.compiling import Compiler, Made, Members, check_offer
 from kpl.declared import Declared
-from kpl.specification import Declaration, GeneratorDeclaration, Specification
+from kpl.specification import (
+    Declaration,
+    GeneratorDeclaration,
+    SourceDeclaration,
+    Specification,
+    UnitDeclaration,
+)
 from kpl.surroundings import Undo
 
 
@@ -87,7 +93,12 @@ class Parts:
     def push(self, source: str, valid_us: int, value: Value, now_us: int) -> None:
         """A source that is fed from outside has a new sample; where nothing is made from it, it is dropped."""
         for label in tuple(self.fed.get(source, ())):
-            self._network.push(label, valid_us, value, now_us)
+            try:
+                self._network.generator(label).sort.check(value)
+            except SortError as wrong:
+                self._network.on_fault(label, str(wrong))
+            else:
+                self._network.push(label, valid_us, value, now_us)
 
     def sources(self) -> tuple[str, ...]:
         """The declared sources that are fed from outside."""
@@ -103,6 +114,22 @@ class Parts:
         self._network.replace_process(label, making.sort, making.process)
         self._hold(new, None, label, making)
         return True
+
+    def of_other_sorts(self, changed: Iterable[Declaration]) -> list[GeneratorDeclaration]:
+        """The generators that stay, though what they are made from has become another sort."""
+        found: dict[int, GeneratorDeclaration] = {}
+        waiting: list[Declaration] = [each for each in changed if isinstance(each, SourceDeclaration | UnitDeclaration)]
+        while waiting:
+            for each in self.specified.dependent(waiting.pop()):
+                if isinstance(each, GeneratorDeclaration) and id(each) not in found and self._is_of_other_sort(each):
+                    found[id(each)] = each
+                    waiting.append(each)
+        return list(found.values())
+
+    def _is_of_other_sort(self, declaration: GeneratorDeclaration) -> bool:
+        label = self._compiler.label(declaration.label)
+        making = self._compiler.making(declaration, self.specified)
+        return self._network.has(label) and not making.lacks and self._network.generator(label).sort != making.sort
 
     def _generate(self, declaration: GeneratorDeclaration, members: Members | None, label: Label) -> None:
         """Make what a declaration says, or wait for who can make it."""
@@ -137,9 +164,11 @@ class Parts:
     def _release(self, label: Label) -> None:
         """Nothing is known of the generator any more."""
         self.declared.pop(label, None)
-        for labels in self.fed.values():
+        for source, labels in list(self.fed.items()):
             if label in labels:
                 labels.remove(label)
+            if not labels and self.specified.maker(source) is None:
+                del self.fed[source]
         for name, parts in list(self._made_from.items()):
             parts.pop(label, None)
             if not parts:
