@@ -264,7 +264,7 @@ class Network:
         return tuple(self._generators)
 
     def on_time(self, now_us: int) -> None:
-        """Hand on what policies owe at `now_us`."""
+        """Hand on what is owed at `now_us`. A source that is read gives one sample: call while something is due."""
         self.now_us = now_us
         for timed in tuple(self._timed):
             due_us = timed.deadline_us

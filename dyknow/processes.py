@@ -22,8 +22,6 @@ EVER_US = -(2**80)
 MAX_TIMERS = 16_384
 """So many timers of the past go off one by one; after that, time is let pass from sample to sample."""
 MAX_FAULT = 200
-MAX_READ = 4096
-"""So many samples of a source are read at once; then others have their turn."""
 OnFault: TypeAlias = Callable[[Label, str], None]
 
 
@@ -358,18 +356,18 @@ class Reader(OnDemand):
         return self._network.now_us
 
     def on_time(self, now_us: int) -> None:
-        for _ in range(MAX_READ):
-            if self._next is None or self._next[0] > now_us:
-                return
-            (valid_us, value), generator = self._next, self._generator
-            self._advance()
-            try:
-                if generator is not None:
-                    generator.sort.check(value)
-            except SortError as wrong:
-                self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
-            else:
-                self.emit(valid_us, value, now_us)
+        """One sample: who calls looks at the clock before the next, and lets others have their turn."""
+        if self._next is None or self._next[0] > now_us:
+            return
+        (valid_us, value), generator = self._next, self._generator
+        self._advance()
+        try:
+            if generator is not None:
+                generator.sort.check(value)
+        except SortError as wrong:
+            self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
+        else:
+            self.emit(valid_us, value, now_us)
 
     @property
     def deadline_us(self) -> int | None:

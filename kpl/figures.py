@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from dyknow import NO_VALUE, Label, Sample, Sort, Value
 from dyknow.instants import US_PER_MS
 from dyknow.processes import Input, OnDemand
-from kpl.introspection import SAMPLE_BYTES, rate_and_delay
+from kpl.introspection import LAST, SAMPLE_BYTES, rate_and_delay
 
 if TYPE_CHECKING:
     from dyknow import Generator
@@ -92,12 +92,7 @@ class Figure(OnDemand):
                 return NO_VALUE
             generators = [found]
         since_us = self._due_us - 2 * PERIOD_US
-        delays = [
-            generator.history.get_latest().delay_us
-            for generator in generators
-            if generator.last_us > since_us and generator.history.get_size()
-        ]
-        return max(delays, default=0) / US_PER_MS
+        return max((_longest_us(generator, since_us) for generator in generators), default=0) / US_PER_MS
 
     def _rate_hz(self) -> Value:
         generator = self._generator_of()
@@ -111,6 +106,17 @@ class Figure(OnDemand):
     def _memory_bytes(self) -> Value:
         generator = self._generator_of()
         return NO_VALUE if generator is None else generator.history.get_size() * SAMPLE_BYTES
+
+
+def _longest_us(generator: "Generator", since_us: int) -> int:
+    """The longest delay of what became available since then, among the last samples."""
+    longest_us, history = 0, generator.history
+    for n in range(min(history.get_size(), LAST)):
+        sample = history.get_nth_latest(n)
+        if sample.available_us <= since_us:
+            break
+        longest_us = max(longest_us, sample.delay_us)
+    return longest_us
 
 
 def flat(label: Label) -> str:

@@ -50,9 +50,10 @@ def pair():
 def test_an_imported_stream_comes_and_what_is_derived_from_it(pair):
     pair.world.run_for(10)
     distances = [each["value"] for each in pair.told("0", "sample") if each["stream"] == "distance_m"]
-    assert len(distances) >= 15
-    assert min(distances) < 15
-    assert max(distances) > 80
+    known = [distance for distance in distances if distance is not None]
+    assert len(known) >= 15
+    assert min(known) < 15
+    assert max(known) > 80
     assert pair.notes("0") == []
 
 
@@ -84,7 +85,9 @@ def test_what_is_taken_back_is_offered_asked_for_and_monitored_no_more(pair):
     less = "".join(
         line for line in text.splitlines(keepends=True) if not line.startswith(("import", "monitor", "export"))
     )
-    pair.specify("0", "".join(line for line in less.splitlines(keepends=True) if "dist" not in line))
+    gone = ("dist", "uav1", "both")
+    less = "".join(line for line in less.splitlines(keepends=True) if not any(name in line for name in gone))
+    pair.specify("0", less)
     pair.world.run_for(3)
     platform = pair.world.platform("0")
     assert platform.gateway.needs() == {}
@@ -105,7 +108,7 @@ def test_a_wrong_change_is_told_and_what_ran_goes_on(pair):
     before = len(pair.told("0", "sample"))
     pair.world.run_for(4)
     assert len(pair.told("0", "sample")) > before
-    assert print_specification(pair.declared("0").instance.specification).count("\n") == 12
+    assert "Nobody" not in print_specification(pair.declared("0").instance.specification)
 
 
 def test_a_partner_that_dies_is_told_and_its_streams_come_again_when_it_returns(pair):
