@@ -64,7 +64,10 @@ class Sort:
         """
         if value is NO_VALUE:
             return
-        if self._numbers and type(value) is tuple and len(value) == self._numbers:
+        kind = type(value)
+        if (kind is float or kind is int) and not self.fields and -_LARGEST <= value <= _LARGEST:
+            return
+        if self._numbers and kind is tuple and len(value) == self._numbers:
             for component in value:
                 if type(component) is not float or component - component != 0.0:
                     break
