@@ -140,6 +140,26 @@ def join(
     )
 
 
+@command(app, example="dyknow host camera.py --unit 0")
+def host(
+    call: Call,
+    module: Annotated[
+        str, typer.Argument(metavar="MODULE", help="A module or file.py with sources and computational units.")
+    ],
+    unit: Annotated[str, typer.Option(metavar="U", help="The platform of this machine that is to have them.")],
+    batch: Annotated[
+        int, typer.Option(metavar="N", min=1, max=256, help="Wait for so many samples of a process, then process all.")
+    ] = 1,
+    train: Annotated[
+        bool, typer.Option("--train", help="Let each sample pass a whole chain of processes before the next one.")
+    ] = False,
+) -> int:
+    """A process of its own that makes streams for a platform: a camera pipeline, a heavy filter."""
+    from console.host import host as run
+
+    return run(call, module, unit=unit, batch=batch, train=train)
+
+
 @command(app, example="dyknow down")
 def down(call: Call) -> int:
     """End what up --detach started."""

@@ -53,7 +53,7 @@ class Output:
         sys.stdout.write(json.dumps(record, separators=(",", ":"), allow_nan=False) + "\n")
         sys.stdout.flush()
 
-    def say(self, text: str, **record: Any) -> None:
+    def say(self, text: str, /, **record: Any) -> None:
         """One event: `record` as a JSON line, or `text` (rich markup) for people."""
         if self.json_lines:
             self.line(record)

@@ -203,15 +203,15 @@ def _flag(found: Any) -> bool:
 
 
 def _text(found: Any) -> str:
-    return found if type(found) is str and len(found) <= MAX_TEXT else _not_text()
+    return found if type(found) is str and len(found) <= MAX_TEXT else _not_text(found)
 
 
-def _not_text() -> NoReturn:
-    fail("text")
+def _not_text(found: Any) -> NoReturn:
+    fail("text", repr(found)[:80])
 
 
 def _name(found: Any) -> str:
-    return found if type(found) is str and _NAME.fullmatch(found) else _not_text()
+    return found if type(found) is str and _NAME.fullmatch(found) else _not_text(found)
 
 
 def _checked(parse: Callable[[str], object], found: Any) -> None:

@@ -14,21 +14,18 @@ from typing import Any, Final
 from agents.knowledge_host import KnowledgeHost, Read, Regrid, Rest
 from agents.outbox import Outbox
 from dyknow import Sample
-from dyknow.errors import ContentError, DecodeError, DyknowError, EndpointFailed
+from dyknow.errors import ContentError, DecodeError, EndpointFailed, Refused
 from federation.clock import FederationClock
 from federation.host_codec import decode_from_host, decode_from_platform, encode
-from federation.hosting import Beat, Fault, FromHost, Made, Refuse, Welcome
+from federation.hosting import Beat, Begin, Fault, FromHost, Made, Refuse, Welcome
 from proxies.local_line import BEAT_S, Line, connect
 from runtime.sources import SourceThread
 
 AGAIN_S: Final = 0.2
 TOGETHER: Final = 256
 """Messages that are taken before a process works again."""
+MAX_TOLD: Final = 1000
 _ENDED: Final = None
-
-
-class NotAdmitted(DyknowError):
-    """The platform takes nothing of what this host offers."""
 
 
 class HostProcess:
@@ -40,7 +37,7 @@ class HostProcess:
         say: takes what is to be told people: an event as a JSON object.
 
     Raises:
-        NotAdmitted: what it offers cannot be said.
+        Refused: what it offers cannot be said.
     """
 
     def __init__(self, host: KnowledgeHost, path: Path, say: Callable[[dict[str, Any]], None]) -> None:
@@ -49,7 +46,7 @@ class HostProcess:
             self._registration = host.registration()
             decode_from_host(encode(self._registration))
         except (ContentError, DecodeError) as wrong:
-            raise NotAdmitted(f"what the module offers cannot be registered: {wrong}") from None
+            raise Refused(f"what the module offers cannot be registered: {wrong}") from None
         self._going = True
         self._queue: SimpleQueue[Any] = SimpleQueue()
         self._lock = threading.Lock()
@@ -57,6 +54,8 @@ class HostProcess:
         self._line: Line | None = None
         self._sources: dict[int, SourceThread] = {}
         self._readers: dict[str, SourceThread] = {}
+        self._labels: dict[int, str] = {}
+        self._faults = set[tuple[str, str]]()
         self._sent_s = 0.0
         self._clock = FederationClock()
         self._offset_us = 0
@@ -66,7 +65,7 @@ class HostProcess:
 
         Raises:
             EndpointFailed: there is no platform at the first try.
-            NotAdmitted: the platform refuses what is offered.
+            Refused: the platform takes nothing of what is offered.
         """
         is_first = True
         while self._going:
@@ -134,9 +133,12 @@ class HostProcess:
                     self._put(self._host.on_reading(came.process, sample))
             return
         try:
-            steps = self._host.on_message(decode_from_platform(came))
+            message = decode_from_platform(came)
+            steps = self._host.on_message(message)
         except DecodeError as wrong:
-            raise NotAdmitted(f"the platform is not understood ({wrong}): is it another version?") from None
+            raise Refused(f"the platform is not understood ({wrong}): is it another version?") from None
+        if isinstance(message, Begin):
+            self._labels[message.process] = message.label
         for step in steps:
             self._perform(step)
 
@@ -149,7 +151,7 @@ class HostProcess:
                 names = [each.name for each in said.units] + [each.name for each in said.sources if not each.label]
                 self._say({"event": "registered", "prototypes": names, "labels": list(step.labels)})
             case Refuse(reason):
-                raise NotAdmitted(reason)
+                raise Refused(reason)
             case Read():
                 self._read(step)
             case Regrid(process, grid) if process in self._sources:
@@ -158,6 +160,7 @@ class HostProcess:
                 source = self._sources.pop(process, None)
                 if source is not None:
                     source.rest()
+                self._labels.pop(process, None)
                 with self._lock:
                     self._outbox.forget(process)
             case _:
@@ -184,8 +187,17 @@ class HostProcess:
         with self._lock:
             for each in said:
                 self._outbox.put(each)
+                if isinstance(each, Fault):
+                    self._tell(each)
         if self._line is not None:
             self._line.wake()
+
+    def _tell(self, fault: Fault) -> None:
+        """People at the host see what is wrong with their units, too; the same once."""
+        label = self._labels.get(fault.process, "")
+        if (label, fault.said) not in self._faults and len(self._faults) < MAX_TOLD:
+            self._faults.add((label, fault.said))
+            self._say({"event": "fault", "label": label, "said": fault.said})
 
     def _take(self) -> list[bytes]:
         with self._lock:

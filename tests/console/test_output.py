@@ -49,3 +49,8 @@ def test_what_is_to_be_copied_is_never_broken(
     name = "cc-4711-64a1b2c3d4e5f-12"
     Output(json_lines=False).table("", ("task", "conversation"), [("monitor-proximity", name)], whole=("conversation",))
     assert name in capsys.readouterr().out
+
+
+def test_what_is_said_may_have_a_text_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
+    Output(json_lines=True).say("for people", event="note", text="for programs")
+    assert capsys.readouterr().out == '{"event":"note","text":"for programs"}\n'
