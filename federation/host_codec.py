@@ -39,6 +39,8 @@ from federation.unpacking import MAX_BYTES, VERSION, count, fail, instant, items
 
 MAX_TEXT: Final = 300
 MAX_INPUTS: Final = 64
+_SMALL: Final = 256
+"""Bytes to begin with: the usual buffer takes longer to be got than what is said to be written."""
 _NAME = re.compile(r"\??[A-Za-z_][A-Za-z0-9_.-]{0,63}")
 
 _KINDS: Final[tuple[type[Any], ...]] = (
@@ -82,7 +84,7 @@ def inputs_of(process: int, packed: Iterable[bytes], past: bool) -> bytes:
 
 
 def _with_samples(fields: tuple[Any, ...], packed: list[bytes]) -> bytes:
-    packer = msgpack.Packer()
+    packer = msgpack.Packer(buf_size=_SMALL)
     head = [packer.pack_array_header(len(fields) + 1), *map(packer.pack, fields)]
     return b"".join([*head, packer.pack_array_header(len(packed)), *packed])
 
@@ -228,7 +230,7 @@ def pack_sample(sample: Sample, i: int = 0) -> bytes:
         plain = _plain(value)
         sampled(plain)
         fields = (i, available_us, valid_us, plain, *(() if quality is SURE or quality == SURE else (quality,)))
-        packed: bytes = msgpack.packb(fields)
+        packed: bytes = msgpack.Packer(buf_size=_SMALL).pack(fields)
     except (DecodeError, ValueError, TypeError, OverflowError, RecursionError) as wrong:
         raise ContentError(f"{value!r:.80} cannot be handed to another process: {wrong}") from None
     if len(packed) > SAMPLES_BYTES // 2:
