@@ -136,7 +136,9 @@ def kpl_graph(
 def kpl_verify(
     call: Call,
     file: SpecificationFile,
-    journal: Annotated[Path, typer.Option(metavar="FILE.jsonl", help="What `kpl run --record` wrote.")],
+    journal: Annotated[
+        Path, typer.Option(metavar="FILE", help="What `kpl run --record` wrote, or the journal of a platform, U.mcap.")
+    ],
     modules: UnitModules = None,
 ) -> int:
     """Whether a recorded run satisfies its specification; if not, which sample broke which constraint. Exit 1 then."""

@@ -3,7 +3,7 @@
 import json
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dyknow import Label, Network, Prototype, Sample
     from kpl import Hooks, Instance
     from kpl.governor import Governor
-    from proxies.sample_file import FedSample
+    from proxies.sample_file import FedSample, Recorded
     from reasoning import AlarmEvent
 
 TOLD = 3
@@ -222,24 +222,24 @@ def run(
 def verify(call: Call, path: Path, *, journal: Path, units: Sequence[str]) -> int:
     """1 if the recorded run breaks the specification; each stream's first difference, each broken constraint."""
     from kpl import parse_specification
+    from kpl.verification import broken_streams
     from kpl.verification import verify as violations_of
-    from proxies.sample_file import read_record
 
     specification = parse_specification(read_text(path), str(path))
-    try:
-        with journal.open(encoding="utf-8") as lines:
-            about, recorded = read_record(lines, str(journal))
-    except (OSError, UnicodeDecodeError) as error:
-        raise WrongCall(f"--journal: {journal} cannot be read ({error}); `kpl run --record FILE` makes one.") from None
     labels: dict[str, list[Sample]] = {}
     streams: dict[str, list[Sample]] = {}
-    for each in recorded:
-        (labels if each.kind == "label" else streams).setdefault(each.name, []).append(each.sample)
+    if journal.suffix == ".mcap":
+        streams = _of_platform(journal, units)
+        found = broken_streams(specification, streams)
+    else:
+        about, recorded = _recorded(journal)
+        for each in recorded:
+            (labels if each.kind == "label" else streams).setdefault(each.name, []).append(each.sample)
 
-    def make(network: "Network", hooks: "Hooks") -> "Instance":
-        return instance_of(network, hooks, units, str(about.get("unit", "0")), reads=False)
+        def make(network: "Network", hooks: "Hooks") -> "Instance":
+            return instance_of(network, hooks, units, str(about.get("unit", "0")), reads=False)
 
-    found = violations_of(specification, labels, streams, make)
+        found = violations_of(specification, labels, streams, make)
     for violation in found:
         sample = violation.sample
         call.out.say(
@@ -259,6 +259,26 @@ def verify(call: Call, path: Path, *, journal: Path, units: Sequence[str]) -> in
         f"{verdict}: {looked_at}", event="verified", satisfied=not found, violations=len(found), samples=samples
     )
     return NO if found else DONE
+
+
+def _recorded(journal: Path) -> "tuple[Mapping[str, Any], list[Recorded]]":
+    from proxies.sample_file import read_record
+
+    try:
+        with journal.open(encoding="utf-8") as lines:
+            return read_record(lines, str(journal))
+    except (OSError, UnicodeDecodeError) as error:
+        raise WrongCall(f"--journal: {journal} cannot be read ({error}); `kpl run --record FILE` makes one.") from None
+
+
+def _of_platform(journal: Path, units: Sequence[str]) -> "dict[str, list[Sample]]":
+    """The streams of a platform, from its journal: their constraints can be looked at, not what they are made of."""
+    from runtime.recorded_runs import recorded_streams
+
+    try:
+        return recorded_streams(journal, units)
+    except OSError as error:
+        raise WrongCall(f"--journal: {journal} cannot be read ({error}).") from None
 
 
 def graph(call: Call, path: Path, *, units: Sequence[str], unit: str, form: str) -> int:

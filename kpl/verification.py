@@ -45,6 +45,11 @@ def verify(
         streams: those of declared streams, by name.
         make: an empty instance with the units that were used, over this network.
     """
+    return broken_streams(specification, streams) + rerun(specification, labels, streams, make)[:MAX_VIOLATIONS]
+
+
+def broken_streams(specification: Specification, streams: Streams) -> list[Violation]:
+    """Which samples break which constraints of the declared streams, at most MAX_VIOLATIONS."""
     broken = [
         violation
         for declaration in specification
@@ -53,7 +58,7 @@ def verify(
             declaration.name, declaration.term.policy, streams.get(declaration.name, ())
         )
     ]
-    return broken[:MAX_VIOLATIONS] + rerun(specification, labels, streams, make)[:MAX_VIOLATIONS]
+    return broken[:MAX_VIOLATIONS]
 
 
 def broken_constraints(name: str, policy: Policy, samples: Iterable[Sample]) -> list[Violation]:
