@@ -264,7 +264,7 @@ class Governor:
 
     def _unit(self, name: str) -> UnitPrototype | None:
         prototype = self._instance.lookup(name)
-        return prototype if isinstance(prototype, UnitPrototype) else None
+        return prototype if isinstance(prototype, UnitPrototype) and prototype.elsewhere is None else None
 
     def _step(self, now_us: int) -> None:
         options = [option for option in self._options() if option.relieves > 0.0]

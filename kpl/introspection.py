@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from dyknow import History, Label, Network, PolicyAdapter, Sample
 from dyknow.instants import US_PER_S, print_span
 from dyknow.mediation import Mediation
-from dyknow.processes import OnDemand, Reader, Refinement
+from dyknow.processes import OnDemand
+from dyknow.prototypes import SourcePrototype, UnitPrototype
 from dyknow.state_streams import StateStream
 from dyknow.stream_proxy import StreamProxy
 from kpl.compiling import Compiler
@@ -161,7 +162,7 @@ def _generator_node(network: Network, label: Label, fed_from: str) -> Node:
         str(label),
         _kind(process),
         generator.sort.name,
-        process.prototype.name if isinstance(process, Refinement | Reader) else fed_from,
+        _made_by(process) or fed_from,
         process.running if isinstance(process, OnDemand) else None,
         rate_hz,
         delay_us,
@@ -171,16 +172,25 @@ def _generator_node(network: Network, label: Label, fed_from: str) -> Node:
     )
 
 
+def _made_by(process: object) -> str:
+    """What a process is made from, and where it runs unless that is here."""
+    prototype = getattr(process, "prototype", None)
+    if not isinstance(prototype, UnitPrototype | SourcePrototype):
+        return ""
+    return prototype.name if prototype.elsewhere is None else f"{prototype.name} at a host"
+
+
 def _kind(process: object) -> str:
+    match getattr(process, "prototype", None):
+        case UnitPrototype():
+            return "unit"
+        case SourcePrototype():
+            return "source"
     match process:
         case StateStream():
             return "state"
         case Mediation():
             return "select" if process.single else "merge"
-        case Reader():
-            return "source"
-        case Refinement():
-            return "unit"
         case None:
             return "source"
     return type(process).__name__.lower()

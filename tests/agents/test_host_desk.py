@@ -22,6 +22,8 @@ from dyknow import (
 from dyknow.errors import ValueNotAvailable
 from dyknow.processes import Refinement
 from federation.hosting import KEPT, WINDOW, Begin, Chain, End, Inputs, Want
+from kpl.governor import Governor
+from kpl.introspection import graph_of
 from tests.agents.hosting import Guest, Site
 
 TEXT = """source number raw
@@ -375,3 +377,11 @@ def test_hostile_bytes_end_one_connection_and_change_nothing(payloads: list[byte
     site.push("raw", 1_000_001)
     assert site.values("out") == [2_000_002.0]
     assert site.desk.malformed == len(payloads)
+
+
+def test_the_graph_says_what_is_made_at_a_host_and_the_governor_leaves_it_there() -> None:
+    site = Site(TEXT)
+    site.open(TWICE)
+    node = next(node for node in graph_of(site.instance).nodes if node.name == "t")
+    assert (node.kind, node.made_by, node.running) == ("unit", "twice at a host", True)
+    assert Governor(site.instance, lambda: 0, 0)._unit("twice") is None
