@@ -53,7 +53,7 @@ class HostProcess:
         self._outbox = Outbox()
         self._line: Line | None = None
         self._sources: dict[int, SourceThread] = {}
-        self._readers: dict[str, SourceThread] = {}
+        self._resting: list[SourceThread] = []
         self._labels: dict[int, str] = {}
         self._faults = set[tuple[str, str]]()
         self._sent_s = 0.0
@@ -96,9 +96,8 @@ class HostProcess:
                 pass
         finally:
             line.close()
-            for source in self._sources.values():
-                source.rest()
-            self._sources.clear()
+            for process in tuple(self._sources):
+                self._rest(process)
             self._host.reset()
             connected.close()
         if self._going:
@@ -157,9 +156,7 @@ class HostProcess:
             case Regrid(process, grid) if process in self._sources:
                 self._sources[process].grid = grid
             case Rest(process):
-                source = self._sources.pop(process, None)
-                if source is not None:
-                    source.rest()
+                self._rest(process)
                 self._labels.pop(process, None)
                 with self._lock:
                     self._outbox.forget(process)
@@ -167,10 +164,17 @@ class HostProcess:
                 self._put((step,))
 
     def _read(self, read: Read) -> None:
-        before = self._readers.get(read.source.name)
+        self._resting = [each for each in self._resting if not each.is_at_rest]
+        before = [each for each in self._resting if each.source is read.source]
         source = SourceThread(read, before, self._now_us, self._wall_s, self._on_reading, self._on_fault)
-        self._sources[read.process] = self._readers[read.source.name] = source
+        self._sources[read.process] = source
         source.start()
+
+    def _rest(self, process: int) -> None:
+        source = self._sources.pop(process, None)
+        if source is not None:
+            source.rest()
+            self._resting.append(source)
 
     # From the threads of sources, and of the line
 

@@ -138,13 +138,13 @@ class Process:
             started_us,
         )
         self._perform_all(platform.start(self.clock.now_us()))
+        self._let_hosts_in()
         labels = [] if platform.own is None else [entry.label for entry in platform.own.entries()]
         self._say({"event": "joined", "unit": self.config.unit, "labels": labels, "at_us": self.clock.now_us()})
         if self._vehicle is not None:
             self._vehicle.start()
         if self._specified is not None:
             self._specified.start()
-        self._let_hosts_in()
         ends_us = None if self.config.duration_s is None else started_us + round(self.config.duration_s * 1e6)
         node = self._journalled(platform)
         if ends_us is not None:

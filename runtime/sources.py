@@ -2,7 +2,7 @@
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from agents.knowledge_host import Read, on_grid, reading
@@ -19,7 +19,7 @@ class SourceThread:
 
     Args:
         read: what is to be read.
-        after: who read the same source before, and may still be waiting for its sensor.
+        after: who read the same source before and are to rest, but may still be waiting for its sensor.
         now_us: federation time; `wall_s` seconds pass while so much of it does.
         post: takes what was read.
         fault: takes what is wrong with the source.
@@ -28,7 +28,7 @@ class SourceThread:
     def __init__(
         self,
         read: Read,
-        after: "SourceThread | None",
+        after: Sequence["SourceThread"],
         now_us: Callable[[], int],
         wall_s: Callable[[int], float],
         post: Callable[["SourceThread", Sample], None],
@@ -36,7 +36,8 @@ class SourceThread:
     ) -> None:
         self.process, self.source = read.process, read.source
         self.grid: Grid | None = read.grid
-        self._from_us, self._after = read.from_us, after
+        self._from_us = read.from_us
+        self._after: Sequence[SourceThread] = after
         self._now_us, self._wall_s, self._post, self._fault = now_us, wall_s, post, fault
         self._over = threading.Event()
         self._lock = threading.Lock()
@@ -49,6 +50,11 @@ class SourceThread:
     def rest(self) -> None:
         """Read no more, as soon as the source lets go."""
         self._over.set()
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the source has let go."""
+        return not self._thread.is_alive()
 
     def leave(self, sample: Sample) -> bool:
         """Leave a reading for the thread that owns the processes, which is to be told if this is True; the newest count."""
@@ -64,9 +70,9 @@ class SourceThread:
         return left
 
     def _run(self) -> None:
-        if self._after is not None:
-            self._after._thread.join()  # noqa: SLF001  (one of its own kind)
-            self._after = None
+        for before in self._after:
+            before._thread.join()  # noqa: SLF001  (one of its own kind)
+        self._after = ()
         if self._over.is_set():
             return
         name = self.source.name
