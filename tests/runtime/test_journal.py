@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from agents.effects import Leave, Reported
+from agents.effects import HostEvent, Leave, Reported
 from dyknow.errors import DecodeError
 from dyknow.sample import Sample
 from dyknow.values import NO_VALUE
@@ -43,7 +43,10 @@ def made(kind: type) -> st.SearchStrategy[object]:
 
 REPORTS = st.one_of(*map(made, get_args(Report)))
 EVENTS = st.one_of(
-    *map(made, get_args(WireEvent)), st.builds(Leave, FIELDS[int]), st.builds(Reported, FIELDS[int], REPORTS)
+    *map(made, get_args(WireEvent)),
+    *map(made, get_args(HostEvent)),
+    st.builds(Leave, FIELDS[int]),
+    st.builds(Reported, FIELDS[int], REPORTS),
 )
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.effects import Reported
+from agents.effects import HostCame, HostEvent, HostLeft, HostSaid, Reported
 from federation.transport import (
     Answered,
     Arrived,
@@ -122,6 +122,17 @@ def test_when_all_is_full_only_the_end_of_a_question_gets_in(monkeypatch: pytest
     assert AskEnded(1, 1) in emptied(box)
     box.post(sample(1))
     assert emptied(box) == [sample(1)], "and it recovers"
+
+
+def test_what_hosts_say_is_never_lost_since_the_door_lets_only_so_much_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mailbox, "LIMIT", 100)
+    box = a_mailbox()
+    for number in range(200):
+        box.post(sample(number, f"x/{number}/heli-position/0123abcd"))
+    said = [HostCame(1, 1), *(HostSaid(2, 1, bytes([n])) for n in range(200)), HostLeft(3, 1)]
+    for event in said:
+        box.post(event)
+    assert [event for event in emptied(box) if isinstance(event, HostEvent)] == said
 
 
 def test_hostile_keys_leave_nothing_behind() -> None:
