@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from agents.effects import HostEvent
 from agents.host_desk import HostDesk
 from agents.plans import MonitorPlan
-from dyknow import Label, Policy, Sample, UnitPrototype, as_json, of_values
+from dyknow import NO_VALUE, Inputs, Label, Policy, Sample, UnitPrototype, Value, as_json, converted
 from dyknow.errors import Refused, TextError
 from dyknow.processes import Input, Refinement
 from federation import contents
@@ -280,7 +280,16 @@ class Declared:
 
 
 def _converting(sort: str, convert: Convert) -> UnitPrototype:
-    return UnitPrototype("as exported", sort, (sort,), lambda: of_values(convert), samplewise=True)
+    """Values in other units, with what is said of them."""
+
+    def step(now_us: int, inputs: Inputs, state: Value) -> tuple[Sample | None, Value]:
+        (sample,) = inputs
+        if sample is None:
+            return None, state
+        made = sample if sample.value is NO_VALUE else converted(sample, convert(sample.value))
+        return made._replace(available_us=now_us), state
+
+    return UnitPrototype("as exported", sort, (sort,), lambda: step, samplewise=True)
 
 
 def _ignore(_sample: Sample) -> None:

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Iterable
 
-from dyknow import Label, Network, Policy, Sample, Subscription
+from dyknow import Label, Network, Policy, Sample, Subscription, converted
 from dyknow.errors import UnknownLabel
-from federation.codec import StreamSample
+from federation.codec import WireSample
 from federation.exports import ContractEnded, ExportEvent, Exports, StreamEnded, StreamName
 from federation.ontology import Translation
 from federation.streams import ExportStream
@@ -27,7 +27,7 @@ class ExportProxy:
         self.exports = exports
         self._network, self._translation, self._put = network, translation, put
         self._subscriptions: dict[StreamName, Subscription] = {}
-        self._waiting: dict[ExportStream, list[StreamSample]] = {}
+        self._waiting: dict[ExportStream, list[WireSample]] = {}
 
     def start_exporting(
         self, local: Label, semantic_label: str, receivers: Iterable[str], policy: Policy, contract: str
@@ -46,7 +46,7 @@ class ExportProxy:
 
             def export(sample: Sample) -> None:
                 value = to_semantic(sample.value)
-                entry = number(sample if value is sample.value else sample._replace(value=value))
+                entry = number(sample if value is sample.value else converted(sample, value))
                 batch = waiting.setdefault(stream, [])
                 batch.append(entry)
                 if len(batch) >= BATCH:

@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from dyknow import Label, Network, Policy, PolicyAdapter, Sample, Value
+from dyknow import SURE, Label, Network, Policy, PolicyAdapter, Quality, Sample, Value, converted_quality
 from dyknow.errors import SortError
 from federation import keys
 from federation.clock import FederationClock, Offset, Standing
-from federation.codec import StreamSample, decode_recovered, decode_samples
+from federation.codec import WireSample, decode_recovered, decode_samples
 from federation.deadlines import Deadlines
 from federation.ontology import Convert, Ontology, Translation
 from federation.streams import ImportStream
@@ -17,7 +17,7 @@ from federation.transport import Answered, Arrived, AskEnded, Subscribe, Unsubsc
 
 MAX_STREAMS = 4096
 _SKEWED, _CORRECTED = Standing.SKEWED, Standing.CORRECTED
-Sink: TypeAlias = Callable[[int, Value, int], None]
+Sink: TypeAlias = Callable[[int, Value, int, Quality], None]
 """Takes valid time, value and available time of a sample into the local instance."""
 
 AHEAD_US = 60_000_000
@@ -183,7 +183,7 @@ class ImportProxy:
             found.due_us = due_us
             self._due.set((stream.owner, stream.label, stream.policy_hash), due_us)
 
-    def _deliver(self, found: Import, entries: Sequence[StreamSample], at_us: int) -> None:
+    def _deliver(self, found: Import, entries: Sequence[WireSample], at_us: int) -> None:
         self._wake(found)
         offset = self._offset_of(found.stream.owner)
         standing = found.standing
@@ -200,25 +200,25 @@ class ImportProxy:
             take = self._shifted(found, offset, take)
         else:
             found.regrid = None
-        for _, valid_us, value in entries:
-            if valid_us > beyond_us:
+        for entry in entries:
+            if entry.valid_us > beyond_us:
                 self.refused["future"] += 1
             else:
-                take(valid_us, value, now_us)
+                take(entry.valid_us, entry.value, now_us, entry.quality)
 
     def _shifted(self, found: Import, offset: Offset, take: Sink) -> Sink:
         """Valid times as our clock has them, approximated on the grid of the stream."""
         shift_us = round(offset.offset_us * self._clock.speed)
         if found.policy.sample_us is None:
-            return lambda valid_us, value, now_us: take(valid_us - shift_us, value, now_us)
+            return lambda valid_us, value, now_us, quality: take(valid_us - shift_us, value, now_us, quality)
         if found.regrid is None:
             policy = Policy(change="sample", sample_us=found.policy.sample_us, from_us=0, approximation="linear")
             found.regrid = PolicyAdapter(policy)
         regrid = found.regrid
 
-        def on_grid(valid_us: int, value: Value, now_us: int) -> None:
-            for sample in regrid.on_sample(Sample(now_us, valid_us - shift_us, value), now_us):
-                take(sample.valid_us, sample.value, sample.available_us)
+        def on_grid(valid_us: int, value: Value, now_us: int, quality: Quality) -> None:
+            for sample in regrid.on_sample(Sample(now_us, valid_us - shift_us, value, quality), now_us):
+                take(sample.valid_us, sample.value, sample.available_us, sample.quality)
 
         return on_grid
 
@@ -227,7 +227,7 @@ class ImportProxy:
 
         A value that is not of the label's sort is dropped and counted.
         """
-        self._source(sender, semantic_label)(sample.valid_us, sample.value, sample.available_us)
+        self._source(sender, semantic_label)(sample.valid_us, sample.value, sample.available_us, sample.quality)
 
     def _sink(self, found: Import) -> Sink:
         found.sink = self._source(found.stream.owner, found.stream.label)
@@ -244,13 +244,16 @@ class ImportProxy:
             self._network.generator(local).push,
         )
 
-        def add(valid_us: int, value: Value, now_us: int) -> None:
+        def add(valid_us: int, value: Value, now_us: int, quality: Quality) -> None:
             try:
                 check(value)
             except SortError:
                 self.refused["sort"] += 1
                 return
-            push(valid_us, to_local(value), now_us)
+            local = to_local(value)
+            if quality is not SURE and local is not value:
+                quality = converted_quality(quality, value, local)
+            push(valid_us, local, now_us, quality)
 
         self._sinks[sender, semantic_label] = add
         return add

@@ -15,7 +15,7 @@ from federation.acts import Act, AgentName, Performative
 from federation.clock import FederationClock, Offset
 from federation.codec import (
     Signature,
-    StreamSample,
+    WireSample,
     decode_act,
     decode_description,
     decode_heartbeat,
@@ -50,7 +50,7 @@ AGENT = "interface"
 ONTOLOGY = "dyknow"
 
 
-OnSample: TypeAlias = Callable[[str, str, StreamSample, int], None]
+OnSample: TypeAlias = Callable[[str, str, WireSample, int], None]
 """Told (owner, semantic label, sample, arrival on the node clock)."""
 
 

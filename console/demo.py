@@ -18,7 +18,7 @@ from console.query import value_text
 from console.separation import ALTITUDE, POSITION, Separation
 from console.up import Gathering, ended, gathered, planned
 from federation.acts import Performative, parse_act
-from federation.codec import StreamSample
+from federation.codec import WireSample
 from federation.contents import (
     ActList,
     Alarm,
@@ -115,7 +115,7 @@ class Demo:
     def _watch(self, client: Client) -> None:
         """Streams of the two that will meet, to this command centre."""
 
-        def on_sample(owner: str, label: str, sample: StreamSample, _at_us: int) -> None:
+        def on_sample(owner: str, label: str, sample: WireSample, _at_us: int) -> None:
             if isinstance(sample.value, tuple):
                 self.separation.on_sample(owner, label, sample.valid_us, sample.value)
 

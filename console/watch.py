@@ -11,7 +11,7 @@ from console.query import check_label, value_text
 from dyknow.instants import print_span
 from dyknow.values import NO_VALUE
 from federation.acts import Performative
-from federation.codec import StreamSample
+from federation.codec import WireSample
 from federation.contents import CreateMulticast, Query, Samples
 from federation.keys import label as label_name
 from federation.ontology import default_ontology
@@ -97,7 +97,7 @@ def _tell_silence(call: Call, client: Client, label: str, units: list[str], dela
         call.out.note(f"nothing comes from platform {dialogue.unit}: {why}.")
 
 
-def _record(client: Client, owner: str, label: str, sample: StreamSample, at_us: int) -> dict[str, Any]:
+def _record(client: Client, owner: str, label: str, sample: WireSample, at_us: int) -> dict[str, Any]:
     ontology = default_ontology()
     value: Any = sample.value
     if value is NO_VALUE:

@@ -51,7 +51,7 @@ from dyknow.prototypes import (
     value_unit,
     variant,
 )
-from dyknow.sample import SURE, Quality, Sample, Value
+from dyknow.sample import SURE, Quality, Sample, Value, converted, converted_quality
 from dyknow.sampling import PolicyAdapter, interpolate
 from dyknow.shared_states import SharedState, SharedSynchronizer, Strand
 from dyknow.states import Category, State, StateInput, StatePolicy, Synchronizer
@@ -110,6 +110,8 @@ __all__ = [
     "available",
     "available_times",
     "computational_unit",
+    "converted",
+    "converted_quality",
     "duration",
     "earlier",
     "interpolate",

@@ -53,3 +53,13 @@ class Sample(NamedTuple):
     def delay_us(self) -> int:
         """Age of the value on arrival. Negative for predictions, which are legal."""
         return self.available_us - self.valid_us
+
+
+def converted(sample: Sample, value: Value) -> Sample:
+    """The sample with its value in other units; a covariance in the old ones is left out."""
+    return sample._replace(value=value, quality=converted_quality(sample.quality, sample.value, value))
+
+
+def converted_quality(quality: Quality, before: Value, after: Value) -> Quality:
+    """What is said of a value still holds of it in other units; a covariance does only where nothing changed."""
+    return quality if quality is SURE or not quality.covariance or before == after else Quality(quality.certainty)

@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 from pydantic import ValidationError
 
 from dyknow.errors import ContentError, DecodeError, NameRefused
-from dyknow.sample import Value
+from dyknow.sample import SURE, Quality, Value
 from dyknow.values import NO_VALUE
 from federation import keys
 from federation.acts import PERFORMATIVES, Act, AgentName
@@ -33,6 +33,7 @@ from federation.unpacking import (
     items,
     named,
     pack,
+    qualified,
     sampled,
     unpack,
 )
@@ -53,6 +54,29 @@ class StreamSample(NamedTuple):
     valid_us: int
     value: Value
 
+    @property
+    def quality(self) -> Quality:
+        """Nothing is said of it."""
+        return SURE
+
+
+class QualifiedSample(NamedTuple):
+    """The same, with what its maker says of it: probability that it is right, and covariance of its components."""
+
+    seq: int
+    valid_us: int
+    value: Value
+    certainty: float
+    covariance: tuple[tuple[float, ...], ...]
+
+    @property
+    def quality(self) -> Quality:
+        """As the local instance has it."""
+        return Quality(self.certainty, self.covariance)
+
+
+WireSample: TypeAlias = StreamSample | QualifiedSample
+
 
 class Range(NamedTuple):
     """A receiver asks for the samples it misses, as (first, last) numbers, both inclusive."""
@@ -68,7 +92,7 @@ class Recovered(NamedTuple):
     boot: int
     oldest: int
     tail: int
-    samples: Sequence[StreamSample]
+    samples: Sequence[WireSample]
 
 
 class Heartbeat(NamedTuple):
@@ -274,29 +298,32 @@ def _text(value: bytes) -> Text:
 # Samples: the hot path
 
 
-def encode_samples(boot: int, samples: Sequence[StreamSample], pack: Callable[[object], bytes] = pack) -> bytes:
+def encode_samples(boot: int, samples: Sequence[WireSample], pack: Callable[[object], bytes] = pack) -> bytes:
     """Samples of one stream; the key they are put on says which."""
     return pack((VERSION, boot, samples))
 
 
 @lru_cache(maxsize=256)
-def decode_samples(payload: bytes) -> tuple[int, Sequence[StreamSample]]:
+def decode_samples(payload: bytes) -> tuple[int, Sequence[WireSample]]:
     """Which life of the owner sent them, and the samples; raises DecodeError. Read once for all in a process."""
     boot, samples = array(payload, 2)
     return count(boot), tuple(_samples(samples))
 
 
-def _samples(found: Any) -> list[StreamSample]:
-    samples: list[StreamSample] = []
+def _samples(found: Any) -> list[WireSample]:
+    samples: list[WireSample] = []
     for entry in items(found):
-        if type(entry) is not tuple or len(entry) != 3:
+        if type(entry) is not tuple or len(entry) not in (3, 5):
             fail("shape")
-        seq, valid_us, value = entry
+        seq, valid_us, value = entry[:3]
         if type(seq) is not int or type(valid_us) is not int:
             fail("number")
         if not (0 < seq <= MAX_INTEGER and MIN_INTEGER <= valid_us <= MAX_INTEGER):
             fail("number")
-        samples.append(StreamSample(seq, valid_us, sampled(value)))
+        if len(entry) == 3:
+            samples.append(StreamSample(seq, valid_us, sampled(value)))
+        else:
+            samples.append(QualifiedSample(seq, valid_us, sampled(value), *qualified(*entry[3:])))
     return samples
 
 

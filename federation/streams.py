@@ -10,12 +10,14 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from dyknow.sample import Sample
+from dyknow.sample import SURE, Sample
 from federation import keys
 from federation.codec import (
+    QualifiedSample,
     Range,
     Recovered,
     StreamSample,
+    WireSample,
     encode_range,
     encode_recovered,
     encode_samples,
@@ -49,21 +51,32 @@ class ExportStream:
         self.owner, self.label, self.policy_hash, self.boot = owner, label, policy_hash, boot
         self.key = keys.stream(owner, label, policy_hash)
         self.tail = tail
-        self._ring: deque[StreamSample] = deque(maxlen=capacity)
+        self._ring: deque[WireSample] = deque(maxlen=capacity)
         self._pack = packer()
 
     def on_sample(self, sample: Sample) -> Put:
         """Number a sample and put it, for every receiver at once."""
         return self.put((self.number(sample),))
 
-    def number(self, sample: Sample) -> StreamSample:
+    def number(self, sample: Sample) -> WireSample:
         """Number a sample and keep it for those who miss it; it is still to be put."""
         self.tail += 1
-        entry = StreamSample(self.tail, sample.valid_us, sample.value)
+        quality = sample.quality
+        entry: WireSample = (
+            StreamSample(self.tail, sample.valid_us, sample.value)
+            if quality is SURE
+            else QualifiedSample(
+                self.tail,
+                sample.valid_us,
+                sample.value,
+                float(quality.certainty),
+                tuple(tuple(map(float, row)) for row in quality.covariance),
+            )
+        )
         self._ring.append(entry)
         return entry
 
-    def put(self, entries: Sequence[StreamSample]) -> Put:
+    def put(self, entries: Sequence[WireSample]) -> Put:
         """Put numbered samples in one go, in their order."""
         return Put(self.key, encode_samples(self.boot, entries, self._pack), Urgency.STREAM)
 
@@ -72,7 +85,7 @@ class ExportStream:
         """The smallest number that is still held; one beyond the tail when nothing is."""
         return self._ring[0].seq if self._ring else self.tail + 1
 
-    def held(self, first: int, last: int) -> Iterator[StreamSample]:
+    def held(self, first: int, last: int) -> Iterator[WireSample]:
         """What is held of numbers first..last, both inclusive."""
         start = max(0, first - self.oldest)
         for at in range(start, min(len(self._ring), last - self.oldest + 1)):
@@ -156,7 +169,7 @@ class ImportStream:
     def deadline_us(self) -> int | None:
         return None if self._asked is not None else self._due_us
 
-    def on_samples(self, boot: int, entries: Sequence[StreamSample], now_us: int) -> Sequence[StreamSample]:
+    def on_samples(self, boot: int, entries: Sequence[WireSample], now_us: int) -> Sequence[WireSample]:
         """Take what was put on the stream's key; returns what is new, as it came."""
         if boot == self.boot and len(entries) == 1 and entries[0].seq == self._next:
             self._next += 1
@@ -171,7 +184,7 @@ class ImportStream:
             return ()
         return [entry for entry in entries if self._is_new(entry.seq, now_us)]
 
-    def _is_next_run(self, entries: Sequence[StreamSample]) -> bool:
+    def _is_next_run(self, entries: Sequence[WireSample]) -> bool:
         first = self._next or 0
         return [entry.seq for entry in entries] == list(range(first, first + len(entries)))
 
@@ -189,7 +202,7 @@ class ImportStream:
             self._miss(self._next, tail, now_us)
             self._next = tail + 1
 
-    def on_recovered(self, answer: Recovered, now_us: int) -> list[StreamSample]:
+    def on_recovered(self, answer: Recovered, now_us: int) -> list[WireSample]:
         """Take one answer to our question; returns what is new."""
         if not self._is_current(answer.boot):
             self.account.stale += len(answer.samples)

@@ -129,6 +129,25 @@ def sampled(value: Any) -> Value:
     return _odd(value, 0)
 
 
+MAX_COMPONENTS: Final = 16
+"""A covariance is of so many components at most."""
+
+
+def qualified(certainty: Any, covariance: Any) -> tuple[float, tuple[tuple[float, ...], ...]]:
+    """A certainty in [0, 1] and a square covariance of finite numbers, checked."""
+    if type(certainty) is not float or not 0.0 <= certainty <= 1.0:
+        fail("number")
+    if type(covariance) is not tuple or len(covariance) > MAX_COMPONENTS:
+        fail("shape")
+    for row in covariance:
+        if type(row) is not tuple or len(row) != len(covariance):
+            fail("shape")
+        for component in row:
+            if type(component) is not float or component - component != 0.0:
+                fail("number")
+    return certainty, covariance
+
+
 def _odd(value: Any, depth: int) -> Value:
     kind = type(value)
     if kind is float:

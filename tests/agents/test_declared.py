@@ -7,7 +7,7 @@ import pytest
 
 from agents.config import PlatformConfig
 from compunits import catalogue
-from dyknow import Label
+from dyknow import Label, Quality, Sample, computational_unit, prototypes_in
 from kpl import print_specification
 from sim_uavs.world import World
 
@@ -149,3 +149,51 @@ def test_two_imports_of_one_stream_under_two_policies_are_both_served(pair):
     slow = [each["valid_us"] for each in pair.told("0", "sample") if each["stream"] == "slow"]
     assert len(slow) >= 5
     assert {b - a for a, b in pairwise(slow)} == {1_000_000}
+
+
+QUALIFIED = """
+source position gps_1
+strmgen pos[self] = Doubtful(gps[self])
+strmgen gps[self] = gps_1
+export heli-position = pos[self] with sample every 100
+"""
+CAREFUL = """
+import heli-position from 1 as pos[uav1] with sample every 100, max delay 1000
+stream all = pos[uav1]
+stream sure = pos[uav1] with min certainty 0.9
+stream exact = pos[uav1] with max deviation 0.5
+"""
+
+
+@computational_unit("position", "position")
+class Doubtful:
+    """Every fourth sample is doubtful, every fifth is far off."""
+
+    def __init__(self):
+        self.count = -1
+
+    def __call__(self, now_us, position):
+        self.count += 1
+        deviation = 2.0 if self.count % 5 == 0 else 0.1
+        quality = Quality(0.5 if self.count % 4 == 0 else 0.95, ((deviation**2, 0.0), (0.0, deviation**2)))
+        return Sample(now_us, position.valid_us, position.value, quality)
+
+
+def test_what_is_said_of_a_sample_goes_with_it_to_other_platforms():
+    pair = Pair("", "")
+    find = catalogue([str(EXAMPLES / "flights.py")]).offered
+    ours = {each.name: each for each in prototypes_in([Doubtful])}
+    for unit in ("0", "1"):
+        pair.declared(unit).instance._catalogue = lambda name: ours.get(name) or find(name)
+    pair.specify("1", QUALIFIED)
+    pair.specify("0", CAREFUL)
+    pair.world.run_for(10)
+    counts = {
+        name: len([e for e in pair.told("0", "sample") if e["stream"] == name]) for name in ("all", "sure", "exact")
+    }
+    assert counts["all"] > 60
+    assert counts["sure"] == pytest.approx(counts["all"] * 3 / 4, abs=2)
+    assert counts["exact"] == pytest.approx(counts["all"] * 4 / 5, abs=2)
+    assert pair.notes("0") == []
+    newest = pair.world.platform("0").network.generator(Label("pos", ("uav1",))).history.get_latest()
+    assert len(newest.quality.covariance) == 2

@@ -262,8 +262,26 @@ def value(found: Any, depth: int = 0) -> bool:
 
 def entries(found: Any) -> bool:
     return _is(list, found) and all(
-        _is(list, entry) and len(entry) == 3 and count(entry[0], 1) and instant(entry[1]) and value(entry[2])
+        _is(list, entry)
+        and len(entry) in {3, 5}
+        and count(entry[0], 1)
+        and instant(entry[1])
+        and value(entry[2])
+        and (len(entry) == 3 or quality(*entry[3:]))
         for entry in found
+    )
+
+
+def quality(certainty: Any, covariance: Any) -> bool:
+    return (
+        _is(float, certainty)
+        and 0.0 <= certainty <= 1.0
+        and _is(list, covariance)
+        and len(covariance) <= 16
+        and all(
+            _is(list, row) and len(row) == len(covariance) and all(_is(float, each) and isfinite(each) for each in row)
+            for row in covariance
+        )
     )
 
 

@@ -15,13 +15,18 @@ from tests.federation.strategies import ACTS, COUNTS
 
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 SCALARS = st.one_of(FLOATS, st.integers(-(2**63), 2**63 - 1), st.booleans(), st.text(max_size=5), st.just(NO_VALUE))
+SAMPLE = (
+    st.integers(1, 2**63 - 1),
+    st.integers(-(2**63), 2**63 - 1),
+    st.one_of(SCALARS, st.lists(SCALARS | st.lists(FLOATS, max_size=2).map(tuple), max_size=4).map(tuple)),
+)
+COVARIANCES = st.integers(0, 3).flatmap(
+    lambda size: st.lists(st.lists(FLOATS, min_size=size, max_size=size).map(tuple), min_size=size, max_size=size).map(
+        tuple
+    )
+)
 SAMPLES = st.lists(
-    st.builds(
-        StreamSample,
-        st.integers(1, 2**63 - 1),
-        st.integers(-(2**63), 2**63 - 1),
-        st.one_of(SCALARS, st.lists(SCALARS | st.lists(FLOATS, max_size=2).map(tuple), max_size=4).map(tuple)),
-    ),
+    st.builds(StreamSample, *SAMPLE) | st.builds(codec.QualifiedSample, *SAMPLE, st.floats(0, 1), COVARIANCES),
     max_size=4,
 )
 ACT = Act(Performative.INFORM, AgentName("interface", "1"), AgentName("interface", "0"), Expr("done"), "1-1-1")
