@@ -76,7 +76,7 @@ def kpl_run(
     pace: Annotated[
         float | None,
         typer.Option(
-            "--speed", help="Times as fast as the wall; 0: as fast as it goes, which a feed is unless said otherwise."
+            "--speed", help="Times as fast as the wall clock; 0: as fast as it goes. [default: 0 with --feed, else 1]"
         ),
     ] = None,
     duration: Annotated[str | None, typer.Option(metavar="TIME", help="End after so long, e.g. 10s.")] = None,

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 TOLD = 3
 """So many faults of one stream are told."""
+MAX_SPEED = 1e6
 LOOK_S = 0.2
 """How often a file that is watched is looked at."""
 
@@ -191,8 +192,10 @@ def run(
     """Run until the feed is over, the duration has passed, or somebody interrupts."""
     from kpl.specification import Export, Import
 
-    if speed is not None and speed < 0:
+    if speed is not None and not 0 <= speed <= MAX_SPEED:
         raise WrongCall(f"--speed is how many times as fast as the wall, 0 for as fast as it goes; got {speed:g}.")
+    if record is not None and any(_same(record, each) for each in (path, feed, *map(Path, units)) if each is not None):
+        raise WrongCall(f"--record: {record} is read by this run; write to another file.")
     text = read_text(path)
     fed = [] if feed is None else _feed(feed)
     going = Run(call, path, fed, units, unit, (0.0 if feed is not None else 1.0) if speed is None else speed)
@@ -206,9 +209,7 @@ def run(
         going.specify(text)
         if any(isinstance(each, Export | Import) for each in going.instance.specification):
             call.out.note(f"note: exports and imports need a federation: dyknow join --unit {unit} --spec {path}.")
-        unfed = set(going.instance.sources()) - {each.source for each in fed}
-        if unfed and feed is not None:
-            call.out.note(f"note: {feed} has nothing for {', '.join(sorted(unfed))}.")
+        _tell_unfed(call, set(going.instance.sources()), {each.source for each in fed}, feed)
         try:
             going.go(None if lasts_us is None else going.now_us + lasts_us, _reloading(call, going, path, watch))
         except KeyboardInterrupt:
@@ -217,6 +218,23 @@ def run(
             if graph_form is not None:
                 show_graph(call, going.instance, graph_form)
     return DONE
+
+
+def _tell_unfed(call: Call, sources: set[str], fed: set[str], feed: Path | None) -> None:
+    """Sources from which nothing will come, and samples that nobody takes."""
+    lacking, idle = ", ".join(sorted(sources - fed)), ", ".join(sorted(fed - sources))
+    if lacking and feed is None:
+        call.out.note(f"note: nothing comes from {lacking}: give --feed FILE.jsonl, or --units with sources so called.")
+    elif lacking:
+        call.out.note(f"note: {feed} has nothing for {lacking}.")
+    if idle:
+        call.out.note(
+            f"note: {feed} has samples of {idle}, which {'is' if len(fed - sources) == 1 else 'are'} no source here."
+        )
+
+
+def _same(one: Path, other: Path) -> bool:
+    return one.exists() and other.exists() and one.samefile(other)
 
 
 def verify(call: Call, path: Path, *, journal: Path, units: Sequence[str]) -> int:

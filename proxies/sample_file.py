@@ -14,6 +14,7 @@ A record begins with the specification, and has one line per sample, of a genera
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from typing import Any, NamedTuple
 
 from dyknow import Quality, Sample, Value, as_json, of_json
@@ -73,7 +74,13 @@ def read_record(lines: Iterable[str], place: str) -> tuple[Mapping[str, Any], li
         times: list[Any] = [record.get(name) for name in ("available_us", "valid_us")]
         if not isinstance(record.get(kind), str) or "value" not in record or not all(map(_is_time, times)):
             raise _wrong(number, place, "a recorded sample has a label or a stream, valid_us, available_us and a value")
-        quality = Quality(float(record.get("certainty", 1.0)), of_json(record.get("covariance", [])))
+        quality = _quality(record)
+        if quality is None:
+            raise _wrong(
+                number,
+                place,
+                "a certainty is a number from 0 to 1, a covariance a square of numbers with variances >= 0",
+            )
         found.append(Recorded(kind, record[kind], Sample(times[0], times[1], of_json(record["value"]), quality)))
     if not about:
         raise _wrong(1, place, "the record of a run begins with its specification")
@@ -109,6 +116,20 @@ def _records(lines: Iterable[str], place: str) -> Iterator[tuple[int, dict[str, 
 
 def _no_constant(name: str) -> None:
     raise ValueError(f"{name} is no number")
+
+
+def _quality(record: Mapping[str, Any]) -> Quality | None:
+    """How good a recorded sample is; None if it does not say so in numbers."""
+    certainty, rows = record.get("certainty", 1.0), record.get("covariance", [])
+    square = isinstance(rows, list) and all(isinstance(row, list) and len(row) == len(rows) for row in rows)
+    numbers = square and all(map(_is_number, chain(*rows))) and all(row[i] >= 0 for i, row in enumerate(rows))
+    if not (_is_number(certainty) and 0 <= certainty <= 1 and numbers):
+        return None
+    return Quality(float(certainty), tuple(tuple(map(float, row)) for row in rows))
+
+
+def _is_number(found: Any) -> bool:
+    return isinstance(found, int | float) and not isinstance(found, bool)
 
 
 def _is_time(found: Any) -> bool:

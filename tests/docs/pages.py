@@ -104,8 +104,7 @@ def library_table() -> str:
         for made in vars(module).values():
             if getattr(made, "__module__", "") != module.__name__:
                 continue
-            for each in prototypes_in([made]):
-                rows.append(f"| `{each.sort} {each.name}` | {_takes(each)} | {_said(made)} |")
+            rows += [f"| `{e.sort} {e.name}` | {_takes(e)} | {_said(made)} |" for e in prototypes_in([made])]
     converting = ", ".join(f"`{each.name}`" for each in conversions.CONVERSIONS)
     return "\n".join(
         [*rows, "", f"And conversions of numbers from one unit to another, `?to Name(?from)`: {converting}.", ""]
