@@ -1,6 +1,6 @@
 """Sources and a unit of uav0.kpl and uav1.kpl: two UAVs that fly past each other again and again, on one height.
 
-A real one would read its receiver here: the iterator may block until there is something to read.
+A real one reads its receiver in a process of its own, `dyknow host flights.py --unit 0`, where it may wait for it.
 """
 
 import math

@@ -5,8 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from console.specification_runs import instance_of
+from dyknow import Network
 from dyknow.policy_text import _CONSTRAINTS
-from kpl import parse_specification
+from kpl import Hooks, parse_specification
 from kpl.grammar import parse_tree
 from tests.docs.pages import DOCS, PAGES, ROOT, commands, fences, folder, library_table, output
 
@@ -61,6 +63,26 @@ def test_every_constraint_and_every_statement_is_explained() -> None:
     words = {"for_each": "for", "import_": "import", "chronicle_file": "chronicle"}
     named = [words.get(each, each) for each in statements[1].split(" | ")]
     assert [each for each in named if not re.search(rf"^### `{each}\b", text, re.MULTILINE)] == []
+
+
+def test_every_command_there_is_stands_in_the_readme() -> None:
+    from typer.main import get_command
+
+    from console.main import app
+
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    top = vars(get_command(app))["commands"]
+    names = [name for name, one in top.items() if not hasattr(one, "commands")]
+    names += [f"{name} {each}" for name, one in top.items() for each in getattr(one, "commands", ())]
+    assert len(names) > 20
+    assert [name for name in names if not re.search(rf"^\|.*`{name}`.*\|.*\|$", text, re.MULTILINE)] == []
+
+
+def test_the_specification_of_the_readme_is_right() -> None:
+    specifications = [fence.text for fence in fences(ROOT / "README.md") if fence.language == "kpl"]
+    for text in specifications:
+        found = instance_of(Network(), Hooks(), (), "0").findings(parse_specification(text), (), text)
+        assert (found.errors, found.warnings) == ((), ())
 
 
 def test_the_ready_units_are_all_listed() -> None:
