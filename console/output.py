@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -19,7 +20,12 @@ def verbatim(text: str) -> str:
     """Text from elsewhere inside our markup: brackets stay brackets, and nothing commands the terminal."""
     from rich.markup import escape
 
-    return escape("".join(char if char.isprintable() or char == "\n" else f"\\x{ord(char):02x}" for char in text))
+    return escape(printable(text))
+
+
+def printable(text: str) -> str:
+    """Text from elsewhere, in which nothing commands the terminal."""
+    return "".join(char if char.isprintable() or char == "\n" else f"\\x{ord(char):02x}" for char in text)
 
 
 class Output:
@@ -103,6 +109,13 @@ class Output:
         described = [Column(name, name in right, name in wraps, name in whole) for name in columns]
         print_table(self.console, title, described, rows)
 
+    def plain(self, text: str, *, folds: bool = False) -> None:
+        """Lines that are no markup; with `folds` those that are too long for the terminal go on below, indented."""
+        text = printable(text)
+        if folds:
+            text = "".join(f"{folded(line, self.console.width)}\n" for line in text.splitlines())
+        self.console.print(text, end="", markup=False, highlight=False, soft_wrap=True)
+
     def note(self, text: str, *, style: str | None = None) -> None:
         """A remark beside the result, for people; no markup."""
         self.terminal.print(text, markup=False, soft_wrap=True, style=style)
@@ -115,3 +128,16 @@ class Output:
             return
         with self.terminal.status(text) as status:
             yield status.update
+
+
+def folded(line: str, width: int) -> str:
+    """A line that is too long for the terminal goes on below, indented more than it begins."""
+    indent = line[: len(line) - len(line.lstrip())]
+    return fill(
+        line.lstrip(),
+        max(width, 20),
+        initial_indent=indent,
+        subsequent_indent=f"{indent}      ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from textwrap import fill
 from threading import Event
 from typing import IO, TYPE_CHECKING, Any, Literal
 
@@ -320,22 +319,7 @@ def show_graph(call: Call, instance: "Instance", form: str) -> None:
         call.out.line(as_json(found))
         return
     text = {"text": as_text, "mermaid": as_mermaid, "dot": as_dot}[form](found)
-    if form == "text":
-        text = "".join(f"{folded(line, call.out.console.width)}\n" for line in text.splitlines())
-    call.out.console.print(text, end="", markup=False, highlight=False, soft_wrap=True)
-
-
-def folded(line: str, width: int) -> str:
-    """A line that is too long for the terminal goes on below, indented more than it begins."""
-    indent = line[: len(line) - len(line.lstrip())]
-    return fill(
-        line.lstrip(),
-        max(width, 20),
-        initial_indent=indent,
-        subsequent_indent=f"{indent}      ",
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+    call.out.plain(text, folds=form == "text")
 
 
 def instance_of(

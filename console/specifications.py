@@ -77,13 +77,15 @@ def held(
         raise NothingFound(f"platform {unit}: {dialogue.trouble or 'no answer came'}")
     text = "".join(page.text for page in pages)
     if form != "kpl":
-        call.out.console.print(text, end="", markup=False, highlight=False, soft_wrap=True)
+        call.out.plain(text, folds=form == "text")
     elif call.out.json_lines:
         about = {"unit": unit, "number": pages[0].number, "last": pages[0].last, "at_us": pages[0].at_us}
         call.out.line({**about, "specification": text})
     else:
-        call.out.console.print(text, end="", markup=False, soft_wrap=True)
-        call.out.note(f"configuration {pages[0].number} of 0 to {pages[0].last}")
+        call.out.plain(text)
+        newest = pages[0].number == pages[0].last
+        held_since = "what it holds now" if newest else f"{pages[0].last} is what it holds now"
+        call.out.note(f"configuration {pages[0].number}: {held_since}")
     return DONE
 
 

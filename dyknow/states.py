@@ -61,13 +61,14 @@ class Awaited(NamedTuple):
     last_us: int | None
 
     def __str__(self) -> str:
-        last = (
-            "nothing has come"
-            if self.last_us is None
-            else f"its last sample is valid at {print_duration(self.last_us)}"
+        if self.last_us is None:
+            return f"{self.name}: {self.category.value} (nothing has come)"
+        until = (
+            ""
+            if self.until_us is None
+            else f", at most {print_duration(self.until_us - self.last_us)} after its last sample"
         )
-        until = "" if self.until_us is None else f"; waited for until {print_duration(self.until_us)}"
-        return f"{self.name}: {self.category.value} ({last}{until})"
+        return f"{self.name}: {self.category.value} (waited for{until})"
 
 
 class StateInput(NamedTuple):

@@ -31,6 +31,7 @@ def _join(call: Call, unit: str, file: Path, *, speed: float = 1.0, from_: str =
         modules=None,
         feed=None,
         govern=None,
+        admit="refuse",
     )
 
 

@@ -14,8 +14,7 @@ import pytest
 from console import specification_runs
 from console.command import Call
 from console.errors import WrongCall
-from console.output import Output
-from console.specification_runs import folded
+from console.output import Output, folded
 from dyknow.errors import NameRefused, TextError, UnitError
 from tests.console.conftest import Lines
 
