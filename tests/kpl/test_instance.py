@@ -103,7 +103,7 @@ def test_any_configuration_that_was_can_be_restored() -> None:
         ("monitor m = a > 3\nmonitor m = a > 4", "m is a monitor already"),
         ("stream x = nothing", "nothing makes nothing"),
         ("strmgen d = Double(e)\nstrmgen e = Double(d)", "a cycle: d <- e <- d"),
-        ("strmgen d = Double(a, b)", "Double takes 1 streams"),
+        ("strmgen d = Double(a, b)", "Double takes 1 stream"),
         ("strmgen d = Copy(a)", "Copy takes object here; a is number"),
         ("stream x = a\nstrmgen z = Double(a with sample every 1us)", "a sample every 1us cannot be served"),
         ("stream x = a with sample every 1us", "a sample every 1us cannot be served"),
