@@ -133,13 +133,16 @@ class Declared:
             desk.answer(act, Performative.INFORM, said, now_us)
 
     def on_host(self, event: HostEvent, now_us: int) -> bool:
-        """A host came, said something or left; whether something follows. Node time."""
+        """A host came, said something or left; whether anything follows but what the host is told. Node time."""
         self.desk.on_event(event, now_us)
+        told = self.desk.flush()
         timetable = self._p.timetable
         timetable.hasten(self.desk)
         timetable.hasten_federation(self._p.monitors)
         timetable.hasten_federation(self._p.network)
-        return self._p.is_owing
+        is_owing = self._p.is_owing
+        self._p.emit(told)
+        return is_owing
 
     def entries(self) -> Iterable[LabelEntry]:
         """The semantic labels that are exported."""

@@ -9,7 +9,7 @@ from typing import Final
 
 from agents.effects import DropHost, HostCame, HostEffect, HostEvent, HostLeft, HostSaid, TakeHost, TellHost
 from agents.hosted import Host
-from dyknow.errors import DecodeError, DyknowError, LabelAlreadyExists, PrototypeExists
+from dyknow.errors import DecodeError, DyknowError, LabelAlreadyExists, PrototypeExists, Refused
 from federation.clock import FederationClock
 from federation.host_codec import decode_from_host, encode
 from federation.hosting import Beat, Fault, FromHost, Made, Refuse, Register, Welcome
@@ -164,6 +164,11 @@ class HostDesk:
     def _admit(self, host: Host) -> None:
         """Nothing is taken before everything can be; raises what is in the way."""
         instance = self._instance
+        for other in self._hosts.values():
+            names = {each.name for each in other.prototypes} if other.present else set()
+            taken = next((each.name for each in host.prototypes if each.name in names), None)
+            if taken is not None:
+                raise Refused(f"{taken!r} is offered by {other.name} already")
         for prototype in host.prototypes:
             if instance.factory.find(prototype.name) is not None:
                 raise PrototypeExists(prototype.name)

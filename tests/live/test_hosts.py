@@ -224,6 +224,33 @@ heavy = value_unit("number", "number", name="heavy")(lambda value: busy(value))
         node.close()
 
 
+CHAIN = """
+from dyknow import value_unit
+first = value_unit("number", "number", name="first")(lambda value: 2 * value)
+second = value_unit("number", "number", name="second")(lambda value: value + 1)
+third = value_unit("number", "number", name="third")(lambda value: -value)
+"""
+
+
+@pytest.mark.parametrize("options", [(), ("--train",), ("--batch", "4"), ("--batch", "4", "--train")], ids=" ".join)
+def test_however_it_takes_turns_a_host_makes_the_same(dyknow: Dyknow, options: tuple[str, ...]) -> None:
+    spec = (
+        "source number raw\ncompunit number first(number)\ncompunit number second(number)\ncompunit number third(number)\n"
+        "strmgen raw = raw\nstrmgen a = first(raw)\nstrmgen b = second(a)\nstrmgen c = third(b)\n"
+        "stream middle = b\nstream out = c\n"
+    )
+    node = Node(door(dyknow), 0, spec)
+    try:
+        dyknow.start("host", module(dyknow, CHAIN), "--unit", "0", *options)
+        node.until(lambda: len(node.samples.get("out", ())) >= 8)
+        middle = [each.value for each in node.samples["middle"]]
+        assert middle == list(range(middle[0], middle[0] + 2 * len(middle), 2))
+        out = [each.value for each in node.samples["out"]]
+        assert out == [-each for each in middle[: len(out)]]
+    finally:
+        node.close()
+
+
 def refused(dyknow: Dyknow, *arguments: str, code: int = 2) -> str:
     out, err = dyknow.raw("host", *arguments, code=code)
     assert not out
@@ -251,7 +278,7 @@ def test_each_mistake_is_told_with_its_remedy(dyknow: Dyknow) -> None:
         node.until(lambda: second.poll() is not None)
         assert second.returncode == 2
         assert second.stderr is not None
-        assert "'twice' exists already" in second.stderr.read()
+        assert f"'twice' is offered by host {first.pid} (units.py) already" in second.stderr.read()
         first.send_signal(signal.SIGINT)
         node.until(lambda: first.poll() is not None)
         assert first.returncode == 130
