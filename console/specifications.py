@@ -68,7 +68,8 @@ def held(
             said = RestoreSpecification(number=restore)
             dialogue = next(client.ask([unit], said, Performative.REQUEST, 3.0))
             if dialogue.trouble:
-                raise FederationFailed(f"platform {unit}: {dialogue.trouble}")
+                failed = NothingFound if dialogue.trouble.startswith("refuse") else FederationFailed
+                raise failed(f"platform {unit}: {dialogue.trouble}")
             call.out.say(f"[green]restored[/] configuration {restore}", event="restored", unit=unit, number=restore)
             return DONE
         dialogue = next(client.ask([unit], Specification(number=number, form=form), Performative.QUERY_REF, 3.0))

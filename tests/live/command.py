@@ -31,10 +31,10 @@ class Dyknow:
         kept = {name: value for name, value in os.environ.items() if not name.startswith("DYKNOW_")}
         environment = {**kept, "XDG_RUNTIME_DIR": str(self.directory), "COLUMNS": "80"}
         # Options before the command's own arguments: what looks like a negative number is a time.
-        command, *rest = arguments
+        words = 2 if arguments[0] == "kpl" else 1
         common = ["--federation", self.federation, *self.options]
         started = subprocess.Popen(
-            [sys.executable, "-c", RUN, command, *common, *rest],
+            [sys.executable, "-c", RUN, *arguments[:words], *common, *arguments[words:]],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
         )  # fmt: skip
         self.started.append(started)
