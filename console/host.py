@@ -29,6 +29,7 @@ def doubled(speed): return 2 * speed"""
 def host(call: Call, module: str, *, unit: str, batch: int, train: bool) -> int:
     """Offer what a module holds to a platform until somebody interrupts; when the platform is started again, again."""
     unit_name(unit)
+    call.out.hold()
     prototypes = _offered(module)
     runs = KnowledgeHost(prototypes, os.getpid(), Path(module).name[-200:], batch=batch, train=train)
 

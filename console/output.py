@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -35,6 +35,11 @@ class Output:
         self.json_lines = json_lines
         self._out: Console | None = None
         self._err: Console | None = None
+        self._held: TextIO | None = None
+
+    def hold(self) -> None:
+        """Standard output is ours alone from now on: what code of others prints goes to standard error."""
+        self._held, sys.stdout = sys.stdout, sys.stderr
 
     @property
     def console(self) -> "Console":
@@ -42,7 +47,7 @@ class Output:
         if self._out is None:
             from rich.console import Console
 
-            self._out = Console(highlight=False)
+            self._out = Console(highlight=False, file=self._held)
         return self._out
 
     @property
@@ -56,8 +61,9 @@ class Output:
 
     def line(self, record: Mapping[str, Any]) -> None:
         """One JSON object, at once."""
-        sys.stdout.write(json.dumps(record, separators=(",", ":"), allow_nan=False) + "\n")
-        sys.stdout.flush()
+        stream = self._held or sys.stdout
+        stream.write(json.dumps(record, separators=(",", ":"), allow_nan=False) + "\n")
+        stream.flush()
 
     def say(self, text: str, /, **record: Any) -> None:
         """One event: `record` as a JSON line, or `text` (rich markup) for people."""

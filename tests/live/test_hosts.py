@@ -149,6 +149,7 @@ def test_who_registers_and_never_reads_stalls_nobody(dyknow: Dyknow) -> None:
 
 
 SENSOR = """
+print("a module that talks")
 from dyknow import source, value_unit
 
 @source("line", label="line[self]")
@@ -161,6 +162,7 @@ def sensor(_from_us):
 def length(line):
     if line == "wrong":
         raise RuntimeError("no such line")
+    print("a unit that talks", flush=True)
     return len(line)
 """
 
