@@ -205,7 +205,7 @@ import time
 from dyknow import value_unit
 
 def busy(value):
-    time.sleep(0.12)
+    time.sleep(0.2)
     return value
 
 urgent = value_unit("number", "number", name="urgent", priority=5)(lambda value: value)
@@ -218,10 +218,9 @@ heavy = value_unit("number", "number", name="heavy")(lambda value: busy(value))
     node = Node(door(dyknow), 0, spec)
     try:
         dyknow.start("host", module(dyknow, text), "--unit", "0")
-        node.until(lambda: len(node.samples.get("outu", ())) >= 25)
+        node.until(lambda: "outh" in node.samples and node.samples["outh"][-1].delay_us > 1_500_000)
         assert len(node.samples["outh"]) < len(node.samples["outu"])
-        assert max(each.delay_us for each in node.samples["outu"][-5:]) < 400_000
-        assert node.samples["outh"][-1].delay_us > 400_000
+        assert max(each.delay_us for each in node.samples["outu"][-5:]) < 1_000_000
     finally:
         node.close()
 
