@@ -185,15 +185,26 @@ class Generator:
     ) -> Subscription:
         """A stream of what is pushed from now on; `on_end` is called when the generator is removed."""
         subscription = Subscription(self, policy, consumer, on_end)
-        self._arrange((*self.subscriptions, subscription))
+        self.subscriptions = (*self.subscriptions, subscription)
+        if subscription.adapter.is_open:
+            self._open = (*self._open, subscription)
+        else:
+            self._adapted = (*self._adapted, subscription)
+        self._tell()
         return subscription
 
     def drop(self, subscription: Subscription) -> None:
-        self._arrange(tuple(s for s in self.subscriptions if s is not subscription))
+        self.subscriptions, self._open, self._adapted = (
+            tuple([s for s in some if s is not subscription])
+            for some in (self.subscriptions, self._open, self._adapted)
+        )
+        self._tell()
 
     def rearrange(self) -> None:
         """A subscription has another policy."""
-        self._arrange(self.subscriptions)
+        self._open = tuple(s for s in self.subscriptions if s.adapter.is_open)
+        self._adapted = tuple(s for s in self.subscriptions if not s.adapter.is_open)
+        self._tell()
 
     def end(self) -> None:
         """Remove the generator: all its streams end."""
@@ -216,10 +227,7 @@ class Generator:
             anchor_us = grid.anchor_us
         return Grid(period_us, anchor_us % period_us) if period_us else None
 
-    def _arrange(self, subscriptions: tuple[Subscription, ...]) -> None:
-        self.subscriptions = subscriptions
-        self._open = tuple(s for s in subscriptions if s.adapter.is_open)
-        self._adapted = tuple(s for s in subscriptions if not s.adapter.is_open)
+    def _tell(self) -> None:
         if self.owner is not None:
             self.owner.on_demand()
 

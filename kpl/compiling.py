@@ -51,6 +51,8 @@ Members: TypeAlias = Mapping[str, str]
 """What variables stand for."""
 LEAST_PERIOD_US = US_PER_MS
 MAX_DECLARATIONS = 10_000
+MAX_ERRORS = 100
+"""After so many no more are looked for."""
 SELF = "self"
 
 
@@ -156,6 +158,8 @@ class Compiler:
                 errors += wrong.errors
             except TextError as wrong:
                 errors.append(in_text(wrong, text, file))
+            if len(errors) >= MAX_ERRORS:
+                break
         return errors
 
     def _check(

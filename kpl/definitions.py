@@ -22,6 +22,9 @@ from reasoning.formulas import (
     walk,
 )
 
+LIMIT_EXPANDED = 2 * LIMIT_NODES
+"""So large may all formulas of a specification be together, with what their definitions put in."""
+
 
 class Definitions:
     """What is defined: `define MIN_XY = 15.0` a constant, `define hasCargo[u] = ...` a feature of one object.
@@ -31,6 +34,7 @@ class Definitions:
     """
 
     def __init__(self, declarations: Iterable[Declaration]) -> None:
+        self._left = LIMIT_EXPANDED
         self.constants: dict[str, Constant] = {}
         self.features: dict[tuple[str, int], Define] = {}
         for each in declarations:
@@ -80,6 +84,13 @@ class Definitions:
         for one in walk(body):
             if isinstance(one, Forall | Exists) and Variable(one.variable) in use.objects:
                 raise _wrong(f"{use.name} uses the variable {one.variable} itself", use, "another variable here")
+        self._left -= sum(1 for _ in walk(body))
+        if self._left < 0:
+            raise _wrong(
+                f"with its definitions put in the formula has more than {LIMIT_EXPANDED} parts",
+                use,
+                "define less in terms of more",
+            )
         parameters = definition.feature.objects
         for i, parameter in enumerate(parameters):  # first to names that nobody can type, so that none is taken twice
             body = instantiate(body, str(parameter), Variable(f"?{i}"))

@@ -126,7 +126,10 @@ class Instance:
             TextErrors: with everything that is wrong; the instance is as it was.
         """
         before = self.specification
-        gone, new, wanted = difference(before, specification)
+        every = tuple(specification)
+        if len(every) > MAX_DECLARATIONS:
+            raise_all([too_many(len(every), file)])
+        gone, new, wanted = difference(before, every)
         self.network.now_us = max(self.network.now_us, now_us)
         self._declare(gone, new)
         try:
@@ -211,8 +214,6 @@ class Instance:
         self, gone: Sequence[Declaration], new: Sequence[Declaration], wanted: Specification, text: str, file: str
     ) -> None:
         """What is said of a change before anything changes."""
-        if len(wanted) > MAX_DECLARATIONS:
-            raise_all([too_many(len(wanted), file)])
         self._look_up(new)
         specified = self.parts.specified
         errors = list(check_change(specified, gone, new, self._known(self.specification), text, file))

@@ -34,11 +34,12 @@ from reasoning.derivation import FEATURES
 from reasoning.formulas import Feature, Formula, Node, walk
 
 STATE = "state"
-LONGEST_CHAIN = 100
+LONGEST_CHAIN = 64
 """Samples flow by plain calls: so many processes may follow one another."""
 ANY = "?"
 """How the sorts begin that stand for any: a unit that has such and is not declared is told of where it is made."""
 LONGEST_GUESS = 64
+LONGEST_SAID = 300
 MOST_GUESSES = 50
 _NONE: Mapping[str, str] = {}
 
@@ -378,6 +379,7 @@ class _Checker:
         return next(iter(get_close_matches(name, list(map(str, names)), n=1)), "")
 
     def _said(self, message: str, node: Node, repair: str) -> TextError:
+        message = shortened(message)
         if self._old and self._of is not None:  # it is not in the text: what runs needs what is taken from it
             running = print_declaration(self._of)
             return TextError(
@@ -393,6 +395,11 @@ class _Checker:
             repair=repair,
             file=self._file,
         )
+
+
+def shortened(message: str) -> str:
+    """A message without the middle of a name that is too long to be read."""
+    return message if len(message) <= LONGEST_SAID else f"{message[: LONGEST_SAID - 60]}...{message[-50:]}"
 
 
 def _in_order(errors: list[TextError]) -> tuple[TextError, ...]:

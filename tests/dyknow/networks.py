@@ -77,7 +77,7 @@ def arrivals(draw, sources=2, max_size=30, max_lead_us=10):
 def pass_time(network, until_us):
     """Let the timers before an instant go off; at one instant inputs are first."""
     while (due_us := network.deadline_us) is not None and due_us < until_us:
-        network.on_time(due_us)
+        network.on_time(max(due_us, network.now_us))
     network.now_us = max(network.now_us, until_us)
 
 
