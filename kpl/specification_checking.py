@@ -379,7 +379,7 @@ class _Checker:
         return next(iter(get_close_matches(name, list(map(str, names)), n=1)), "")
 
     def _said(self, message: str, node: Node, repair: str) -> TextError:
-        message = shortened(message)
+        message, repair = shortened(message), repair if len(repair) <= LONGEST_SAID else ""
         if self._old and self._of is not None:  # it is not in the text: what runs needs what is taken from it
             running = print_declaration(self._of)
             return TextError(
@@ -399,7 +399,7 @@ class _Checker:
 
 def shortened(message: str) -> str:
     """A message without the middle of a name that is too long to be read."""
-    return message if len(message) <= LONGEST_SAID else f"{message[: LONGEST_SAID - 60]}...{message[-50:]}"
+    return message if len(message) <= LONGEST_SAID else f"{message[: LONGEST_SAID - 100]}...{message[-90:]}"
 
 
 def _in_order(errors: list[TextError]) -> tuple[TextError, ...]:
