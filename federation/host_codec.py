@@ -35,7 +35,7 @@ from federation.hosting import (
     Want,
     Welcome,
 )
-from federation.unpacking import MAX_BYTES, VERSION, count, fail, instant, items, sampled, unpack
+from federation.unpacking import MAX_BYTES, VERSION, count, fail, instant, items, qualified, sampled, unpack
 
 MAX_TEXT: Final = 300
 MAX_INPUTS: Final = 64
@@ -229,7 +229,13 @@ def pack_sample(sample: Sample, i: int = 0) -> bytes:
     try:
         plain = _plain(value)
         sampled(plain)
-        fields = (i, available_us, valid_us, plain, *(() if quality is SURE or quality == SURE else (quality,)))
+        fields = (
+            i,
+            available_us,
+            valid_us,
+            plain,
+            *(() if quality is SURE or quality == SURE else (_plainly(quality),)),
+        )
         packed: bytes = msgpack.Packer(buf_size=_SMALL).pack(fields)
     except (DecodeError, ValueError, TypeError, OverflowError, RecursionError) as wrong:
         raise ContentError(f"{value!r:.80} cannot be handed to another process: {wrong}") from None
@@ -255,6 +261,12 @@ def _plain(value: Value) -> Any:
     raise TypeError(f"it is {kind.__name__}")
 
 
+def _plainly(quality: Quality) -> tuple[float, tuple[tuple[float, ...], ...]]:
+    """A quality of plain floats, checked."""
+    rows = tuple([tuple(map(float, row)) for row in quality.covariance])
+    return qualified(float(quality.certainty), rows)
+
+
 def _sample(found: Any) -> Input:
     if type(found) is not tuple or not 4 <= len(found) <= 5:
         fail("shape")
@@ -266,15 +278,4 @@ def _sample(found: Any) -> Input:
 
 
 def _quality(found: Any) -> Quality:
-    if type(found) is not tuple or len(found) != 2:
-        fail("shape")
-    certainty, rows = found
-    if type(certainty) not in {float, int} or not 0 <= certainty <= 1:
-        fail("number")
-    for row in items(rows, 64):
-        if len(items(row, 64)) != len(rows):
-            fail("shape")
-        for each in row:
-            if type(each) not in {float, int} or each - each != 0:
-                fail("not finite")
-    return Quality(certainty, rows)
+    return Quality(*qualified(*_fields(found, 2)))

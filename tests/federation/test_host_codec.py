@@ -174,6 +174,22 @@ def test_a_value_that_cannot_be_said_is_told_where_it_arises(value) -> None:
         pack_sample(Sample(1, 2, value))
 
 
+@pytest.mark.parametrize(
+    "quality",
+    [Quality(2.0), Quality(float("nan")), Quality(1.0, ((1.0, 2.0),)), Quality(1.0, ((float("inf"),),)), Quality("x")],
+)
+def test_so_is_a_quality_that_is_none(quality) -> None:
+    with pytest.raises(ContentError):
+        pack_sample(Sample(1, 2, 3.0, quality))
+
+
+def test_a_quality_becomes_plain_on_the_way() -> None:
+    sample = Sample(1, 2, 3.0, Quality(1, ((Metres(4.0),),)))
+    assert decode_from_host(encode(Made(1, 0, 0, False, (sample,)))).samples == (
+        Sample(1, 2, 3.0, Quality(1.0, ((4.0,),))),
+    )
+
+
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, SAMPLES_BYTES // 2)), max_size=50), st.integers(0, 60))
 def test_samples_travel_together_as_far_as_a_message_reaches_and_in_order(given_samples, most) -> None:
     backlog = Backlog()
