@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import TypeAlias
 
 from dyknow.errors import PolicyError
+from dyknow.instants import print_duration
 from dyknow.sample import Sample
 
 Accept: TypeAlias = Callable[[Sample, Sample | None], bool]
@@ -31,7 +32,7 @@ def sample_every(period_us: int) -> Accept:
         PolicyError: if `period_us` is not positive.
     """
     if period_us <= 0:
-        raise PolicyError(f"a sample period must be > 0 us, got {period_us}")
+        raise PolicyError(f"a sample period must be > 0 us, got {period_us}", "sample every 100")
 
     def accept(sample: Sample, last: Sample | None) -> bool:
         if last is None:
@@ -54,7 +55,7 @@ def max_delay(limit_us: int) -> Accept:
         PolicyError: if `limit_us` is negative.
     """
     if limit_us < 0:
-        raise PolicyError(f"max delay must be >= 0 us, got {limit_us}")
+        raise PolicyError(f"max delay must be >= 0 us, got {limit_us}", "max delay 1000")
     return lambda sample, _last: sample.delay_us <= limit_us
 
 
@@ -65,7 +66,10 @@ def duration(from_us: int | None, to_us: int | None) -> Accept:
         PolicyError: if the duration ends before it starts.
     """
     if from_us is not None and to_us is not None and to_us < from_us:
-        raise PolicyError(f"a duration cannot end at {to_us} us, before it starts at {from_us} us")
+        raise PolicyError(
+            f"`from {print_duration(from_us)}` and `to {print_duration(to_us)}` collide: a duration cannot end before it starts",
+            "from 300 to 400",
+        )
     return lambda sample, _last: (
         (from_us is None or from_us <= sample.valid_us) and (to_us is None or sample.valid_us <= to_us)
     )
@@ -78,7 +82,7 @@ def min_certainty(least: float) -> Accept:
         PolicyError: if `least` is no probability.
     """
     if not 0 <= least <= 1:
-        raise PolicyError(f"a certainty is from 0 to 1, got {least}")
+        raise PolicyError(f"a certainty is from 0 to 1, got {least}", "min certainty 0.95")
     return lambda sample, _last: sample.quality.certainty >= least
 
 
@@ -89,7 +93,7 @@ def max_deviation(limit: float) -> Accept:
         PolicyError: if `limit` is negative or no finite number.
     """
     if not 0 <= limit < math.inf:
-        raise PolicyError(f"a deviation is a number >= 0, got {limit}")
+        raise PolicyError(f"a deviation is a number >= 0, got {limit}", "max deviation 2.0")
     return lambda sample, _last: sample.quality.deviation <= limit
 
 

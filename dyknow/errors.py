@@ -29,7 +29,11 @@ class DyknowError(Exception):
 
 
 class PolicyError(DyknowError):
-    """A policy asks for something no stream could satisfy."""
+    """A policy asks for something no stream could satisfy; `repair` is what could be written instead."""
+
+    def __init__(self, message: str, repair: str = "") -> None:
+        self.repair = repair
+        super().__init__(message)
 
 
 class UnknownLabel(DyknowError):

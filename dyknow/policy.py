@@ -56,12 +56,16 @@ class Policy:
             raise PolicyError("a sample period goes with the constraint `sample every`, and only with it")
         self._constraints()  # each refuses a number that is wrong by itself
         if not 0 < self.importance < inf:
-            raise PolicyError(f"an importance is a number > 0, got {self.importance}")
+            raise PolicyError(f"an importance is a number > 0, got {self.importance}", "importance 2")
         if self.approximation != "none" and self.sample_us is None:
-            raise PolicyError(f"`use {self.approximation}` needs `sample every`: else nothing is missing")
+            raise PolicyError(
+                f"`use {self.approximation}` needs `sample every`: else nothing is missing",
+                f"sample every 100, use {self.approximation}",
+            )
         if self.approximation == "most recent" and (self.from_us is None or self.max_delay_us is None):
             raise PolicyError(
-                "`use most recent` needs `from` and `max delay`: which samples are missing, and when that is sure"
+                "`use most recent` needs `from` and `max delay`: which samples are missing, and when that is sure",
+                "sample every 100, max delay 200, from 0 to oo, use most recent",
             )
         if self.sample_us is not None:
             object.__setattr__(self, "order", "strict")

@@ -44,6 +44,7 @@ class _Reader:
         self.tokens: list[_Token] = []
         self.next = 0
         self.fields: dict[str, Any] = {}
+        self.said: dict[str, str] = {}
         for found in _TOKEN.finditer(text.rstrip()):
             if found[2]:
                 self.fail(f"unexpected {found[2]!r}", _Token(found[2], found.start(2)))
@@ -65,8 +66,8 @@ class _Reader:
                 self.put(field, value, start)
                 return
         if self.words("sample", "every"):
-            self.put("change", "sample", start)
             self.fields["sample_us"] = self.duration()
+            self.put("change", "sample", start)
         elif self.words("max", "delay"):
             self.put("max_delay_us", self.duration_or_oo(), start)
         elif self.words("delay", "before", "approximation"):
@@ -103,9 +104,15 @@ class _Reader:
         return True
 
     def put(self, field: str, value: Any, start: _Token) -> None:
+        last = self.tokens[self.next - 1]
+        said = self.text[start.at : last.at + len(last.text)]
         if field in self.fields:
-            self.fail("a policy has one constraint of each kind", start)
-        self.fields[field] = value
+            self.fail(
+                f"`{self.said[field]}` and `{said}` collide: a policy has one constraint of each kind",
+                start,
+                "leave one out",
+            )
+        self.fields[field], self.said[field] = value, said
 
     def duration(self) -> int:
         token = self.take()

@@ -149,7 +149,8 @@ def state_policy(policy: Policy, inputs: Sequence[Policy]) -> tuple[StatePolicy 
     max_delay_us = longest_us if policy.max_delay_us is None else policy.max_delay_us
     if max_delay_us is None:
         raise PolicyError(
-            "a sampled state needs `max delay`: how long after its valid time it is made with what there is"
+            "a sampled state needs `max delay`: how long after its valid time it is made with what there is",
+            "with sample every 100, max delay 200",
         )
     approximation = "most recent" if policy.approximation == "none" else policy.approximation
     made = StatePolicy(

@@ -128,7 +128,7 @@ class Compiler:
                     synchronised, when = state_policy(policy, [each.policy for each in inputs])
                     return Made(Sort("state", is_open=True), StateStream(inputs, synchronised, when))
                 except PolicyError as wrong:
-                    raise located(made, str(wrong)) from None
+                    raise located(made, str(wrong), wrong.repair) from None
             case Select(term, variable, domain) | Merge(term, variable, domain):
                 return Made(
                     self._sort_of(term.label, declared),

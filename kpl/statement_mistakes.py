@@ -6,6 +6,31 @@ from kpl.mistakes import MISTAKES, Mistake
 
 _STATEMENTS: Final = (
     Mistake(
+        "objects stand in brackets after the feature",
+        "pos[car1]",
+        ("stream a = b c", "strmgen a = f(b c)", "strmgen a b = c"),
+    ),
+    Mistake(
+        "an output is one stream, named by its label; what is to be computed is a generator",
+        "strmgen sum = Add(speed[car1], speed[car2])",
+        ("stream a = b + 3", "stream a = b[c] + 3", "stream a = b, c", "stream a = b[c], d", "stream a = b * 3"),
+    ),
+    Mistake(
+        "a time is a number and us, ms, s, min or h; a number alone is milliseconds",
+        "200ms",
+        ("stream a = b with max delay 3 c", "stream a = b with sample every 3 c", "stream a = b with from 3 c"),
+    ),
+    Mistake(
+        "a time or a limit is not negative",
+        "max delay 1000",
+        (
+            "stream a = b with max delay -3",
+            "stream a = b with sample every -3",
+            "stream a = b with max deviation -3",
+            "stream a = b with from -3 to 3",
+        ),
+    ),
+    Mistake(
         "a duration ends with `to`",
         "from 300 to 400",
         ("stream a = b with from 3 until 5", "strmgen a = f(b with from 3 until 5)", "stream a = b with from 3 - 5"),
@@ -65,12 +90,21 @@ _STATEMENTS: Final = (
     Mistake(
         "constraints are parted by commas",
         "with sample every 200, max delay 1000",
-        ("stream a = b with max delay 4 and sample every 3", "strmgen a = f(b with max delay 3 and sample every 3)"),
+        (
+            "stream a = b with sample every 3 and max delay 4",
+            "stream a = b with max delay 4 and sample every 3",
+            "strmgen a = f(b with max delay 3 and sample every 3)",
+        ),
     ),
     Mistake(
         "a sample period is a time",
         "sample every 200",
-        ("stream a = b with sample 3", "stream a = b with sample every", "stream a = b with every 3"),
+        (
+            "stream a = b with sample 3",
+            "stream a = b with sample c 3",
+            "stream a = b with sample every",
+            "stream a = b with every 3",
+        ),
     ),
     Mistake("a delay is a time or oo", "max delay 1000", ("stream a = b with delay 3", "stream a = b with max 3")),
     Mistake(
@@ -86,7 +120,14 @@ _STATEMENTS: Final = (
     Mistake(
         "a computational unit has a sort, a name, and the sorts of its inputs",
         "compunit speed SpeedEst(pos)",
-        ("compunit speed SpeedEst", "compunit SpeedEst(pos)", "compunit speed S()", "compunit speed S = a"),
+        (
+            "compunit speed SpeedEst",
+            "compunit speed SpeedEst pos",
+            "compunit speed S(pos, )",
+            "compunit SpeedEst(pos)",
+            "compunit speed S()",
+            "compunit speed S = a",
+        ),
     ),
     Mistake(
         "a stream generator is made from a source, or from a unit with its streams",
@@ -96,7 +137,14 @@ _STATEMENTS: Final = (
     Mistake(
         "a unit takes streams, each by its label",
         "SpeedEst(pos[car1])",
-        ("strmgen a = f()", "strmgen a = f(3)", "strmgen a = f(b, )", "strmgen a = state()"),
+        (
+            "strmgen a = f b",
+            "strmgen a = f b[c]",
+            "strmgen a = f()",
+            "strmgen a = f(3)",
+            "strmgen a = f(b, )",
+            "strmgen a = state()",
+        ),
     ),
     Mistake(
         "an output has a name without objects",
@@ -114,7 +162,15 @@ _STATEMENTS: Final = (
     Mistake(
         "an import names the semantic label, the unit it comes from, and the label it gets here",
         "import heli-position from 1 as pos[uav1]",
-        ("import a", "import a as b", "import a from b", "import a[b] from c", "import a from 1 = b", "import a = b"),
+        (
+            "import a",
+            "import a from 1",
+            "import a as b",
+            "import a from b",
+            "import a[b] from c",
+            "import a from 1 = b",
+            "import a = b",
+        ),
     ),
     Mistake(
         "select and merge name a member and the stream of members",
@@ -122,6 +178,8 @@ _STATEMENTS: Final = (
         (
             "strmgen a = select b",
             "strmgen a = select b in c",
+            "strmgen a = merge b[c] in d",
+            "strmgen a = select b[c] in d",
             "strmgen a = merge b for c",
             "strmgen a = merge(b)",
             "strmgen a = merge b, c",
@@ -134,7 +192,6 @@ _STATEMENTS: Final = (
         (
             "for a in b: strmgen c = d",
             "for a strmgen c = d",
-            "for a in b c",
             "for a in b stream c = d",
             "for each a in b",
         ),
@@ -147,7 +204,15 @@ _STATEMENTS: Final = (
     Mistake(
         "a monitor has a name without objects, and a formula after `=`",
         "monitor calm = always speed[self] < 5",
-        ("monitor a", "monitor a[b] = c", "monitor a: b", "monitor a b"),
+        (
+            "monitor a",
+            "monitor a always b",
+            "monitor a not b",
+            "monitor a forall b in c: d",
+            "monitor a[b] = c",
+            "monitor a: b",
+            "monitor a b",
+        ),
     ),
     Mistake("a definition has a formula after `=`", "define MIN_XY = 15.0", ("define a", "define a 3")),
     Mistake(
@@ -156,7 +221,23 @@ _STATEMENTS: Final = (
     Mistake(
         "a statement begins with source, compunit, strmgen, stream, for, export, import, define, monitor or chronicle",
         "strmgen pos[car1] = pos_car1",
-        ("a", "a = b", "a b c", "with a", "3", "a[b] = c", "= a", "(a)", ", a", "and", "source a b)", "source a b,"),
+        (
+            "a",
+            "a = b",
+            "a b c",
+            "with a",
+            "3",
+            "a[b] = c",
+            "= a",
+            "(a)",
+            ", a",
+            "and",
+            "source a b)",
+            "source a b,",
+            "source a b c",
+            "strmgen a = f(b) c",
+            "strmgen a = f(b) c d = e",
+        ),
     ),
 )
 _IN_MONITORS: Final = tuple(

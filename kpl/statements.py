@@ -244,7 +244,7 @@ class _StatementReader(FormulaReader):
                 self.error(wrong.message, places[-1], wrong.repair)
         except PolicyError as wrong:
             whole = places[0]._replace(width=max(1, _line_width(self.text, places[0].start, places[-1].end)))
-            self.error(str(wrong), whole)
+            self.error(str(wrong), whole, wrong.repair)
         return ANY_UPDATE
 
     def _count(self, token: "Token") -> int:

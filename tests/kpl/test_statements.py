@@ -129,7 +129,7 @@ def test_all_errors_of_a_text_are_told_each_at_its_place() -> None:
     ]
     assert {error.file for error in caught.value.errors} == {"wrong.kpl"}
     assert caught.value.errors[4].repair == "from 300 to 400"
-    assert str(caught.value).count("write: ") == 3
+    assert str(caught.value).count("write: ") == 5
 
 
 def test_a_wrong_statement_hides_none_of_the_others() -> None:
