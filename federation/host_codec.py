@@ -6,6 +6,7 @@ cannot be said harms no other.
 
 import re
 from collections.abc import Callable, Iterable
+from operator import index
 from typing import Any, Final, NoReturn
 
 import msgpack
@@ -229,13 +230,9 @@ def pack_sample(sample: Sample, i: int = 0) -> bytes:
     try:
         plain = _plain(value)
         sampled(plain)
-        fields = (
-            i,
-            available_us,
-            valid_us,
-            plain,
-            *(() if quality is SURE or quality == SURE else (_plainly(quality),)),
-        )
+        times = instant(index(available_us)), instant(index(valid_us))
+        said = () if quality is SURE or quality == SURE else (_plainly(quality),)
+        fields = (i, *times, plain, *said)
         packed: bytes = msgpack.Packer(buf_size=_SMALL).pack(fields)
     except (DecodeError, ValueError, TypeError, OverflowError, RecursionError) as wrong:
         raise ContentError(f"{value!r:.80} cannot be handed to another process: {wrong}") from None

@@ -183,6 +183,12 @@ def test_so_is_a_quality_that_is_none(quality) -> None:
         pack_sample(Sample(1, 2, 3.0, quality))
 
 
+@pytest.mark.parametrize("valid_us", [2**63, -(2**63) - 1, 1.5, "now", None])
+def test_so_is_a_time_that_is_none(valid_us) -> None:
+    with pytest.raises(ContentError):
+        pack_sample(Sample(1, valid_us, 3.0))
+
+
 def test_a_quality_becomes_plain_on_the_way() -> None:
     sample = Sample(1, 2, 3.0, Quality(1, ((Metres(4.0),),)))
     assert decode_from_host(encode(Made(1, 0, 0, False, (sample,)))).samples == (
