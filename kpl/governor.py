@@ -6,11 +6,12 @@ there is room again the steps are taken back, the most important stream first. E
 `refinements`.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from dyknow import NO_VALUE, Field, Label, Policy, Sort
+from dyknow.errors import TextError
 from dyknow.instants import US_PER_MS, US_PER_S, print_duration
 from dyknow.processes import Refinement
 from dyknow.prototypes import UnitPrototype
@@ -18,7 +19,7 @@ from kpl.checking import read_formula
 from kpl.figures import WORST
 from kpl.formula_monitors import FormulaMonitor
 from kpl.introspection import proxies_of
-from kpl.specification import MonitorDeclaration
+from kpl.specification import Declaration, Define, MonitorDeclaration, SourceDeclaration, UnitDeclaration
 
 if TYPE_CHECKING:
     from dyknow.stream_proxy import StreamProxy
@@ -206,6 +207,16 @@ class Governor:
     def full(self) -> bool:
         """Whether there is no time for more."""
         return self.overloaded or self.load > ROOM
+
+    def refusals(self, new: Iterable[Declaration], text: str, file: str) -> list[TextError]:
+        """What there is to say against declarations that are work, while there is no time for more."""
+        work = next((each for each in new if not isinstance(each, SourceDeclaration | UnitDeclaration | Define)), None)
+        if work is None or not self.full:
+            return []
+        place, said = work.place, f"there is no time for more: {self.load:.0%} of it is spent"
+        repair = "later, or with the choice to admit it at a longer period"
+        line, column, width = place.line, place.column, place.width
+        return [TextError(said, text=text, line=line, column=column, width=width, repair=repair, file=file)]
 
     def hold_back(self, known: Collection[int], now_us: int) -> None:
         """Let sampled streams that are new begin at twice their period, until there is room; `known` are the others."""

@@ -5,15 +5,15 @@ from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 from dyknow import Label, Network, Sample, Sort, Value
-from dyknow.errors import DyknowError, TextError, TextErrors, ValueNotAvailable
+from dyknow.errors import DyknowError, TextError, ValueNotAvailable
 from dyknow.factory import ProcessFactory
-from dyknow.mediation import Configuration
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.stream_proxy import StreamProxy
 from kpl.changes import as_text_errors, difference, rank
 from kpl.compiling import MAX_DECLARATIONS, Compiler, located, too_many
 from kpl.declared import Declared, names_of
 from kpl.definitions import Definitions
+from kpl.families import Families
 from kpl.figures import MEANINGS, figure
 from kpl.formula_monitors import FormulaMonitor
 from kpl.introspection import proxies_of
@@ -21,7 +21,6 @@ from kpl.parsing import raise_all
 from kpl.parts import Parts
 from kpl.specification import (
     Declaration,
-    Define,
     Export,
     ForEach,
     GeneratorDeclaration,
@@ -34,7 +33,7 @@ from kpl.specification import (
     UnitDeclaration,
 )
 from kpl.specification_checking import Findings, Known, check_change, check_specification
-from kpl.surroundings import Federation, Hooks, Undo
+from kpl.surroundings import Federation, Hooks, Undo, nothing
 
 if TYPE_CHECKING:
     from kpl.governor import Governor
@@ -90,7 +89,6 @@ class Instance:
         self.configurations: list[ConfigurationEntry] = []
         self.streams: dict[str, StreamProxy] = {}
         self.monitors: dict[str, FormulaMonitor] = {}
-        self.families: dict[Label, Configuration] = {}
         self._catalogue = catalogue
         self._sorts, self._semantic, self._federation = sorts or {}, semantic, federation
         self._undo: dict[Declaration, Undo] = {}
@@ -98,6 +96,7 @@ class Instance:
         self._is_going_back = False
         self._compiler = Compiler(self)
         self.parts = Parts(network, self.factory, self._compiler)
+        self.families = Families(network, self._compiler, self.parts)
         network.resolve = lambda label: figure(self, label)
 
     # What a specification says
@@ -134,7 +133,8 @@ class Instance:
         self._declare(gone, new)
         try:
             self._check(gone, new, wanted, text, file)
-            self._admit(new, text, file)
+            if self.governor is not None and self.admission == "refuse":
+                raise_all(self.governor.refusals(new, text, file))
             known = {id(proxy) for _, proxy in proxies_of(self)} if self._is_full() else ()
             gone.sort(key=rank, reverse=True)
             new.sort(key=rank)
@@ -247,19 +247,6 @@ class Instance:
     def _is_full(self) -> bool:
         return self.governor is not None and self.governor.full
 
-    def _admit(self, new: Sequence[Declaration], text: str, file: str) -> None:
-        """Refuse what there is no time for, if that is the choice; raises TextErrors."""
-        work = next((each for each in new if not isinstance(each, SourceDeclaration | UnitDeclaration | Define)), None)
-        if work is None or self.governor is None or self.admission != "refuse" or not self._is_full():
-            return
-        place = work.place
-        said = f"there is no time for more: {self.governor.load:.0%} of it is spent"
-        repair = "later, or with the choice to admit it at a longer period"
-        error = TextError(
-            said, text=text, line=place.line, column=place.column, width=place.width, repair=repair, file=file
-        )
-        raise TextErrors((error,))
-
     def _look_up(self, wanted: Iterable[Declaration]) -> None:
         """Offer what the catalogue has under the names that are used."""
         for each in wanted:
@@ -316,15 +303,14 @@ class Instance:
         for declared in successors:
             self._undo[declared] = self._realise(declared)
         if any(isinstance(each, GeneratorDeclaration) for each in gone):
-            for family in self.families.values():
-                family.renew()
+            self.families.renew()
 
     def _realise(self, declaration: Declaration) -> Undo:
         match declaration:
             case GeneratorDeclaration():
                 return self.parts.add(declaration)
             case ForEach():
-                return self._configure(declaration)
+                return self.families.add(declaration)
             case StreamDeclaration():
                 return self._deliver(declaration)
             case MonitorDeclaration():
@@ -336,41 +322,7 @@ class Instance:
             case SourceDeclaration(_, name) if not isinstance(self.factory.find(name), SourcePrototype):
                 self.parts.fed.setdefault(name, [])
                 return partial(_forget, self.parts.fed, name)
-        return _nothing
-
-    def _configure(self, declaration: ForEach) -> Undo:
-        """One process per member; a member for which there is a declaration of its own is left to that."""
-        own = set[Label]()
-        family_label = declaration.body.label
-
-        def create(member: str) -> None:
-            members = {declaration.variable: member}
-            label = self._compiler.label(family_label, members)
-            if label not in self.parts.declared:
-                try:
-                    self.parts.of_families[label] = self.parts.add(declaration.body, members)
-                    own.add(label)
-                except DyknowError as wrong:
-                    self.network.on_fault(label, str(wrong))
-
-        def remove(member: str) -> None:
-            label = self._compiler.label(family_label, {declaration.variable: member})
-            if label in own:
-                own.discard(label)
-                self.parts.of_families.pop(label, _nothing)()
-                for other, family in self.families.items():
-                    if other.feature == family_label.feature and other != family_label:
-                        family.renew()
-
-        domain = self._compiler.input(declaration.domain)
-        family = Configuration(self.network, domain, create, remove)
-        self.families[family_label] = family
-
-        def undo() -> None:
-            self.families.pop(family_label, None)
-            family.cancel()
-
-        return undo
+        return nothing
 
     def _import(self, semantic: str, unit: str, term: StreamTerm, declaration: Declaration) -> Undo:
         assert self._federation is not None  # noqa: S101  (only then it is called)
@@ -437,7 +389,3 @@ class Instance:
 def _forget(fed: dict[str, list[Label]], name: str) -> None:
     if not fed.get(name):
         fed.pop(name, None)
-
-
-def _nothing() -> None:
-    """There is nothing to take back."""

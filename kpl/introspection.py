@@ -100,7 +100,7 @@ def graph_of(instance: "Instance") -> Graph:
     for name, monitor in instance.monitors.items():
         nodes.append(Node(name, "monitor", note=(monitor.monitor.shows, *monitor.awaited())))
         edges += [_edge(str(proxy.label), name, proxy) for proxy in monitor.proxies]
-    for label, family in instance.families.items():
+    for label, family in instance.families.members.items():
         members = ", ".join(family.members) or "none now"
         nodes.append(Node(str(label), "family", note=(f"members: {members}",)))
         edges.append(_edge(str(family.domain.label), str(label), family.proxy))

@@ -12,6 +12,10 @@ from reasoning.formulas import Formula
 Undo: TypeAlias = Callable[[], None]
 
 
+def nothing() -> None:
+    """There is nothing to take back."""
+
+
 class Federation(Protocol):
     """What the room above does for declarations that concern other platforms; each returns how to take it back."""
 

@@ -79,7 +79,7 @@ class Running:
             "specification": instance.specification,
             "streams": {name: id(proxy) for name, proxy in instance.streams.items()},
             "monitors": {name: id(monitor) for name, monitor in instance.monitors.items()},
-            "families": {str(label): tuple(family.members) for label, family in instance.families.items()},
+            "families": {str(label): tuple(family.members) for label, family in instance.families.members.items()},
             "undo": set(instance._undo),
             "fed": {name: sorted(labels) for name, labels in instance.parts.fed.items()},
             "parts": {name: sorted(parts) for name, parts in instance.parts._made_from.items()},
