@@ -23,7 +23,7 @@ from federation.wire import LabelEntry
 from kpl import Hooks, Instance, Specification, parse_specification, print_specification
 from kpl.governor import Governor
 from kpl.introspection import drawn, graph_of
-from kpl.specification import MonitorDeclaration, StreamTerm
+from kpl.specification import Import, MonitorDeclaration, StreamTerm
 from kpl.surroundings import Undo
 from reasoning import AlarmEvent
 from reasoning.derivation import FEATURES
@@ -84,8 +84,21 @@ class Declared:
         try:
             self.instance.change(read(text, file), now_us, text, file)
         except TextError as wrong:
+            runs = bool(self.instance.specification)
+            self._p.tell({"event": "not-specified", "file": file, "said": wrong.drawn(), "runs": runs})
             self._p.note(f"the specification is not taken; what ran goes on:\n{wrong.drawn()}")
             return
+        imports = [[each.semantic, each.unit] for each in self.instance.specification if isinstance(each, Import)]
+        declarations, exports = len(self.instance.specification), sorted(self._exported)
+        self._p.tell(
+            {
+                "event": "specified",
+                "file": file,
+                "declarations": declarations,
+                "exports": exports,
+                "imports": imports,
+            }
+        )
         for name, labels in self.instance.lacking.items():
             self._p.note(f"nobody offers {name} yet; {', '.join(map(str, labels[:8]))} will begin when somebody does")
 

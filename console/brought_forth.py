@@ -1,11 +1,13 @@
 """What a running specification brings forth, as a person sees it: samples, alarms, who makes a stream."""
 
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from console.command import Call
 from console.instants import clock_time
 from console.output import verbatim
+from console.specifications import counted
 
 if TYPE_CHECKING:
     from dyknow import Sample
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
 def tell_record(call: Call, said: dict[str, Any], *, begins_us: int | None = None) -> None:
     """One JSON line of a platform; what is none of these is not shown. Times since `begins_us`, or by the clock."""
     kind = str(said.get("event"))
-    if kind not in {"sample", "stream", "note", "alarm-opened", "alarm-closed"}:
+    if kind not in _SHOWN:
         return
     valid_us = said.get("valid_us")
     when = "" if valid_us is None else _when(valid_us, begins_us)
@@ -60,6 +62,15 @@ def _sample(said: dict[str, Any]) -> str:
     return f"[bold]{verbatim(said['stream'])}[/]  {verbatim(_short(said['value']))}  [dim]{late_ms:g} ms later[/]"
 
 
+def _specified(said: dict[str, Any]) -> str:
+    parts = [counted(said["declarations"], "declaration")]
+    if said["exports"]:
+        parts.append(f"exports {', '.join(said['exports'])}")
+    if said["imports"]:
+        parts.append(f"imports {', '.join(f'{label} from {unit}' for label, unit in said['imports'])}")
+    return f"[green]runs[/] {verbatim(Path(said['file']).name)}: {verbatim('; '.join(parts))}"
+
+
 def _stream(said: dict[str, Any]) -> str:
     name = verbatim(said["stream"])
     return f"[green]{name} is made[/]" if said["linked"] else f"[yellow]nobody makes {name} any more[/]"
@@ -82,6 +93,7 @@ def _short(value: Any) -> str:
 
 _SHOWN = {
     "sample": _sample,
+    "specified": _specified,
     "stream": _stream,
     "note": lambda said: f"[yellow]note[/] {verbatim(str(said.get('text')))}",
     "alarm-opened": _alarm,

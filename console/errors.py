@@ -8,7 +8,16 @@
 
 from difflib import get_close_matches
 
-from dyknow.errors import ContentError, DyknowError, NameRefused, PolicyError, RosterError, TextError, UnknownLabel
+from dyknow.errors import (
+    ContentError,
+    DyknowError,
+    NameRefused,
+    PolicyError,
+    RosterError,
+    TextError,
+    UnitError,
+    UnknownLabel,
+)
 
 DONE, NO, WRONG, FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -30,6 +39,7 @@ _CODES: tuple[tuple[type[DyknowError], int], ...] = (
     (UnknownLabel, NO),
     (WrongCall, WRONG),
     (TextError, WRONG),
+    (UnitError, WRONG),
     (NameRefused, WRONG),
     (PolicyError, WRONG),
     (ContentError, WRONG),

@@ -10,8 +10,9 @@ from console.command import Call
 from console.errors import DONE, INTERRUPTED, FederationFailed, WrongCall
 from console.instants import SHORTEST_US, duration_us, instant_us
 from console.launch import clock_of, configured, hosts_of, journal_of, mavlink_endpoint, replayed, trust_of, wire_of
-from console.output import unit_json, verbatim
+from console.output import unit_json
 from console.processes import Fleet, interruptible, run_directory, uninterrupted
+from console.specifications import read_text
 from console.up import READY_S, Gathering, tell_notes
 from federation.keys import unit as unit_name
 from runtime.config import ClockConfig, MavlinkVehicle, NodeConfig, NoVehicle, ReplayedVehicle
@@ -30,22 +31,29 @@ def join(call: Call, *, unit: str, duration: str | None, **chosen: Any) -> int:
     with interruptible():
         try:
             fleet.start(unit, config.model_dump_json())
+            early: list[dict[str, Any]] = []
+
+            def on_heard(who: str, said: dict[str, Any]) -> None:
+                gathering.on_heard(who, said)
+                early.append(said)
+
             with call.out.waiting(f"platform {unit} is starting"):
-                if not fleet.follow(gathering.all_joined, gathering.on_heard, READY_S):
+                if not fleet.follow(gathering.all_joined, on_heard, READY_S):
                     raise FederationFailed(
                         f"platform {unit} did not join in {READY_S:.0f} s.\n{fleet.last_words(unit)}"
                     )
             labels = gathering.labels[unit]
-            specified = chosen["spec"] is not None
-            runs = f"runs {verbatim(str(chosen['spec']))}; Ctrl-C ends it" if specified else ""
+            offers = f" offers {', '.join(labels) or 'no labels yet'}" if labels or chosen["spec"] is None else ""
             call.out.say(
-                f"[green]joined[/green]: platform {unit} {runs or 'offers ' + (', '.join(labels) or 'no labels yet')}",
+                f"[green]joined[/green]: platform {unit}{offers}",
                 event="joined",
                 unit=unit_json(unit),
                 labels=labels,
             )
+            needed = config.vehicle.kind == "none"
+            _check_specified(early, needed=needed)
             tell_notes(call, gathering)
-            code = _followed(call, fleet, unit)
+            code = _followed(call, fleet, unit, early, needed=needed)
         except KeyboardInterrupt:
             return INTERRUPTED
         finally:
@@ -56,19 +64,43 @@ def join(call: Call, *, unit: str, duration: str | None, **chosen: Any) -> int:
     return DONE
 
 
-def _followed(call: Call, fleet: Fleet, unit: str) -> int:
+def _followed(call: Call, fleet: Fleet, unit: str, early: list[dict[str, Any]], *, needed: bool) -> int:
     """Show what the specification brings forth until the platform ends; its exit code."""
+    heard = [said for said in early if said.get("event") != "note"]  # those are told
     while True:
         ended = fleet.ended()
-        for _, said in fleet.heard():
+        heard += [said for _, said in fleet.heard()]
+        _check_specified(heard, needed=needed)
+        for said in heard:
             tell_record(call, said)
+        heard = []
         if unit in ended:
             return ended[unit]
         time.sleep(_POLL_S)
 
 
+def _check_specified(heard: list[dict[str, Any]], *, needed: bool) -> None:
+    """Without a vehicle and a specification a platform has nothing to do; raises WrongCall with all that is wrong."""
+    for said in heard:
+        if said.get("event") == "not-specified" and needed and not said["runs"]:
+            raise WrongCall(str(said["said"]))
+
+
 def _milliseconds(limit: str | None) -> float | None:
     return None if limit is None else duration_us(limit, option="--govern", least_us=SHORTEST_US) / 1000
+
+
+def _check_files(spec: Path | None, feed: Path | None) -> None:
+    """What the platform will read can be read; raises WrongCall and TextErrors."""
+    from console.specification_runs import read_fed
+    from kpl import parse_specification
+
+    if spec is not None:
+        parse_specification(read_text(spec), str(spec))
+    elif feed is not None:
+        raise WrongCall("--feed: samples are for the sources of a specification; give it with --spec FILE.kpl.")
+    if feed is not None:
+        read_fed(feed)
 
 
 def _absolute(path: Path | None) -> Path | None:
@@ -104,6 +136,7 @@ def _config(call: Call, unit: str, duration: str | None, chosen: dict[str, Any])
             "give the platform a vehicle, --mavlink udpin:127.0.0.1:14550 or --replay FILE for a recorded flight, "
             "or a specification of what it knows, --spec FILE.kpl."
         )
+    _check_files(chosen["spec"], chosen["feed"])
     now_us = time.time_ns() // 1000
     speed = chosen["speed"] or 1.0
     vehicle: MavlinkVehicle | ReplayedVehicle | NoVehicle

@@ -196,7 +196,7 @@ def run(
     if record is not None and any(_same(record, each) for each in (path, feed, *map(Path, units)) if each is not None):
         raise WrongCall(f"--record: {record} is read by this run; write to another file.")
     text = read_text(path)
-    fed = [] if feed is None else _feed(feed)
+    fed = [] if feed is None else read_fed(feed)
     going = Run(call, path, fed, units, unit, (0.0 if feed is not None else 1.0) if speed is None else speed)
     lasts_us = None if duration is None else duration_us(duration, option="--duration", least_us=SHORTEST_US)
     with ExitStack() as stack:
@@ -357,7 +357,7 @@ def instance_of(
     )
 
 
-def _feed(path: Path) -> "list[FedSample]":
+def read_fed(path: Path) -> "list[FedSample]":
     from proxies.sample_file import read_feed
 
     try:

@@ -93,3 +93,14 @@ def test_the_two_uavs_of_the_tutorial_know_of_each_other(
             if done.returncode == 0 and not lacking:
                 break
             assert monotonic() < until, f"{command}: there is no {lacking} in\n{done.stdout}\n{done.stderr}"
+
+
+def test_a_platform_without_a_vehicle_ends_when_its_specification_is_wrong(
+    place: Path, surroundings: dict[str, str]
+) -> None:
+    done = subprocess.run(
+        ["dyknow", "join", "--unit", "7", "--spec", "examples/wrong.kpl"], cwd=place, env=surroundings, text=True,
+        timeout=PATIENCE_S, check=False, capture_output=True,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr.count("nothing makes sped[car1]") == 1
