@@ -1,5 +1,7 @@
 """Instances to test with: what happens at their outputs, and everything that they hold."""
 
+from types import MappingProxyType
+
 from dyknow import Label, Network, Sort, SourcePrototype, UnitPrototype, latest_valid_us, of_values
 from dyknow.sample import Sample
 from dyknow.values import NO_VALUE, Field
@@ -32,7 +34,7 @@ UNITS = (
 class Running:
     """An instance, and what it told."""
 
-    def __init__(self, text="", prototypes=UNITS, history=1000, **more):
+    def __init__(self, text="", prototypes=UNITS, history=1000, sorts=MappingProxyType({"pos": POS}), **more):
         self.outputs, self.links, self.alarms, self.faults = [], [], [], []
         self.network = Network(history)
         self.network.on_fault = lambda label, said: self.faults.append((str(label), said))
@@ -41,7 +43,7 @@ class Running:
             lambda name, linked: self.links.append((name, linked)),
             self.alarms.append,
         )
-        self.instance = Instance(self.network, unit="7", sorts={"pos": POS}, prototypes=prototypes, hooks=hooks, **more)
+        self.instance = Instance(self.network, unit="7", sorts=sorts, prototypes=prototypes, hooks=hooks, **more)
         if text:
             self.add(text)
 
