@@ -136,7 +136,24 @@ def test_a_partner_that_dies_is_told_and_its_streams_come_again_when_it_returns(
 def test_what_a_federation_cannot_do_is_refused_in_words(pair, line, said):
     pair.specify("0", text_of("uav0.kpl") + line + "\n")
     assert said in pair.notes("0")[-1]
+    (told,) = pair.told("0", "not-specified")
+    assert told["runs"]
+    assert said in told["said"]
     assert pair.world.platform("0").network.has(Label("pos", ("0",)))
+
+
+def test_what_runs_is_told_with_what_goes_out_and_comes_in(pair):
+    (told,) = pair.told("0", "specified")
+    assert told["exports"] == ["heli-altitude", "heli-position"]
+    assert told["imports"] == [["heli-position", "1"]]
+    assert told["declarations"] == len(pair.declared("0").instance.specification)
+
+
+def test_the_first_specification_may_be_wrong_too():
+    wrong = Pair("stream a = b\n")
+    (told,) = wrong.told("0", "not-specified")
+    assert not told["runs"]
+    assert not wrong.told("0", "specified")
 
 
 def test_two_imports_of_one_stream_under_two_policies_are_both_served(pair):
