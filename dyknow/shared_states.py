@@ -84,7 +84,8 @@ class SharedState(NamedTuple, Generic[K]):
 
 
 class SharedSynchronizer(Generic[K]):
-    """Computes the states of many streams; see the module. Every sample must lie on the grid: a multiple of the period.
+    """Computes the states of many streams; see the module. Every sample must lie on the grid, a multiple of the period, and
+    those of a shared input must be in strict order, as its policy has them.
 
     Call `on_shared` and `on_own` as samples arrive and `on_time` at `deadline_us`. At one instant inputs come before
     timers. The states of each stream leave in order of valid time.
