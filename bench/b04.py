@@ -11,9 +11,6 @@ BARS = (
     Limit("slope_total_5.7_us", 5.0),
     Limit("slope_total_5.9_us", 10.0),
     Limit("slope_total_5.11_us", 10.0),
-    Limit("unexplained_total_5.7", 0.1),
-    Limit("unexplained_total_5.9", 0.1),
-    Limit("unexplained_total_5.11", 0.1),
 )
 
 

@@ -67,6 +67,7 @@ class Loaded:
             "worst_ms": max(self._late_ns) / 1e6,
             "changes_per_s": len(took_ns) / (periods * PERIOD_US / 1e6),
             "change_ms": latencies(took_ns)["p50_us"] / 1e3,
+            "longest_change_ms": max(took_ns, default=0) / 1e6,
         }
 
     def _change(self, now_us: int) -> None:

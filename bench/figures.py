@@ -48,7 +48,7 @@ class Series(NamedTuple):
 
 IN_PROCESS = (
     Series("b04", "ours", "total", "one process, total", BLUE, fitted=True),
-    Series("b04", "ours", "channel", "one process, channel", LIGHT_BLUE, fitted=True),
+    Series("b04", "ours", "channel", "one process, channel", LIGHT_BLUE),
     Series("b04", "calls", "total", "plain calls, total", GREY),
 )
 SERIES: Mapping[str, Sequence[Series]] = {

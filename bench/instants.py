@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator
 
-SPIN_US = 300
+SPIN_US = 1000
 """So long before its end the waiting stops sleeping: the system's timers are not what is measured."""
 
 

@@ -13,7 +13,7 @@ from agents.export_proxy import ExportProxy
 from agents.import_proxy import ImportProxy
 from bench.experiments import fluent_streams
 from bench.instants import grid
-from bench.raw import IDLE_S, PATIENCE_S, averages, latencies
+from bench.raw import IDLE_S, PATIENCE_S, delays, latencies
 from dyknow import Label, Network, Policy, Sample
 from federation import keys
 from federation.clock import FederationClock, Offset
@@ -142,7 +142,7 @@ class Importer:
         self._take(found, count, idle_s)
         return {
             **self._figures(found),
-            **averages(
+            **delays(
                 [each.at_ns - each.valid_us * 1000 for each in found],
                 [(each.arrived_us - each.valid_us) * 1000 for each in found],
             ),
