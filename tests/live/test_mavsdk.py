@@ -55,8 +55,15 @@ def flown_by_mavsdk(
         return json.loads(flown.stdout.splitlines()[-1]), [server.truth() for server in servers]
 
 
-@pytest.mark.parametrize("persona", ["ardupilot", "px4"])
-@pytest.mark.parametrize("loss", [0.0, 30.0], ids=["no loss", "30 % lost each way"])
+@pytest.mark.parametrize(
+    ("persona", "loss"),
+    [
+        pytest.param("ardupilot", 0.0, id="ardupilot"),
+        pytest.param("px4", 0.0, id="px4"),
+        pytest.param("ardupilot", 30.0, id="ardupilot, 30 % lost each way"),
+        pytest.param("px4", 30.0, id="px4, 30 % lost each way", marks=pytest.mark.full),
+    ],
+)
 @pytest.mark.parametrize(("speed", "seconds"), [BRIEF, FULL])
 def test_mavsdk_arms_flies_and_lands_three_vehicles_on_one_port(persona, loss, speed, seconds) -> None:
     listened_s = max(seconds, ENOUGH_S) if loss else seconds
@@ -71,7 +78,7 @@ def test_mavsdk_arms_flies_and_lands_three_vehicles_on_one_port(persona, loss, s
         assert truth.place.latitude_deg == pytest.approx(HOME.latitude_deg + NORTH_DEG, abs=3e-5), "where it was sent"
 
 
-@pytest.mark.parametrize("persona", ["ardupilot", "px4"])
+@pytest.mark.parametrize("persona", ["ardupilot", pytest.param("px4", marks=pytest.mark.full)])
 def test_mavsdk_uploads_a_mission_that_three_vehicles_fly_and_come_home_from(persona) -> None:
     reports, truths = flown_by_mavsdk("mission", persona, loss=0.0, speed=4.0, seconds=0.0)
     for report, truth in zip(reports, truths, strict=True):
