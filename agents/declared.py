@@ -5,7 +5,6 @@ for it, queries it or monitors it finds it where every other stream is found. An
 inputs of monitors are (thesis 9.4.1).
 """
 
-from collections import Counter
 from collections.abc import Iterable
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING
 from agents.effects import HostEvent
 from agents.host_desk import HostDesk
 from agents.plans import MonitorPlan
-from dyknow import NO_VALUE, Inputs, Label, Policy, Sample, UnitPrototype, Value, as_json, converted
+from dyknow import NO_VALUE, Inputs, Policy, Sample, UnitPrototype, Value, converted
 from dyknow.errors import Refused, TextError
 from dyknow.processes import Input, Refinement
 from federation import contents
@@ -23,6 +22,7 @@ from federation.wire import LabelEntry
 from kpl import Hooks, Instance, Specification, parse_specification, print_specification
 from kpl.governor import Governor
 from kpl.introspection import drawn, graph_of
+from kpl.records import Faults, alarm_record, sample_record
 from kpl.specification import Import, MonitorDeclaration, StreamTerm
 from kpl.surroundings import Undo
 from reasoning import AlarmEvent
@@ -38,8 +38,6 @@ PERIOD_US = 100_000
 MAX_DELAY_US = 1_000_000
 PAGE = 4000
 """Characters of a specification in one answer."""
-TOLD = 3
-"""So many faults of one stream are told."""
 
 
 @lru_cache(maxsize=4)
@@ -61,7 +59,7 @@ class Declared:
         self._p = platform
         self._exported: dict[str, LabelEntry] = {}
         self.imported: dict[str, set[tuple[str, int, int]]] = {}
-        self._faults: Counter[Label] = Counter()
+        self._faults = Faults(platform.note)
         ontology = platform.config.ontology
         self.instance = Instance(
             platform.network,
@@ -73,7 +71,7 @@ class Declared:
             federation=self,
             admission=platform.config.admission,
         )
-        platform.network.on_fault = self._on_fault
+        platform.network.on_fault = self._faults.on_fault
         self.desk = HostDesk(self.instance, platform.clock, platform.note, platform.config.monotonic_offset_us)
         self._waited_us = 0
         self._governor: Governor | None = None
@@ -81,6 +79,7 @@ class Declared:
     def specify(self, text: str, file: str, now_us: int) -> None:
         """Become this specification; what is wrong with it is told, and what ran goes on. Federation time."""
         self._faults.clear()
+        self._govern(now_us)
         try:
             self.instance.change(read(text, file), now_us, text, file)
         except TextError as wrong:
@@ -102,12 +101,16 @@ class Declared:
         for name, labels in self.instance.lacking.items():
             self._p.note(f"nobody offers {name} yet; {', '.join(map(str, labels[:8]))} will begin when somebody does")
 
-    def on_waited(self, waited_us: int, now_us: int) -> None:
-        """How long this process has waited for something to do: the governor looks. Federation time."""
-        self._waited_us = round(waited_us * self._p.clock.speed)
+    def _govern(self, now_us: int) -> None:
+        """A governor, if there is to be one: before the first specification, which may name what it tells."""
         limit_us = self._p.config.govern_us
         if self._governor is None and limit_us is not None:
             self._governor = Governor(self.instance, lambda: self._waited_us, now_us, limit_us)
+
+    def on_waited(self, waited_us: int, now_us: int) -> None:
+        """How long this process has waited for something to do: the governor looks. Federation time."""
+        self._waited_us = round(waited_us * self._p.clock.speed)
+        self._govern(now_us)
         if self._governor is not None:
             self._governor.on_time(now_us)
 
@@ -257,15 +260,7 @@ class Declared:
     # What happens in the instance
 
     def _on_output(self, name: str, sample: Sample) -> None:
-        self._p.tell(
-            {
-                "event": "sample",
-                "stream": name,
-                "valid_us": sample.valid_us,
-                "available_us": sample.available_us,
-                "value": as_json(sample.value),
-            }
-        )
+        self._p.tell(sample_record(name, sample))
 
     def _on_link(self, name: str, linked: bool) -> None:
         self._p.tell({"event": "stream", "stream": name, "linked": linked})
@@ -275,24 +270,7 @@ class Declared:
         named = self._p.monitors.named.get(event.monitor)
         if event.monitor not in self.instance.monitors and (named is None or OWNER not in named.owners):
             return
-        values = {label: as_json(value) for label, value in event.values.items()}
-        self._p.tell(
-            {
-                "event": f"alarm-{event.event}",
-                "monitor": event.monitor,
-                "id": event.id,
-                "units": list(event.units),
-                "valid_us": event.valid_us,
-                "detected_us": event.detected_us,
-                "values": values,
-            }
-        )
-
-    def _on_fault(self, label: Label, said: str) -> None:
-        self._faults[label] += 1
-        if self._faults[label] <= TOLD:
-            more = "; further ones of it are not told" if self._faults[label] == TOLD else ""
-            self._p.note(f"{label}: {said}{more}")
+        self._p.tell(alarm_record(event))
 
 
 def _converting(sort: str, convert: Convert) -> UnitPrototype:

@@ -2,16 +2,12 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from console.command import Call
 from console.instants import clock_time
 from console.output import verbatim
 from console.specifications import counted
-
-if TYPE_CHECKING:
-    from dyknow import Sample
-    from reasoning import AlarmEvent
 
 
 def tell_record(call: Call, said: dict[str, Any], *, begins_us: int | None = None) -> None:
@@ -28,29 +24,6 @@ def tell_record(call: Call, said: dict[str, Any], *, begins_us: int | None = Non
         call.out.console.print(f"[dim]{when}[/]  {text}", soft_wrap=True, highlight=False)
     else:
         call.out.aside(when, text)
-
-
-def sample_record(name: str, sample: "Sample") -> dict[str, Any]:
-    """A sample of a declared stream."""
-    from dyknow import as_json
-
-    times = {"valid_us": sample.valid_us, "available_us": sample.available_us}
-    return {"event": "sample", "stream": name, **times, "value": as_json(sample.value)}
-
-
-def alarm_record(event: "AlarmEvent") -> dict[str, Any]:
-    """An alarm that opened or closed."""
-    from dyknow import as_json
-
-    return {
-        "event": f"alarm-{event.event}",
-        "monitor": event.monitor,
-        "id": event.id,
-        "units": list(event.units),
-        "valid_us": event.valid_us,
-        "detected_us": event.detected_us,
-        "values": {label: as_json(value) for label, value in event.values.items()},
-    }
 
 
 def _when(valid_us: int, begins_us: int | None) -> str:

@@ -2,7 +2,6 @@
 
 import json
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
@@ -10,7 +9,7 @@ from pathlib import Path
 from threading import Event
 from typing import IO, TYPE_CHECKING, Any, Literal
 
-from console.brought_forth import alarm_record, sample_record, tell_record
+from console.brought_forth import tell_record
 from console.command import Call
 from console.errors import DONE, INTERRUPTED, NO, WrongCall
 from console.instants import SHORTEST_US, duration_us
@@ -18,16 +17,15 @@ from console.output import verbatim
 from console.specifications import counted, read_text
 from dyknow import earlier
 from dyknow.errors import DyknowError, TextErrors
+from proxies.watched_file import WatchedFile
 
 if TYPE_CHECKING:
-    from dyknow import Label, Network, Prototype, Sample
+    from dyknow import Network, Prototype, Sample
     from kpl import Hooks, Instance
     from kpl.governor import Governor
     from proxies.sample_file import FedSample, Recorded
     from reasoning import AlarmEvent
 
-TOLD = 3
-"""So many faults of one stream are told."""
 MAX_SPEED = 1e6
 LOOK_S = 0.2
 """How often a file that is watched is looked at."""
@@ -45,13 +43,13 @@ class Run:
     ) -> None:
         from dyknow import Network
         from kpl import Hooks
+        from kpl.records import Faults
 
         self._call, self._path, self._fed, self.speed = call, path, fed, speed
         self.network = Network()
-        self.network.on_fault = self._on_fault
+        self.network.on_fault = Faults(lambda said: call.out.note(f"note: {said}")).on_fault
         hooks = Hooks(self._on_sample, self._on_link, self._on_alarm)
         self.instance = instance_of(self.network, hooks, modules, unit)
-        self._faults: Counter[Any] = Counter()
         self._governor: Governor | None = None
         self._waited_us = 0
         self._record: IO[str] | None = None
@@ -157,6 +155,8 @@ class Run:
 
     def _on_sample(self, name: str, sample: "Sample") -> None:
         self._keep("stream", name, sample)
+        from kpl.records import sample_record
+
         tell_record(self._call, sample_record(name, sample), begins_us=self._shown_from_us)
 
     def _on_link(self, name: str, linked: bool) -> None:
@@ -164,13 +164,9 @@ class Run:
             self._call.out.note(f"note: nobody makes what {name} is made of any more; it goes on when somebody does.")
 
     def _on_alarm(self, event: "AlarmEvent") -> None:
-        tell_record(self._call, alarm_record(event), begins_us=self._shown_from_us)
+        from kpl.records import alarm_record
 
-    def _on_fault(self, label: "Label", said: str) -> None:
-        self._faults[label] += 1
-        if self._faults[label] <= TOLD:
-            more = "; further ones of it are not told" if self._faults[label] == TOLD else ""
-            self._call.out.note(f"note: {label}: {said}{more}")
+        tell_record(self._call, alarm_record(event), begins_us=self._shown_from_us)
 
 
 def run(
@@ -195,6 +191,7 @@ def run(
         raise WrongCall(f"--speed is how many times as fast as the wall, 0 for as fast as it goes; got {speed:g}.")
     if record is not None and any(_same(record, each) for each in (path, feed, *map(Path, units)) if each is not None):
         raise WrongCall(f"--record: {record} is read by this run; write to another file.")
+    watched = WatchedFile(path) if watch else None  # before it is read: what changes meanwhile is a change
     text = read_text(path)
     fed = [] if feed is None else read_fed(feed)
     going = Run(call, path, fed, units, unit, (0.0 if feed is not None else 1.0) if speed is None else speed)
@@ -210,7 +207,7 @@ def run(
             call.out.note(f"note: exports and imports need a federation: dyknow join --unit {unit} --spec {path}.")
         _tell_unfed(call, set(going.instance.sources()), {each.source for each in fed}, feed)
         try:
-            going.go(None if lasts_us is None else going.now_us + lasts_us, _reloading(call, going, path, watch))
+            going.go(None if lasts_us is None else going.now_us + lasts_us, _reloading(call, going, path, watched))
         except KeyboardInterrupt:
             return INTERRUPTED
         finally:
@@ -374,17 +371,14 @@ def _created(path: Path) -> IO[str]:
         raise WrongCall(f"--record: {path} cannot be written ({error}).") from None
 
 
-def _reloading(call: Call, going: Run, path: Path, watch: bool) -> Callable[[], None] | None:
+def _reloading(call: Call, going: Run, path: Path, watched: WatchedFile | None) -> Callable[[], None] | None:
     """Look whether the file has changed; what is wrong with a change is told, and what ran goes on."""
-    if not watch:
+    if watched is None:
         return None
-    seen = [_changed(path)]
 
     def look() -> None:
-        now = _changed(path)
-        if now == seen[0]:
+        if not watched.has_changed():
             return
-        seen[0] = now
         try:
             going.specify(read_text(path))
         except TextErrors as wrong:
@@ -395,11 +389,3 @@ def _reloading(call: Call, going: Run, path: Path, watch: bool) -> Callable[[], 
             call.out.say(f"[green]changed[/] to {verbatim(str(path))}", event="changed", file=str(path))
 
     return look
-
-
-def _changed(path: Path) -> Any:
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return found.st_mtime_ns, found.st_size

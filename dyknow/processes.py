@@ -1,8 +1,8 @@
 """Knowledge processes that work on demand: while a stream of theirs is wanted they take streams, and only then (3.3)."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple
 
 from dyknow.compunits import ComputationalUnit
 from dyknow.errors import SortError, ValueNotAvailable
@@ -22,7 +22,6 @@ EVER_US = -(2**80)
 MAX_TIMERS = 16_384
 """So many timers of the past go off one by one; after that, time is let pass from sample to sample."""
 MAX_FAULT = 200
-OnFault: TypeAlias = Callable[[Label, str], None]
 
 
 class Input(NamedTuple):
@@ -33,7 +32,7 @@ class Input(NamedTuple):
 
 
 class OnDemand:
-    """What the processes have in common; each says what it takes (`_inputs`) and does (`_begin`, `_on_sample`, `_end`).
+    """What the processes have in common; each says what it takes (`inputs`) and does (`begin`, `on_sample`, `end`).
 
     A process that begins with a past sees it as if it had been there then: samples of all inputs in the order in which
     they became available, at one instant in the order of the inputs. What it makes of them goes to the history of its generator.

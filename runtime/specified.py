@@ -11,6 +11,7 @@ from agents.declared import read
 from agents.effects import Fed, Specify
 from dyknow.errors import DyknowError, SpecificationFailed
 from proxies.sample_file import FedSample, read_feed
+from proxies.watched_file import WatchedFile
 
 LOOK_S = 0.5
 
@@ -38,6 +39,7 @@ class Specified:
     ) -> None:
         self._path, self._post, self._note, self._now_us, self._federation_us = path, post, note, now_us, federation_us
         self._over = threading.Event()
+        self._watched = WatchedFile(path)
         self._text = self._read()
         self._samples = _samples(feed)
         self._threads = [threading.Thread(target=self._watch, name="specification", daemon=True)]
@@ -62,25 +64,15 @@ class Specified:
         return text
 
     def _watch(self) -> None:
-        seen = self._changed()
         while not self._over.wait(LOOK_S):
-            now = self._changed()
-            if now == seen:
+            if not self._watched.has_changed():
                 continue
-            seen = now
             try:
                 text = self._read()
             except SpecificationFailed as wrong:
                 self._note(f"the specification is not taken; what ran goes on:\n{wrong}")
             else:
                 self._post(Specify(self._now_us(), text, str(self._path)))
-
-    def _changed(self) -> tuple[int, int] | None:
-        try:
-            found = self._path.stat()
-        except OSError:
-            return None
-        return found.st_mtime_ns, found.st_size
 
     def _feed(self) -> None:
         begins_us = self._federation_us(self._now_us())

@@ -214,3 +214,12 @@ def test_what_is_said_of_a_sample_goes_with_it_to_other_platforms():
     assert pair.notes("0") == []
     newest = pair.world.platform("0").network.generator(Label("pos", ("uav1",))).history.get_latest()
     assert len(newest.quality.covariance) == 2
+
+
+def test_a_governed_platform_may_listen_to_its_governor_from_the_first_specification_on():
+    pair = Pair()
+    pair.world.add("0", PlatformConfig("0", 0, govern_us=50_000))
+    pair.specify("0", "stream told = refinements\nstream late = stream_delay[worst]\n")
+    pair.world.run_for(1)
+    assert pair.notes("0") == []
+    assert {each["stream"] for each in pair.told("0", "sample")} == {"late"}

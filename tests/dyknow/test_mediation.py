@@ -229,7 +229,7 @@ def test_configuration_creates_and_removes_what_belongs_to_the_members(events, a
     assert network.generator(IDS).subscriptions == ()
 
 
-def test_figure_3_4_and_3_5_select_follows_the_one_that_is_named() -> None:
+def test_figures_3_6_and_3_7_select_follows_the_one_that_is_named() -> None:
     """One input at a time: when another car is tracked its positions come, and those of the first no more."""
     network, got = network_of_cars(), []
     mediate(network, single=True)
@@ -240,7 +240,7 @@ def test_figure_3_4_and_3_5_select_follows_the_one_that_is_named() -> None:
     assert [s.value for s in got] == ["a1", "b1"]
 
 
-def test_figure_3_6_merge_has_a_varying_set_of_inputs() -> None:
+def test_merge_has_a_varying_set_of_inputs() -> None:
     network, got = network_of_cars(), []
     mediate(network, single=False)
     network.connect(OUT, Policy(), got.append)
@@ -255,7 +255,7 @@ def test_figure_3_6_merge_has_a_varying_set_of_inputs() -> None:
     assert [s.value for s in got] == ["a1", "b1", "b2", "c2"]
 
 
-def test_figure_3_7_a_process_per_member_comes_and_goes_with_it() -> None:
+def test_figures_3_4_and_3_5_a_process_per_member_comes_and_goes_with_it() -> None:
     network, got = network_of_cars(), []
 
     def speed(car):

@@ -1,0 +1,49 @@
+"""What a running specification brings forth, as records for people and programs: samples, alarms, faults."""
+
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+from dyknow import Label, Sample, as_json
+from reasoning import AlarmEvent
+
+TOLD = 3
+"""So many faults of one stream are told."""
+
+
+def sample_record(name: str, sample: Sample) -> dict[str, Any]:
+    """A sample of a declared stream."""
+    times = {"valid_us": sample.valid_us, "available_us": sample.available_us}
+    return {"event": "sample", "stream": name, **times, "value": as_json(sample.value)}
+
+
+def alarm_record(event: AlarmEvent) -> dict[str, Any]:
+    """An alarm that opened or closed."""
+    return {
+        "event": f"alarm-{event.event}",
+        "monitor": event.monitor,
+        "id": event.id,
+        "units": list(event.units),
+        "valid_us": event.valid_us,
+        "detected_us": event.detected_us,
+        "values": {label: as_json(value) for label, value in event.values.items()},
+    }
+
+
+class Faults:
+    """Tells the first faults of each stream, so that one that fails with every sample does not drown the others."""
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell = tell
+        self._counts: Counter[Label] = Counter()
+
+    def on_fault(self, label: Label, said: str) -> None:
+        """Something a person wrote does not work."""
+        self._counts[label] += 1
+        if self._counts[label] <= TOLD:
+            more = "; further ones of it are not told" if self._counts[label] == TOLD else ""
+            self._tell(f"{label}: {said}{more}")
+
+    def clear(self) -> None:
+        """Begin anew: what failed may have been mended."""
+        self._counts.clear()
