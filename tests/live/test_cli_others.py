@@ -2,7 +2,6 @@
 
 import os
 import socket
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -10,15 +9,6 @@ import pytest
 from tests.live.command import Dyknow, lines
 
 pytestmark = pytest.mark.live
-
-
-@pytest.fixture
-def dyknow(tmp_path: Path) -> Iterator[Dyknow]:
-    found = Dyknow(tmp_path)
-    try:
-        yield found
-    finally:
-        found.close()
 
 
 def test_a_mavlink_vehicle_joins_and_is_queried(dyknow: Dyknow) -> None:

@@ -4,23 +4,12 @@ import json
 import os
 import signal
 import subprocess
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from tests.live.command import PATIENCE_S, Dyknow, gone, lines
 
 pytestmark = pytest.mark.live
-
-
-@pytest.fixture
-def dyknow(tmp_path: Path) -> Iterator[Dyknow]:
-    found = Dyknow(tmp_path)
-    try:
-        yield found
-    finally:
-        found.close()
 
 
 def _started(dyknow: Dyknow, *more: str) -> tuple["subprocess.Popen[str]", list[int]]:

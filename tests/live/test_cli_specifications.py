@@ -1,6 +1,5 @@
 """A specification that is changed while its platform runs, printed back, drawn, and restored from elsewhere."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,15 +11,6 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 FIRST = "source altitude barometer_0\nstrmgen alt[self] = barometer_0\nstream height = alt[self]\n"
 SECOND = FIRST + "stream sometimes = alt[self] with sample every 500\n"
 WRONG = FIRST + "stream none = nothing[self]\n"
-
-
-@pytest.fixture
-def dyknow(tmp_path: Path) -> Iterator[Dyknow]:
-    found = Dyknow(tmp_path)
-    try:
-        yield found
-    finally:
-        found.close()
 
 
 def test_a_file_is_taken_in_again_when_it_changes_and_what_was_held_is_restored(dyknow: Dyknow, tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 import os
 import signal
 import socket
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,13 +17,6 @@ from tests.live.hosting import UNITS, Node
 
 pytestmark = pytest.mark.live
 SIZES = [pytest.param(10, id="tenth"), pytest.param(100, id="bar", marks=pytest.mark.full)]
-
-
-@pytest.fixture
-def dyknow(tmp_path: Path) -> Iterator[Dyknow]:
-    found = Dyknow(tmp_path)
-    yield found
-    found.close()
 
 
 def door(dyknow: Dyknow) -> Path:
