@@ -1,8 +1,8 @@
 """Formulas about one state, compiled to closures; truth has three values.
 
 True, False, and None for undecided: an atom over `no_value` (F5). Connectives are Kleene's: a conjunction with a false
-part is false whatever the others are. Terms that have no value (a missing input, a division by zero, a result that is
-not a number) make their atom undecided as well.
+part is false whatever the others are. Terms that have no value (a missing input, a division by zero, a NaN that came in
+or came out) make their atom undecided as well.
 """
 
 import operator
@@ -42,6 +42,11 @@ Truth: TypeAlias = bool | None
 NoValuePolicy: TypeAlias = Literal["undecided", "false", "true", "skip"]
 UNKNOWN: Final[dict[str, Truth]] = {"undecided": None, "false": False, "true": True, "skip": None}
 """What an atom over `no_value` is under each policy; `skip` never comes to evaluating one."""
+
+
+def is_missing(value: Value) -> bool:
+    """Whether there is no value: none came, or a NaN, which measures nothing."""
+    return value is NO_VALUE or bool(value != value)  # noqa: PLR0124 - a NaN is the only value unequal to itself
 
 
 class Moment(NamedTuple):
@@ -145,7 +150,7 @@ class Compiler:
 
         def test(moment: Moment) -> Truth:
             a, b = first(moment), second(moment)
-            if a is NO_VALUE or b is NO_VALUE:
+            if a is NO_VALUE or b is NO_VALUE or a != a or b != b:  # noqa: PLR0124 - a NaN differs from itself
                 return unknown
             try:
                 return True if holds(a, b) else False  # noqa: SIM210 - `bool(...)` is a call, on the hot path
@@ -206,7 +211,7 @@ class Compiler:
 def _compare_constant(label: str, holds: Callable[[Any, Any], Any], constant: Value, unknown: Truth) -> Test:
     def test(moment: Moment) -> Truth:
         value = moment.values.get(label, NO_VALUE)
-        if value is NO_VALUE:
+        if value is NO_VALUE or value != value:  # noqa: PLR0124 - a NaN differs from itself
             return unknown
         try:
             return True if holds(value, constant) else False  # noqa: SIM210 - `bool(...)` is a call, on the hot path
@@ -219,7 +224,7 @@ def _compare_constant(label: str, holds: Callable[[Any, Any], Any], constant: Va
 def _since(label: str) -> Term:
     def term(moment: Moment) -> Value:
         changed_us = moment.changed_us.get(label)
-        if changed_us is None or moment.values.get(label, NO_VALUE) is NO_VALUE:
+        if changed_us is None or is_missing(moment.values.get(label, NO_VALUE)):
             return NO_VALUE
         return moment.valid_us - changed_us
 

@@ -16,7 +16,7 @@ from typing import Literal, TypeAlias
 from dyknow.errors import TextError
 from dyknow.sample import Value
 from dyknow.values import NO_VALUE
-from reasoning.evaluation import Compiler, Moment, NoValuePolicy, Test
+from reasoning.evaluation import Compiler, Moment, NoValuePolicy, Test, is_missing
 from reasoning.formulas import (
     Always,
     And,
@@ -100,7 +100,7 @@ class Progression:
 
 def lacking(labels: Collection[str], values: Mapping[str, Value]) -> tuple[str, ...]:
     """The labels that have no value."""
-    return tuple(label for label in labels if values.get(label, NO_VALUE) is NO_VALUE)
+    return tuple(label for label in labels if is_missing(values.get(label, NO_VALUE)))
 
 
 class Changes:
@@ -115,7 +115,7 @@ class Changes:
     def after(self, valid_us: int, values: Mapping[str, Value]) -> Mapping[str, int]:
         if self._stems:
             for label, value in values.items():
-                if value is NO_VALUE or label.partition("[")[0] not in self._stems:
+                if is_missing(value) or label.partition("[")[0] not in self._stems:
                     continue
                 if label not in self._last or self._last[label] != value:
                     self._last[label], self._changed_us[label] = value, valid_us

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from dyknow.errors import TextError, UnknownLabel
 from dyknow.values import NO_VALUE
+from kpl import read_formula
 from reasoning import Progression
 from reasoning.formulas import (
     Always,
@@ -262,3 +263,11 @@ def test_a_long_window_of_obligations_needs_no_deep_recursion():
     for at in range(1_500):
         progression.progress(at, {"p": False, "q": False})
     assert progression.verdict == "undecided"
+
+
+@pytest.mark.parametrize("text", ["x < 3", "x != 3", "not x > 3", "x - x = 0", "since(x) >= 0"])
+def test_a_nan_is_no_value_whatever_is_asked_of_it(text):
+    states = [(0, {"x": float("nan")})]
+    assert verdicts(read_formula(text), states) == ["undecided"]
+    assert verdicts(read_formula(text), states, no_value="false") == [str(text.startswith("not")).lower()]
+    assert verdicts(read_formula(text), [*states, (1, {"x": 1})], no_value="skip") == ["undecided", "true"]
