@@ -13,6 +13,7 @@
   + UnitError           a computational unit or source that is not found, or does not load
   + TextError           a text of ours (formula, policy, label, duration, act) does not parse or check
     + TextErrors        several of them in one text
+  + ChronicleError      a chronicle that no events could satisfy, or that cannot be recognised as it is written
   + NameRefused         a unit, semantic label or conversation id that must not become part of a key
   + DecodeError         bytes from outside that are malformed, oversized or mistyped
   + ContentError        an act whose content this agent does not understand
@@ -160,6 +161,10 @@ class TextErrors(TextError):
     def drawn(self) -> str:
         """Each of them drawn, in the order of the text."""
         return "\n".join(error.drawn() for error in self.errors)
+
+
+class ChronicleError(DyknowError):
+    """A chronicle whose times contradict each other, or that names what is not declared (thesis 8.3)."""
 
 
 class NameRefused(DyknowError):

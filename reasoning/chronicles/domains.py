@@ -1,0 +1,111 @@
+"""Domains: sets of symbols and their algebra (thesis 8.3.1, C7).
+
+A symbol is a text; the values `true` and `false` of an attribute are the symbols of that spelling. A complement is
+relative to all symbols. The thesis takes those of the specification for all there are; as events bring symbols that
+no specification mentions (a car's name), `~D` holds whatever is not in `D`, which says the same of every symbol that
+is written down.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from dyknow.errors import ChronicleError
+
+
+@dataclass(frozen=True, slots=True)
+class SymbolSet:
+    """What a domain comes to: these symbols, or all but these. `x in found` asks for one."""
+
+    symbols: frozenset[str] = frozenset()
+    all_but: bool = False
+
+    def __contains__(self, symbol: object) -> bool:
+        return (symbol in self.symbols) is not self.all_but
+
+    def __or__(self, other: "SymbolSet") -> "SymbolSet":
+        return ~(~self & ~other)
+
+    def __and__(self, other: "SymbolSet") -> "SymbolSet":
+        if self.all_but and other.all_but:
+            return SymbolSet(self.symbols | other.symbols, all_but=True)
+        if self.all_but:
+            return SymbolSet(other.symbols - self.symbols)
+        return SymbolSet(self.symbols - other.symbols if other.all_but else self.symbols & other.symbols)
+
+    def __sub__(self, other: "SymbolSet") -> "SymbolSet":
+        return self & ~other
+
+    def __invert__(self) -> "SymbolSet":
+        return SymbolSet(self.symbols, not self.all_but)
+
+
+@dataclass(frozen=True, slots=True)
+class Symbols:
+    """`{red, blue}`: the symbols in the order they are written."""
+
+    symbols: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return "{" + ", ".join(self.symbols) + "}"
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """`Color`: the domain that is declared under this name."""
+
+    name: str
+
+    def __str__(self) -> str:
+        return self.name
+
+
+@dataclass(frozen=True, slots=True)
+class Combination:
+    """`left | right`, `left & right`, `left - right`, however it was spelled (C7); `operator` is `|`, `&` or `-`."""
+
+    operator: str
+    left: "Domain"
+    right: "Domain"
+
+    def __str__(self) -> str:
+        return f"({self.left} {self.operator} {self.right})"
+
+
+@dataclass(frozen=True, slots=True)
+class Complement:
+    """`~ domain`."""
+
+    domain: "Domain"
+
+    def __str__(self) -> str:
+        return f"~{self.domain}"
+
+
+Domain: TypeAlias = Symbols | Named | Combination | Complement
+
+LIMIT_NAMES = 100
+"""So many names deep may domains refer to each other."""
+
+
+def symbol_set(domain: Domain, declared: Mapping[str, Domain], depth: int = 0) -> SymbolSet:
+    """The symbols of a domain, with the domains that it names.
+
+    Raises:
+        ChronicleError: a name that is not declared, or declared by itself.
+    """
+    if isinstance(domain, Symbols):
+        return SymbolSet(frozenset(domain.symbols))
+    if isinstance(domain, Complement):
+        return ~symbol_set(domain.domain, declared, depth)
+    if isinstance(domain, Named):
+        if domain.name not in declared:
+            known = ", ".join(sorted(declared)) or "none"
+            raise ChronicleError(f"no domain is called {domain.name}; declared: {known}")
+        if depth >= LIMIT_NAMES:
+            raise ChronicleError(f"the domain {domain.name} is declared by itself; write its symbols")
+        return symbol_set(declared[domain.name], declared, depth + 1)
+    left, right = symbol_set(domain.left, declared, depth), symbol_set(domain.right, declared, depth)
+    if domain.operator == "&":
+        return left & right
+    return left | right if domain.operator == "|" else left - right
