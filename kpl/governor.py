@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Protocol
 
 from dyknow import NO_VALUE, Field, Label, Policy, Sort
 from dyknow.errors import TextError
-from dyknow.instants import US_PER_MS, US_PER_S, print_duration
+from dyknow.instants import US_PER_MS, US_PER_S, print_duration, print_span
 from dyknow.processes import Refinement
 from dyknow.prototypes import UnitPrototype
 from kpl.checking import read_formula
 from kpl.figures import WORST
 from kpl.formula_monitors import FormulaMonitor
-from kpl.introspection import proxies_of
+from kpl.introspection import inputs_taken, proxies_of
 from kpl.specification import Declaration, Define, MonitorDeclaration, SourceDeclaration, UnitDeclaration
 
 if TYPE_CHECKING:
@@ -69,14 +69,11 @@ class Longer:
 
     target: str
     proxy: "StreamProxy"
+    importance: float
 
     @property
     def name(self) -> str:
         return f"{self.proxy.label} for {self.target}"
-
-    @property
-    def importance(self) -> float:
-        return self.proxy.policy.importance
 
     @property
     def relieves(self) -> float:
@@ -220,8 +217,9 @@ class Governor:
 
     def hold_back(self, known: Collection[int], now_us: int) -> None:
         """Let sampled streams that are new begin at twice their period, until there is room; `known` are the others."""
+        importance = _importances(self._instance)
         for target, proxy in proxies_of(self._instance):
-            option = Longer(target, proxy)
+            option = Longer(target, proxy, importance[id(proxy)])
             if id(proxy) not in known and option.relieves:
                 said = option.step()
                 self.steps.append(Step(option, option.importance, now_us, self.load))
@@ -265,12 +263,14 @@ class Governor:
     def _options(self) -> list[Option]:
         found: dict[int, Option] = {}
         taken = {id(getattr(step.option, "process", None)): step.option for step in self.steps}
+        importance = _importances(self._instance)
         for target, proxy in proxies_of(self._instance):
-            found[id(proxy)] = Longer(target, proxy)
+            found[id(proxy)] = Longer(target, proxy, importance[id(proxy)])
         for label in self._instance.network.labels():
             process = self._instance.network.process(label)
             if isinstance(process, Refinement) and id(process) not in taken:
-                found[id(process)] = Cheaper(label, process, _importance_of(process), self._unit)
+                most = max((importance[id(proxy)] for proxy in process.proxies), default=1.0)
+                found[id(process)] = Cheaper(label, process, most, self._unit)
         return list(found.values())
 
     def _unit(self, name: str) -> UnitPrototype | None:
@@ -286,7 +286,7 @@ class Governor:
         said = option.step()
         self.steps.append(Step(option, option.importance, now_us, self.load))
         self._acted_us, self._delay_then_us = now_us, self._worst_us
-        self._tell(option, said, f"delays of {print_duration(round(self._worst_us))}", now_us)
+        self._tell(option, said, f"delays of {print_span(self._worst_us)}", now_us)
 
     def _back(self, now_us: int) -> None:
         """Take a step back."""
@@ -311,6 +311,16 @@ class Governor:
         self._instance.network.push(REFINEMENTS, now_us, (option.name, said, why), now_us)
 
 
-def _importance_of(process: Refinement) -> float:
-    """As important as the most important of its inputs."""
-    return max((proxy.policy.importance for proxy in process.proxies), default=1.0)
+def _importances(instance: "Instance") -> dict[int, float]:
+    """How important each stream is, by its identity: at least as important as what is made of it."""
+    served = [*instance.streams.values(), *(each for one in instance.monitors.values() for each in one.proxies)]
+    taken = {label: [*inputs_taken(instance.network.process(label))] for label in instance.network.labels()}
+    found: dict[int, float] = {}
+    waiting = [(proxy, 0.0) for proxy in (*served, *(each for inputs in taken.values() for each in inputs))]
+    while waiting:
+        proxy, of_consumer = waiting.pop()
+        importance = max(of_consumer, proxy.policy.importance)
+        if importance > found.get(id(proxy), 0.0):
+            found[id(proxy)] = importance
+            waiting += [(each, importance) for each in taken.get(proxy.label, ())]
+    return found

@@ -131,12 +131,18 @@ def _with_federation(instance: "Instance", nodes: list[Node], edges: list[Edge])
 def proxies_of(instance: "Instance") -> Iterator[tuple[str, StreamProxy]]:
     """Every stream of an instance, with who takes it."""
     for label in instance.network.labels():
-        process = instance.network.process(label)
-        if isinstance(process, OnDemand):
-            for proxy in (*process.proxies, *(process.members.values() if isinstance(process, Mediation) else ())):
-                yield str(label), proxy
+        for proxy in inputs_taken(instance.network.process(label)):
+            yield str(label), proxy
     for name, proxy in instance.streams.items():
         yield name, proxy
+
+
+def inputs_taken(process: object) -> Iterator[StreamProxy]:
+    """The streams that a process takes now."""
+    if isinstance(process, OnDemand):
+        yield from process.proxies
+    if isinstance(process, Mediation):
+        yield from process.members.values()
 
 
 def rate_and_delay(history: History) -> tuple[float | None, float | None]:

@@ -155,3 +155,10 @@ def test_a_period_that_nobody_keeps_is_refused_or_lengthened():
     lengthening.governor.load = 0.1
     lengthening.add(text)
     assert lengthening.instance.streams["more"].adapter.policy.sample_us == 1_000
+
+
+@pytest.mark.parametrize(("important", "other"), [("heavy", "vital"), ("vital", "heavy")])
+def test_what_an_important_stream_is_made_of_is_as_important(important, other):
+    text = SPECIFICATION.replace(", importance 1", "").replace(", importance 5", "")
+    text = text.replace(f"= {important}[self]\n", f"= {important}[self] with importance 5\n")
+    assert World(4, 4, text=text).steps()[0][1] == f"pos[0] for {other}[0]"
