@@ -3,13 +3,15 @@
 Times are the node clock, but for those of samples and alarms.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
-from typing import TypeVar
+from itertools import islice
+from typing import Any, TypeVar
 
 from agents.account import Account, Entry
 from agents.alarm_book import Subscriber
 from agents.context import Context
+from dyknow import NoValue, Value, as_json
 from federation.acts import Act, AgentName, Performative
 from federation.contents import (
     MAX_LIST,
@@ -35,7 +37,8 @@ from federation.directory import (
 )
 from federation.liveness import SUSPECT_US, PlatformAppeared, PlatformGone, PlatformReturned, PlatformSuspected
 from federation.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone
-from reasoning import AlarmEvent
+from kpl.specification_checking import shortened
+from reasoning import AlarmEvent, Monitor
 
 P = Performative
 T = TypeVar("T")
@@ -46,6 +49,8 @@ IMPORTS_A_PAGE = 200
 MISSED_US = 60_000_000
 """How long a platform that fell silent (stands still, or is cut off) is named when somebody asks who is there."""
 TEXT = 2000
+LONGEST_LABEL = 256
+MOST_VALUES = 256
 
 
 def alarm_content(event: AlarmEvent, by: str) -> Alarm:
@@ -58,15 +63,28 @@ def alarm_content(event: AlarmEvent, by: str) -> Alarm:
         units=event.units,
         valid_us=event.valid_us,
         detected_us=event.detected_us,
-        values=dict(event.values),
+        values=_told(event.values),
     )
 
 
-class Bulletin:
-    """Answers to questions about this platform, and subscriptions to what happens on it."""
+def _told(values: Mapping[str, Value]) -> dict[str, Any]:
+    """As much of the values as an alarm can carry: records and what else is no scalar as text."""
+    shown = islice(((label, value) for label, value in values.items() if len(label) <= LONGEST_LABEL), MOST_VALUES)
+    return {
+        label: value if isinstance(value, bool | int | float | NoValue) else shortened(str(as_json(value)))
+        for label, value in shown
+    }
 
-    def __init__(self, context: Context, account: Account) -> None:
-        self._c, self._account = context, account
+
+class Bulletin:
+    """Answers to questions about this platform, and subscriptions to what happens on it.
+
+    Args:
+        specified: the monitors of its specification over streams of its own.
+    """
+
+    def __init__(self, context: Context, account: Account, specified: Callable[[], Iterable[Monitor]]) -> None:
+        self._c, self._account, self._specified = context, account, specified
         self._followers: dict[Subscriber, Act] = {}
         self._watchers: dict[Subscriber, Act] = {}
         self._missing: dict[str, int] = {}
@@ -85,19 +103,23 @@ class Bulletin:
             self._c.desk.answer(act, P.INFORM, ActList(acts=tuple(page), more=more), now_us)
 
     def on_monitors(self, act: Act, _content: Content, now_us: int) -> None:
+        of_plans = (
+            (named.plan.name, instance.monitor)
+            for named in self._c.gateway.monitors.named.values()
+            for instance in named.instances.values()
+        )
         found = [
             MonitorEntry(
                 by=self._c.unit,
-                name=named.plan.name,
-                units=instance.monitor.key,
-                verdict=instance.monitor.verdict,
-                inputs=instance.monitor.inputs,
-                shows=instance.monitor.shows,
-                since_us=instance.monitor.inputs_since_us,
-                which=instance.monitor.missing_inputs,
+                name=name,
+                units=monitor.key,
+                verdict=monitor.verdict,
+                inputs=monitor.inputs,
+                shows=monitor.shows,
+                since_us=monitor.inputs_since_us,
+                which=tuple(shortened(name) for name in monitor.missing_inputs[:MAX_LIST]),
             )
-            for named in self._c.gateway.monitors.named.values()
-            for instance in named.instances.values()
+            for name, monitor in (*of_plans, *((each.name, each) for each in self._specified()))
         ]
         for page, more in _pages(found, MONITORS_A_PAGE):
             self._c.desk.answer(act, P.INFORM, MonitorList(monitors=tuple(page), more=more), now_us)

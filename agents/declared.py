@@ -25,7 +25,7 @@ from kpl.introspection import drawn, graph_of
 from kpl.records import Faults, alarm_record, sample_record
 from kpl.specification import Import, MonitorDeclaration, StreamTerm
 from kpl.surroundings import Undo
-from reasoning import AlarmEvent
+from reasoning import AlarmEvent, Monitor
 from reasoning.derivation import FEATURES
 from reasoning.formulas import Feature, Formula, split_growing, walk
 from reasoning.profiles import Profile
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 OWNER = "specification"
 PERIOD_US = 100_000
 MAX_DELAY_US = 1_000_000
+LONGEST_NAME = 64
+"""Of a monitor, which others are told of."""
 PAGE = 4000
 """Characters of a specification in one answer."""
 
@@ -160,6 +162,11 @@ class Declared:
         self._p.emit(told)
         return is_owing
 
+    @property
+    def monitors(self) -> Iterable[Monitor]:
+        """Those over streams of this instance."""
+        return [each.monitor for each in self.instance.monitors.values()]
+
     def entries(self) -> Iterable[LabelEntry]:
         """The semantic labels that are exported."""
         return tuple(self._exported.values())
@@ -216,6 +223,8 @@ class Declared:
 
     def monitor(self, declaration: MonitorDeclaration, formula: Formula) -> Undo | None:
         """Monitor a formula over units; None if it is not over what is derived from their streams."""
+        if len(declaration.name) > LONGEST_NAME:
+            raise Refused(f"a monitor's name has at most {LONGEST_NAME} characters, got {len(declaration.name)}")
         features = {node.name for node in walk(formula) if isinstance(node, Feature)}
         if not features & FEATURES.keys():
             return None

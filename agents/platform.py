@@ -161,7 +161,7 @@ class Platform:
         self.coordination = Coordination(self.context, plans, self.federation)
         self.giving_way = GivingWay(self.context)
         self.supply = Supply(self.context)
-        self.bulletin = Bulletin(self.context, self.account)
+        self.bulletin = Bulletin(self.context, self.account, lambda: self.declared.monitors)
         self.checks = Checks(self.context)
         self.membership = Membership(self)
         self.declared = Declared(self)

@@ -7,7 +7,7 @@ A domain is the newest value of the generator called like it: `forall car in car
 from collections.abc import Callable
 from functools import partial
 
-from dyknow import Label, Network, Policy, Sample, State, StateInput, StatePolicy, Synchronizer, earlier
+from dyknow import NO_VALUE, Label, Network, Policy, Sample, State, StateInput, StatePolicy, Synchronizer, earlier
 from dyknow.errors import SortError, UnknownLabel
 from dyknow.instants import US_PER_MS, US_PER_S
 from dyknow.mediation import members_of
@@ -18,12 +18,15 @@ from reasoning.formulas import Domain, Exists, Forall, Formula, required_labels,
 
 PERIOD_US = 100 * US_PER_MS
 MAX_DELAY_US = US_PER_S
+FAR_US = 2**80
 
 
 class FormulaMonitor:
     """Subscribes what the formula reads, and hands every state to a `Monitor`.
 
     Without `sample every` and `max delay` in the declaration a state is made every 100 ms and waits 1 s for its inputs.
+    A value counts until it is a period and the delay older than the state: what has fallen silent is not known to hold
+    (F5). With `use most recent` it counts until another one comes.
 
     Args:
         formula: over streams only, without free variables.
@@ -54,6 +57,7 @@ class FormulaMonitor:
             since_us=since_us,
         )
         self._network, self._formula, self._on_alarm, self._policy = network, formula, on_alarm, policy
+        self._lasts_us = FAR_US if policy.approximation == "most recent" else self.period_us + self.max_delay_us
         self._domains: dict[str, tuple[str, ...]] = dict.fromkeys(domains_of(formula), ())
         self._labels: tuple[str, ...] = ()
         self._states: Synchronizer | None = None
@@ -135,12 +139,13 @@ class FormulaMonitor:
 
     def _take(self, states: list[State]) -> None:
         for state in states:
-            values = dict(zip(self._labels, state.values, strict=True))
+            oldest_us = state.valid_us - self._lasts_us
+            values = {
+                label: NO_VALUE if origin.valid_us is None or origin.valid_us < oldest_us else value
+                for label, value, origin in zip(self._labels, state.values, state.origins, strict=True)
+            }
             for event in self.monitor.on_state(state.valid_us, state.available_us, values, domains=self._domains):
                 self._on_alarm(event)
-
-
-FAR_US = 2**80
 
 
 def domains_of(formula: Formula) -> tuple[str, ...]:

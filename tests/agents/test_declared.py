@@ -1,13 +1,15 @@
 """Platforms that run specifications: what one exports another imports, queries and monitors (language.md, 9.3, 9.4)."""
 
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
 
 import pytest
 
 from agents.config import PlatformConfig
 from compunits import catalogue
-from dyknow import Label, Quality, Sample, computational_unit, prototypes_in
+from dyknow import Label, Quality, Sample, computational_unit, prototypes_in, source
+from federation.acts import Performative
+from federation.contents import AlarmList, Monitors
 from kpl import print_specification
 from sim_uavs.world import World
 
@@ -130,6 +132,7 @@ def test_a_partner_that_dies_is_told_and_its_streams_come_again_when_it_returns(
     [
         ("import heli-position from 0 as pos[me]", "that is this platform"),
         ("import heli-colour from 1 as colour[uav1]", "the ontology has no label heli-colour"),
+        (f"monitor {'m' * 65} = always pos[self] != 1", "at most 64 characters, got 65"),
         ("monitor m = always (xy_dist[self, self] > 1 and pos[self] > 1)", "one formula cannot speak of both"),
     ],
 )
@@ -223,3 +226,43 @@ def test_a_governed_platform_may_listen_to_its_governor_from_the_first_specifica
     pair.world.run_for(1)
     assert pair.notes("0") == []
     assert {each["stream"] for each in pair.told("0", "sample")} == {"late"}
+
+
+@source("level")
+def ticks(from_us):
+    return ((valid_us, 1.0) for valid_us in count(-(-from_us // 100_000) * 100_000, 100_000))
+
+
+@source("place")
+def places(from_us):
+    return ((valid_us, (58.4, "x" * 5000)) for valid_us in count(-(-from_us // 100_000) * 100_000, 100_000))
+
+
+def listed_and_told(pair):
+    asked = [pair.world.ask("1", "0", each, Performative.QUERY_REF) for each in (Monitors(), AlarmList())]
+    pair.world.run_for(1)
+    monitors, alarms = (next(said for _, act, said in each.replies if said is not None) for each in asked)
+    return monitors.monitors, alarms.alarms
+
+
+def test_a_monitor_over_streams_of_its_own_is_listed_like_those_over_units():
+    pair = Pair("", "")
+    pair.world.platform("0").declared.instance.offer(prototypes_in([ticks]), 0)
+    pair.specify("0", "source level ticks\nstrmgen level[self] = ticks\nmonitor low = always level[self] < 0\n")
+    pair.world.run_for(4)
+    monitors, alarms = listed_and_told(pair)
+    assert [(each.name, each.shows, each.inputs) for each in monitors] == [("low", "alarm", "fresh")]
+    assert [(each.monitor, list(each.values)) for each in alarms] == [("low", ["level[0]"])]
+
+
+def test_an_alarm_with_more_than_can_be_told_is_told_as_far_as_it_can():
+    pair = Pair("", "")
+    pair.world.platform("0").declared.instance.offer(prototypes_in([ticks, places]), 0)
+    many = " or ".join(f"level[c{i}] < 0" for i in range(300))
+    lines = [f"strmgen level[c{i}] = ticks" for i in range(300)]
+    text = "\n".join(["source level ticks", "source place places", "strmgen place[self] = places", *lines])
+    pair.specify("0", f"{text}\nmonitor many = always ({many})\nmonitor home = always place[self] = 3\n")
+    pair.world.run_for(2)
+    assert not pair.notes("0")
+    _, alarms = listed_and_told(pair)
+    assert {each.monitor: len(each.values) for each in alarms} == {"many": 256, "home": 1}

@@ -359,6 +359,24 @@ def test_a_monitor_over_local_streams_opens_and_closes_an_alarm() -> None:
     assert running.network.generator(label("speed[u]")).subscriptions == ()
 
 
+@pytest.mark.parametrize(
+    ("options", "shows"),
+    [
+        ("sample every 100, max delay 200", "unknown"),
+        ("from 0, sample every 100, max delay 200, use most recent", "ok"),
+    ],
+)
+def test_what_has_fallen_silent_is_not_known_to_hold_unless_values_stay_until_another_comes(options, shows) -> None:
+    running = Running(f"source number raw\nstrmgen a = raw\nmonitor calm = always a < 5 with {options}")
+    for at in range(1, 11):
+        running.push("raw", 1, at * 100_000)
+    watched = running.instance.monitors["calm"].monitor
+    running.wait(1_200_000)
+    assert watched.shows == "ok"
+    running.wait(3_000_000)
+    assert watched.shows == shows
+
+
 def test_a_monitor_over_members_follows_them() -> None:
     running = Running(
         IDS + "source number one\nstrmgen v[a] = raw\nstrmgen v[b] = one\n"
