@@ -34,7 +34,8 @@ class PolicyAdapter:
     after the maximum delay was checked. Exact samples leave when they arrive. `use most recent` owes a sample for
     every grid point from the first call on: a missing one is approximated at valid time + max delay, and exact samples
     after it wait until then, because a sampled stream is strictly ordered. So each grid point comes out once, in order
-    and within its delay. `use linear` interpolates a missing grid point when the sample after it arrives.
+    and within its delay; if the caller is late, it is handed on late, but is the sample that the policy says: value and
+    available time are those of the instant at which it was due. `use linear` interpolates a missing grid point when the sample after it arrives.
 
     Attributes:
         on_sample: `(sample, now_us) -> list[Sample]`: what the subscriber gets now, often nothing.
@@ -247,6 +248,8 @@ class PolicyAdapter:
         elif valid_us < owed.next_us:
             self._late += now_us - valid_us > self._max_delay_us
             self._out_of_order += now_us - valid_us <= self._max_delay_us
+        if sample.available_us < now_us:
+            sample = sample._replace(available_us=now_us)
         owed.upcoming.add(sample, owed.next_us)  # also a dropped one is news about the points after it
         return found + self._settle(owed, now_us, now_us - 1)
 
@@ -254,13 +257,14 @@ class PolicyAdapter:
         """Deliver the grid points that are known, or due at `clock_us`, up to the first that is neither."""
         owed.catch_up(now_us)
         found: list[Sample] = []
-        while (value := owed.settled(clock_us)) is not None:
+        while (sample := owed.settled(clock_us)) is not None:
             last = self._last
-            available_us = now_us if last is None or now_us > last.available_us else last.available_us + 1
             if last is not None:
-                self.gaps += owed.next_us - last.valid_us > self._period_us
-            self._last = Sample(available_us, owed.next_us, *value)
-            found.append(self._last)
+                self.gaps += sample.valid_us - last.valid_us > self._period_us
+                if sample.available_us <= last.available_us:
+                    sample = sample._replace(available_us=last.available_us + 1)
+            self._last = sample
+            found.append(sample)
             owed.advance()
         return found
 
@@ -279,16 +283,18 @@ class _Owed:
     def deadline_us(self) -> int | None:
         return self.next_us + self.delay_us if self.next_us <= self.to_us else None
 
-    def settled(self, clock_us: int) -> tuple[Value, Quality] | None:
-        """Value and quality of the next point, once it is exact or its time is over."""
+    def settled(self, clock_us: int) -> Sample | None:
+        """The sample of the next point, once it is exact or its time is over; then it is available, whoever looks later."""
         if self.next_us > self.to_us:
             return None
         best = self.upcoming.best
         if best is not None and best.valid_us == self.next_us:
-            return best.value, best.quality
-        if self.next_us + self.delay_us > clock_us:
+            return best
+        due_us = self.next_us + self.delay_us
+        if due_us > clock_us:
             return None
-        return (NO_VALUE, SURE) if best is None else (best.value, best.quality)
+        value, quality = (NO_VALUE, SURE) if best is None else (best.value, best.quality)
+        return Sample(due_us, self.next_us, value, quality)
 
     def advance(self, points: int = 1) -> None:
         self.next_us += points * self.period_us

@@ -19,6 +19,7 @@ from federation.clock import FederationClock
 from federation.host_codec import decode_from_host, decode_from_platform, encode
 from federation.hosting import Beat, Begin, Fault, FromHost, Made, Refuse, Welcome
 from proxies.local_line import BEAT_S, Line, connect
+from runtime.loop import leave_alone_what_is_loaded
 from runtime.sources import SourceThread
 
 AGAIN_S: Final = 0.2
@@ -68,6 +69,7 @@ class HostProcess:
             Refused: the platform takes nothing of what is offered.
         """
         is_first = True
+        leave_alone_what_is_loaded()
         while self._going:
             try:
                 connected = connect(self._path)

@@ -39,7 +39,7 @@ from reasoning import builtin_profiles, parse_profiles
 from runtime.clock import NodeClock
 from runtime.config import NodeConfig, WireConfig
 from runtime.journal import Journal, Journalled
-from runtime.loop import Node, step
+from runtime.loop import Node, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
 from runtime.specified import Specified
 
@@ -149,6 +149,7 @@ class Process:
         node = self._journalled(platform)
         if ends_us is not None:
             node = _Until(node, ends_us)
+        leave_alone_what_is_loaded()
         while self._going:
             step(node, self.mailbox, self.clock.now_us, self._perform)
             self._tell_directory(platform)

@@ -110,8 +110,26 @@ def test_at_one_instant_the_sample_comes_before_the_timer() -> None:
     adapter = PolicyAdapter(MOST_RECENT)
     adapter.on_time(0)
     assert adapter.on_sample(Sample(250, 0, "just in time"), 250) == [Sample(250, 0, "just in time")]
-    assert adapter.on_sample(Sample(351, 100, "a moment late"), 351) == [Sample(351, 100, "just in time")]
+    assert adapter.on_sample(Sample(351, 100, "a moment late"), 351) == [Sample(350, 100, "just in time")]
     assert adapter.dropped == {"late": 1}
+
+
+def test_a_timer_that_goes_off_late_hands_on_what_was_due() -> None:
+    punctual, late = PolicyAdapter(MOST_RECENT), PolicyAdapter(MOST_RECENT)
+    punctual.on_time(0)
+    late.on_time(0)
+    arrivals = [Sample(10, 0, "a"), Sample(460, 300, "c"), Sample(461, 200, "b"), Sample(1300, 1100, "d")]
+    found = [
+        each
+        for one in arrivals
+        for each in (*punctual._until(one.available_us - 1), *punctual.on_sample(one, one.available_us))
+    ]
+    found += punctual._until(1500)
+    stood_still = [each for one in arrivals for each in late.on_sample(one, one.available_us)]
+    stood_still += late.on_time(1500)
+    assert stood_still == found
+    assert MOST_RECENT.satisfied_by(found)
+    assert punctual.dropped == late.dropped
 
 
 def test_at_one_instant_all_samples_come_before_the_timer() -> None:

@@ -1,7 +1,9 @@
 """Declarations come and go under a thousand streams at 10 Hz; those that stay get what they would have got."""
 
 import random
-from functools import partial
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import pytest
 
@@ -9,12 +11,15 @@ from dyknow import Network, Sample, value_unit
 from dyknow.errors import TextErrors
 from dyknow.prototypes import prototypes_in
 from kpl import Hooks, Instance, parse_specification
+from runtime.loop import BATCH
 
 PERIOD_US = 100_000
 START_US = 1_000_000
 SOURCES, STREAMS = 100, 10
 CHANGES = 10
 """In each period."""
+TAKES_US = 10
+"""For one sample."""
 PROFILES = [pytest.param(6, id="tenth"), pytest.param(60, id="bar", marks=pytest.mark.full)]
 POLICIES = (
     "any update",
@@ -126,38 +131,86 @@ def arrivals(seconds: int) -> list[tuple[int, int, int]]:
     return sorted(found)
 
 
-def pass_time(network: Network, until_us: int) -> None:
-    while (due_us := network.deadline_us) is not None and due_us <= until_us:
-        network.on_time(max(due_us, network.now_us))
+@dataclass
+class Node:
+    """The node's loop with a clock of its own: inputs first, then timers; it may stand still for a while."""
 
+    instance: Instance
+    between: Callable[[int], None] | None
+    stands_still_us: int = 0
+    now_us: int = START_US
 
-def run(instance: Instance, seconds: int, between: partial | None) -> None:
-    apart_us = PERIOD_US // CHANGES
-    next_us = START_US
-    for now_us, source, valid_us in arrivals(seconds):
-        while between is not None and next_us <= now_us:
-            pass_time(instance.network, next_us)
-            between(next_us)
-            next_us += apart_us
-        pass_time(instance.network, now_us)
-        instance.push(f"src{source}", valid_us, valid_us // PERIOD_US // 3, now_us)
-    pass_time(instance.network, START_US + (seconds + 1) * 1_000_000)
+    def run(self, seconds: int) -> None:
+        waiting = deque(arrivals(seconds))
+        end_us = START_US + (seconds + 2) * 1_000_000
+        change_us = START_US if self.between else end_us
+        stop_us = START_US + seconds * 500_000 if self.stands_still_us else end_us
+        while self.now_us < end_us:
+            more = self._take(waiting)
+            due_us = self._timers() or end_us
+            if more:
+                continue
+            if self.between is not None and change_us <= self.now_us:
+                self.between(self.now_us)
+                change_us = self.now_us + PERIOD_US // CHANGES
+                due_us = self.instance.network.deadline_us or end_us
+            if stop_us <= self.now_us:
+                self.now_us, stop_us = self.now_us + self.stands_still_us, end_us
+            else:
+                arrival_us = waiting[0][0] if waiting else end_us
+                self.now_us = max(self.now_us, min(arrival_us, due_us, change_us, stop_us))
+
+    def _take(self, waiting: deque[tuple[int, int, int]]) -> bool:
+        """What came, at most a batch; whether more may wait."""
+        taken = 0
+        while taken < BATCH and waiting and waiting[0][0] <= self.now_us:
+            _, source, valid_us = waiting.popleft()
+            self.instance.push(f"src{source}", valid_us, valid_us // PERIOD_US // 3, self.now_us)
+            self.now_us += TAKES_US
+            taken += 1
+        return taken == BATCH
+
+    def _timers(self) -> int | None:
+        """What is due; when something will be."""
+        network = self.instance.network
+        due_us = network.deadline_us
+        if due_us is None or due_us > self.now_us:
+            return due_us
+        network.on_time(self.now_us)
+        return network.deadline_us
 
 
 @pytest.mark.parametrize("seconds", PROFILES)
 def test_no_sample_of_an_untouched_stream_is_lost_or_late_while_declarations_come_and_go(seconds: int) -> None:
+    changes, refused = same_with_and_without_changes(seconds)
+    assert changes > seconds * 90 > refused > 0
+
+
+@pytest.mark.parametrize("stands_still_us", [100_000, pytest.param(500_000, marks=pytest.mark.full), 1_000_000])
+def test_what_a_node_that_stood_still_during_a_change_delivers_satisfies_its_policy(stands_still_us: int) -> None:
+    """What waited until it was later than its policy allows is dropped as late and counted, and nothing else is."""
+    same_with_and_without_changes(1, stands_still_us)
+
+
+def same_with_and_without_changes(seconds: int, stands_still_us: int = 0) -> tuple[int, int]:
+    """How often declarations changed, and how often that was refused."""
     quiet, expected = begun()
-    run(quiet, seconds, None)
+    Node(quiet, None, stands_still_us).run(seconds)
     busy, found = begun()
     visits = Visits(busy, 3)
-    run(busy, seconds, partial(visits.change))
+    Node(busy, visits.change, stands_still_us).run(seconds)
     visits.leave(busy.network.now_us)
-    assert visits.changes > seconds * 90 > visits.refused > 0
     untouched = {name: samples for name, samples in found.items() if name.startswith("strm")}
-    assert len(untouched) == SOURCES * STREAMS
     assert untouched == expected
+    pushed = Counter(f"src{source}" for _, source, _ in arrivals(seconds))
     for name, proxy in busy.streams.items():
-        assert proxy.policy.satisfied_by(untouched[name]), name
-        assert proxy.adapter.dropped == quiet.streams[name].adapter.dropped, name
+        policy, dropped = proxy.policy, proxy.adapter.dropped
+        assert policy.satisfied_by(expected.get(name, ())), name
+        assert dropped == quiet.streams[name].adapter.dropped, name
+        assert policy.max_delay_us is not None or not dropped["late"], name
+        if policy.approximation == "none" and proxy.label.feature.startswith("gen"):
+            assert len(expected.get(name, ())) + dropped.total() == pushed[f"src{proxy.label.feature[3:]}"], name
+    assert len(busy.streams) == SOURCES * STREAMS
     assert busy.network.labels() == quiet.network.labels()
     assert busy.specification == quiet.specification
+    return visits.changes, visits.refused
