@@ -1,8 +1,4 @@
-"""What formulas mean, written a second time and by brute force: thesis 7.5.1 word by word over recorded states.
-
-`verdict` looks at states so far and knows nothing of those to come; `naive` rewrites the formula as Def. 7.5.3 prints it.
-Nothing of the product is used but the tree of formulas.
-"""
+"""Progression as Def. 7.5.3 prints it, by rewriting the formula; nothing of the product but the tree of formulas."""
 
 from dataclasses import replace
 
@@ -22,29 +18,7 @@ from reasoning.formulas import (
     Until,
     Variable,
 )
-
-TESTS = {
-    "<": lambda a, b: a < b,
-    "<=": lambda a, b: a <= b,
-    "=": lambda a, b: a == b,
-    "!=": lambda a, b: a != b,
-    ">=": lambda a, b: a >= b,
-    ">": lambda a, b: a > b,
-}
-
-
-def all_of(values):
-    values = list(values)
-    return False if False in values else None if None in values else True
-
-
-def any_of(values):
-    values = list(values)
-    return True if True in values else None if None in values else False
-
-
-def negation(value):
-    return None if value is None else not value
+from tests.reasoning.meaning import COMPARISONS
 
 
 def atom(formula, values):
@@ -52,16 +26,8 @@ def atom(formula, values):
         return formula.value
     if isinstance(formula, Compare):
         value = values.get(formula.left.label)
-        return None if value is None else TESTS[formula.operator](value, formula.right.value)
+        return None if value is None else COMPARISONS[formula.operator](value, formula.right.value)
     return values.get(formula.label)
-
-
-def members(domain, domains):
-    def named(found):
-        return domains[found] if isinstance(found, str) else found
-
-    out = {one for each in domain.minus for one in named(each)}
-    return [one for one in named(domain.base) if one not in out]
 
 
 def put(formula, variable, member):
@@ -90,48 +56,6 @@ def put(formula, variable, member):
             body = body if name == variable else put(body, variable, member)
             return type(formula)(name, Domain(domain.base, minus), body, growing)
     return formula
-
-
-def verdict(formula, states, at=0, period_us=None, domains=None, ended=False):
-    """True, False or None: what the states [(time, values), ...] so far say of the formula at state `at`.
-
-    With `ended`, no state will follow. A bounded window is over when no later state can lie in it: when time has
-    reached its end or, with a known period, when one period more passes it.
-    """
-
-    def inside(one, index):
-        return verdict(one, states, index, period_us, domains, ended)
-
-    match formula:
-        case Not(operand):
-            return negation(inside(operand, at))
-        case And(parts):
-            return all_of(inside(part, at) for part in parts)
-        case Or(parts):
-            return any_of(inside(part, at) for part in parts)
-        case Implies(left, right):
-            return any_of([negation(inside(left, at)), inside(right, at)])
-        case Forall(variable, domain, body):
-            return all_of(inside(put(body, variable, one), at) for one in members(domain, domains))
-        case Exists(variable, domain, body):
-            return any_of(inside(put(body, variable, one), at) for one in members(domain, domains))
-        case Always(operand, lo, hi):
-            return negation(inside(Until(Const(True), Not(operand), lo, hi), at))
-        case Eventually(operand, lo, hi):
-            return inside(Until(Const(True), operand, lo, hi), at)
-        case Until(left, right, lo, hi):
-            start = states[at][0]
-            end = float("inf") if hi is None else start + hi
-            lefts = [inside(left, k) for k in range(at, len(states))]
-            ways = [
-                all_of([inside(right, j), *lefts[: j - at]])
-                for j in range(at, len(states))
-                if start + lo <= states[j][0] <= end
-            ]
-            if not ended and states[-1][0] + (period_us or 1) <= end:
-                ways.append(all_of([None, *lefts]))
-            return any_of(ways)
-    return atom(formula, states[at][1])
 
 
 def naive(formula, values, step_us):

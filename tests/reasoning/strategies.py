@@ -7,11 +7,8 @@ from reasoning.formulas import (
     And,
     Compare,
     Const,
-    Domain,
     Eventually,
-    Exists,
     Feature,
-    Forall,
     Implies,
     Not,
     Or,
@@ -20,7 +17,6 @@ from reasoning.formulas import (
 )
 
 UNIT_US = 100_000
-DOMAINS = {"d": ("a", "b"), "none": ()}
 OPERATORS = ("<", "<=", "=", "!=", ">=", ">")
 
 propositions = st.sampled_from([Feature("p"), Feature("q"), Feature("r")])
@@ -55,16 +51,6 @@ variable_atoms = st.builds(Feature, st.sampled_from(["s", "t"]), st.sampled_from
 bodies = st.recursive(
     variable_atoms | propositions, lambda inside: connectives(inside) | temporals(inside), max_leaves=4
 )
-quantified = st.builds(
-    lambda make, domain, body: make("v", domain, body),
-    st.sampled_from([Forall, Exists]),
-    st.sampled_from([Domain("d"), Domain("none"), Domain("d", (("a",),)), Domain(("a", "b", "c"), ("none",))]),
-    bodies,
-)
-with_quantifiers = st.recursive(
-    quantified | propositions, lambda inside: connectives(inside) | temporals(inside), max_leaves=3
-)
-
 LABELS = ("p", "q", "r", "s[a]", "s[b]", "s[c]", "t[a]", "t[b]", "t[c]")
 
 

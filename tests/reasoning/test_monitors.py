@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from dyknow.values import NO_VALUE
 from reasoning import Monitor, Progression
 from reasoning.formulas import Always, And, Compare, Const, Domain, Eventually, Feature, Forall, Implies, Or, Variable
-from tests.reasoning.oracle import verdict
+from tests.reasoning.meaning import verdict
 from tests.reasoning.strategies import UNIT_US, formulas, state_formulas, traces
 
 P, Q = Feature("p"), Feature("q")

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from kpl import FeatureType, Vocabulary, parse_formula, print_formula, profile_formula, read_formula
 from reasoning import Monitor, Progression, builtin_profiles, check_trace, read_trace, split_growing
 from reasoning.formulas import Duration
-from tests.reasoning.oracle import naive, verdict
+from tests.reasoning.meaning import verdict
+from tests.reasoning.oracle import naive
 from tests.reasoning.strategies import UNIT_US, formulas, traces
 
 UAVS = Vocabulary(
