@@ -1,4 +1,6 @@
 from kpl.checking import Constant, FeatureType, Vocabulary, check, read_formula
+from kpl.chronicle_printing import print_chronicles
+from kpl.chronicles import parse_chronicles, read_chronicles
 from kpl.instance import ConfigurationEntry, Instance
 from kpl.listing import print_declaration, print_specification
 from kpl.parsing import parse_formula
@@ -23,12 +25,15 @@ __all__ = [
     "Vocabulary",
     "check",
     "check_specification",
+    "parse_chronicles",
     "parse_formula",
     "parse_specification",
+    "print_chronicles",
     "print_declaration",
     "print_formula",
     "print_specification",
     "profile_formula",
+    "read_chronicles",
     "read_formula",
     "read_specification",
     "unit_vocabulary",

@@ -1,4 +1,4 @@
-"""The parser of our texts: one grammar, read once, and the limits every text passes first.
+"""The parsers of our texts: two grammars, each read once, and the limits every text passes first.
 
 A hostile text can neither exhaust the stack nor the clock: length and bracket depth are looked at before parsing,
 nesting of the parse tree before anything walks it recursively.
@@ -7,10 +7,11 @@ nesting of the parse tree before anything walks it recursively.
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from dyknow.errors import TextError
-from kpl.mistakes import Mark, Mistake, explain, learn
+from kpl.chronicle_mistakes import CHRONICLE_MISTAKES, CHRONICLE_SPELLING
+from kpl.mistakes import FORMULA_SPELLING, MISTAKES, Mark, Mistake, Spelling, explain, learn
 from kpl.statement_mistakes import STATEMENT_MISTAKES
 
 if TYPE_CHECKING:
@@ -22,43 +23,62 @@ _OPENING, _CLOSING = "([{", ")]}"
 _CHAINS = ("sum", "product")
 
 
+class Text(NamedTuple):
+    """A kind of text: where its grammar is, what it begins with there, and what people get wrong in it."""
+
+    grammar: str
+    begin: str
+    mistakes: tuple[Mistake, ...]
+    spelling: Spelling
+    inner: str = "define the inner parts as features of their own"
+
+
+TEXTS: Final[Mapping[str, Text]] = {
+    "formula_only": Text("kpl.lark", "formula_only", MISTAKES, FORMULA_SPELLING),
+    "start": Text("kpl.lark", "start", STATEMENT_MISTAKES, FORMULA_SPELLING),
+    "chronicles": Text(
+        "chronicles.lark", "start", CHRONICLE_MISTAKES, CHRONICLE_SPELLING, "name the inner parts: domain D = ..."
+    ),
+}
+
+
 @cache
-def parser() -> "Lark":
-    """The parser for both starts; lark is imported here, at use."""
+def parser(grammar: str = "kpl.lark") -> "Lark":
+    """The parser of a grammar, for all its beginnings; lark is imported here, at use."""
     from lark import Lark
 
     return Lark(
-        files("kpl").joinpath("kpl.lark").read_text(encoding="utf-8"),
+        files("kpl").joinpath(grammar).read_text(encoding="utf-8"),
         parser="lalr",
         lexer="basic",
-        start=["start", "formula_only"],
+        start=sorted({text.begin for text in TEXTS.values() if text.grammar == grammar}),
         maybe_placeholders=False,
         propagate_positions=True,
     )
 
 
 @cache
-def _marks(start: str) -> Mapping[Mark, Mistake]:
-    if start == "formula_only":
-        return learn(lambda sample: parser().parse(sample, start=start))
-    return learn(lambda sample: parser().parse(sample, start=start), STATEMENT_MISTAKES)
+def _marks(kind: str) -> Mapping[Mark, Mistake]:
+    text = TEXTS[kind]
+    return learn(lambda sample: parser(text.grammar).parse(sample, start=text.begin), text.mistakes)
 
 
-def parse_tree(text: str, start: str, file: str = "") -> "Tree[Token]":
-    """The parse tree of `text`, no deeper than `LIMIT_NESTING`.
+def parse_tree(text: str, kind: str, file: str = "") -> "Tree[Token]":
+    """The parse tree of `text`, a text of `TEXTS`, no deeper than `LIMIT_NESTING`.
 
     Raises:
         TextError: at the first place where the text leaves the grammar, or a limit.
     """
     from lark.exceptions import UnexpectedInput
 
+    known = TEXTS[kind]
     _check_length(text, file)
-    _check_brackets(text, file)
+    _check_brackets(text, file, known.inner)
     try:
-        tree = parser().parse(text, start=start)
+        tree = parser(known.grammar).parse(text, start=known.begin)
     except UnexpectedInput as error:
-        raise explain(error, text, file, lambda: _marks(start)) from None
-    _check_depth(tree, text, file)
+        raise explain(error, text, file, lambda: _marks(kind), known.spelling) from None
+    _check_depth(tree, text, file, known.inner)
     return tree
 
 
@@ -71,7 +91,7 @@ def _check_length(text: str, file: str) -> None:
         )
 
 
-def _too_deep(text: str, file: str, offset: int) -> TextError:
+def _too_deep(text: str, file: str, offset: int, repair: str) -> TextError:
     before = text[:offset]
     return TextError(
         f"nested more than {LIMIT_NESTING} deep",
@@ -79,22 +99,22 @@ def _too_deep(text: str, file: str, offset: int) -> TextError:
         line=before.count("\n") + 1,
         column=offset - before.rfind("\n"),
         file=file,
-        repair="define the inner parts as features of their own",
+        repair=repair,
     )
 
 
-def _check_brackets(text: str, file: str) -> None:
+def _check_brackets(text: str, file: str, repair: str) -> None:
     depth = 0
     for offset, character in enumerate(text):
         if character in _OPENING:
             depth += 1
             if depth > LIMIT_NESTING:
-                raise _too_deep(text, file, offset)
+                raise _too_deep(text, file, offset, repair)
         elif character in _CLOSING:
             depth -= 1
 
 
-def _check_depth(tree: "Tree[Token]", text: str, file: str) -> None:
+def _check_depth(tree: "Tree[Token]", text: str, file: str, repair: str) -> None:
     """Long sums count as deep: they are read as ((a + b) + c) + d."""
     from lark import Tree
 
@@ -104,5 +124,28 @@ def _check_depth(tree: "Tree[Token]", text: str, file: str) -> None:
         if node.data in _CHAINS:
             depth += len(node.children) // 2
         if depth > LIMIT_NESTING:
-            raise _too_deep(text, file, node.meta.start_pos)
+            raise _too_deep(text, file, node.meta.start_pos, repair)
         waiting += [(child, depth + 1) for child in node.children if isinstance(child, Tree)]
+
+
+def moved(tree: "Tree[Token]", offset: int, lines: int) -> "Tree[Token]":
+    """The tree of a part of the text, with the places that it has in the whole."""
+    for node in tree.iter_subtrees():
+        inside: list[Any] = [node.meta, *(child for child in node.children if not hasattr(child, "children"))]
+        for at in inside:
+            if getattr(at, "start_pos", None) is not None:
+                at.start_pos, at.end_pos, at.line = at.start_pos + offset, at.end_pos + offset, at.line + lines
+    return tree
+
+
+def placed(wrong: TextError, text: str, lines: int) -> TextError:
+    """The error, in the whole text, of a part of it that begins after so many lines."""
+    return TextError(
+        wrong.message,
+        text=text,
+        line=wrong.line + lines,
+        column=wrong.column,
+        width=wrong.width,
+        repair=wrong.repair,
+        file=wrong.file,
+    )

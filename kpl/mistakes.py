@@ -5,7 +5,7 @@ mark by which the same mistake is recognised elsewhere. Spellings of other langu
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from dyknow.errors import TextError
@@ -125,8 +125,42 @@ MISTAKES: Final = (
     ),
 )
 
+
+class Spelling(NamedTuple):
+    """How one language is spelled.
+
+    Attributes:
+        operators, words: those of other languages, and ours.
+        reserved: words that name nothing; `keywords` are those, as terminals, that can be expected where a name cannot.
+        empty: what to say of a text in which nothing is, and the repair.
+        groups: terminals that are told by one word where all of them could stand, and which others are told beside it.
+    """
+
+    operators: Mapping[str, str]
+    words: Mapping[str, str]
+    reserved: Collection[str]
+    keywords: tuple[str, ...]
+    empty: tuple[str, str]
+    groups: tuple[tuple[frozenset[str], str, frozenset[str]], ...]
+
+
+_LOGIC: Final = ("AND", "OR", "UNTIL", "NOT", "ALWAYS", "EVENTUALLY", "FORALL", "EXISTS", "TRUE", "FALSE", "ABS")
+FORMULA_SPELLING: Final = Spelling(
+    FOREIGN,
+    WORDS,
+    RESERVED,
+    _LOGIC,
+    ("there is no formula", "always speed[uav1] <= 30"),
+    (
+        (frozenset({"LPAR", "NUMBER", "NOT"}), "a formula", frozenset()),
+        (frozenset({"LPAR", "NUMBER"}), "a value", frozenset()),
+        (frozenset({"AND", "OR"}), "an operator", frozenset({"RPAR", "RSQB", "COMMA", "$END"})),
+    ),
+)
+
 _EXPECTED: Final[dict[str, str]] = {
     "NAME": "a name",
+    "VARIABLE": "a variable",
     "NUMBER": "a number",
     "STRING": "a string",
     "CMP": "a comparison",
@@ -145,15 +179,29 @@ _EXPECTED: Final[dict[str, str]] = {
     "STAR": "`*`",
     "SLASH": "`/`",
     "OO": "`oo`",
+    "SEMICOLON": "`;`",
+    "LESS": "`<`",
+    "MORE": "`>`",
+    "EQUAL": "`==`",
+    "UNEQUAL": "`!=`",
+    "UNION": "`|`",
+    "WITHOUT": "`\\`",
+    "IMPLIES": "`=>`",
+    "SAME": "`<=>`",
     "$END": "the end",
     "__ANON_0": "`->`",
 }
-_LOGIC: Final = ("AND", "OR", "UNTIL", "NOT", "ALWAYS", "EVENTUALLY", "FORALL", "EXISTS", "TRUE", "FALSE", "ABS")
 Mark: TypeAlias = tuple[int, str]
 """Where the parser stopped (its state) and on what (the type of the token)."""
 
 
-def explain(error: "UnexpectedInput", text: str, file: str, marks: Callable[[], Mapping[Mark, Mistake]]) -> TextError:
+def explain(
+    error: "UnexpectedInput",
+    text: str,
+    file: str,
+    marks: Callable[[], Mapping[Mark, Mistake]],
+    spelling: Spelling = FORMULA_SPELLING,
+) -> TextError:
     """The error for the person who typed it; `marks` are what `learn` made of the samples, asked for when needed."""
     offset = min(
         error.pos_in_stream if error.pos_in_stream is not None and error.pos_in_stream >= 0 else len(text), len(text)
@@ -161,7 +209,7 @@ def explain(error: "UnexpectedInput", text: str, file: str, marks: Callable[[], 
     found = _found(error)
     if found == "":
         offset = len(text.rstrip())
-    message, repair, offset, width = _say(error, text, offset, found, marks)
+    message, repair, offset, width = _say(error, text, offset, found, marks, spelling)
     before = text[:offset]
     return TextError(
         message,
@@ -190,11 +238,16 @@ class _Said(NamedTuple):
 
 
 def _say(
-    error: "UnexpectedInput", text: str, offset: int, found: str, marks: Callable[[], Mapping[Mark, Mistake]]
+    error: "UnexpectedInput",
+    text: str,
+    offset: int,
+    found: str,
+    marks: Callable[[], Mapping[Mark, Mistake]],
+    spelling: Spelling,
 ) -> _Said:
     if not text.strip():
-        return _Said("there is no formula", "always speed[uav1] <= 30", 0, 1)
-    said = _spelling(text, offset, found) or _unfinished(text, offset, found)
+        return _Said(*spelling.empty, 0, 1)
+    said = _misspelt(text, offset, found, spelling) or _unfinished(text, offset, found)
     if said is not None:
         return said
     if getattr(error, "token", None) is None:
@@ -203,21 +256,25 @@ def _say(
     if mistake is not None:
         return _Said(mistake.message, mistake.repair, offset, len(found))
     wanted = _wanted(error)
-    if found in RESERVED and "NAME" in wanted and found.upper() not in _LOGIC:
+    begins_line = not text[text.rfind("\n", 0, offset) + 1 : offset].strip()
+    can_be_word = found.upper() in spelling.keywords and (begins_line or not wanted.isdisjoint(spelling.keywords))
+    if found in spelling.reserved and "NAME" in wanted and not can_be_word:
         return _Said(f"`{found}` is a reserved word and cannot be a name", f"{found}_", offset, len(found))
     what = f"found {_short(found)}" if found else "the text ends"
-    return _Said(f"expected {', '.join(_expected(wanted)) or 'something else'}; {what}", "", offset, len(found))
+    return _Said(
+        f"expected {', '.join(_expected(wanted, spelling)) or 'something else'}; {what}", "", offset, len(found)
+    )
 
 
-def _spelling(text: str, offset: int, found: str) -> _Said | None:
+def _misspelt(text: str, offset: int, found: str, spelling: Spelling) -> _Said | None:
     """An operator or a word of another language, here or just before."""
-    foreign = _foreign(text, offset)
+    foreign = _foreign(text, offset, found, spelling.operators)
     if foreign is not None:
-        start, spelling = foreign
-        return _Said(f"`{spelling}` is not written here", FOREIGN[spelling], start, len(spelling))
+        start, theirs = foreign
+        return _Said(f"`{theirs}` is not written here", spelling.operators[theirs], start, len(theirs))
     before = re.search(r"([A-Za-z_]+)\s*\Z", text[max(0, offset - _LOOK_BACK) : offset])
     for word, start in ((found, offset), (before[1], offset - len(before[0])) if before else ("", 0)):
-        if (ours := _word(word)) is not None:
+        if (ours := _word(word, spelling)) is not None:
             return _Said(f"`{word}` is not written here", ours, start, len(word))
     return None
 
@@ -237,21 +294,22 @@ def _short(found: str) -> str:
     return f"`{found}`" if len(found) <= 40 else f"`{found[:40]}...`"
 
 
-def _foreign(text: str, offset: int) -> tuple[int, str] | None:
-    """A spelling of another language at, or begun just before, the offset."""
+def _foreign(text: str, offset: int, found: str, operators: Mapping[str, str]) -> tuple[int, str] | None:
+    """A spelling of another language at, or begun just before, the offset; it is not the beginning of a token of ours."""
     for start in (offset, offset - 1):
         for length in (2, 1):
-            spelling = text[max(0, start) : start + length]
-            if spelling in FOREIGN and start + len(spelling) > offset:
-                return start, spelling
+            theirs = text[max(0, start) : start + length]
+            is_beginning = start == offset and length < len(found)
+            if theirs in operators and start + len(theirs) > offset and not is_beginning:
+                return start, theirs
     return None
 
 
-def _word(found: str) -> str | None:
+def _word(found: str, spelling: Spelling) -> str | None:
     lower = found.lower()
-    if lower in WORDS:
-        return WORDS[lower]
-    return lower if found != lower and lower.upper() in _LOGIC else None
+    if lower in spelling.words:
+        return spelling.words[lower]
+    return lower if found != lower and lower.upper() in spelling.keywords else None
 
 
 def _unclosed(text: str) -> int | None:
@@ -271,15 +329,13 @@ def _wanted(error: "UnexpectedInput") -> set[str]:
     )
 
 
-def _expected(wanted: set[str]) -> list[str]:
+def _expected(wanted: set[str], spelling: Spelling) -> list[str]:
     """What could have stood there, in words: names once, operators together."""
-    if {"LPAR", "NUMBER"} <= wanted:
-        return ["a formula"] if "NOT" in wanted else ["a value"]
-    if {"AND", "OR"} <= wanted:
-        rest = wanted & {"RPAR", "RSQB", "COMMA", "$END"}
-        return ["an operator", *(_EXPECTED[name] for name in _EXPECTED if name in rest)]
+    for needed, word, kept in spelling.groups:
+        if needed <= wanted:
+            return [word, *(_EXPECTED[name] for name in _EXPECTED if name in wanted & kept)]
     words = [_EXPECTED[name] for name in _EXPECTED if name in wanted]
-    return words + [f"`{name.lower()}`" for name in _LOGIC if name in wanted]
+    return words + [f"`{name.lower()}`" for name in spelling.keywords if name in wanted]
 
 
 def _mark(error: "UnexpectedInput") -> Mark:

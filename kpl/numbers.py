@@ -5,10 +5,11 @@ from decimal import Decimal
 from typing import Final
 
 from dyknow.errors import TextError
-from dyknow.instants import parse_duration
+from dyknow.instants import US_PER_MS, US_PER_UNIT, parse_duration
 
 _NUMBER = re.compile(r"(?P<number>[0-9]{1,40}(?:\.[0-9]{1,40})?(?:[eE][+-]?[0-9]{1,3})?)(?P<suffix>us|ms|s|min|h)?")
 _LARGEST: Final = Decimal(2) ** 63
+_LONGEST_MS: Final = 2**53
 
 
 def is_time(text: str) -> bool:
@@ -40,6 +41,21 @@ def parse_time_us(text: str) -> int:
         return parse_duration(text)
     except TextError as error:
         raise ValueError(error.message) from None
+
+
+def parse_time_ms(text: str) -> int:
+    """A time in whole milliseconds, in which chronicles tick (C1); without suffix the number is milliseconds.
+
+    Raises:
+        ValueError: if it is no time, beyond 2**53 ms, or finer than a millisecond.
+    """
+    found = _NUMBER.fullmatch(text)
+    ms = Decimal(found["number"]) * US_PER_UNIT[found["suffix"] or "ms"] / US_PER_MS if found else None
+    if ms is None or ms > _LONGEST_MS:
+        raise ValueError(f"a time is at most {_LONGEST_MS} ms")
+    if ms != int(ms):
+        raise ValueError(f"chronicles tick in milliseconds, {text} is finer")
+    return int(ms)
 
 
 def number_time_us(number: float) -> int:

@@ -85,8 +85,8 @@ def place_of(node: "Tree[Token] | Token", text: str) -> Place:
     return Place(int(at.line), int(at.column), max(1, width), start, end)
 
 
-class FormulaReader:
-    """Reads the tree from the top, so that every name meets the variables bound around it."""
+class TextReader:
+    """Reads a tree and keeps what is wrong, each error with its place."""
 
     def __init__(self, text: str, file: str) -> None:
         self.errors: list[TextError] = []
@@ -104,6 +104,10 @@ class FormulaReader:
                 file=self.file,
             )
         )
+
+
+class FormulaReader(TextReader):
+    """Reads the tree from the top, so that every name meets the variables bound around it."""
 
     def read(self, node: Any, bound: frozenset[str]) -> Formula:
         place, parts = place_of(node, self.text), node.children

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, cast
 from dyknow.errors import PolicyError, TextError
 from dyknow.labels import Label
 from dyknow.policy import Policy
-from kpl.grammar import LIMIT_CHARACTERS, parse_tree
+from kpl.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
 from kpl.numbers import is_time, parse_number
 from kpl.parsing import FormulaReader, place_of, raise_all
 from kpl.specification import (
@@ -82,9 +82,9 @@ def read_specification(text: str, file: str = "") -> tuple[Specification, list[T
     for start, end in zip([0, *starts[1:]], [*starts[1:], len(text)], strict=True):
         lines = text.count("\n", 0, start)
         try:
-            found += reader.declarations(_moved(parse_tree(text[start:end], "start", file), start, lines))
+            found += reader.declarations(moved(parse_tree(text[start:end], "start", file), start, lines))
         except TextError as wrong:
-            reader.errors.append(_placed(wrong, text, lines))
+            reader.errors.append(placed(wrong, text, lines))
             if len(reader.errors) >= MAX_ERRORS:
                 break
     return tuple(found), reader.errors or [first]
@@ -262,28 +262,6 @@ class _StatementReader(FormulaReader):
 
 def _name(node: Any) -> str:
     return str(node.children[0])
-
-
-def _moved(tree: "Tree[Token]", offset: int, lines: int) -> "Tree[Token]":
-    """The tree of a part of the text, with the places that it has in the whole."""
-    for node in tree.iter_subtrees():
-        inside: list[Any] = [node.meta, *(child for child in node.children if not hasattr(child, "children"))]
-        for at in inside:
-            if getattr(at, "start_pos", None) is not None:
-                at.start_pos, at.end_pos, at.line = at.start_pos + offset, at.end_pos + offset, at.line + lines
-    return tree
-
-
-def _placed(wrong: TextError, text: str, lines: int) -> TextError:
-    return TextError(
-        wrong.message,
-        text=text,
-        line=wrong.line + lines,
-        column=wrong.column,
-        width=wrong.width,
-        repair=wrong.repair,
-        file=wrong.file,
-    )
 
 
 def _blank(text: str) -> str:

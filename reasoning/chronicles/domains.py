@@ -6,11 +6,50 @@ no specification mentions (a car's name), `~D` holds whatever is not in `D`, whi
 is written down.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
 from dyknow.errors import ChronicleError
+
+_PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(-[A-Za-z0-9_]+)*|-?[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?(us|ms|s|min|h)?")
+RESERVED = frozenset(
+    [
+        "alias",
+        "and",
+        "attribute",
+        "chronicle",
+        "constraint",
+        "delay",
+        "domain",
+        "else",
+        "event",
+        "hold",
+        "if",
+        "in",
+        "init",
+        "instant",
+        "message",
+        "noevent",
+        "not",
+        "occurs",
+        "oo",
+        "or",
+        "recognized",
+        "send",
+        "then",
+        "variable",
+        "when",
+    ]
+)
+"""Words that name nothing in a chronicle file: those of 8.3.1, and if, then and else, which the grammar has besides."""
+
+
+def symbol_text(symbol: object) -> str:
+    """A symbol as it is typed: in quotes if it is neither a name nor a number. Variables are what they are."""
+    text = str(symbol)
+    return f'"{text}"' if isinstance(symbol, str) and (text in RESERVED or not _PLAIN.fullmatch(text)) else text
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +86,7 @@ class Symbols:
     symbols: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        return "{" + ", ".join(self.symbols) + "}"
+        return "{" + ", ".join(map(symbol_text, self.symbols)) + "}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +108,10 @@ class Combination:
     right: "Domain"
 
     def __str__(self) -> str:
-        return f"({self.left} {self.operator} {self.right})"
+        """Read from the left, & before | and -: parentheses go where something else is meant."""
+        left = f"({self.left})" if self.operator == "&" and _is_sum(self.left) else self.left
+        right = f"({self.right})" if _is_sum(self.right) or _is_same(self.operator, self.right) else self.right
+        return f"{left} {self.operator} {right}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +121,15 @@ class Complement:
     domain: "Domain"
 
     def __str__(self) -> str:
-        return f"~{self.domain}"
+        return f"~({self.domain})" if isinstance(self.domain, Combination) else f"~{self.domain}"
+
+
+def _is_sum(domain: "Domain") -> bool:
+    return isinstance(domain, Combination) and domain.operator != "&"
+
+
+def _is_same(operator: str, domain: "Domain") -> bool:
+    return isinstance(domain, Combination) and domain.operator == operator
 
 
 Domain: TypeAlias = Symbols | Named | Combination | Complement

@@ -45,7 +45,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from reasoning.chronicles.domains import Domain
+from reasoning.chronicles.domains import Domain, symbol_text
 from reasoning.chronicles.times import ComplexConstraint, TimeConstraint, TimePoint
 
 
@@ -89,7 +89,7 @@ class Equal:
     same: bool = True
 
     def __str__(self) -> str:
-        return f"{self.variable} {'==' if self.same else '!='} {self.parameter}"
+        return f"{self.variable} {'==' if self.same else '!='} {symbol_text(self.parameter)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +158,7 @@ class Use:
     arguments: tuple[Parameter, ...]
 
     def __str__(self) -> str:
-        return f"{self.name}[{', '.join(map(str, self.arguments))}]"
+        return f"{self.name}[{', '.join(map(symbol_text, self.arguments))}]"
 
 
 Constraint: TypeAlias = Member | Equal | Not | And | Or | Implies | Iff | Choice | Use
@@ -176,8 +176,8 @@ class EventType:
     change: tuple[Parameter, Parameter] | None = None
 
     def __str__(self) -> str:
-        arguments = f"[{', '.join(map(str, self.arguments))}]" if self.arguments else ""
-        change = f":({self.change[0]}, {self.change[1]})" if self.change else ""
+        arguments = f"[{', '.join(map(symbol_text, self.arguments))}]" if self.arguments else ""
+        change = f":({symbol_text(self.change[0])}, {symbol_text(self.change[1])})" if self.change else ""
         return f"{self.name}{arguments}{change}"
 
     @property
@@ -263,7 +263,7 @@ class Inclusion:
     points: tuple[tuple[str | None, TimePoint], ...] = ()
 
     def __str__(self) -> str:
-        arguments = f"[{', '.join(map(str, self.arguments))}]" if self.arguments else ""
+        arguments = f"[{', '.join(map(symbol_text, self.arguments))}]" if self.arguments else ""
         points = ", ".join(str(point) if label is None else f"{label} = {point}" for label, point in self.points)
         return f"chronicle {self.name}{arguments}" + (f"({points})" if points else "")
 

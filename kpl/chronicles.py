@@ -1,0 +1,103 @@
+"""Chronicle files from text (thesis 8.3).
+
+All errors of a text are told. Where it leaves the grammar its declarations are read one by one, and in one that is
+wrong the lines that are wrong are left out, so that one mistake hides none after it.
+"""
+
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+from dyknow.errors import TextError
+from kpl.chronicle_reading import ChronicleReader
+from kpl.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
+from kpl.parsing import raise_all
+from reasoning.chronicles.model import ChronicleFile
+
+if TYPE_CHECKING:
+    from lark import Token, Tree
+
+_BEGIN = re.compile(r"^(?:domain|attribute|message|constraint|time|chronicle)\b", re.MULTILINE)
+_COMMENT = re.compile(r"#[^\n]*")
+MAX_ERRORS: Final = 50
+"""After so many places where the text leaves the grammar reading ends."""
+_READ_AGAIN: Final = 2 * LIMIT_CHARACTERS
+"""So many characters, at most, are read anew in search of more errors."""
+
+
+def parse_chronicles(text: str, file: str = "") -> ChronicleFile:
+    """Read a chronicle file.
+
+    Raises:
+        TextErrors: with all that is wrong: where the text leaves the grammar, numbers, reserved words.
+        TextError: a limit is passed.
+    """
+    found, errors = read_chronicles(text, file)
+    raise_all(errors)
+    return found
+
+
+def read_chronicles(text: str, file: str = "") -> tuple[ChronicleFile, list[TextError]]:
+    """What could be read, and what is wrong with the text; raises TextError at a limit."""
+    reader = ChronicleReader(text, file)
+    left: list[TextError] = []
+    try:
+        trees = list(parse_tree(text, "chronicles", file).children)
+    except TextError as first:
+        if len(text) > LIMIT_CHARACTERS or not text.strip():
+            raise
+        trees, left = _mended(text, file)
+        left = left or [first]
+    found = [reader.declaration(tree) for tree in trees]
+    return ChronicleFile(tuple([each.declaration for each in found])), left + reader.errors
+
+
+def _mended(text: str, file: str) -> "tuple[list[Tree[Token] | Token], list[TextError]]":
+    """The trees of what is right, and an error for each place where the text leaves the grammar."""
+    trees: list[Tree[Token] | Token] = []
+    errors: list[TextError] = []
+    budget = _READ_AGAIN
+    for start, end in _pieces(text):
+        lines, piece = text.count("\n", 0, start), text[start:end]
+        while piece.strip() and budget > 0 and len(errors) < MAX_ERRORS:
+            budget -= len(piece)
+            try:
+                trees += moved(parse_tree(piece, "chronicles", file), start, lines).children
+            except TextError as wrong:
+                errors.append(placed(wrong, text, lines))
+                piece = _without(piece, wrong)
+            else:
+                break
+    return trees, errors
+
+
+def _pieces(text: str) -> Iterator[tuple[int, int]]:
+    """From each word that begins a declaration at the beginning of a line to the next."""
+    starts = [found.start() for found in _BEGIN.finditer(text)]
+    return zip(
+        [0, *(start for start in starts if start)], [*(start for start in starts if start), len(text)], strict=True
+    )
+
+
+def _without(piece: str, wrong: TextError) -> str:
+    """The piece without the statement that is wrong: its line, the lines that brackets tie to it, and the line before if
+    the error is at the beginning of its own. Nothing is left where that takes a brace away.
+    """
+    lines = piece.split("\n")
+    depths = [0]
+    for line in lines:
+        plain = _COMMENT.sub("", line)
+        depths.append(max(0, depths[-1] + plain.count("(") - plain.count(")")))
+    first = last = min(wrong.line, len(lines)) - 1
+    if not lines[first][: wrong.column - 1].strip():
+        first = max(0, first - 1)
+        while first and not lines[first].strip():
+            first -= 1
+    while first and depths[first]:
+        first -= 1
+    while last + 1 < len(lines) and depths[last + 1]:
+        last += 1
+    cut = lines[first : last + 1]
+    if any("{" in line or "}" in line for line in cut):
+        return ""
+    return "\n".join([*lines[:first], *(" " * len(line) for line in cut), *lines[last + 1 :]])
