@@ -30,9 +30,10 @@ So at clock T everything before T is final and what has come at T is there; an e
 **Instance.** An instance is a chronicle, s, and the times of the instants fixed by events: the free ones are
 existential windows (C5). It is recognised at the least T at which some times of its free instants make it settled,
 and told once. All instances are told, whatever events they share (thesis 8.4: "against all subsets of event
-occurrences"). A chronicle without any instant fixed by events has for each s at first one instance; after it was
-recognised at T the next one is settled with all instants of its predicates later than T (its instances do not
-overlap). A chronicle without any predicate with n1 >= 1 is refused: nothing would bring it forth.
+occurrences"). A chronicle without any instant fixed by events
+has for each s at first one instance; after it was recognised at T, the next one is settled with all intervals of its
+predicates beginning later than T (no event is counted twice). A chronicle without any predicate with n1 >= 1 is
+refused: nothing would bring it forth.
 
 **Age.** With a maximum age, any two instants that stand in predicates of an instance differ by at most that much;
 an instant that is fixed by an initial value (time -oo, C2) has no age.
