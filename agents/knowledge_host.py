@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from typing import Final, NamedTuple, TypeAlias
 
 from dyknow import ComputationalUnit, Policy, PolicyAdapter, Prototype, Sample, SourcePrototype, UnitPrototype, Value
-from dyknow.errors import PolicyNotSupported
+from dyknow.errors import PolicyNotSupported, raised
 from dyknow.sampling import Grid
 from dyknow.scheduling import Scheduler
 from federation.hosting import (
@@ -175,7 +175,7 @@ class KnowledgeHost:
         try:
             output = working.unit.on_sample(item.i, item.sample, item.sample.available_us)
         except Exception as wrong:  # noqa: BLE001  (it is a user's code)
-            self._faults.append(Fault(process, f"{working.name} raised {wrong!r}"))
+            self._faults.append(Fault(process, raised(working.name, wrong)))
             return
         if output is None:
             return

@@ -32,7 +32,14 @@ def _when(valid_us: int, begins_us: int | None) -> str:
 
 def _sample(said: dict[str, Any]) -> str:
     late_ms = round((said["available_us"] - said["valid_us"]) / 1000, 1)
-    return f"[bold]{verbatim(said['stream'])}[/]  {verbatim(_short(said['value']))}  [dim]{late_ms:g} ms later[/]"
+    approximated = [
+        f"{label} {origin['manner']}"
+        for label, origin in said.get("origins", {}).items()
+        if origin["manner"] != "exact"
+    ]
+    how = f"; {', '.join(approximated)}" if approximated else ""
+    value = verbatim(_short(said["value"]))
+    return f"[bold]{verbatim(said['stream'])}[/]  {value}  [dim]{late_ms:g} ms later{verbatim(how)}[/]"
 
 
 def _specified(said: dict[str, Any]) -> str:

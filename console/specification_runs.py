@@ -148,16 +148,18 @@ class Run:
                 self.network.connect(label, Policy(), partial(self._keep, "label", label))
 
     def _keep(self, kind: str, name: object, sample: "Sample") -> None:
-        from proxies.sample_file import to_json
+        from kpl.records import sample_json
 
         if self._record is not None:
-            self._record.write(json.dumps({kind: str(name), **to_json(sample)}) + "\n")
+            self._record.write(json.dumps({kind: str(name), **sample_json(sample)}) + "\n")
 
     def _on_sample(self, name: str, sample: "Sample") -> None:
         self._keep("stream", name, sample)
+        from kpl.introspection import origins_of
         from kpl.records import sample_record
 
-        tell_record(self._call, sample_record(name, sample), begins_us=self._shown_from_us)
+        said = sample_record(name, sample, origins_of(self.instance, name, sample.valid_us))
+        tell_record(self._call, said, begins_us=self._shown_from_us)
 
     def _on_link(self, name: str, linked: bool) -> None:
         if not linked:

@@ -46,7 +46,10 @@ def show(call: Call, path: Path) -> int:
     specification: Specification = parse_specification(read_text(path), str(path))
     for declaration in specification:
         said = print_declaration(declaration)
-        call.out.say(verbatim(said), line=declaration.place.line, declaration=said)
+        if call.out.json_lines:
+            call.out.line({"line": declaration.place.line, "declaration": said})
+        else:
+            call.out.plain(f"{said}\n")
     return DONE
 
 

@@ -205,3 +205,15 @@ class SessionFailed(DyknowError):
 
 class EndpointFailed(DyknowError):
     """The endpoint at which a vehicle is to be heard does not open."""
+
+
+def raised(name: str, wrong: Exception) -> str:
+    """What somebody's code raised, and in which line of it, as far as that is known."""
+    trace = wrong.__traceback__
+    while trace is not None and trace.tb_frame.f_globals.get("__name__", "").partition(".")[0] in _OURS:
+        trace = trace.tb_next
+    where = "" if trace is None else f" at {trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}"
+    return f"{name} raised {wrong!r}{where}"
+
+
+_OURS = frozenset({"dyknow", "agents", "runtime"})

@@ -5,7 +5,7 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from dyknow.compunits import ComputationalUnit
-from dyknow.errors import SortError, ValueNotAvailable
+from dyknow.errors import SortError, ValueNotAvailable, raised
 from dyknow.generator import Generator
 from dyknow.instants import print_span
 from dyknow.labels import Label
@@ -306,7 +306,7 @@ class Refinement(OnDemand):
         except SortError as wrong:
             self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
         except Exception as wrong:  # noqa: BLE001  (it is a user's code)
-            self.fault(f"{self.prototype.name} raised {wrong!r}")
+            self.fault(raised(self.prototype.name, wrong))
         else:
             made = [output]
             if self._adapter is not None:
@@ -390,7 +390,7 @@ class Reader(OnDemand):
             self._next = None
         except Exception as wrong:  # noqa: BLE001  (it is a user's code)
             self._next = None
-            self.fault(f"{self.prototype.name} raised {wrong!r}; it is read no more")
+            self.fault(f"{raised(self.prototype.name, wrong)}; it is read no more")
         else:
             if self._next[0] < last_us:
                 self.fault(f"{self.prototype.name} went back from {last_us} to {self._next[0]} us; it is read no more")

@@ -15,6 +15,7 @@ from dyknow.mediation import Mediation
 from dyknow.processes import OnDemand
 from dyknow.prototypes import SourcePrototype, UnitPrototype
 from dyknow.state_streams import StateStream
+from dyknow.states import Origin
 from dyknow.stream_proxy import StreamProxy
 from kpl.compiling import Compiler
 from kpl.specification import Export, Import
@@ -143,6 +144,17 @@ def inputs_taken(process: object) -> Iterator[StreamProxy]:
         yield from process.proxies
     if isinstance(process, Mediation):
         yield from process.members.values()
+
+
+def origins_of(instance: "Instance", name: str, valid_us: int) -> dict[str, Origin]:
+    """How each value of a state was obtained that a declared stream has delivered, by input; of what is none: nothing."""
+    label = instance.streams[name].label if name in instance.streams else None
+    process = instance.network.process(label) if label is not None and instance.network.has(label) else None
+    if not isinstance(process, StateStream):
+        return {}
+    found = next((state for state in reversed(process.recent) if state.valid_us == valid_us), None)
+    labels = (str(each.label) for each in process.inputs())
+    return {} if found is None else dict(zip(labels, found.origins, strict=False))
 
 
 def rate_and_delay(history: History) -> tuple[float | None, float | None]:

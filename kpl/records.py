@@ -1,20 +1,36 @@
 """What a running specification brings forth, as records for people and programs: samples, alarms, faults."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from dyknow import Label, Sample, as_json
+from dyknow.states import Origin
 from reasoning import AlarmEvent
 
 TOLD = 3
 """So many faults of one stream are told."""
+_NONE: Mapping[str, Origin] = {}
 
 
-def sample_record(name: str, sample: Sample) -> dict[str, Any]:
-    """A sample of a declared stream."""
-    times = {"valid_us": sample.valid_us, "available_us": sample.available_us}
-    return {"event": "sample", "stream": name, **times, "value": as_json(sample.value)}
+def sample_json(sample: Sample) -> dict[str, Any]:
+    """A sample; what is said of its value only where it is not sure and exact."""
+    quality = sample.quality
+    return {
+        "valid_us": sample.valid_us,
+        "available_us": sample.available_us,
+        "value": as_json(sample.value),
+        **({"certainty": quality.certainty} if quality.certainty != 1.0 else {}),
+        **({"covariance": [list(row) for row in quality.covariance]} if quality.covariance else {}),
+    }
+
+
+def sample_record(name: str, sample: Sample, origins: Mapping[str, Origin] = _NONE) -> dict[str, Any]:
+    """A sample of a declared stream; of a state, how each of its values was obtained."""
+    said: dict[str, Any] = {"event": "sample", "stream": name, **sample_json(sample)}
+    if origins:
+        said["origins"] = {label: {"manner": one.manner, "valid_us": one.valid_us} for label, one in origins.items()}
+    return said
 
 
 def alarm_record(event: AlarmEvent) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
 from typing import Any, NamedTuple
 
-from dyknow import Quality, Sample, Value, as_json, of_json
+from dyknow import Quality, Sample, Value, of_json
 from dyknow.errors import TextError
 from dyknow.instants import MAX_DURATION_US, US_PER_MS
 
@@ -85,18 +85,6 @@ def read_record(lines: Iterable[str], place: str) -> tuple[Mapping[str, Any], li
     if not about:
         raise _wrong(1, place, "the record of a run begins with its specification")
     return about, found
-
-
-def to_json(sample: Sample) -> dict[str, Any]:
-    """A sample as a record has it."""
-    quality = sample.quality
-    return {
-        "valid_us": sample.valid_us,
-        "available_us": sample.available_us,
-        "value": as_json(sample.value),
-        **({"certainty": quality.certainty} if quality.certainty != 1.0 else {}),
-        **({"covariance": [list(row) for row in quality.covariance]} if quality.covariance else {}),
-    }
 
 
 def _records(lines: Iterable[str], place: str) -> Iterator[tuple[int, dict[str, Any]]]:

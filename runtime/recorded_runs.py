@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from agents.effects import Tell
 from agents.platform import Platform
-from dyknow import Sample, of_json
+from dyknow import Quality, Sample, of_json
 from dyknow.errors import DecodeError
 from federation.clock import FederationClock
 from proxies.journal_file import CLOCK_EPOCH, CLOCK_SPEED, Lost, Stepped, read_about, read_journal
@@ -49,5 +49,6 @@ def _take(platform: Platform, entry: Stepped, found: dict[str, list[Sample]]) ->
     for effect in effects:
         if isinstance(effect, Tell) and effect.record["event"] == "sample":
             said = effect.record
-            sample = Sample(said["available_us"], said["valid_us"], of_json(said["value"]))
+            quality = Quality(said.get("certainty", 1.0), tuple(map(tuple, said.get("covariance", ()))))
+            sample = Sample(said["available_us"], said["valid_us"], of_json(said["value"]), quality)
             found.setdefault(said["stream"], []).append(sample)

@@ -86,6 +86,32 @@ def test_every_sample_of_a_declared_stream_is_an_object(place: Place, lines: Lin
     ]
 
 
+def test_a_sample_tells_how_good_it_is_and_a_state_how_its_values_were_obtained(place: Place, lines: Lines) -> None:
+    place.write(
+        "car.py",
+        """
+from dyknow import Quality, Sample, computational_unit
+
+@computational_unit("pos", "pos", name="Guess")
+def guess(now_us, pos):
+    return Sample(now_us, pos.valid_us, pos.value, Quality(0.5, ((4.0,),)))
+""",
+    )
+    place.write(
+        "car.kpl",
+        "source pos gps\nsource pos other\ncompunit pos Guess(pos)\nstrmgen a = gps\nstrmgen b = other\n"
+        "strmgen c = Guess(a)\nstrmgen both = state(a, b)\nstream guessed = c\nstream both = both\n",
+    )
+    place.write("car.jsonl", '{"t_ms": 0, "other": 7}\n{"t_ms": 100, "gps": 1}\n')
+    assert place.run(units=[str(place.units)]) == 0
+    state, guessed = sorted(lines(), key=lambda one: str(one["stream"]))
+    assert (guessed["certainty"], guessed["covariance"]) == (0.5, [[4.0]])
+    assert state["origins"] == {
+        "a": {"manner": "exact", "valid_us": 100_000},
+        "b": {"manner": "most recent", "valid_us": 0},
+    }
+
+
 def test_for_people_values_are_short_and_no_value_is_said(place: Place, capsys: pytest.CaptureFixture[str]) -> None:
     place.call = Call(place.call.settings, None, Output(json_lines=False))
     place.write("car.jsonl", '{"t_ms": 0, "gps": 0.30000000000000004}\n{"t_ms": 5, "at_ms": 6.04, "gps": null}\n')
@@ -216,6 +242,7 @@ def test_a_unit_that_fails_is_told_three_times_and_the_others_go_on(
     assert place.run(units=[str(place.units)]) == 0
     said = capsys.readouterr()
     assert said.err.count("note: twice[car1]") == 3
+    assert said.err.count(f"at {place.units}:5") == 3
     assert "further ones of it are not told" in said.err
     assert [json.loads(line)["stream"] for line in said.out.splitlines()].count("all") == 3
 

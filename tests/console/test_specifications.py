@@ -42,6 +42,15 @@ def test_a_right_specification_is_done_and_shown_as_it_is_understood(dyknow: Run
     ]
 
 
+def test_what_is_shown_can_be_read_back_however_narrow_the_terminal(
+    dyknow: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    name = "g" * 100
+    text = f"source pos {name}\nstrmgen pos[self] = {name}\nstream s = pos[self] with sample every 100, max delay 200\n"
+    assert dyknow("kpl", "show", written(tmp_path, text)).stdout == text
+
+
 def test_every_error_is_told_with_place_and_repair(dyknow: Run, tmp_path: Path) -> None:
     path = written(tmp_path, WRONG)
     done = dyknow("kpl", "check", path, "--json")
