@@ -280,11 +280,12 @@ class ChronicleReader(TimeReader):
 
     def _named_domain(self, node: Any) -> Domain:
         """`Car-Red`, which is read as one name, is taken apart: the name of a domain is a symbol."""
-        found: Domain | None = None
-        for name in str(node.children[0].children[0]).split("-"):
-            self._mention("domain", Named(name), node)
-            found = Named(name) if found is None else Combination("-", found, Named(name))
-        assert found is not None
+        first, *others = map(Named, str(node.children[0].children[0]).split("-"))
+        found: Domain = first
+        for other in others:
+            found = Combination("-", found, other)
+        for one in (first, *others):
+            self._mention("domain", one, node)
         return found
 
     # Names

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 from dyknow.errors import TextError
+from kpl.chronicle_checking import check_chronicles
 from kpl.chronicle_reading import ChronicleReader
 from kpl.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
 from kpl.parsing import raise_all
@@ -29,7 +30,8 @@ def parse_chronicles(text: str, file: str = "") -> ChronicleFile:
     """Read a chronicle file.
 
     Raises:
-        TextErrors: with all that is wrong: where the text leaves the grammar, numbers, reserved words.
+        TextErrors: with all that is wrong: where the text leaves the grammar, names that are not
+            declared or not bound, values outside their domains, what stands on itself.
         TextError: a limit is passed.
     """
     found, errors = read_chronicles(text, file)
@@ -49,6 +51,8 @@ def read_chronicles(text: str, file: str = "") -> tuple[ChronicleFile, list[Text
         trees, left = _mended(text, file)
         left = left or [first]
     found = [reader.declaration(tree) for tree in trees]
+    if not left:
+        check_chronicles(found, reader)
     return ChronicleFile(tuple([each.declaration for each in found])), left + reader.errors
 
 

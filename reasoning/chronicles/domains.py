@@ -138,24 +138,32 @@ LIMIT_NAMES = 100
 """So many names deep may domains refer to each other."""
 
 
-def symbol_set(domain: Domain, declared: Mapping[str, Domain], depth: int = 0) -> SymbolSet:
+def symbol_set(domain: Domain, declared: Mapping[str, Domain]) -> SymbolSet:
     """The symbols of a domain, with the domains that it names.
 
     Raises:
         ChronicleError: a name that is not declared, or declared by itself.
     """
+    return _symbol_set(domain, declared, {}, 0)
+
+
+def _symbol_set(domain: Domain, declared: Mapping[str, Domain], known: dict[str, SymbolSet], depth: int) -> SymbolSet:
+    """Each name is looked into once: `known` are those that have been."""
     if isinstance(domain, Symbols):
         return SymbolSet(frozenset(domain.symbols))
     if isinstance(domain, Complement):
-        return ~symbol_set(domain.domain, declared, depth)
+        return ~_symbol_set(domain.domain, declared, known, depth)
     if isinstance(domain, Named):
-        if domain.name not in declared:
-            known = ", ".join(sorted(declared)) or "none"
-            raise ChronicleError(f"no domain is called {domain.name}; declared: {known}")
-        if depth >= LIMIT_NAMES:
-            raise ChronicleError(f"the domain {domain.name} is declared by itself; write its symbols")
-        return symbol_set(declared[domain.name], declared, depth + 1)
-    left, right = symbol_set(domain.left, declared, depth), symbol_set(domain.right, declared, depth)
+        if domain.name not in known:
+            if domain.name not in declared:
+                names = ", ".join(sorted(declared)) or "none"
+                raise ChronicleError(f"no domain is called {domain.name}; declared: {names}")
+            if depth >= LIMIT_NAMES:
+                raise ChronicleError(f"the domain {domain.name} is declared by itself; write its symbols")
+            known[domain.name] = _symbol_set(declared[domain.name], declared, known, depth + 1)
+        return known[domain.name]
+    left = _symbol_set(domain.left, declared, known, depth)
+    right = _symbol_set(domain.right, declared, known, depth)
     if domain.operator == "&":
         return left & right
     return left | right if domain.operator == "|" else left - right

@@ -1,0 +1,345 @@
+"""What is wrong with chronicles beyond their grammar: each error at its place, with a repair (thesis 8.3).
+
+Names of attributes and messages are checked once a file declares any: who declares none leaves all of them open.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from typing import Any
+
+from dyknow.errors import ChronicleError
+from kpl.chronicle_reading import ChronicleReader, Found, Mention
+from reasoning.chronicles.domains import Domain, SymbolSet, symbol_set, symbol_text
+from reasoning.chronicles.model import (
+    VALUE,
+    Attribute,
+    Chronicle,
+    DomainDefinition,
+    EventType,
+    Inclusion,
+    Member,
+    Message,
+    NamedConstraint,
+    Parameter,
+    Variable,
+    Variables,
+)
+from reasoning.chronicles.times import ComplexConstraint
+from reasoning.formulas import Place
+
+_EVENTS = (Attribute, Message, Chronicle)
+_KINDS: Mapping[type, str] = {
+    DomainDefinition: "domain",
+    NamedConstraint: "constraint",
+    ComplexConstraint: "constraint on instants",
+    Attribute: "attribute",
+    Message: "message",
+    Chronicle: "chronicle",
+}
+
+
+def check_chronicles(found: Sequence[Found], reader: ChronicleReader) -> None:
+    """Add to the errors of the reader what is wrong with what it has read."""
+    _Checker(found, reader).check()
+
+
+class _Checker:
+    def __init__(self, found: Sequence[Found], reader: ChronicleReader) -> None:
+        self._found, self._error = found, reader.error
+        self._events = self._table(*_EVENTS)
+        self._chronicles: dict[str, Any] = self._table(Chronicle)
+        self._timings, self._conditions = self._table(ComplexConstraint), self._table(NamedConstraint)
+        self._domains: dict[str, Domain] = {name: one.domain for name, one in self._table(DomainDefinition).items()}
+        self._is_closed = any(isinstance(one.declaration, Attribute | Message) for one in found)
+        self._sets: dict[str, SymbolSet] = {}
+        self._instants_in = {
+            one.declaration.name: {mention.what for mention in one.mentions if mention.kind == "instant"}
+            for one in reversed(found)
+            if isinstance(one.declaration, Chronicle)
+        }
+
+    def _table(self, *kinds: type) -> dict[str, Any]:
+        """Declarations by name; of several with one name the first."""
+        some = [one.declaration for one in reversed(self._found) if isinstance(one.declaration, kinds)]
+        return {one.name: one for one in some}
+
+    def check(self) -> None:
+        self._duplicates()
+        for one in self._found:
+            for mention in one.mentions:
+                self._mentioned(mention)
+            match one.declaration:
+                case DomainDefinition(_, domain):
+                    self._symbols(domain, one.place)
+                case Attribute() | Message() | NamedConstraint():
+                    self._declared(one)
+                case ComplexConstraint(_, parameters, _):
+                    self._only(one, "instant", parameters, "an instant of the constraint")
+                case Chronicle() as chronicle:
+                    self._chronicle(one, chronicle)
+        self._circles()
+
+    def _duplicates(self) -> None:
+        seen: dict[tuple[str, str], str] = {}
+        for one in self._found:
+            kind = _KINDS[type(one.declaration)]
+            key = ("event" if isinstance(one.declaration, _EVENTS) else kind, one.declaration.name)
+            if key in seen:
+                self._error(
+                    f"{one.declaration.name} is declared already, as {seen[key]}",
+                    one.place,
+                    "another name, or one of them",
+                )
+            seen.setdefault(key, f"{_a(kind)} in line {one.place.line}")
+
+    # Names
+
+    def _mentioned(self, mention: Mention) -> None:
+        what, place = mention.what, mention.place
+        match mention.kind:
+            case "domain" if what.name not in self._domains:
+                self._unknown("domain", what.name, self._domains, place, f"domain {what.name} = {{...}}")
+            case "event":
+                self._event(what, place)
+            case "part":
+                self._part(what, place)
+            case "conditions":
+                self._use("constraint", what.name, what.arguments, self._conditions, place)
+            case "timing":
+                self._use("constraint on instants", what.name, what.points, self._timings, place)
+
+    def _unknown(self, kind: str, name: str, known: Iterable[str], place: Place, otherwise: str) -> None:
+        near = get_close_matches(name, list(known), n=1)
+        self._error(f"there is no {kind} {name}", place, near[0] if near else f"declare it: {otherwise}")
+
+    def _use(self, kind: str, name: str, given: Sequence[object], known: Mapping[str, Any], place: Place) -> None:
+        if name not in known:
+            between = "[?a, ?b] { ?a != ?b }" if kind == "constraint" else "(t1, t2) { t1 < t2 }"
+            self._unknown(kind, name, known, place, f"constraint {name}{between}")
+        else:
+            self._arity(kind, name, given, known[name].parameters, place)
+
+    def _arity(self, kind: str, name: str, given: Sequence[object], wanted: Sequence[object], place: Place) -> None:
+        if len(given) != len(wanted):
+            shown = ", ".join(map(str, wanted))
+            form = f"{name}({shown})" if kind == "constraint on instants" else f"{name}[{shown}]" if wanted else name
+            self._error(f"the {kind} {name} takes {len(wanted)}, here are {len(given)}", place, form)
+
+    def _event(self, type_: EventType, place: Place) -> None:
+        known = self._events.get(type_.name)
+        if known is None:
+            if self._is_closed:
+                shown = str(EventType(type_.name, tuple(Variable(f"x{at + 1}") for at in range(len(type_.arguments)))))
+                kind = "attribute" if type_.change else "message"
+                self._unknown(kind, type_.name, self._events, place, f"{kind} {shown}")
+            return
+        kind = _KINDS[type(known)]
+        self._arity(kind, type_.name, type_.arguments, known.parameters, place)
+        if isinstance(known, Attribute) and type_.change is None:
+            bare = str(EventType(type_.name, type_.arguments))
+            self._error(f"{type_.name} is an attribute, whose events are changes", place, f"{bare}:(?, true)")
+        elif not isinstance(known, Attribute) and type_.change is not None:
+            bare = str(EventType(type_.name, type_.arguments))
+            self._error(f"{type_.name} is a {kind}, which has no value", place, bare)
+        elif not isinstance(known, Chronicle):
+            self._values(known, type_, place)
+
+    def _values(self, known: Attribute | Message, type_: EventType, place: Place) -> None:
+        """Symbols of an event outside the domains that its declaration gives."""
+        pairs = [*zip(known.parameters, type_.arguments, strict=False), *((VALUE, one) for one in type_.change or ())]
+        for variable, given in pairs:
+            if not isinstance(given, str):
+                continue
+            if isinstance(variable, str) and given != variable:
+                self._error(f"{symbol_text(given)} is no value here: it is declared as {variable}", place, variable)
+            for domain in self._domains_of(known.constraints, variable):
+                inside = self._symbols(domain, None)
+                if inside is not None and given not in inside:
+                    near = get_close_matches(given, sorted(inside.symbols), n=1) if not inside.all_but else []
+                    some = ", ".join(sorted(inside.symbols)[:8])
+                    here = "all but " if inside.all_but else ""
+                    self._error(
+                        f"{symbol_text(given)} is outside the domain of {variable}: {here}{some or 'nothing'}",
+                        place,
+                        near[0] if near else "",
+                    )
+
+    @staticmethod
+    def _domains_of(constraints: Iterable[object], variable: Parameter) -> list[Domain]:
+        """The domains that constraints give to a variable outright."""
+        return [
+            one.domain for one in constraints if isinstance(one, Member) and one.inside and one.variable == variable
+        ]
+
+    def _symbols(self, domain: Domain, place: Place | None) -> SymbolSet | None:
+        """What is in it; None, and an error at the place, if it names itself; unknown names are told elsewhere."""
+        key = str(domain)
+        if key not in self._sets:
+            try:
+                self._sets[key] = symbol_set(domain, self._domains)
+            except ChronicleError as error:
+                if place is not None and "declared by itself" in str(error):
+                    self._error(str(error), place, "domain D = {a, b}")
+                return None
+        return self._sets[key]
+
+    # Declarations
+
+    def _declared(self, found: Found) -> None:
+        """Constraints of a declaration are on its parameters, and on the value of an attribute."""
+        declaration = found.declaration
+        parameters = {one for one in getattr(declaration, "parameters", ()) if isinstance(one, Variable)}
+        own = {VALUE} if isinstance(declaration, Attribute) else set[Variable]()
+        self._only(found, "variable", parameters | own, f"in the brackets of {declaration.name}")
+        for mention in found.mentions:
+            if mention.kind == "condition" and isinstance(mention.what, Member):
+                self._something(mention.what.domain, mention.what.variable, mention.what.inside, mention.place)
+
+    def _only(self, found: Found, kind: str, allowed: Iterable[object], where: str) -> None:
+        known = set(allowed)
+        for mention in found.mentions:
+            if mention.kind == kind and mention.what not in known and str(mention.what) not in "?*":
+                near = get_close_matches(str(mention.what), [str(one) for one in known], n=1)
+                self._error(f"{mention.what} is not {where}", mention.place, near[0] if near else "")
+
+    def _something(self, domain: Domain, variable: Variable, inside: bool, place: Place) -> None:
+        found = self._symbols(domain, place)
+        nothing = SymbolSet() if inside else SymbolSet(all_but=True)
+        if found == nothing:
+            self._error(f"{variable} can have no value: {domain} holds {'nothing' if inside else 'everything'}", place)
+
+    def _chronicle(self, found: Found, chronicle: Chronicle) -> None:
+        events = [one for one in found.mentions if one.kind == "event"]
+        parts = [one for one in found.mentions if one.kind == "part"]
+        if not parts and not any(one.needed for one in events):
+            self._error(
+                f"chronicle {chronicle.name} asks for no event, so that nothing could be recognised",
+                found.place,
+                "event(...) or occurs(1, oo, ...)",
+            )
+        standing = {one for mention in events for one in mention.what.parameters if isinstance(one, Variable)}
+        standing |= {one for mention in parts for one in mention.what.arguments if isinstance(one, Variable)}
+        self._variables(found, standing)
+        self._instants(found, chronicle)
+        for statement, place in found.statements:
+            if isinstance(statement, Member):
+                self._something(statement.domain, statement.variable, statement.inside, place)
+            elif isinstance(statement, Variables) and statement.domain is not None:
+                self._something(statement.domain, statement.variables[0], inside=True, place=place)
+        self._empty(found)
+
+    def _variables(self, found: Found, standing: set[Variable]) -> None:
+        """A variable means something only where an event or a part has it."""
+        told: set[Variable] = set()
+        for mention in found.mentions:
+            variable = mention.what
+            if mention.kind != "variable" or not variable.name or variable in standing or variable in told:
+                continue
+            told.add(variable)
+            near = get_close_matches(str(variable), [str(one) for one in standing if one.name], n=1)
+            if variable == VALUE:
+                near = ["the value of an attribute is named in its event: event(a[?x]:(?, ?new), t1)"]
+            self._error(
+                f"{variable} is not bound: it stands in no event and in no part",
+                mention.place,
+                near[0] if near else f"event(...[{variable}], t1)",
+            )
+
+    def _instants(self, found: Found, chronicle: Chronicle) -> None:
+        """An instant that is only compared is a mistyped one; who means it declares it."""
+        happens = {one.what for one in found.mentions if one.kind == "instant" and one.needed} | {"start", "end"}
+        told: set[str] = set()
+        for mention in found.mentions:
+            if mention.kind == "instant" and mention.what not in happens | told:
+                told.add(mention.what)
+                near = get_close_matches(mention.what, sorted(happens), n=1)
+                self._error(
+                    f"nothing happens at {mention.what}: it is only compared",
+                    mention.place,
+                    near[0] if near else f"instant {mention.what}",
+                )
+        seen: set[str] = set()
+        for name in chronicle.instants:
+            if name in seen or name in {"start", "end"}:
+                self._error(f"the instant {name} is there already", found.place, "another name")
+            seen.add(name)
+
+    def _empty(self, found: Found) -> None:
+        """Domains of one variable that have nothing in common."""
+        inside: dict[Variable, SymbolSet] = {}
+        for statement, place in found.statements:
+            given: list[tuple[Variable, Domain]] = []
+            if isinstance(statement, Member) and statement.inside:
+                given = [(statement.variable, statement.domain)]
+            elif isinstance(statement, Variables) and statement.domain is not None:
+                given = [(one, statement.domain) for one in statement.variables]
+            for variable, domain in given:
+                symbols = self._symbols(domain, None)
+                if symbols is None:
+                    continue
+                before = inside.get(variable)
+                inside[variable] = symbols if before is None else before & symbols
+                if before and before.symbols and symbols.symbols and inside[variable] == SymbolSet():
+                    self._error(f"{variable} can have no value: its domains have nothing in common", place)
+
+    # Parts
+
+    def _part(self, part: Inclusion, place: Place) -> None:
+        known = self._chronicles.get(part.name)
+        if known is None:
+            self._unknown("chronicle", part.name, self._chronicles, place, f"chronicle {part.name}[...] {{ ... }}")
+            return
+        self._arity("chronicle", part.name, part.arguments, known.parameters, place)
+        unnamed = sum(label is None for label, _ in part.points)
+        if unnamed > len(known.instants):
+            self._error(
+                f"chronicle {part.name} gives {len(known.instants)} instants by place, here are {unnamed}",
+                place,
+                f"name them: chronicle {part.name}[...](start = t1, end = t2)",
+            )
+        labels = [label for label, _ in part.points if label is not None]
+        inside = {"start", "end", *self._instants_in[part.name]}
+        for label in labels:
+            if label not in inside:
+                near = get_close_matches(label, sorted(inside), n=1)
+                self._error(f"chronicle {part.name} has no instant {label}", place, near[0] if near else "start, end")
+
+    def _circles(self) -> None:
+        """Chronicles that are parts or events of themselves, constraints that use themselves."""
+        for kinds, table in (
+            (("part", "event"), self._chronicles),
+            (("timing",), self._timings),
+            (("conditions",), self._conditions),
+        ):
+            uses = {
+                one.declaration.name: [each for each in one.mentions if each.kind in kinds and each.what.name in table]
+                for one in self._found
+                if table.get(one.declaration.name) is one.declaration
+            }
+            done: set[str] = set()
+            for name in uses:
+                self._circle(name, uses, done)
+
+    def _circle(self, first: str, uses: Mapping[str, Sequence[Mention]], done: set[str]) -> None:
+        """Depth first, without recursion: a name that is met on the way to itself is told once."""
+        path: list[tuple[str, int]] = [(first, 0)] if first not in done else []
+        on_path = {first}
+        while path:
+            name, at = path.pop()
+            if at >= len(uses[name]):
+                on_path.discard(name)
+                done.add(name)
+                continue
+            path.append((name, at + 1))
+            mention = uses[name][at]
+            if mention.what.name in on_path:
+                way = [each for each, _ in path]
+                circle = " stands on ".join([*way[way.index(mention.what.name) :], mention.what.name])
+                self._error(f"{circle}: nothing can stand on itself", mention.place, "leave it out")
+            elif mention.what.name not in done:
+                path.append((mention.what.name, 0))
+                on_path.add(mention.what.name)
+
+
+def _a(kind: str) -> str:
+    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
