@@ -1,5 +1,6 @@
 from reasoning.alarms import AlarmEvent
 from reasoning.derivation import FEATURES, Derivation, DerivedFeature, Input, needed_labels
+from reasoning.engine import Progressing, Way, make_progression
 from reasoning.evaluation import NoValuePolicy
 from reasoning.formulas import Domain, Formula, domain_members, instantiate, label_text, required_labels, split_growing
 from reasoning.inputs import Freshness
@@ -23,11 +24,13 @@ __all__ = [
     "NoValuePolicy",
     "Outcome",
     "Profile",
+    "Progressing",
     "Progression",
     "Shown",
     "Trace",
     "TraceState",
     "Verdict",
+    "Way",
     "builtin_profiles",
     "check_trace",
     "closest_approach",
@@ -35,6 +38,7 @@ __all__ = [
     "fence_margin_m",
     "instantiate",
     "label_text",
+    "make_progression",
     "needed_labels",
     "offset_m",
     "parse_profiles",

@@ -66,7 +66,7 @@ class Moment(NamedTuple):
 Test: TypeAlias = Callable[[Moment], Truth]
 Term: TypeAlias = Callable[[Moment], Value]
 
-_COMPARE: Final[dict[str, Callable[[Any, Any], Any]]] = {
+COMPARE: Final[dict[str, Callable[[Any, Any], Any]]] = {
     "<": operator.lt,
     "<=": operator.le,
     "=": operator.eq,
@@ -140,7 +140,7 @@ class Compiler:
         return test
 
     def _compare(self, formula: Compare) -> Test:
-        holds, unknown = _COMPARE[formula.operator], self.unknown
+        holds, unknown = COMPARE[formula.operator], self.unknown
         left, right = formula.left, formula.right
         if isinstance(left, Feature) and isinstance(right, Const | Duration):
             return _compare_constant(

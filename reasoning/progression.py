@@ -11,7 +11,7 @@ evaluated from the state where they appear, and members that leave are dropped; 
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 from dyknow.errors import TextError
 from dyknow.sample import Value
@@ -38,7 +38,17 @@ from reasoning.formulas import (
     required_labels,
     walk,
 )
-from reasoning.residuals import Operator, Residual, UntilWindow, Window, conjoin, disjoin, is_pending, negate
+from reasoning.residuals import (
+    Operator,
+    Residual,
+    UntilWindow,
+    Window,
+    conjoin,
+    disjoin,
+    is_pending,
+    negate,
+    obligations,
+)
 
 Verdict: TypeAlias = Literal["true", "false", "undecided"]
 
@@ -66,9 +76,16 @@ class Progression:
         self._started = False
         self._changes = Changes(formula)
 
+    way: Final = "plain"
+
     @property
     def verdict(self) -> Verdict:
         return verdict_of(self._residual)
+
+    @property
+    def kept(self) -> int:
+        """How many obligations are left."""
+        return obligations(self._residual)
 
     def progress(
         self,
@@ -221,6 +238,10 @@ class _Grown:
 
     operator: _Growing
     residuals: tuple[tuple[str, Residual], ...]
+
+    @property
+    def parts(self) -> tuple[Residual, ...]:
+        return tuple(left for _, left in self.residuals)
 
     def step(self, moment: Moment) -> Residual:
         before, after = dict(self.residuals), {}

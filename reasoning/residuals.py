@@ -33,6 +33,22 @@ def is_pending(residual: Residual) -> bool:
     return residual is not None and residual is not True and residual is not False
 
 
+def obligations(residual: Residual) -> int:
+    """How many windows a residual keeps; needs no recursion."""
+    found, waiting = 0, [residual]
+    while waiting:
+        one = waiting.pop()
+        if isinstance(one, Window | UntilWindow):
+            found += 1
+        elif isinstance(one, Chain):
+            waiting += [one.tail, *(side for link in one.links for side in link)]
+        elif isinstance(one, Negated):
+            waiting.append(one.inside)
+        else:
+            waiting += getattr(one, "parts", ())
+    return found
+
+
 def negate(residual: Residual) -> Residual:
     if residual is None or residual is True or residual is False:
         return None if residual is None else not residual

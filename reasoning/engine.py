@@ -1,0 +1,255 @@
+"""The engine of formulas: one interface, several ways to progress (thesis 7.5.2, 7.10).
+
+    progression = make_progression(formula, period_us=100_000)     # the engine chooses the way
+    progression = make_progression(formula, period_us, way="object")
+    progression.progress(valid_us, values, domains, events)        # as `Progression`
+    progression.verdict, progression.way, progression.kept
+
+All ways give the same verdict at the same state:
+
+* `plain`: `Progression`, which keeps residuals as they come; the reference, and the way of formulas in which a growing
+  quantifier stands over a temporal body.
+* `object`: one formula at a time on an automaton that all formulas of its shape share (`automaton.py`).
+* `batch`: many instances of one formula as arrays on the same automaton (`batch.py`); here one instance, or one per
+  member of the quantifier it begins with.
+* `deadlines`: windows with absolute ends and nothing remembered, for irregular sampling; also what `object` turns into
+  when it meets more than `LIMIT_GAPS` different gaps between states, or the automaton more than `LIMIT_STATES` states.
+
+Chosen are `object` if the period of the states is known, else `deadlines`, else `plain`.
+"""
+
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
+from typing import Literal, NamedTuple, Protocol, TypeAlias
+
+from dyknow.sample import Value
+from reasoning.automaton import Automaton, Letter, Progressor, State, automaton, moved
+from reasoning.clauses import Clauses, size
+from reasoning.evaluation import Compiler, NoValuePolicy
+from reasoning.formulas import Domains, Formula, Since, required_labels, walk
+from reasoning.letters import Reader, reader
+from reasoning.progression import Changes, Progression, Verdict, lacking
+from reasoning.shapes import Grows, TakenApart, take_apart
+
+Way: TypeAlias = Literal["plain", "object", "batch", "deadlines"]
+_NOTHING: Mapping[str, int] = MappingProxyType({})
+_NO_DOMAINS: Domains = MappingProxyType({})
+
+
+class Progressing(Protocol):
+    """A formula on its way through states, whichever way."""
+
+    @property
+    def formula(self) -> Formula: ...
+
+    @property
+    def verdict(self) -> Verdict: ...
+
+    @property
+    def way(self) -> Way:
+        """The way it goes now."""
+
+    @property
+    def kept(self) -> int:
+        """How many obligations are left."""
+
+    def progress(
+        self,
+        valid_us: int,
+        values: Mapping[str, Value],
+        domains: Domains | None = None,
+        events: Collection[str] = (),
+    ) -> None:
+        """Take one state, as `Progression.progress` does."""
+
+
+def make_progression(
+    formula: Formula,
+    period_us: int | None = None,
+    no_value: NoValuePolicy = "undecided",
+    way: Way | None = None,
+) -> Progressing:
+    """Something that progresses the formula.
+
+    Args:
+        formula: checked; times are microseconds.
+        period_us: the sample period of the states if it is known: then no state lies closer to another.
+        no_value: what an atom over `no_value` counts as; `skip` leaves out states in which a feature has no value.
+        way: None lets the engine choose.
+    """
+    if way == "batch":
+        from reasoning.instances import ByInstances
+
+        return ByInstances(formula, period_us, no_value)
+    if way == "plain":
+        return Progression(formula, period_us, no_value)
+    return FastProgression(
+        formula, period_us, no_value, deadlines=way == "deadlines" or (way is None and not period_us)
+    )
+
+
+class Decision(NamedTuple):
+    """The state that decided, and what was left before it: windows relative to the epoch. None left: it was the first."""
+
+    valid_us: int
+    left: Clauses | None
+    letter: Letter
+    values: Mapping[str, Value]
+
+
+class FastProgression:
+    """One formula on its automaton, or with absolute deadlines.
+
+    Attributes:
+        taken_apart: the formula's atoms and shape; None before the first state, and if it has no fixed shape.
+        decision: what decided it, once something has.
+    """
+
+    def __init__(
+        self,
+        formula: Formula,
+        period_us: int | None = None,
+        no_value: NoValuePolicy = "undecided",
+        *,
+        deadlines: bool = False,
+    ) -> None:
+        self.formula = formula
+        self.taken_apart: TakenApart | None = None
+        self.decision: Decision | None = None
+        self._period_us, self._no_value = period_us, no_value
+        self._by_deadlines = deadlines
+        self._changes = Changes(formula) if any(isinstance(node, Since) for node in walk(formula)) else None
+        self._plain: Progression | None = None
+        self._read: Reader = _unread
+        self._automaton: Automaton | None = None
+        self._progressor: Progressor | None = None
+        self._clauses: Clauses | None = None
+        self._state: State = _BEGINNING
+        self._valid_us = 0
+        self._started = False
+        self._quick_us: int | None = None
+
+    @property
+    def verdict(self) -> Verdict:
+        return self._state.verdict if self._plain is None else self._plain.verdict
+
+    @property
+    def way(self) -> Way:
+        if self._plain is not None:
+            return "plain"
+        return "deadlines" if self._by_deadlines else "object"
+
+    @property
+    def kept(self) -> int:
+        return size(self._state.clauses) if self._plain is None else self._plain.kept
+
+    def progress(
+        self,
+        valid_us: int,
+        values: Mapping[str, Value],
+        domains: Domains | None = None,
+        events: Collection[str] = (),
+    ) -> None:
+        """Take one state; `values` by label, missing or `NO_VALUE` where there is none.
+
+        Raises:
+            ValueError: if the state is not later than the one before.
+            UnknownLabel: if a quantifier ranges over a domain that `domains` lacks.
+            TextError: if the formula expands beyond all limits over its domains.
+        """
+        if valid_us - self._valid_us != self._quick_us:
+            self._progress(valid_us, values, domains or _NO_DOMAINS, events)
+            return
+        reading = self._read(valid_us, values, domains or _NO_DOMAINS, events, _NOTHING)
+        state = self._state
+        after = state.after.get(reading)
+        if after is None:
+            after = self._meet(state, reading, valid_us, values)
+        self._state, self._valid_us = after, valid_us
+
+    def _progress(self, valid_us: int, values: Mapping[str, Value], domains: Domains, events: Collection[str]) -> None:
+        """Any state: the first, after another gap than the period, with changes to follow or features to skip."""
+        if self._started and valid_us <= self._valid_us:
+            raise ValueError(f"states go forward in time: {valid_us} us after {self._valid_us} us")
+        if self._no_value == "skip" and lacking(required_labels(self.formula, domains), values):
+            return
+        if not self._started:
+            self._activate(domains)
+        if self._plain is not None:
+            self._plain.progress(valid_us, values, domains, events)
+        elif not self._state.is_decided:
+            changed_us = _NOTHING if self._changes is None else self._changes.after(valid_us, values)
+            letter = self._read(valid_us, values, domains, events, changed_us)
+            self._state = self._stepped(valid_us, letter, values)
+        self._started, self._valid_us = True, valid_us
+
+    def _activate(self, domains: Domains) -> None:
+        compiler = Compiler(domains, self._no_value)
+        try:
+            found = self.taken_apart = take_apart(self.formula, domains, compiler)
+        except Grows:
+            self._plain = Progression(self.formula, self._period_us, self._no_value)
+            return
+        self._read = reader(found.atoms, compiler)
+        if self._by_deadlines:
+            self._progressor = Progressor(found.shape, self._period_us)
+            return
+        self._automaton = automaton(found.shape, self._period_us)
+        self._progressor, self._state = self._automaton.progressor, self._automaton.beginning
+        if self._no_value != "skip" and self._changes is None:
+            self._quick_us = self._period_us
+
+    def _stepped(self, valid_us: int, letter: int, values: Mapping[str, Value]) -> State:
+        """The state after one more reading, whatever the gap."""
+        if not self._by_deadlines:
+            assert self._automaton is not None  # noqa: S101 - tells the type checker what activation made sure of
+            offset = self._automaton.gap(valid_us - self._valid_us) if self._started else 0
+            if offset is not None:
+                return self._meet(self._state, offset + letter, valid_us, values)
+            self._turn_to_deadlines()
+        return self._by_deadline(valid_us, letter, values)
+
+    def _meet(self, state: State, reading: int, valid_us: int, values: Mapping[str, Value]) -> State:
+        """A transition that is new, or decides."""
+        if state.is_decided:
+            return state
+        known = self._automaton
+        assert known is not None  # noqa: S101 - tells the type checker what activation made sure of
+        found = state.after.get(reading)
+        if found is not None:
+            return found
+        if known.is_full and reading not in state.ends:
+            self._turn_to_deadlines()
+            return self._by_deadline(valid_us, reading % known.letters, values)
+        found = known.step(state, reading)
+        if found.is_decided:
+            left = moved(state.clauses, self._valid_us) if self._started else None
+            self.decision = Decision(valid_us, left, known.letter(reading % known.letters), values)
+        return found
+
+    def _turn_to_deadlines(self) -> None:
+        self._by_deadlines, self._quick_us = True, None
+        if self._started:
+            self._clauses = moved(self._state.clauses, self._valid_us)
+
+    def _by_deadline(self, valid_us: int, number: int, values: Mapping[str, Value]) -> State:
+        progressor, left = self._progressor, self._clauses
+        assert progressor is not None  # noqa: S101 - tells the type checker what activation made sure of
+        letter = Letter(number, progressor.shape.atoms)
+        if left is None:
+            found = moved(progressor.start(letter), valid_us)
+        else:
+            found = progressor.step(left, letter, valid_us, 0)
+        self._clauses = found
+        state = State(found, -1)
+        if state.is_decided:
+            self.decision = Decision(valid_us, left, letter, values)
+        return state
+
+
+def _unread(*_: object) -> int:
+    raise AssertionError("a formula is read after its activation")
+
+
+_BEGINNING = State(frozenset(), -1)
+_BEGINNING.verdict, _BEGINNING.is_decided = "undecided", False

@@ -1,0 +1,185 @@
+"""A formula taken apart: its atoms, each a formula about one state, and the shape of what stands around them.
+
+Negations are pushed down to the atoms; quantifiers over fixed domains become conjunctions and disjunctions. Equal parts
+are one node, so that formulas of one shape, such as those of all pairs of UAVs, share all that is worked out for it.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple, TypeAlias
+
+from dyknow.errors import TextError
+from reasoning.evaluation import Compiler
+from reasoning.formulas import (
+    Always,
+    And,
+    Bound,
+    Const,
+    Domains,
+    Eventually,
+    Exists,
+    Forall,
+    Formula,
+    Implies,
+    Not,
+    Or,
+    Until,
+    domain_members,
+    instantiate,
+    is_temporal,
+)
+
+Kind: TypeAlias = Literal["atom", "constant", "and", "or", "always", "eventually", "until", "release"]
+_DUAL: Final[dict[Kind, Kind]] = {"and": "or", "always": "eventually", "until": "release"}
+DUAL: Final[dict[Kind, Kind]] = _DUAL | {other: kind for kind, other in _DUAL.items()}
+
+
+class Part(NamedTuple):
+    """One node of a shape.
+
+    `parts` are the numbers of the nodes inside; of an atom its own number and 1 if it is negated, of a constant its
+    truth, of until and release the left and the right side. Windows are microseconds, `hi_us` None without end.
+    """
+
+    kind: Kind
+    parts: tuple[int, ...]
+    lo_us: int = 0
+    hi_us: int | None = None
+
+
+class Shape(NamedTuple):
+    """Nodes, those inside before those around them; the last one is the formula. `atoms` counts them."""
+
+    nodes: tuple[Part, ...]
+    atoms: int
+
+
+Binding: TypeAlias = tuple[tuple[str, str], ...]
+"""Variables of quantifiers with the members that stand for them."""
+
+
+class Origin(NamedTuple):
+    """Where a node comes from: the formula that was written, whether it stands negated, and for which members."""
+
+    formula: Formula
+    negated: bool
+    binding: Binding
+
+
+@dataclass(frozen=True, slots=True)
+class TakenApart:
+    """A shape, the atoms by number, and where each node comes from."""
+
+    shape: Shape
+    atoms: tuple[Formula, ...]
+    origins: tuple[Origin, ...]
+
+
+class Grows(Exception):
+    """A growing quantifier stands over a temporal body: the formula has no fixed shape."""
+
+
+def take_apart(formula: Formula, domains: Domains, compiler: Compiler | None = None) -> TakenApart:
+    """The shape of a formula over these domains; `compiler` bounds its size.
+
+    Raises:
+        Grows: if it grows with its domains over several states.
+        TextError: if it expands beyond all limits, or puts a temporal operator inside a comparison.
+        UnknownLabel: if a quantifier ranges over a domain that `domains` lacks.
+    """
+    found = _Parts(compiler or Compiler(domains))
+    found.add(formula, negated=False, binding=())
+    return TakenApart(Shape(tuple(found.nodes), len(found.atoms)), tuple(found.atoms), tuple(found.origins))
+
+
+class _Parts:
+    def __init__(self, compiler: Compiler) -> None:
+        self.nodes: dict[Part, int] = {}
+        self.atoms: dict[Formula, int] = {}
+        self.origins: list[Origin] = []
+        self._compiler = compiler
+
+    def add(self, formula: Formula, *, negated: bool, binding: Binding) -> int:
+        self._compiler.count()
+        part = self._part(formula, negated, binding)
+        if isinstance(part, int):
+            return part
+        known = self.nodes.setdefault(part, len(self.nodes))
+        if known == len(self.origins):
+            self.origins.append(Origin(formula, negated, binding))
+        return known
+
+    def _part(self, formula: Formula, negated: bool, binding: Binding) -> Part | int:
+        if not is_temporal(formula):
+            return self._atom(formula, negated, binding)
+        match formula:
+            case Not(operand):
+                return self.add(operand, negated=not negated, binding=binding)
+            case And(parts):
+                return self._joined("and", parts, negated, binding)
+            case Or(parts):
+                return self._joined("or", parts, negated, binding)
+            case Implies(left, right):
+                ends = (
+                    self.add(left, negated=not negated, binding=binding),
+                    self.add(right, negated=negated, binding=binding),
+                )
+                return self._node("or", ends, negated)
+            case Always(operand, lo_us, hi_us):
+                inside = (self.add(operand, negated=negated, binding=binding),)
+                return self._node("always", inside, negated, lo_us, hi_us)
+            case Eventually(operand, lo_us, hi_us):
+                inside = (self.add(operand, negated=negated, binding=binding),)
+                return self._node("eventually", inside, negated, lo_us, hi_us)
+            case Until(left, right, lo_us, hi_us):
+                sides = (
+                    self.add(left, negated=negated, binding=binding),
+                    self.add(right, negated=negated, binding=binding),
+                )
+                return self._node("until", sides, negated, lo_us, hi_us)
+            case Forall() | Exists():
+                return self._quantified(formula, negated, binding)
+        raise TextError(
+            "a temporal operator stands inside a comparison or a calculation",
+            line=formula.place.line,
+            column=formula.place.column,
+            repair="compare values, and put the temporal operator around the comparison",
+        )
+
+    def _atom(self, formula: Formula, negated: bool, binding: Binding) -> Part:
+        while isinstance(formula, Not):
+            formula, negated = formula.operand, not negated
+        if isinstance(formula, Const) and isinstance(formula.value, bool):
+            return Part("constant", (formula.value is not negated,))
+        if binding and isinstance(formula, Forall | Exists):
+            self._compiler.test(formula)  # counts what it expands to
+        return Part("atom", (self.atoms.setdefault(formula, len(self.atoms)), int(negated)))
+
+    def _joined(self, kind: Kind, parts: tuple[Formula, ...], negated: bool, binding: Binding) -> Part | int:
+        return self._node(kind, tuple([self.add(one, negated=negated, binding=binding) for one in parts]), negated)
+
+    def _quantified(self, formula: Forall | Exists, negated: bool, binding: Binding) -> Part | int:
+        if formula.growing:
+            raise Grows
+        members = domain_members(formula.domain, self._compiler.domains)
+        parts = tuple(
+            [
+                self.add(
+                    instantiate(formula.body, formula.variable, one),
+                    negated=negated,
+                    binding=(*binding, (formula.variable, one)),
+                )
+                for one in members
+            ]
+        )
+        return self._node("and" if isinstance(formula, Forall) else "or", parts, negated)
+
+    def _node(
+        self, kind: Kind, parts: tuple[int, ...], negated: bool, lo_us: Bound = 0, hi_us: Bound | None = None
+    ) -> Part | int:
+        for bound in (lo_us, hi_us):
+            if bound is not None and not isinstance(bound, int):
+                raise TextError(f"{bound.label} is no time", line=bound.place.line, column=bound.place.column)
+        if negated:
+            kind = DUAL[kind]
+        parts = tuple(dict.fromkeys(parts)) if kind in {"and", "or"} else parts
+        return Part(kind, parts, lo_us, hi_us)  # type: ignore[arg-type] # the loop made sure of it

@@ -1,0 +1,97 @@
+"""The ways of the engine against plain progression, and what each keeps."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from reasoning import make_progression
+from reasoning.automaton import LIMIT_GAPS
+from reasoning.batch import Batch
+from reasoning.formulas import Always, Compare, Const, Domain, Eventually, Feature, Forall, Implies, Not, Variable
+from tests.reasoning.strategies import DOMAINS, UNIT_US, formulas, traces, with_quantifiers
+
+WAYS = ("object", "batch", "deadlines")
+MODERATE = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+PERIODS = st.sampled_from([None, UNIT_US])
+POLICIES = st.sampled_from(["undecided", "undecided", "false", "true", "skip"])
+P = Compare("<=", Feature("speed"), Const(30))
+WITHIN_A_SECOND = Always(Eventually(P, 0, 1_000_000))
+RECOVERS = Always(Implies(Not(P), Eventually(Always(P, 0, 999_000), 0, 1_000_000)))
+
+
+def verdicts(formula, states, way, period_us=None, no_value="undecided"):
+    progression = make_progression(formula, period_us, no_value, way)
+    found = []
+    for at_us, values in states:
+        progression.progress(at_us, values, DOMAINS)
+        found.append(progression.verdict)
+    return found
+
+
+@given(formulas | with_quantifiers, traces(gaps=True, missing=True), PERIODS, POLICIES)
+@MODERATE
+def test_every_way_gives_every_verdict_at_the_same_state(formula, states, period_us, no_value):
+    plain = verdicts(formula, states, "plain", period_us, no_value)
+    for way in WAYS:
+        assert verdicts(formula, states, way, period_us, no_value) == plain, way
+
+
+def test_the_engine_takes_the_automaton_with_a_period_and_deadlines_without():
+    assert make_progression(WITHIN_A_SECOND, UNIT_US).way == "object"
+    assert make_progression(WITHIN_A_SECOND).way == "deadlines"
+
+
+@pytest.mark.parametrize("way", ["object", "batch"])
+def test_sampling_that_turns_out_irregular_goes_on_with_deadlines(way):
+    progression = make_progression(WITHIN_A_SECOND, None, way=way)
+    at_us = 0
+    for gap_us in range(1, 3 * LIMIT_GAPS):
+        at_us += 1000 * gap_us
+        progression.progress(at_us, {"speed": 31.0})
+        if at_us > 1_000_000:
+            break
+    assert progression.way == "deadlines"
+    assert progression.verdict == "false"
+
+
+def test_what_is_kept_stays_on_a_plateau():
+    progression = make_progression(RECOVERS, UNIT_US)
+    kept = []
+    for at in range(2_000):
+        progression.progress(at * UNIT_US, {"speed": 31.0 if at % 20 < 10 else 29.0})
+        kept.append(progression.kept)
+    assert progression.verdict == "undecided"
+    assert kept[20:40] == kept[1980:2000]
+    assert max(kept) <= 3
+
+
+def test_instances_of_a_batch_come_and_go():
+    formula = Always(Eventually(Compare("<=", Feature("speed", (Variable("u"),)), Const(30)), 0, 2 * UNIT_US))
+    batch = Batch(formula, 2, UNIT_US)
+    batch.progress(0, {"speed[u]": np.array([31.0, 31.0])})
+    batch.rearrange(np.array([1, -1]))
+    batch.progress(UNIT_US, {"speed[u]": np.array([31.0, 31.0])})
+    batch.progress(2 * UNIT_US, {"speed[u]": np.array([31.0, np.nan])})
+    assert batch.false.tolist() == [True, False]
+    batch.progress(3 * UNIT_US, {"speed[u]": np.array([31.0, 31.0])})
+    assert batch.false.tolist() == [True, False], "one value is missing, so nothing is known"
+
+
+def test_instances_without_a_state_are_left_as_they_are():
+    formula = Always(Eventually(P, 0, 2 * UNIT_US))
+    batch = Batch(formula, 2, UNIT_US)
+    for at in range(4):
+        here = np.array([True, at in {0, 3}])
+        batch.progress(at * UNIT_US, {"speed": np.array([31.0, 31.0])}, present=here)
+        assert batch.false.tolist() == [at >= 2, False] if at < 3 else [True, True]
+
+
+def test_a_quantified_formula_is_a_row_per_member():
+    body = Eventually(Feature("s", (Variable("v"),)), 0, UNIT_US)
+    formula = Always(Forall("v", Domain("d"), body))
+    progression = make_progression(formula, UNIT_US, way="batch")
+    progression.progress(0, {"s[a]": True, "s[b]": False}, DOMAINS)
+    assert progression.members == ("a", "b")
+    progression.progress(UNIT_US, {"s[a]": False, "s[b]": False}, DOMAINS)
+    assert progression.verdict == "false"
