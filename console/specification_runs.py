@@ -61,8 +61,14 @@ class Run:
     def specify(self, text: str) -> None:
         """Run this text from now on; raises TextErrors, and goes on with what there is."""
         from kpl import parse_specification
+        from kpl.governor import listens
 
-        self.instance.change(parse_specification(text, str(self._path)), self.now_us, text, str(self._path))
+        specification = parse_specification(text, str(self._path))
+        if self._governor is None and listens(specification):
+            raise WrongCall(
+                f"{self._path} takes `refinements`, which a governor tells: give --govern TIME, e.g. 100ms."
+            )
+        self.instance.change(specification, self.now_us, text, str(self._path))
         for name, labels in self.instance.lacking.items():
             waiting = ", ".join(map(str, labels[:4]))
             self._call.out.note(f"note: nobody offers {name}: {waiting} and what is made of it wait (--units MODULE).")
@@ -301,10 +307,14 @@ def graph(call: Call, path: Path, *, units: Sequence[str], unit: str, form: str)
     """The network that a specification makes, before anything runs."""
     from dyknow import Network
     from kpl import Hooks, parse_specification
+    from kpl.governor import listens, speaks
 
     text = read_text(path)
-    instance = instance_of(Network(), Hooks(), units, unit)
-    instance.add(parse_specification(text, str(path)), 0, text, str(path))
+    specification, network = parse_specification(text, str(path)), Network()
+    if listens(specification):
+        speaks(network)
+    instance = instance_of(network, Hooks(), units, unit)
+    instance.add(specification, 0, text, str(path))
     show_graph(call, instance, form)
     return DONE
 

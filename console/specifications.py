@@ -21,6 +21,7 @@ def check(call: Call, path: Path, *, units: Sequence[str] = (), unit: str = "0")
     from console.specification_runs import instance_of
     from dyknow import Network
     from kpl import Hooks, read_specification
+    from kpl.governor import speaks
 
     text = read_text(path)
     try:
@@ -29,7 +30,9 @@ def check(call: Call, path: Path, *, units: Sequence[str] = (), unit: str = "0")
         specification, errors = (), [wrong]
     warnings: Sequence[TextError] = ()
     if not errors:  # what could not be read would be missed everywhere
-        findings = instance_of(Network(), Hooks(), units, unit).findings(specification, (), text, str(path))
+        network = Network()
+        speaks(network)
+        findings = instance_of(network, Hooks(), units, unit).findings(specification, (), text, str(path))
         errors = list(findings.errors)
         warnings = () if errors else findings.warnings
     for severity, found in (*(("error", one) for one in errors), *(("warning", one) for one in warnings)):

@@ -10,12 +10,13 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from dyknow import NO_VALUE, Field, Label, Policy, Sort
+from dyknow import NO_VALUE, Field, Label, Network, Policy, Sort
 from dyknow.errors import TextError
 from dyknow.instants import US_PER_MS, US_PER_S, print_duration, print_span
 from dyknow.processes import Refinement
 from dyknow.prototypes import UnitPrototype
 from kpl.checking import read_formula
+from kpl.declared import needs_of
 from kpl.figures import WORST
 from kpl.formula_monitors import FormulaMonitor
 from kpl.introspection import inputs_taken, proxies_of
@@ -185,7 +186,7 @@ class Governor:
         self._delay_then_us: float = 0.0
         network = instance.network
         if not network.has(REFINEMENTS):
-            network.add_source(REFINEMENTS, SORT)
+            speaks(network)
         instance.governor = self
         formula = read_formula(f"always {WORST_DELAY} <= {limit_us / US_PER_MS}")
         declared = MonitorDeclaration("overload", formula, Policy.parse("sample every 100ms, max delay 200ms"))
@@ -309,6 +310,16 @@ class Governor:
 
     def _tell(self, option: Option, said: str, why: str, now_us: int) -> None:
         self._instance.network.push(REFINEMENTS, now_us, (option.name, said, why), now_us)
+
+
+def speaks(network: Network) -> None:
+    """Declare the stream of what a governor tells."""
+    network.add_source(REFINEMENTS, SORT)
+
+
+def listens(specification: Iterable[Declaration]) -> bool:
+    """Whether a specification takes what a governor tells."""
+    return any(need.term.label == REFINEMENTS for each in specification for need in needs_of(each))
 
 
 def _importances(instance: "Instance") -> dict[int, float]:

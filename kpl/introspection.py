@@ -5,7 +5,7 @@ samples of a history, drops and gaps from the adapters.
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -95,10 +95,13 @@ def graph_of(instance: "Instance") -> Graph:
         for proxy, wanted in _inputs_of(network, label)
         for edge in [_edge(str(wanted), str(label), proxy)]
     ]
-    for name, proxy in instance.streams.items():
+    generators = {node.name for node in nodes}
+    for stream, proxy in instance.streams.items():
+        name = _other_than(generators, "stream", stream)
         nodes.append(Node(name, "stream"))
         edges.append(_edge(str(proxy.label), name, proxy))
-    for name, monitor in instance.monitors.items():
+    for declared, monitor in instance.monitors.items():
+        name = _other_than(generators, "monitor", declared)
         nodes.append(Node(name, "monitor", note=(monitor.monitor.shows, *monitor.awaited())))
         edges += [_edge(str(proxy.label), name, proxy) for proxy in monitor.proxies]
     for label, family in instance.families.members.items():
@@ -112,6 +115,11 @@ def graph_of(instance: "Instance") -> Graph:
     return _with_federation(instance, nodes, edges)
 
 
+def _other_than(generators: Collection[str], kind: str, name: str) -> str:
+    """Streams, monitors and exports may be called like a generator; the nodes of a graph have names of their own."""
+    return f"{kind} {name}" if name in generators else name
+
+
 def _with_federation(instance: "Instance", nodes: list[Node], edges: list[Edge]) -> Graph:
     """The network with what comes from other platforms and goes to them."""
     compiler = Compiler(instance)
@@ -119,8 +127,9 @@ def _with_federation(instance: "Instance", nodes: list[Node], edges: list[Edge])
     for each in instance.specification:
         match each:
             case Export(semantic, term):
-                nodes.append(Node(semantic, "export"))
-                edges.append(Edge(str(compiler.label(term.label)), semantic, str(term.policy)))
+                name = _other_than({node.name for node in nodes}, "export", semantic)
+                nodes.append(Node(name, "export"))
+                edges.append(Edge(str(compiler.label(term.label)), name, str(term.policy)))
             case Import(semantic, unit, term):
                 label = str(compiler.label(term.label))
                 imported[label] = Node(label, "import", made_by=f"{semantic} from {unit}")
@@ -261,7 +270,8 @@ def as_text(graph: Graph) -> str:
     for node in graph.nodes:
         made = f" = {node.made_by}" if node.made_by else ""
         sort = f"{node.sort} " if node.sort not in {"", node.kind} else ""
-        lines.append(f"{node.kind} {sort}{node.name}{made}{_figures(node)}")
+        kind = "" if node.name.startswith(f"{node.kind} ") else f"{node.kind} "
+        lines.append(f"{kind}{sort}{node.name}{made}{_figures(node)}")
         lines += [f"    <- {edge.source}{_conditions(edge)}" for edge in graph.edges if edge.target == node.name]
         lines += [f"    {each}" for each in node.note]
     return "".join(f"{line}\n" for line in lines)

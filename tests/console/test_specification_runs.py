@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from console import specification_runs
+from console import specification_runs, specifications
 from console.command import Call
 from console.errors import WrongCall
 from console.output import Output, folded
@@ -245,6 +245,23 @@ def test_a_unit_that_fails_is_told_three_times_and_the_others_go_on(
     assert said.err.count(f"at {place.units}:5") == 3
     assert "further ones of it are not told" in said.err
     assert [json.loads(line)["stream"] for line in said.out.splitlines()].count("all") == 3
+
+
+def test_a_stream_called_like_a_generator_is_another_node(place: Place, lines: Lines) -> None:
+    place.write("car.kpl", "source pos gps\nstrmgen here = gps\nstream here = here with sample every 100\n")
+    assert place.run(graph_form="json") == 0
+    graph = lines()[-1]
+    assert [node["name"] for node in graph["nodes"]] == ["here", "stream here"]
+    assert [(edge["source"], edge["target"]) for edge in graph["edges"]] == [("here", "stream here")]
+
+
+def test_what_a_governor_tells_is_there_when_there_is_one(place: Place, lines: Lines) -> None:
+    place.write("car.kpl", f"{SPECIFICATION}stream told = refinements\n")
+    assert specifications.check(place.call, place.spec) == 0
+    assert specification_runs.graph(place.call, place.spec, units=(), unit="0", form="json") == 0
+    assert place.run(govern="100ms") == 0
+    with pytest.raises(WrongCall, match="--govern"):
+        place.run()
 
 
 @pytest.mark.parametrize("form", ["text", "mermaid", "dot"])
