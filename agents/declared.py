@@ -77,14 +77,17 @@ class Declared:
         self.desk = HostDesk(self.instance, platform.clock, platform.note, platform.config.monotonic_offset_us)
         self._waited_us = 0
         self._governor: Governor | None = None
+        self._not_taken: tuple[str, str] | None = None
 
     def specify(self, text: str, file: str, now_us: int) -> None:
         """Become this specification; what is wrong with it is told, and what ran goes on. Federation time."""
         self._faults.clear()
         self._govern(now_us)
+        self._not_taken = None
         try:
             self.instance.change(read(text, file), now_us, text, file)
         except TextError as wrong:
+            self._not_taken = text, file
             runs = bool(self.instance.specification)
             self._p.tell({"event": "not-specified", "file": file, "said": wrong.drawn(), "runs": runs})
             self._p.note(f"the specification is not taken; what ran goes on:\n{wrong.drawn()}")
@@ -152,7 +155,10 @@ class Declared:
 
     def on_host(self, event: HostEvent, now_us: int) -> bool:
         """A host came, said something or left; whether anything follows but what the host is told. Node time."""
+        before = len(self.desk.hosts)
         self.desk.on_event(event, now_us)
+        if self._not_taken is not None and len(self.desk.hosts) > before:
+            self.specify(*self._not_taken, self._p.clock.federation_us(now_us))  # it may have waited for this host
         told = self.desk.flush()
         timetable = self._p.timetable
         timetable.hasten(self.desk)

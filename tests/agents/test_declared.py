@@ -6,8 +6,11 @@ from pathlib import Path
 import pytest
 
 from agents.config import PlatformConfig
+from agents.effects import HostCame, HostSaid
+from agents.knowledge_host import KnowledgeHost
+from agents.outbox import Outbox
 from compunits import catalogue
-from dyknow import Label, Quality, Sample, computational_unit, prototypes_in, source
+from dyknow import Label, Quality, Sample, SourcePrototype, computational_unit, prototypes_in, source
 from federation.acts import Performative
 from federation.contents import AlarmList, Monitors
 from kpl import print_specification
@@ -266,3 +269,19 @@ def test_an_alarm_with_more_than_can_be_told_is_told_as_far_as_it_can():
     assert not pair.notes("0")
     _, alarms = listed_and_told(pair)
     assert {each.monitor: len(each.values) for each in alarms} == {"many": 256, "home": 1}
+
+
+def test_what_needs_the_stream_of_a_host_is_taken_when_the_host_comes():
+    pair = Pair("", "")
+    pair.specify("0", "stream seen = picture[self]\n")
+    (told,) = pair.told("0", "not-specified")
+    assert "nothing makes picture[self]" in told["said"]
+    outbox = Outbox()
+    outbox.put(
+        KnowledgeHost([SourcePrototype("camera", "picture", label="picture[self]")], 1, "camera.py").registration()
+    )
+    declared, now_us = pair.declared("0"), pair.world.now_us
+    declared.on_host(HostCame(now_us, 1), now_us)
+    for payload in outbox.take():
+        declared.on_host(HostSaid(now_us, 1, payload), now_us)
+    assert [str(each.label) for each in declared.instance.streams.values()] == ["picture[0]"]
