@@ -1,6 +1,9 @@
 """Chronicles: complex events described by events and times between them, recognised online (thesis 8.2-8.4)."""
 
+from reasoning.chronicles.compilation import Compiled, compile_chronicle
 from reasoning.chronicles.domains import Combination, Complement, Domain, Named, Symbols, SymbolSet, symbol_set
+from reasoning.chronicles.expectation import Partial
+from reasoning.chronicles.matching import Instance, Limits
 from reasoning.chronicles.model import (
     ANY,
     VALUE,
@@ -33,6 +36,8 @@ from reasoning.chronicles.model import (
     Variable,
     Variables,
 )
+from reasoning.chronicles.recogniser import Recogniser
+from reasoning.chronicles.stores import MINUS_INFINITY
 from reasoning.chronicles.times import (
     ComplexConstraint,
     ConstraintUse,
@@ -45,6 +50,7 @@ from reasoning.chronicles.times import (
 
 __all__ = [
     "ANY",
+    "MINUS_INFINITY",
     "VALUE",
     "And",
     "Attribute",
@@ -52,6 +58,7 @@ __all__ = [
     "Chronicle",
     "ChronicleFile",
     "Combination",
+    "Compiled",
     "Complement",
     "ComplexConstraint",
     "Constraint",
@@ -66,8 +73,10 @@ __all__ = [
     "Iff",
     "Implies",
     "Inclusion",
+    "Instance",
     "Instants",
     "Interval",
+    "Limits",
     "Member",
     "Message",
     "Named",
@@ -78,7 +87,9 @@ __all__ = [
     "Or",
     "Order",
     "Parameter",
+    "Partial",
     "Predicate",
+    "Recogniser",
     "Statement",
     "SymbolSet",
     "Symbols",
@@ -87,5 +98,6 @@ __all__ = [
     "Use",
     "Variable",
     "Variables",
+    "compile_chronicle",
     "symbol_set",
 ]
