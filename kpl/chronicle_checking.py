@@ -27,6 +27,7 @@ from reasoning.chronicles.model import (
 from reasoning.chronicles.times import ComplexConstraint
 from reasoning.formulas import Place
 
+_SHOWN = 8
 _EVENTS = (Attribute, Message, Chronicle)
 _KINDS: Mapping[type, str] = {
     DomainDefinition: "domain",
@@ -45,7 +46,7 @@ def check_chronicles(found: Sequence[Found], reader: ChronicleReader) -> None:
 
 class _Checker:
     def __init__(self, found: Sequence[Found], reader: ChronicleReader) -> None:
-        self._found, self._error = found, reader.error
+        self._found, self._reader, self._error = found, reader, reader.error
         self._events = self._table(*_EVENTS)
         self._chronicles: dict[str, Any] = self._table(Chronicle)
         self._timings, self._conditions = self._table(ComplexConstraint), self._table(NamedConstraint)
@@ -67,6 +68,8 @@ class _Checker:
         self._duplicates()
         for one in self._found:
             for mention in one.mentions:
+                if self._reader.is_full:
+                    return
                 self._mentioned(mention)
             match one.declaration:
                 case DomainDefinition(_, domain):
@@ -178,7 +181,7 @@ class _Checker:
             try:
                 self._sets[key] = symbol_set(domain, self._domains)
             except ChronicleError as error:
-                if place is not None and "declared by itself" in str(error):
+                if place is not None and "no domain is called" not in str(error):
                     self._error(str(error), place, "domain D = {a, b}")
                 return None
         return self._sets[key]
@@ -334,8 +337,9 @@ class _Checker:
             mention = uses[name][at]
             if mention.what.name in on_path:
                 way = [each for each, _ in path]
-                circle = " stands on ".join([*way[way.index(mention.what.name) :], mention.what.name])
-                self._error(f"{circle}: nothing can stand on itself", mention.place, "leave it out")
+                circle = [*way[way.index(mention.what.name) :], mention.what.name]
+                shown = circle if len(circle) <= _SHOWN else [*circle[: _SHOWN - 2], "...", circle[-1]]
+                self._error(f"{' stands on '.join(shown)}: nothing can stand on itself", mention.place, "leave it out")
             elif mention.what.name not in done:
                 path.append((mention.what.name, 0))
                 on_path.add(mention.what.name)

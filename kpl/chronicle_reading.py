@@ -39,6 +39,8 @@ from reasoning.chronicles.model import (
 from reasoning.chronicles.times import ComplexConstraint, ConstraintUse
 from reasoning.formulas import Place
 
+MAX_ERRORS: Final = 50
+"""So many errors of one text are told."""
 LIMIT_COUNT: Final = 1_000_000
 """So many events may an occurs ask for."""
 
@@ -76,6 +78,15 @@ class ChronicleReader(TimeReader):
     def __init__(self, text: str, file: str) -> None:
         super().__init__(text, file)
         self._mentions: list[Mention] = []
+
+    @property
+    def is_full(self) -> bool:
+        """Whether so many errors are told that nobody looks for more."""
+        return len(self.errors) >= MAX_ERRORS
+
+    def error(self, message: str, place: Place, repair: str = "") -> None:
+        if not self.is_full:
+            super().error(message, place, repair)
 
     def declaration(self, node: Any) -> Found:
         self._mentions, self.instants = [], []
@@ -280,7 +291,7 @@ class ChronicleReader(TimeReader):
 
     def _named_domain(self, node: Any) -> Domain:
         """`Car-Red`, which is read as one name, is taken apart: the name of a domain is a symbol."""
-        first, *others = map(Named, str(node.children[0].children[0]).split("-"))
+        first, *others = map(Named, self._name(node.children[0]).split("-"))
         found: Domain = first
         for other in others:
             found = Combination("-", found, other)
@@ -302,7 +313,7 @@ class ChronicleReader(TimeReader):
         return name
 
     def _name(self, node: Any) -> str:
-        name = str(node.children[0])
+        name = self.short(node)
         if name in RESERVED:
             self.error(f"`{name}` is a reserved word and cannot be a name", place_of(node, self.text), f"{name}_")
         return name

@@ -8,6 +8,7 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from dyknow.errors import ChronicleError
+from dyknow.labels import MAX_LABEL
 from kpl.numbers import parse_time_ms
 from kpl.parsing import TextReader, place_of
 from reasoning.chronicles.times import (
@@ -154,7 +155,7 @@ class TimeReader(TextReader):
     def _named(self, node: Any, sign: int, instants: "Counter[str]", shift: Interval) -> Interval:
         """`t3-t2` and `t3-1` are read as one name; it is taken apart here."""
         place = place_of(node, self.text)
-        first, *others = str(node.children[0]).split("-")
+        first, *others = self.short(node).split("-")
         self.instants.append((first, place))
         instants[first] += sign
         for other in others:
@@ -166,9 +167,18 @@ class TimeReader(TextReader):
                 instants[other] -= 1
         return shift
 
+    def short(self, node: Any) -> str:
+        """A name, which is not too long."""
+        name = str(node.children[0])
+        if len(name) > MAX_LABEL:
+            self.error(
+                f"a name has at most {MAX_LABEL} characters, this one has {len(name)}", place_of(node, self.text)
+            )
+        return name[:MAX_LABEL].rstrip("-")
+
     def instant(self, node: Any, *, keep: bool = True) -> str:
         """The name of an instant where it is declared, or of a constraint on instants."""
-        name = str(node.children[0])
+        name = self.short(node)
         if "-" in name:
             self.error(
                 "names of instants and of constraints hold no `-`", place_of(node, self.text), name.replace("-", "_")

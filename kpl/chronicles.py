@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Final
 
 from dyknow.errors import TextError
 from kpl.chronicle_checking import check_chronicles
-from kpl.chronicle_reading import ChronicleReader
+from kpl.chronicle_mistakes import CHRONICLE_SPELLING
+from kpl.chronicle_reading import MAX_ERRORS, ChronicleReader
 from kpl.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
 from kpl.parsing import raise_all
 from reasoning.chronicles.model import ChronicleFile
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 
 _BEGIN = re.compile(r"^(?:domain|attribute|message|constraint|time|chronicle)\b", re.MULTILINE)
 _COMMENT = re.compile(r"#[^\n]*")
-MAX_ERRORS: Final = 50
-"""After so many places where the text leaves the grammar reading ends."""
 _READ_AGAIN: Final = 2 * LIMIT_CHARACTERS
 """So many characters, at most, are read anew in search of more errors."""
 
@@ -50,6 +49,8 @@ def read_chronicles(text: str, file: str = "") -> tuple[ChronicleFile, list[Text
             raise
         trees, left = _mended(text, file)
         left = left or [first]
+    if not trees and not left:
+        raise TextError(CHRONICLE_SPELLING.empty[0], text=text, repair=CHRONICLE_SPELLING.empty[1], file=file)
     found = [reader.declaration(tree) for tree in trees]
     if not left:
         check_chronicles(found, reader)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 LIMIT_CHARACTERS: Final = 64 * 1024
 LIMIT_NESTING: Final = 200
 _OPENING, _CLOSING = "([{", ")]}"
-_CHAINS = ("sum", "product")
+_CHAINS = ("sum", "product", "combined", "intersection", "shifted")
 
 
 class Text(NamedTuple):
@@ -115,7 +115,7 @@ def _check_brackets(text: str, file: str, repair: str) -> None:
 
 
 def _check_depth(tree: "Tree[Token]", text: str, file: str, repair: str) -> None:
-    """Long sums count as deep: they are read as ((a + b) + c) + d."""
+    """What is long counts as deep where it is read as ((a + b) + c) + d."""
     from lark import Tree
 
     waiting = [(tree, 1)]

@@ -134,36 +134,38 @@ def _is_same(operator: str, domain: "Domain") -> bool:
 
 Domain: TypeAlias = Symbols | Named | Combination | Complement
 
-LIMIT_NAMES = 100
-"""So many names deep may domains refer to each other."""
-
 
 def symbol_set(domain: Domain, declared: Mapping[str, Domain]) -> SymbolSet:
     """The symbols of a domain, with the domains that it names.
 
     Raises:
-        ChronicleError: a name that is not declared, or declared by itself.
+        ChronicleError: a name that is not declared, or declared by itself, or too deep in others.
     """
-    return _symbol_set(domain, declared, {}, 0)
+    try:
+        return _symbol_set(domain, declared, {})
+    except RecursionError:
+        raise ChronicleError(f"the domain {str(domain)[:40]} stands on too many others; write its symbols") from None
 
 
-def _symbol_set(domain: Domain, declared: Mapping[str, Domain], known: dict[str, SymbolSet], depth: int) -> SymbolSet:
-    """Each name is looked into once: `known` are those that have been."""
+def _symbol_set(domain: Domain, declared: Mapping[str, Domain], known: dict[str, SymbolSet | None]) -> SymbolSet:
+    """Each name is looked into once: `known` are those that have been, None those that are being."""
     if isinstance(domain, Symbols):
         return SymbolSet(frozenset(domain.symbols))
     if isinstance(domain, Complement):
-        return ~_symbol_set(domain.domain, declared, known, depth)
+        return ~_symbol_set(domain.domain, declared, known)
     if isinstance(domain, Named):
+        if domain.name not in declared:
+            names = ", ".join(sorted(declared)) or "none"
+            raise ChronicleError(f"no domain is called {domain.name}; declared: {names}")
         if domain.name not in known:
-            if domain.name not in declared:
-                names = ", ".join(sorted(declared)) or "none"
-                raise ChronicleError(f"no domain is called {domain.name}; declared: {names}")
-            if depth >= LIMIT_NAMES:
-                raise ChronicleError(f"the domain {domain.name} is declared by itself; write its symbols")
-            known[domain.name] = _symbol_set(declared[domain.name], declared, known, depth + 1)
-        return known[domain.name]
-    left = _symbol_set(domain.left, declared, known, depth)
-    right = _symbol_set(domain.right, declared, known, depth)
+            known[domain.name] = None
+            known[domain.name] = _symbol_set(declared[domain.name], declared, known)
+        found = known[domain.name]
+        if found is None:
+            raise ChronicleError(f"the domain {domain.name} is declared by itself; write its symbols")
+        return found
+    left = _symbol_set(domain.left, declared, known)
+    right = _symbol_set(domain.right, declared, known)
     if domain.operator == "&":
         return left & right
     return left | right if domain.operator == "|" else left - right
