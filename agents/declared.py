@@ -5,7 +5,7 @@ for it, queries it or monitors it finds it where every other stream is found. An
 inputs of monitors are (thesis 9.4.1).
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,8 @@ from agents.host_desk import HostDesk
 from agents.plans import MonitorPlan
 from dyknow import NO_VALUE, Inputs, Policy, Sample, UnitPrototype, Value, converted
 from dyknow.errors import Refused, TextError
-from dyknow.processes import Input, Refinement
+from dyknow.generator import Generator
+from dyknow.processes import EVER_US, Input, Refinement
 from federation import contents
 from federation.acts import Act, Performative
 from federation.ontology import Convert
@@ -196,10 +197,8 @@ class Declared:
             raise Refused(f"{semantic} is the stream {local} here already, made by another; export that one")
         unit = _converting(entry.sort.name, translation.to_local(semantic))
         network.add_process(local, translation.local_sort(semantic), Refinement(unit, [Input(term.label, term.policy)]))
-        kept = network.connect(local, Policy(), _ignore)  # what others may ask for is there when they do
 
         def undo() -> None:
-            kept.cancel()
             network.remove(local)
             self._withdraw(semantic)
 
@@ -207,25 +206,20 @@ class Declared:
         return undo
 
     def import_(self, semantic: str, unit: str, term: StreamTerm) -> Undo:
-        """Ask a unit for a stream, and have it under a label of our own."""
+        """Have a unit's stream under a label of our own; it is asked for while somebody here takes it."""
         if unit == self._p.unit:
             raise Refused(f"import {semantic} from {unit}: that is this platform; use its stream itself")
         policy = term.policy
         delay_us = MAX_DELAY_US if policy.max_delay_us is None else policy.max_delay_us
         need = (semantic, policy.sample_us or PERIOD_US, delay_us)
         local, to_semantic = self._p.source(semantic, unit)
-        if local != term.label:
-            entry = self._p.config.ontology[semantic]
-            converting = Refinement(_converting(entry.sort.name, to_semantic), [Input(local, policy)])
-            self._p.network.add_process(term.label, entry.sort, converting)
-        self._need(unit, need, wanted=True)
-
-        def undo() -> None:
-            self._need(unit, need, wanted=False)
-            if local != term.label:
-                self._p.network.remove(term.label)
-
-        return undo
+        network, tell = self._p.network, partial(self._need, unit, need)
+        if local == term.label:
+            return Asked(network.generator(local), tell).stop
+        entry = self._p.config.ontology[semantic]
+        imported = Imported(_converting(entry.sort.name, to_semantic), Input(local, policy), tell)
+        network.add_process(term.label, entry.sort, imported)
+        return partial(network.remove, term.label)
 
     def monitor(self, declaration: MonitorDeclaration, formula: Formula) -> Undo | None:
         """Monitor a formula over units; None if it is not over what is derived from their streams."""
@@ -263,7 +257,7 @@ class Declared:
         self._exported.pop(semantic, None)
         self._p.offer()
 
-    def _need(self, unit: str, need: tuple[str, int, int], *, wanted: bool) -> None:
+    def _need(self, unit: str, need: tuple[str, int, int], wanted: bool) -> None:
         needs = {name: set(found) for name, found in self.imported.items()}
         if wanted:
             needs.setdefault(unit, set()).add(need)
@@ -288,6 +282,52 @@ class Declared:
         self._p.tell(alarm_record(event))
 
 
+class Imported(Refinement):
+    """A stream of another unit under a label of our own; it is asked for while somebody here takes it."""
+
+    def __init__(self, unit: UnitPrototype, taken: Input, ask: Callable[[bool], None]) -> None:
+        super().__init__(unit, [taken])
+        self._ask = ask
+
+    def begin(self) -> None:
+        super().begin()
+        self._ask(True)
+
+    def end(self) -> None:
+        super().end()
+        self._ask(False)
+
+
+class Asked:
+    """Where the source itself has the label: it is asked for while somebody takes it, and what came is kept."""
+
+    def __init__(self, generator: Generator, ask: Callable[[bool], None]) -> None:
+        self._generator, self._ask, self._asks = generator, ask, False
+        generator.owner = self
+        self.on_demand()
+
+    def on_demand(self) -> None:
+        """Who takes it has changed."""
+        self._tell(bool(self._generator.subscriptions))
+
+    def reach(self, from_us: int | None) -> None:
+        """There is no more of the past than what came."""
+
+    def since_us(self) -> int:
+        """The history knows."""
+        return EVER_US
+
+    def stop(self) -> None:
+        """It is imported no more."""
+        self._generator.owner = None
+        self._tell(False)
+
+    def _tell(self, asks: bool) -> None:
+        if asks is not self._asks:
+            self._asks = asks
+            self._ask(asks)
+
+
 def _converting(sort: str, convert: Convert) -> UnitPrototype:
     """Values in other units, with what is said of them."""
 
@@ -299,7 +339,3 @@ def _converting(sort: str, convert: Convert) -> UnitPrototype:
         return made._replace(available_us=now_us), state
 
     return UnitPrototype("as exported", sort, (sort,), lambda: step, samplewise=True)
-
-
-def _ignore(_sample: Sample) -> None:
-    """An exported stream is kept for those who will ask."""

@@ -1,7 +1,7 @@
 """Keeping the inputs of this platform's monitors alive: whoever lacks a stream asks for it (thesis 9.4.1).
 
 The leader of a task has streams set up at the start; afterwards every platform asks for what does not come: from a
-newcomer, after a cut, after a restart. Times are the node clock.
+newcomer, after a cut, after a restart. What is needed no more is asked for no more. Times are the node clock.
 """
 
 from collections.abc import Set as AbstractSet
@@ -37,6 +37,7 @@ class Supply:
     context: Context
     _asked_us: dict[str, int] = field(default_factory=dict)
     _open: dict[str, list[str]] = field(default_factory=dict)
+    _asked_for: dict[str, AbstractSet[tuple[str, int, int]]] = field(default_factory=dict)
     _renew: set[str] = field(default_factory=set)
     _check_us: int | None = None
     _look_us: dict[str, int] = field(default_factory=dict)
@@ -59,11 +60,13 @@ class Supply:
         needs = self.context.gateway.needs()
         self._check_us = now_us + CHECK_US if needs else None
         for unit in [unit for unit in self._open if unit not in needs]:
+            self._asked_for.pop(unit, None)
             for conversation in self._open.pop(unit):
                 self.context.desk.cancel(unit, conversation, now_us)
         importer = self.context.gateway.importer
         if needs is not self._needs or importer.changes != self._changes:
             self._look_us.clear()
+            self._renew.update(unit for unit, asked in self._asked_for.items() if not asked <= needs[unit])
             self._needs, self._changes = needs, importer.changes
             self._next_us = 0
         if now_us < self._next_us and not self._renew:
@@ -83,11 +86,12 @@ class Supply:
     def forget(self, unit: str) -> None:
         """The platform is gone, and the conversations with it: what it exported to us is asked for anew if it returns."""
         self._asked_us.pop(unit, None)
+        self._asked_for.pop(unit, None)
         if self._open.pop(unit, None):
             self._renew.add(unit)
 
     def _lacks(self, unit: str, silent: set[str], now_us: int) -> bool:
-        """Whether to ask for streams again: those of labels that are silent, or all after a return."""
+        """Whether to ask for streams again: those of labels that are silent, or all after a return or for less."""
         is_renewed = unit in self._renew
         if not (silent or is_renewed) or now_us < self._asked_us.get(unit, -AGAIN_US) + AGAIN_US:
             return False
@@ -99,7 +103,7 @@ class Supply:
 
     def _ask(self, unit: str, wanted: AbstractSet[tuple[str, int, int]], now_us: int) -> None:
         """Ask for all of it; what stood ends when all of that is agreed to, so that no stream ends in between."""
-        self._asked_us[unit] = now_us
+        self._asked_us[unit], self._asked_for[unit] = now_us, set(wanted)
         self._renew.discard(unit)
         entry = self.context.directory.entry(unit)
         offered = {label.label for label in entry.labels} if entry is not None else set()

@@ -285,3 +285,22 @@ def test_what_needs_the_stream_of_a_host_is_taken_when_the_host_comes():
     for payload in outbox.take():
         declared.on_host(HostSaid(now_us, 1, payload), now_us)
     assert [str(each.label) for each in declared.instance.streams.values()] == ["picture[0]"]
+
+
+def test_nothing_is_asked_for_or_computed_elsewhere_that_nobody_takes():
+    idle = "import heli-position from 1 as pos[uav1] with sample every 100, max delay 1000\n"
+    pair = Pair(idle, text_of("uav1.kpl"))
+    platform, other = pair.world.platform("0"), pair.world.platform("1")
+    pair.world.run_for(3)
+    assert platform.gateway.needs() == {}
+    assert not other.exports.streams()
+    assert not other.network.process(Label("pos", ("1",))).running
+    pair.specify("0", idle + "monitor near = always pos.latitude_deg[uav1] < 90\n")
+    pair.world.run_for(3)
+    assert other.exports.streams()
+    assert other.network.process(Label("pos", ("1",))).running
+    pair.specify("0", idle)
+    pair.world.run_for(3)
+    assert platform.gateway.needs() == {}
+    assert not other.exports.streams()
+    assert not other.network.process(Label("pos", ("1",))).running
