@@ -11,6 +11,7 @@ from agents import readings
 from agents.context import Context
 from agents.gateway import PAGE, stream_policy
 from agents.limits import STREAMS_PER_PEER
+from agents.roused import Rousing
 from agents.services import FEDERATION
 from agents.tasks import Task
 from dyknow import NO_VALUE, Policy, Sample
@@ -51,6 +52,7 @@ class FederationAgent:
 
     def __init__(self, context: Context) -> None:
         self._c = context
+        self.rousing = Rousing(context, self._respond)
 
     # -- exports -----------------------------------------------------------------------------------------------
 
@@ -171,11 +173,18 @@ class FederationAgent:
         Raises:
             UnknownLabel, Refused, ValueNotAvailable
         """
-        if query.scope == "local":
-            for page in self._pages(query, self._local(query, now_us)):
-                self._c.desk.answer(act, Performative.INFORM, page, now_us)
+        if query.scope == "global":
+            self._ask_everybody(act, query, now_us)
             return
-        self._ask_everybody(act, query, now_us)
+        try:
+            self._respond(act, query, now_us)
+        except ValueNotAvailable:
+            if not self.rousing.rouse(act, query, now_us):
+                raise
+
+    def _respond(self, act: Act, query: Query, now_us: int) -> None:
+        for page in self._pages(query, self._local(query, now_us)):
+            self._c.desk.answer(act, Performative.INFORM, page, now_us)
 
     def _local(self, query: Query, now_us: int) -> list[Reading]:
         gateway, federation_us = self._c.gateway, self._c.clock.federation_us(now_us)

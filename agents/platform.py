@@ -77,7 +77,9 @@ class Platform:
         parts = (self.clocks, self.interface, self.importer, self.exports, self.coordination, self.membership)
         own = () if self.own is None else (self.own,)
         self.timetable = Timetable(
-            config.clock, (*parts, self.supply, self.checks, self.declared.desk), (self.monitors, self.network, *own)
+            config.clock,
+            (*parts, self.supply, self.checks, self.federation.rousing, self.declared.desk),
+            (self.monitors, self.network, *own),
         )
         self._arrivals = Arrivals(self)
 
@@ -216,6 +218,7 @@ class Platform:
         self.membership.on_time(now_us)
         self.supply.on_time(now_us)
         self.checks.on_time(now_us)
+        self.federation.rousing.on_time(now_us)
         self.declared.desk.on_time(now_us)
         self.gateway.exporter.flush()
         return self._done()

@@ -12,7 +12,7 @@ from agents.outbox import Outbox
 from compunits import catalogue
 from dyknow import Label, Quality, Sample, SourcePrototype, computational_unit, prototypes_in, source
 from federation.acts import Performative
-from federation.contents import AlarmList, Monitors
+from federation.contents import AlarmList, Monitors, Query
 from kpl import print_specification
 from sim_uavs.world import World
 
@@ -304,3 +304,46 @@ def test_nothing_is_asked_for_or_computed_elsewhere_that_nobody_takes():
     assert platform.gateway.needs() == {}
     assert not other.exports.streams()
     assert not other.network.process(Label("pos", ("1",))).running
+
+
+@source("position")
+def camera(now_us):
+    """Where the red car is, ten times a second, while somebody wants to know."""
+    for n in range(1_000_000):
+        yield (now_us // 100_000 + 1 + n) * 100_000, (58.0, 15.0 + n * 1e-6)
+
+
+SEEING = "source position camera\nstrmgen seen = camera\nexport heli-position = seen with sample every 100\n"
+
+
+def asks(pair, op="latest", seconds=1.5, **times):
+    query = Query(semantic_label="heli-position", op=op, **times)
+    dialogue = pair.world.ask("0", "1", query, Performative.QUERY_REF)
+    pair.world.run_for(seconds)
+    return dialogue.replies[-1][2]
+
+
+def test_a_query_rouses_what_rests_and_its_first_sample_is_the_answer():
+    pair = Pair("", "")
+    ours = {each.name: each for each in prototypes_in([camera])}
+    pair.declared("1").instance._catalogue = ours.get
+    pair.specify("1", SEEING)
+    pair.world.run_for(2)
+    network = pair.world.platform("1").network
+    assert not network.process(Label("seen")).running
+    first = asks(pair)
+    (reading,) = first.samples
+    assert pair.world.now_us - reading.valid_us < 2_000_000
+    assert network.process(Label("seen")).running, "who asks once asks again"
+    asked_us = pair.world.now_us
+    past = asks(pair, "between", from_us=asked_us - 1_000_000, to_us=asked_us)
+    assert len(past.samples) >= 9
+    pair.world.run_for(32)
+    assert not network.process(Label("seen")).running
+
+
+def test_a_query_of_what_brings_nothing_is_told_so():
+    pair = Pair("", "source position gps_9\nstrmgen seen = gps_9\nexport heli-position = seen with sample every 100\n")
+    pair.world.run_for(2)
+    said = asks(pair)
+    assert "brought nothing" in said.text or "no value" in said.text
