@@ -11,7 +11,8 @@ from typing import Any, Final, Literal, NamedTuple
 
 from dyknow.sample import Value
 from reasoning.evaluation import Moment
-from reasoning.residuals import Operator, Residual, conjoin, is_pending
+from reasoning.residuals import is_pending
+from reasoning.startable import Startable
 
 LONGEST_WAIT: Final = 10_000
 """Runs of undecided states kept in order while an alarm is open; older ones are still obligations, not clean states."""
@@ -43,7 +44,7 @@ class Change(NamedTuple):
 class _Run(NamedTuple):
     """Consecutive states of which equal residuals are left."""
 
-    residual: Residual
+    residual: Any
     first_us: int
     states: int
     values: Mapping[str, Value]
@@ -52,29 +53,30 @@ class _Run(NamedTuple):
 class Watch:
     """Monitors `always phi` without end: `phi` is started at every state."""
 
-    def __init__(self, phi: Operator, close_after: int = 2) -> None:
+    def __init__(self, phi: Startable, close_after: int = 2) -> None:
         self.open = False
         self.doubtful = False
-        self._start, self._close_after = phi.start, close_after
-        self._rest: Residual = True
+        self._phi, self._read, self._start = phi, phi.read, phi.start
+        self._close_after = close_after
+        self._rest: Any = True
         self._runs: deque[_Run] = deque()
         self._clean = 0
         self._first: _Run | None = None
 
     def on_moment(self, moment: Moment) -> Change | None:
         """Take one state; `doubtful` tells whether phi is undecided in it for good."""
-        rest: Any = self._rest
+        reading, rest = self._read(moment), self._rest
         if rest is not True and is_pending(rest):
-            rest = self._rest = rest.step(moment)
-        found = self._start(moment)
+            rest = self._rest = self._phi.step(rest, reading)
+        found = self._start(reading)
         self.doubtful = found is None
         if found is False:
             return self._violated(moment)
         if not self.open:
             if found is not True and found is not None:
-                rest = self._rest = conjoin((rest, found))
+                rest = self._rest = self._phi.conjoin((rest, found))
             return self._violated(moment) if rest is False else None
-        self._step_runs(moment)
+        self._step_runs(reading)
         self._append(_Run(found, moment.valid_us, 1, moment.values))
         if rest is False or any(run.residual is False for run in self._runs):
             return self._violated(moment)
@@ -82,7 +84,8 @@ class Watch:
 
     def forget_clean(self) -> None:
         """Count clean states anew; what is pending stays an obligation."""
-        self._rest = conjoin((self._rest, *(run.residual for run in self._runs)))
+        if self._runs:
+            self._rest = self._phi.conjoin((self._rest, *(run.residual for run in self._runs)))
         self._runs.clear()
         self._clean, self._first = 0, None
 
@@ -93,11 +96,11 @@ class Watch:
         self._clean, self._first = 0, None
         return None if was_open else Change(opens=True, valid_us=moment.valid_us, values=moment.values)
 
-    def _step_runs(self, moment: Moment) -> None:
+    def _step_runs(self, reading: Any) -> None:
         waiting, self._runs = self._runs, deque()
         for run in waiting:
-            left: Any = run.residual
-            self._append(run._replace(residual=left.step(moment) if is_pending(left) else left))
+            left = run.residual
+            self._append(run._replace(residual=self._phi.step(left, reading) if is_pending(left) else left))
 
     def _append(self, run: _Run) -> None:
         last = self._runs[-1] if self._runs else None
@@ -106,7 +109,7 @@ class Watch:
         else:
             self._runs.append(run)
         if len(self._runs) > LONGEST_WAIT:
-            self._rest = conjoin((self._rest, self._runs.popleft().residual))
+            self._rest = self._phi.conjoin((self._rest, self._runs.popleft().residual))
             self._clean, self._first = 0, None
 
     def _settle(self) -> Change | None:

@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
 from reasoning.clauses import (
+    DECIDED,
     DOUBT,
     FALSE,
     FOREVER,
@@ -28,7 +29,8 @@ from reasoning.progression import Verdict
 from reasoning.shapes import Part, Shape
 
 LIMIT_STATES: Final = 4096
-"""States and transitions of an automaton are kept up to this and eight times this; beyond, absolute deadlines."""
+"""An automaton keeps no more states than this; beyond, what is left is worked out anew at each state."""
+LIMIT_TRANSITIONS: Final = 8 * LIMIT_STATES
 _TRUTHS: Final = (FALSE, TRUE, UNKNOWN)
 """By the digit of a letter: 0 false, 1 true, 2 without a value."""
 _NEGATED: Final = (TRUE, FALSE, UNKNOWN)
@@ -61,6 +63,7 @@ class Progressor:
         self._root = len(shape.nodes) - 1
         self._operators: dict[int, Part] = {}
         self._numbers: dict[int, int] = {}
+        self._letters: dict[int, Letter] = {}
         for at, node in enumerate(shape.nodes):
             if node.kind in {"always", "eventually", "until", "release"}:
                 number = 2 * len(self._operators) + (node.kind in {"always", "release"})
@@ -69,6 +72,15 @@ class Progressor:
     def operator(self, number: int) -> Part:
         """The node of an obligation."""
         return self._operators[number]
+
+    def letter(self, number: int) -> Letter:
+        """The letter with this number; those met last are kept with what is worked out for them."""
+        found = self._letters.get(number)
+        if found is None:
+            if len(self._letters) >= LIMIT_STATES:
+                self._letters.clear()
+            found = self._letters[number] = Letter(number, self.shape.atoms)
+        return found
 
     def start(self, letter: Letter, node: int | None = None) -> Clauses:
         """What is left of a node after the state in which it starts, relative to that state."""
@@ -165,21 +177,32 @@ def _moved(one: Any, by_us: int) -> Any:
 
 
 class State:
-    """A state of an automaton. `after` holds the states met after it, by reading; those that decide are in `ends`."""
+    """What is left, as a state of an automaton; equal if as much is left.
 
-    __slots__ = ("after", "clauses", "ends", "is_decided", "number", "verdict")
+    Attributes:
+        number: of the automaton's states; -1 if it does not keep this one.
+        after: states met after it, by reading, but for those that decide, which are in `ends`.
+        left: True, False or None if it is decided, else the state itself: a residual as in `residuals.py`.
+    """
+
+    __slots__ = ("after", "clauses", "ends", "is_decided", "left", "number", "verdict")
 
     def __init__(self, clauses: Clauses, number: int) -> None:
         self.clauses, self.number = clauses, number
-        self.verdict: Verdict = "undecided" if clauses else "true"
-        if clauses == FALSE:
-            self.verdict = "false"
-        self.is_decided = clauses in _DECIDED
+        self.verdict: Verdict = "true" if not clauses else "false" if clauses == FALSE else "undecided"
+        self.is_decided = clauses in DECIDED
+        self.left: State | bool | None = _TRUTH[clauses] if self.is_decided else self
         self.after: dict[int, State] = {}
         self.ends: dict[int, State] = {}
 
+    def __eq__(self, other: object) -> bool:
+        return self is other or (isinstance(other, State) and self.clauses == other.clauses)
 
-_DECIDED: Final = frozenset((TRUE, FALSE, UNKNOWN))
+    def __hash__(self) -> int:
+        return hash(self.clauses)
+
+
+_TRUTH: Final = {TRUE: True, FALSE: False, UNKNOWN: None}
 
 
 class Figures(NamedTuple):
@@ -198,7 +221,7 @@ class Automaton:
 
     Attributes:
         letters: how many letters there are.
-        is_full: no more is kept; what is not known is worked out again each time.
+        is_full: no more is kept; what is not known is worked out anew each time.
     """
 
     def __init__(self, shape: Shape, period_us: int | None) -> None:
@@ -206,27 +229,31 @@ class Automaton:
         self.letters: int = 3**shape.atoms
         self.states: list[State] = []
         self._known: dict[Clauses, State] = {}
-        self._letters: dict[int, Letter] = {}
         self._started: dict[int, State] = {}
         self._conjoined: dict[tuple[int, ...], State] = {}
-        self._gaps: dict[int, int] = {period_us: 0} if period_us else {}
+        self._gaps: dict[int, int] = {}
+        self._gap_of: dict[int, int] = {}
         self._transitions = 0
+        if period_us:
+            self.gap(period_us)
         self.false, self.true, self.unknown = map(self.state, _TRUTHS)
         self.beginning = State(TRUE, 3)
-        self.beginning.verdict, self.beginning.is_decided = "undecided", False
+        self.beginning.verdict, self.beginning.is_decided, self.beginning.left = "undecided", False, self.beginning
         self.states.append(self.beginning)
 
     def state(self, clauses: Clauses) -> State:
-        """The state that keeps these clauses."""
+        """The state that keeps these clauses; one of its own if the automaton is full."""
         found = self._known.get(clauses)
         if found is None:
+            if self.is_full:
+                return State(clauses, -1)
             found = self._known[clauses] = State(clauses, len(self.states))
             self.states.append(found)
         return found
 
     @property
     def is_full(self) -> bool:
-        return len(self.states) > LIMIT_STATES or self._transitions > 8 * LIMIT_STATES
+        return len(self.states) > LIMIT_STATES or self._transitions > LIMIT_TRANSITIONS
 
     @property
     def figures(self) -> Figures:
@@ -239,54 +266,52 @@ class Automaton:
             if len(self._gaps) >= LIMIT_GAPS:
                 return None
             number = self._gaps[gap_us] = len(self._gaps)
+            self._gap_of[number] = gap_us
         return number * self.letters
-
-    def gap_of(self, reading: int) -> int:
-        number = reading // self.letters
-        return next(gap_us for gap_us, known in self._gaps.items() if known == number)
-
-    def letter(self, number: int) -> Letter:
-        found = self._letters.get(number)
-        if found is None:
-            found = self._letters[number] = Letter(number, self.progressor.shape.atoms)
-        return found
 
     def start(self, letter: int) -> State:
         """After the state in which the formula starts."""
         found = self._started.get(letter)
         if found is None:
-            found = self._started[letter] = self.state(self.progressor.start(self.letter(letter)))
+            found = self.state(self.progressor.start(self.progressor.letter(letter)))
+            if not self.is_full:
+                self._started[letter] = found
         return found
 
     def step(self, state: State, reading: int) -> State:
         """After one more state; `state.after.get(reading)` is faster where it has one."""
         if state.is_decided:
             return state
-        known = state.after.get(reading) or state.ends.get(reading)
-        if known is not None:
-            return known
-        letter = reading % self.letters
-        if state is self.beginning:
-            found = self.start(letter)
-        else:
-            gap_us = self.gap_of(reading)
-            found = self.state(self.progressor.step(state.clauses, self.letter(letter), gap_us, gap_us))
-        (state.ends if found.is_decided else state.after)[reading] = found
-        self._transitions += 1
+        found = state.after.get(reading) or state.ends.get(reading)
+        if found is None:
+            gap, letter = divmod(reading, self.letters)
+            found = self.start(letter) if state is self.beginning else self.pass_by(state, letter, self._gap_of[gap])
+            if not self.is_full:
+                (state.ends if found.is_decided else state.after)[reading] = found
+                self._transitions += 1
         return found
+
+    def pass_by(self, state: State, letter: int, gap_us: int) -> State:
+        """After one more state, worked out anew: the gap is none that the automaton knows."""
+        if state.is_decided:
+            return state
+        return self.state(self.progressor.step(state.clauses, self.progressor.letter(letter), gap_us, gap_us))
 
     def conjoin(self, states: Iterable[State]) -> State:
         """The state in which all of these are kept."""
         several = tuple(states)
         key = tuple(sorted({state.number for state in several}))
         found = self._conjoined.get(key)
-        if found is None:
-            found = self._conjoined[key] = self.state(conjoin([state.clauses for state in several]))
+        if found is None or key[0] < 0:
+            found = self.state(conjoin([state.clauses for state in several]))
+            if not self.is_full and key[0] >= 0:
+                self._conjoined[key] = found
+                self._transitions += 1
         return found
 
 
 LIMIT_GAPS: Final = 16
-"""Sampling with more different gaps than this is irregular."""
+"""An automaton knows no more different gaps between states than this; sampling with others is irregular."""
 
 
 @lru_cache(maxsize=256)

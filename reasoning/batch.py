@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dyknow.values import NO_VALUE
-from reasoning.automaton import Letter, State, automaton, moved
-from reasoning.clauses import FALSE, TRUE, Clauses, size
+from reasoning.automaton import State, automaton, moved
+from reasoning.clauses import DECIDED, FALSE, TRUE, Clauses, size
 from reasoning.columns import Column, Reader, Scene, is_missing
 from reasoning.evaluation import Compiler, NoValuePolicy
 from reasoning.formulas import Domains, Formula, required_labels
@@ -93,6 +93,14 @@ class Batch:
         if self._loose is not None:
             return np.asarray([left is not None and left == TRUE for left in self._loose], np.bool_)
         found: NDArray[np.bool_] = self._rows == self._width
+        return found
+
+    @property
+    def decided(self) -> NDArray[np.bool_]:
+        """Which instances no further state can change: true, false, or undecided for ever."""
+        if self._loose is not None:
+            return np.asarray([left is not None and left in DECIDED for left in self._loose], np.bool_)
+        found: NDArray[np.bool_] = self._rows < _BEGINNING * self._width
         return found
 
     @property
@@ -279,7 +287,7 @@ class Batch:
         for row, left in enumerate(self._loose):
             if present is not None and not present[row]:
                 continue
-            letter = Letter(read[row], self.taken_apart.shape.atoms)
+            letter = progressor.letter(read[row])
             if left is None:
                 self._loose[row] = moved(progressor.start(letter), valid_us)
             else:

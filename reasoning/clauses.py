@@ -38,6 +38,7 @@ TRUE: Final[Clauses] = frozenset()
 FALSE: Final[Clauses] = frozenset({NEVER})
 UNKNOWN: Final[Clauses] = frozenset({frozenset({_DOUBT})})
 """Undecided for ever: an atom over `no_value`."""
+DECIDED: Final = frozenset((TRUE, FALSE, UNKNOWN))
 LIMIT_PRODUCT: Final = 64
 """A disjunction that would be distributed into more clauses than this keeps blocks."""
 DOUBT: Final = _DOUBT[0]

@@ -12,8 +12,9 @@ All ways give the same verdict at the same state:
 * `object`: one formula at a time on an automaton that all formulas of its shape share (`automaton.py`).
 * `batch`: many instances of one formula as arrays on the same automaton (`batch.py`); here one instance, or one per
   member of the quantifier it begins with.
-* `deadlines`: windows with absolute ends and nothing remembered, for irregular sampling; also what `object` turns into
-  when it meets more than `LIMIT_GAPS` different gaps between states, or the automaton more than `LIMIT_STATES` states.
+* `deadlines`: windows with absolute ends and nothing remembered, for irregular sampling; also what `object` and `batch`
+  turn into when the automaton has more than `LIMIT_STATES` states, or when gaps between states turn out irregular: the
+  automaton knows `LIMIT_GAPS` different ones, and a progression meets more than `LIMIT_GAPS` others.
 
 Chosen are `object` if the period of the states is known, else `deadlines`, else `plain`.
 """
@@ -23,7 +24,7 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 from dyknow.sample import Value
-from reasoning.automaton import Automaton, Letter, Progressor, State, automaton, moved
+from reasoning.automaton import LIMIT_GAPS, Automaton, Letter, State, automaton, moved
 from reasoning.clauses import Clauses, size
 from reasoning.evaluation import Compiler, NoValuePolicy
 from reasoning.formulas import Domains, Formula, Since, required_labels, walk
@@ -44,6 +45,10 @@ class Progressing(Protocol):
 
     @property
     def verdict(self) -> Verdict: ...
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether it is undecided for ever, by an atom without a value."""
 
     @property
     def way(self) -> Way:
@@ -122,16 +127,21 @@ class FastProgression:
         self._plain: Progression | None = None
         self._read: Reader = _unread
         self._automaton: Automaton | None = None
-        self._progressor: Progressor | None = None
         self._clauses: Clauses | None = None
         self._state: State = _BEGINNING
         self._valid_us = 0
         self._started = False
         self._quick_us: int | None = None
+        self._odd_gaps = 0
 
     @property
     def verdict(self) -> Verdict:
         return self._state.verdict if self._plain is None else self._plain.verdict
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether it is undecided for ever, by an atom without a value."""
+        return self._state.left is None if self._plain is None else self._plain.is_doubtful
 
     @property
     def way(self) -> Way:
@@ -191,21 +201,24 @@ class FastProgression:
             self._plain = Progression(self.formula, self._period_us, self._no_value)
             return
         self._read = reader(found.atoms, compiler)
-        if self._by_deadlines:
-            self._progressor = Progressor(found.shape, self._period_us)
-            return
         self._automaton = automaton(found.shape, self._period_us)
-        self._progressor, self._state = self._automaton.progressor, self._automaton.beginning
-        if self._no_value != "skip" and self._changes is None:
+        self._state = self._automaton.beginning
+        if not self._by_deadlines and self._no_value != "skip" and self._changes is None:
             self._quick_us = self._period_us
 
     def _stepped(self, valid_us: int, letter: int, values: Mapping[str, Value]) -> State:
         """The state after one more reading, whatever the gap."""
         if not self._by_deadlines:
             assert self._automaton is not None  # noqa: S101 - tells the type checker what activation made sure of
-            offset = self._automaton.gap(valid_us - self._valid_us) if self._started else 0
+            gap_us = valid_us - self._valid_us
+            offset = self._automaton.gap(gap_us) if self._started else 0
             if offset is not None:
                 return self._meet(self._state, offset + letter, valid_us, values)
+            if self._odd_gaps < LIMIT_GAPS:
+                self._odd_gaps += 1
+                return self._decided(
+                    self._state, self._automaton.pass_by(self._state, letter, gap_us), letter, valid_us, values
+                )
             self._turn_to_deadlines()
         return self._by_deadline(valid_us, letter, values)
 
@@ -221,10 +234,13 @@ class FastProgression:
         if known.is_full and reading not in state.ends:
             self._turn_to_deadlines()
             return self._by_deadline(valid_us, reading % known.letters, values)
-        found = known.step(state, reading)
-        if found.is_decided:
+        return self._decided(state, known.step(state, reading), reading % known.letters, valid_us, values)
+
+    def _decided(self, state: State, found: State, letter: int, valid_us: int, values: Mapping[str, Value]) -> State:
+        """Keep what decided the formula, if that did."""
+        if found.is_decided and self._automaton is not None:
             left = moved(state.clauses, self._valid_us) if self._started else None
-            self.decision = Decision(valid_us, left, known.letter(reading % known.letters), values)
+            self.decision = Decision(valid_us, left, self._automaton.progressor.letter(letter), values)
         return found
 
     def _turn_to_deadlines(self) -> None:
@@ -233,9 +249,9 @@ class FastProgression:
             self._clauses = moved(self._state.clauses, self._valid_us)
 
     def _by_deadline(self, valid_us: int, number: int, values: Mapping[str, Value]) -> State:
-        progressor, left = self._progressor, self._clauses
-        assert progressor is not None  # noqa: S101 - tells the type checker what activation made sure of
-        letter = Letter(number, progressor.shape.atoms)
+        assert self._automaton is not None  # noqa: S101 - tells the type checker what activation made sure of
+        progressor, left = self._automaton.progressor, self._clauses
+        letter = progressor.letter(number)
         if left is None:
             found = moved(progressor.start(letter), valid_us)
         else:
@@ -252,4 +268,4 @@ def _unread(*_: object) -> int:
 
 
 _BEGINNING = State(frozenset(), -1)
-_BEGINNING.verdict, _BEGINNING.is_decided = "undecided", False
+_BEGINNING.verdict, _BEGINNING.is_decided, _BEGINNING.left = "undecided", False, _BEGINNING

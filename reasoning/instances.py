@@ -65,6 +65,13 @@ class ByInstances:
         return "batch" if self._batch is None else self._batch.way
 
     @property
+    def is_doubtful(self) -> bool:
+        """Whether it is undecided for ever, by atoms without a value."""
+        if self._plain is not None:
+            return self._plain.is_doubtful
+        return self._batch is not None and self._verdict == "undecided" and bool(self._batch.decided.all())
+
+    @property
     def kept(self) -> int:
         if self._plain is not None:
             return self._plain.kept

@@ -8,11 +8,12 @@ from typing import Literal, TypeAlias
 
 from dyknow.sample import Value
 from reasoning.alarms import AlarmEvent, Change, Watch
+from reasoning.engine import Progressing, make_progression
 from reasoning.evaluation import Moment, NoValuePolicy
 from reasoning.formulas import Always, Domains, Exists, Forall, Formula, required_labels, walk
 from reasoning.inputs import Freshness, Inputs
-from reasoning.progression import Changes, Verdict, compile_operator, lacking, verdict_of
-from reasoning.residuals import Residual
+from reasoning.progression import Changes, Verdict, lacking
+from reasoning.startable import startable
 
 _new = tuple.__new__  # makes a NamedTuple in half the time; every state of a monitor is one
 
@@ -162,9 +163,9 @@ class Monitor:
     def _activate(self, domains: Domains) -> "Watch | _Once":
         formula = self.formula
         if isinstance(formula, Always) and formula.lo_us == 0 and formula.hi_us is None:
-            phi = compile_operator(formula.operand, domains, self.period_us, self.no_value)
-            return Watch(phi, self._close_after)
-        return _Once(formula, domains, self.period_us, self.no_value)
+            return Watch(startable(formula.operand, domains, self.period_us, self.no_value), self._close_after)
+        policy: NoValuePolicy = "undecided" if self.no_value == "skip" else self.no_value  # what to skip is known here
+        return _Once(make_progression(formula, self.period_us, policy))
 
     def on_time(self, now_us: int) -> list[AlarmEvent]:
         """Let time pass. Changes only the state of the inputs: alarms wait for states."""
@@ -204,24 +205,20 @@ class _Once:
 
     doubtful = False
 
-    def __init__(self, formula: Formula, domains: Domains, period_us: int, no_value: NoValuePolicy) -> None:
-        self._operator = compile_operator(formula, domains, period_us, no_value)
-        self._started = False
-        self.residual: Residual = None
+    def __init__(self, progression: Progressing) -> None:
+        self.progression = progression
 
     def on_moment(self, moment: Moment) -> Change | None:
-        left = self.residual
-        if not self._started:
-            self._started, self.residual = True, self._operator.start(moment)
-        elif left is None or left is True or left is False:
+        one = self.progression
+        before: str = one.verdict
+        if before == "false":
             return None
-        else:
-            self.residual = left.step(moment)
-        self.doubtful = self.residual is None
-        return Change(opens=True, valid_us=moment.valid_us, values=moment.values) if self.residual is False else None
+        one.progress(moment.valid_us, moment.values, moment.domains, moment.events)
+        self.doubtful = one.is_doubtful
+        return Change(opens=True, valid_us=moment.valid_us, values=moment.values) if one.verdict == "false" else None
 
 
 def _verdict(watch: Watch | _Once) -> Verdict:
     if isinstance(watch, Watch):
         return "false" if watch.open else "undecided"
-    return verdict_of(watch.residual)
+    return watch.progression.verdict

@@ -83,6 +83,11 @@ class Progression:
         return verdict_of(self._residual)
 
     @property
+    def is_doubtful(self) -> bool:
+        """Whether it is undecided for ever, by an atom without a value."""
+        return self._started and self._residual is None
+
+    @property
     def kept(self) -> int:
         """How many obligations are left."""
         return obligations(self._residual)

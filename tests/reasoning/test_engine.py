@@ -6,9 +6,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from reasoning import make_progression
+from reasoning.alarms import Watch
 from reasoning.automaton import LIMIT_GAPS
 from reasoning.batch import Batch
+from reasoning.evaluation import Moment
 from reasoning.formulas import Always, Compare, Const, Domain, Eventually, Feature, Forall, Implies, Not, Variable
+from reasoning.progression import compile_operator
+from reasoning.startable import Plain, startable
 from tests.reasoning.strategies import UNIT_US, formulas, traces
 
 DOMAINS = {"d": ("a", "b")}
@@ -96,3 +100,17 @@ def test_a_quantified_formula_is_a_row_per_member():
     assert progression.members == ("a", "b")
     progression.progress(UNIT_US, {"s[a]": False, "s[b]": False}, DOMAINS)
     assert progression.verdict == "false"
+
+
+@given(formulas, traces(gaps=True, max_size=14), PERIODS, st.integers(1, 3))
+@MODERATE
+def test_a_watch_on_the_automaton_tells_the_same_alarms_as_a_plain_one(phi, states, period_us, close_after):
+    shared = Watch(startable(phi, {}, period_us), close_after)
+    plain = Watch(Plain(compile_operator(phi, {}, period_us)), close_after)
+    for at, (valid_us, values) in enumerate(states):
+        moment = Moment(valid_us, values)
+        assert shared.on_moment(moment) == plain.on_moment(moment)
+        assert (shared.open, shared.doubtful) == (plain.open, plain.doubtful)
+        if at % 5 == 4:
+            shared.forget_clean()
+            plain.forget_clean()
