@@ -4,6 +4,7 @@ from hypothesis import strategies as st
 
 from dyknow import NO_VALUE, Label, Network, Policy, Sample, Sort, UnitPrototype, latest_valid_us, of_values
 from dyknow.processes import Input, OnDemand, Refinement
+from tests.strategies import rows
 
 ANY = Sort("any", is_open=True)
 NUMBER = Sort("number")
@@ -67,10 +68,10 @@ def label(i):
 def arrivals(draw, sources=2, max_size=30, max_lead_us=10):
     """(source, valid, value, now): available times that differ, valid times that may come in any order."""
     now_us, found = 0, []
-    for _ in range(draw(st.integers(0, max_size))):
-        now_us += draw(st.integers(1, 25))
-        valid_us = max(0, (now_us - draw(st.integers(-max_lead_us, 60))) // 10 * 10)
-        found.append((draw(st.integers(0, sources - 1)), valid_us, draw(st.integers(0, 3)), now_us))
+    for step, delay, source, value in rows(draw, max_size, 4):
+        now_us += 1 + step % 25
+        valid_us = max(0, (now_us - delay % (61 + max_lead_us) + max_lead_us) // 10 * 10)
+        found.append((source % sources, valid_us, value % 4, now_us))
     return found
 
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow import History, Sample, ValueNotAvailable
-from tests.strategies import streams
+from tests.strategies import definition, streams
 from tests.thesis.stream_definitions import most_recent_at
 
 
@@ -31,6 +31,7 @@ long_streams = st.lists(st.tuples(st.integers(1, 5), st.integers(-10, 60)), max_
 )
 
 
+@definition
 @given(streams(), st.integers(1, 30))
 def test_the_cache_is_the_tail_of_the_stream(f: list[Sample], capacity: int) -> None:
     history, tail = filled(capacity, f), f[-capacity:]
@@ -41,6 +42,7 @@ def test_the_cache_is_the_tail_of_the_stream(f: list[Sample], capacity: int) -> 
     assert or_none(history.get_latest_vtime) == max(tail, key=lambda s: (s.valid_us, s.available_us), default=None)
 
 
+@definition
 @given(long_streams, st.integers(1, 30), st.integers(0, 600), st.integers(0, 600))
 def test_queries_by_valid_time_say_what_the_definitions_say_of_the_cache(
     f: list[Sample], capacity: int, t: int, length: int
@@ -52,6 +54,7 @@ def test_queries_by_valid_time_say_what_the_definitions_say_of_the_cache(
     assert history.get_between(t + 1, t) == []
 
 
+@definition
 @given(long_streams, st.integers(1, 30), st.integers(0, 600), st.integers(0, 600))
 def test_most_recent_at_is_that_of_the_whole_stream_or_is_not_available(
     f: list[Sample], capacity: int, t: int, tq: int

@@ -9,6 +9,7 @@ from dyknow.errors import SortError
 from dyknow.mediation import MAX_MEMBERS, Configuration, Mediation, members_of
 from dyknow.processes import Input, Refinement
 from tests.dyknow.networks import ANY, NUMBER, Counted, invariants, joined, pass_time, policy, state_of, times
+from tests.strategies import definition, rows
 
 IDS, OUT = Label("ids"), Label("out")
 CARS = ("a", "b", "c")
@@ -36,12 +37,11 @@ sets = st.frozensets(st.sampled_from(CARS)) | st.sampled_from([*CARS, ("c", "a")
 @st.composite
 def happenings(draw, sets=sets):
     now_us, found = 0, []
-    for _ in range(draw(st.integers(0, 30))):
-        now_us += draw(st.integers(5, 20))
-        if draw(st.integers(0, 3)) == 0:
-            found.append((IDS, max(0, now_us - draw(st.integers(0, 30))), draw(sets), now_us))
-        else:
-            found.append((pos(draw(st.sampled_from(CARS))), max(0, now_us - draw(st.integers(0, 30))), now_us, now_us))
+    for step, delay, what in rows(draw, 30, 3):
+        now_us += 5 + step % 16
+        valid_us = max(0, now_us - delay % 31)
+        named = what % 4 == 0
+        found.append((IDS, valid_us, draw(sets), now_us) if named else (pos(CARS[what % 4 - 1]), valid_us, now_us, now_us))
     return found
 
 
@@ -71,6 +71,7 @@ def model(events, single):
     return found
 
 
+@definition
 @given(happenings(), st.booleans(), st.integers(0, 30))
 def test_select_and_merge_pass_on_what_those_who_are_members_bring(events, single, at) -> None:
     """Whenever somebody subscribes: what the stream of members said last counts from then on."""
@@ -208,6 +209,7 @@ def test_what_names_no_object_is_told_and_changes_nothing(value) -> None:
     assert held == {"a"}
 
 
+@definition
 @given(happenings(), st.integers(0, 30))
 def test_configuration_creates_and_removes_what_belongs_to_the_members(events, at) -> None:
     network, held = network_of_cars(), set()

@@ -29,7 +29,7 @@ from tests.dyknow.networks import (
     stateless,
     times,
 )
-from tests.strategies import policies
+from tests.strategies import definition, policies
 
 
 def lazy(sources=1, history=100):
@@ -70,6 +70,7 @@ def serve(network, events, wanted):
     return [times(one) for one in got]
 
 
+@definition
 @given(st.data())
 def test_on_demand_every_client_gets_what_it_would_get_if_everything_were_always_computed(data) -> None:
     chain, events = data.draw(chains()), data.draw(arrivals(1))
@@ -82,6 +83,7 @@ def test_on_demand_every_client_gets_what_it_would_get_if_everything_were_always
     invariants(network)
 
 
+@definition
 @given(st.data())
 def test_nothing_is_computed_that_nobody_asked_for(data) -> None:
     """Of unconstrained inputs: while all ask for samples on grids, only what lies on one of their grids' union."""

@@ -8,6 +8,7 @@ from dyknow import NO_VALUE, Label, Network, Policy, PolicyError, Sample, StateI
 from dyknow.processes import Input
 from dyknow.state_streams import StateStream, state_policy
 from tests.dyknow.networks import ANY, arrivals, feed, invariants, label, pass_time, policy, times
+from tests.strategies import definition
 
 STATE = Label("state")
 INPUT = policy("sample every 20us, max delay 30us")
@@ -89,6 +90,7 @@ def changes(events, when):
     return found
 
 
+@definition
 @given(arrivals(), st.sampled_from(["any update", "any change", "all updated", "all changed"]))
 def test_a_state_per_change_of_any_input_or_of_all(events, when) -> None:
     network, _ = network_with(when, inputs=(Policy(), Policy()))

@@ -1,11 +1,12 @@
 """The definitions of 4.3 and 4.5.4 word for word, slow and by comprehension: what the product is compared with."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-from dyknow import NO_VALUE, Policy, PolicyAdapter, Sample, available
+from dyknow import NO_VALUE, Policy, PolicyAdapter, Sample, UnitFunction, Value
 
 DATA = Path(__file__).parent / "data"
 WORKED = json.loads((DATA / "streams.json").read_text())
@@ -22,6 +23,32 @@ def stream(written: Iterable[Sequence[Any]]) -> list[Sample]:
     return [sample(s) for s in written]
 
 
+def is_value(v: Any) -> bool:
+    """Definitions 4.3.2 and 4.3.3: a simple value, no_value, or a tuple of values; a set of values is ours."""
+    if isinstance(v, tuple | frozenset):
+        return all(map(is_value, v))
+    if isinstance(v, float):
+        return v - v == 0
+    return v is NO_VALUE or isinstance(v, bool | int | str)
+
+
+def is_fluent_stream(f: Sequence[Any]) -> bool:
+    """Definitions 3.2.1 and 4.3.5: samples, in order of available times that are unique."""
+    times = [s.available_us for s in f if isinstance(s, Sample)]
+    return len(times) == len(f) == len(set(times)) and times == sorted(times)
+
+
+def available(f: Iterable[Sample], t: int) -> list[Sample]:
+    """Definition 4.3.7."""
+    return [s for s in f if s.available_us <= t]
+
+
+def last_available(f: Iterable[Sample], t: int) -> Sample | None:
+    """Definition 4.3.8; no_sample is None."""
+    there = available(f, t)
+    return next((s for s in there if all(o.available_us <= s.available_us for o in there)), None)
+
+
 def valid_before(f: Iterable[Sample], t: int, tq: int) -> list[Sample]:
     """Definition 4.3.9."""
     return [s for s in available(f, tq) if s.valid_us <= t]
@@ -35,7 +62,80 @@ def last_valid_before(f: Sequence[Sample], t: int, tq: int) -> list[Sample]:
 
 def most_recent_at(f: Sequence[Sample], t: int, tq: int) -> Sample | None:
     """Definition 4.3.11."""
-    return max(last_valid_before(f, t, tq), key=lambda s: s.available_us, default=None)
+    return last_available(last_valid_before(f, t, tq), tq)
+
+
+def previous(f: Sequence[Sample], s: Sample | None) -> Sample | None:
+    """Definition 4.3.12."""
+    before = [] if s is None else [o for o in f if o.available_us < s.available_us]
+    return max(before, key=lambda o: o.available_us, default=None)
+
+
+def available_times(*fs: Iterable[Sample]) -> set[int]:
+    """Definition 4.3.13."""
+    return set().union(*({s.available_us for s in f} for f in fs))
+
+
+def join(*fs: Sequence[Sample]) -> list[Sample]:
+    """Definition 4.3.16."""
+    return [Sample(t, t, tuple(last_available(f, t) for f in fs)) for t in sorted(available_times(*fs))]
+
+
+def values(samples: Iterable[Sample | None]) -> list[Value]:
+    """Definition 4.5.5; a list, since values that are equal need not be the same."""
+    return [s.value for s in samples if s is not None]
+
+
+def refined(function: UnitFunction, *fs: Sequence[Sample]) -> list[Sample]:
+    """Definition 4.5.8: the unit over the join of its inputs, its state first no_value."""
+    state, found = NO_VALUE, list[Sample]()
+    for element in join(*fs):
+        output, state = function(element.available_us, element.value, state)
+        if output is not None:
+            found.append(output)
+    return found
+
+
+def holds(f: Sequence[Sample], policy: Policy) -> Iterator[bool]:
+    """Definition 4.5.11, constraint by constraint; `sample every` as P1 has it, and the constraints of 12.3."""
+    pairs = [(s, before) for s in f if (before := previous(f, s)) is not None]
+    if policy.change == "any change":
+        yield all(s.valid_us != before.valid_us or s.value != before.value for s, before in pairs)
+    if policy.sample_us is not None:
+        steps = [s.valid_us - before.valid_us for s, before in pairs]
+        yield all(step > 0 and step % policy.sample_us == 0 for step in steps)
+    if policy.from_us is not None:
+        yield all(policy.from_us <= s.valid_us for s in f)
+    if policy.to_us is not None:
+        yield all(s.valid_us <= policy.to_us for s in f)
+    if policy.max_delay_us is not None:
+        yield all(s.available_us - s.valid_us <= policy.max_delay_us for s in f)
+    if policy.order == "monotone":
+        yield all(before.valid_us <= s.valid_us for s, before in pairs)
+    if policy.order == "strict":
+        yield all(before.valid_us < s.valid_us for s, before in pairs)
+    if policy.min_certainty is not None:
+        yield all(s.quality.certainty >= policy.min_certainty for s in f)
+    if policy.max_deviation is not None:
+        variances = [row[i] for s in f for i, row in enumerate(s.quality.covariance)]
+        yield all(variance <= policy.max_deviation**2 for variance in variances)
+
+
+def satisfies(f: Sequence[Sample], policy: Policy) -> bool:
+    """I, f |= p of Definition 4.5.11."""
+    return all(holds(f, policy))
+
+
+def is_maximal(kept: Sequence[Sample], f: Sequence[Sample], policy: Policy) -> bool:
+    """Definition 4.5.10 for policies without approximation: no satisfying stream of samples of f has more than `kept`.
+
+    As P1 has it, on the grid that `from` anchors; each sample at the time when it came.
+    """
+    sample_us, from_us = policy.sample_us, policy.from_us
+    on_grid = [s for s in f if sample_us is None or from_us is None or (s.valid_us - from_us) % sample_us == 0]
+    left = [s for s in on_grid if s not in kept]
+    more = (added for n in range(1, len(left) + 1) for added in combinations(left, n))
+    return not any(satisfies(sorted([*kept, *added], key=lambda s: s.available_us), policy) for added in more)
 
 
 def is_substream(part: Iterable[Sample], f: Sequence[Sample]) -> bool:
@@ -57,10 +157,13 @@ def literal_extension(f: Sequence[Sample], policy: Policy) -> list[Sample]:
     return [Sample(at, t, NO_VALUE if s is None else s.value) for t, at, s in found]
 
 
-def run(arrivals: Sequence[Sample], policy: Policy) -> tuple[list[Sample], PolicyAdapter]:
+def run(
+    arrivals: Sequence[Sample], policy: Policy, horizon_us: int | None = None
+) -> tuple[list[Sample], PolicyAdapter]:
     """The stream a subscriber gets, when every timer goes off in its instant, after the inputs of that instant."""
     adapter, out, waiting = PolicyAdapter(policy), [], list(arrivals)
-    horizon_us = max([s.available_us for s in arrivals], default=0) + 1_000
+    if horizon_us is None:
+        horizon_us = max([s.available_us for s in arrivals], default=0) + 1_000
     while True:
         due_us = adapter.deadline_us
         if waiting and (due_us is None or waiting[0].available_us <= due_us):

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dyknow import NO_VALUE, Policy, PolicyError, Sample, State, StateInput, StatePolicy, Synchronizer
-from tests.strategies import gridded_streams, streams
+from dyknow import NO_VALUE, Policy, Sample, State, StateInput, StatePolicy, Synchronizer
+from tests.strategies import definition, gridded_streams, streams
 from tests.thesis.state_pseudocode import Wanted, sampled_synchronized_state_stream
 from tests.thesis.stream_definitions import DATA, most_recent_at, sample
+from tests.thesis.stream_definitions import run as adapted
 
 CASES = json.loads((DATA / "state_synchronisation.json").read_text())["cases"]
 Arrivals = list[tuple[int, Sample]]
@@ -102,12 +103,8 @@ def situations(draw: st.DrawFn) -> tuple[list[Policy], Arrivals, Wanted]:
                 Policy(change="sample", sample_us=20), Policy(change="sample", sample_us=40, max_delay_us=60),
             ])
         )  # fmt: skip
-        kept: list[Sample] = []
-        for s in draw(gridded_streams() if draw(st.booleans()) else streams()):
-            if policy.satisfied_by([*kept, s]):
-                kept.append(s)
         policies.append(policy)
-        fs.append(kept)
+        fs.append(adapted(draw(gridded_streams() if draw(st.booleans()) else streams()), policy)[0])
     from_us = draw(st.integers(0, 100))
     delays = st.integers(0, 120)
     wanted = Wanted(
@@ -116,6 +113,7 @@ def situations(draw: st.DrawFn) -> tuple[list[Policy], Arrivals, Wanted]:
     return policies, in_order(fs), wanted
 
 
+@definition
 @given(situations())
 def test_section_7_8_2_the_states_are_those_of_the_pseudo_code(
     situation: tuple[list[Policy], Arrivals, Wanted],
@@ -130,6 +128,7 @@ def test_section_7_8_2_the_states_are_those_of_the_pseudo_code(
     assert times == sorted(set(times))
 
 
+@definition
 @given(situations())
 def test_section_7_8_2_categories_are_those_of_the_pseudo_code(
     situation: tuple[list[Policy], Arrivals, Wanted],
@@ -143,6 +142,7 @@ def test_section_7_8_2_categories_are_those_of_the_pseudo_code(
             assert (now_us, sync_us, categories) in steps
 
 
+@definition
 @given(st.lists(streams(max_delay_us=60), min_size=1, max_size=3))
 def test_section_7_8_1_the_improved_algorithm_computes_the_states_of_the_basic_one_and_never_later(
     fs: list[list[Sample]],
@@ -157,15 +157,6 @@ def test_section_7_8_1_the_improved_algorithm_computes_the_states_of_the_basic_o
         assert exact or state.values == tuple(NO_VALUE if s is None else s.value for s in basic)
         assert exact or state.available_us >= t + 60, "without order nothing but exact values can be early"
         assert state.available_us <= t + 60 + len(states)
-
-
-def test_example_7_8_2_the_period_is_the_greatest_common_divisor_of_the_inputs() -> None:
-    hundred, seventy_five = Policy.parse("sample every 100"), Policy.parse("sample every 75")
-    two = [StateInput("speed", hundred), StateInput("winch", hundred)]
-    assert Synchronizer(two, StatePolicy(None, 80_000)).period_us == 100_000
-    assert Synchronizer([two[0], StateInput("winch", seventy_five)], StatePolicy(None, 80_000)).period_us == 25_000
-    with pytest.raises(PolicyError, match="sample every"):
-        Synchronizer([two[0], StateInput("clicks", Policy())], StatePolicy(None, 80_000))
 
 
 def test_section_7_8_1_first_and_last_state_follow_from_the_durations_of_the_inputs() -> None:

@@ -18,16 +18,17 @@ from dyknow import (
     Policy,
     Sample,
     Sort,
+    SortError,
     ValueNotAvailable,
-    available,
-    available_times,
-    join,
-    last_available,
     of_values,
-    previous,
 )
-from tests.strategies import streams, times_us
-from tests.thesis.stream_definitions import WORKED, last_valid_before, most_recent_at, sample, stream, valid_before
+from tests.strategies import definition, streams, times_us
+from tests.thesis import stream_definitions as thesis
+from tests.thesis.stream_definitions import WORKED, sample, stream
+
+F1 = stream([(1, 1, "v1"), (3, 2, "v2"), (4, 5, "v3")])
+F2 = stream([(2, 1, "v4"), (4, 1, "v5"), (5, 1, "v6")])  # Example 4.3.5
+ANY = Sort("any", is_open=True)
 
 
 def remembered(f: list[Sample]) -> History:
@@ -44,19 +45,76 @@ def asked(history: History, t: int, tq: int) -> Sample | None:
         return None
 
 
-def test_example_4_3_2_no_value_and_nested_tuples_are_values() -> None:
+def test_example_4_3_1_a_domain_of_ten_objects_and_their_positions_and_speeds() -> None:
+    network = Network()
+    labels = [Label("pos", (f"o{i}",)) for i in range(1, 11)]
+    for label in labels:
+        network.add_source(label, ANY)
+    primitive = [f"{kind}{i}" for kind in "ps" for i in range(1, 11)]
+    for t, value in enumerate(primitive):
+        network.push(labels[t % 10], t, value, t)
+    found = [s for label in labels for s in network.snapshot(label).get_between(0, 100)]
+    assert {s.value for s in found} == set(primitive)
+    assert {s.valid_us for s in found} == set(range(20)), "time-points are the integers from 0"
+
+
+def test_example_4_3_2_simple_values_no_value_and_tuples_of_values_are_values() -> None:
+    for value in ("p4", "o3", "s9", NO_VALUE, (NO_VALUE, ("o10",))):
+        ANY.check(value)
+        assert thesis.is_value(value)
     pair = Sort("pair", (Field("first", ""), Field("second", "")))
-    assert (NO_VALUE, (10,)) == (NO_VALUE, (10,))
     pair.check(NO_VALUE)
+    with pytest.raises(SortError):
+        pair.check((NO_VALUE, ("o10",)))
 
 
-def test_example_4_3_3_and_4_3_4_valid_time_stays_while_processing_delays_what_is_available() -> None:
+anything = st.recursive(
+    st.sampled_from(["p4", 7, 1.5, True, NO_VALUE, None, float("nan"), float("inf"), -float("inf"), b"p", object()]),
+    lambda inner: st.lists(inner, max_size=3).map(tuple) | st.lists(inner, max_size=2),
+    max_leaves=5,
+)
+
+
+@definition
+@given(anything)
+def test_definitions_4_3_2_and_4_3_3_what_is_a_value(found: Any) -> None:
+    try:
+        ANY.check(found)
+    except SortError:
+        assert not thesis.is_value(found)
+    else:
+        assert thesis.is_value(found)
+
+
+def test_example_4_3_3_the_blob_of_a_picture_is_valid_when_the_picture_was_taken() -> None:
+    network, picture, blob = Network(), Label("picture"), Label("blob")
+    network.add_source(picture, ANY)
+    network.add_unit(blob, ANY, of_values(str.upper), [(picture, Policy())])
+    network.push(picture, 10, "image", 13)
+    for label in (picture, blob):
+        (found,) = network.snapshot(label).get_between(0, 100)
+        assert (found.valid_us, found.available_us, found.delay_us) == (10, 13, 3)
+
+
+def test_example_4_3_4_processing_and_communication_delay_what_is_available() -> None:
     measured = Sample(available_us=11, valid_us=10, value="v")
     filtered = Sample(available_us=measured.available_us + 3 + 2, valid_us=measured.valid_us, value="v'")
     assert filtered[:3] == (16, 10, "v'")
     assert (measured.delay_us, filtered.delay_us) == (1, 6)
 
 
+def test_example_4_3_5_and_figure_4_2_two_fluent_streams() -> None:
+    network = Network()
+    for f in (F1, F2):
+        label = Label("f", (f[0].value,))
+        network.add_source(label, ANY)
+        for s in f:
+            network.push(label, s.valid_us, s.value, s.available_us)
+        assert network.snapshot(label).get_slice(0, 2) == f
+        assert thesis.is_fluent_stream(f)
+
+
+@definition
 @given(streams())
 def test_definition_4_3_5_a_fluent_stream_is_ordered_by_unique_available_times(f: list[Sample]) -> None:
     network, label = Network(), Label("f")
@@ -65,68 +123,75 @@ def test_definition_4_3_5_a_fluent_stream_is_ordered_by_unique_available_times(f
     network.subscribe(label, Policy(), got.append)
     for s in f:
         network.push(label, s.valid_us, s.value, s.available_us // 10)  # so coarse a clock that instants collide
-    times = [s.available_us for s in got]
-    assert times == sorted(set(times))
+    assert thesis.is_fluent_stream(got)
     assert [s[1:] for s in got] == [s[1:] for s in f]
 
 
+@definition
 @given(times_us, times_us)
 def test_definition_4_3_6_a_sample_has_two_times_and_a_value(at: int, valid: int) -> None:
     s = Sample(at, valid, "v")
     assert (s.available_us, s.valid_us, s.value, s.delay_us) == (at, valid, "v", at - valid)
 
 
+@definition
 @given(streams(), times_us)
 def test_definitions_4_3_7_and_4_3_8_available_and_last_available(f: list[Sample], t: int) -> None:
-    assert {s for s in f if s.available_us <= t} == set(available(f, t))
-    last = last_available(f, t)
-    assert (last is None) == (not available(f, t))
-    assert last is None or (
-        last in available(f, t) and all(s.available_us <= last.available_us for s in available(f, t))
-    )
+    assert dyknow.available(f, t) == thesis.available(f, t)
+    assert dyknow.last_available(f, t) == thesis.last_available(f, t)
 
 
+@definition
 @given(streams(), times_us, times_us)
 def test_definitions_4_3_9_to_4_3_11_most_recent_at(f: list[Sample], t: int, tq: int) -> None:
-    found = asked(remembered(f), t, tq)
-    assert found == most_recent_at(f, t, tq) == dyknow.most_recent_at(f, t, tq)
-    assert dyknow.valid_before(f, t, tq) == valid_before(f, t, tq)
-    assert dyknow.last_valid_before(f, t, tq) == last_valid_before(f, t, tq)
-    if found is None:
-        assert not valid_before(f, t, tq)
-    else:
-        assert found in last_valid_before(f, t, tq)
-        assert all(s.valid_us <= found.valid_us for s in valid_before(f, t, tq))
+    found = thesis.most_recent_at(f, t, tq)
+    assert found == asked(remembered(f), t, tq) == dyknow.most_recent_at(f, t, tq)
+    assert dyknow.valid_before(f, t, tq) == thesis.valid_before(f, t, tq)
+    assert dyknow.last_valid_before(f, t, tq) == thesis.last_valid_before(f, t, tq)
 
 
-@given(streams())
-def test_definition_4_3_12_previous(f: list[Sample]) -> None:
-    assert previous(f, None) is None
-    assert [previous(f, s) for s in f] == [None, *f][: len(f)]
+@definition
+@given(streams(), streams(max_size=1))
+def test_definition_4_3_12_previous(f: list[Sample], other: list[Sample]) -> None:
+    for s in (None, *f, *other):
+        assert dyknow.previous(f, s) == thesis.previous(f, s)
 
 
+@definition
 @given(streams(), streams())
 def test_definition_4_3_13_available_times(f: list[Sample], g: list[Sample]) -> None:
-    assert available_times(f, g) == available_times(f) | available_times(g)
-    assert available_times(f) == {s.available_us for s in f}
+    assert dyknow.available_times(f) == thesis.available_times(f)
+    assert dyknow.available_times(f, g) == thesis.available_times(f, g)
 
 
 @pytest.mark.parametrize("case", WORKED["queries"], ids=lambda c: c["from"])
-def test_examples_4_3_6_and_4_3_7_queries(case: dict[str, Any]) -> None:
+def test_the_worked_queries_of_4_3(case: dict[str, Any]) -> None:
     f, about = stream(case["stream"]), case["about"]
     answer = None if case["answer"] is None else sample(case["answer"])
     if case["ask"] == "last available":
-        assert last_available(f, about[0] * 1_000) == answer
+        assert dyknow.last_available(f, about[0] * 1_000) == answer
     elif case["ask"] == "previous":
-        assert previous(f, sample(about[0])) == answer
+        assert dyknow.previous(f, sample(about[0])) == answer
     else:
         t, tq = (1_000 * time for time in about)
-        assert asked(remembered(f), t, tq) == most_recent_at(f, t, tq) == answer
+        assert asked(remembered(f), t, tq) == thesis.most_recent_at(f, t, tq) == answer
+
+
+def test_example_4_3_6_the_last_available_sample() -> None:
+    assert [dyknow.last_available(F1, t * 1_000) for t in (2, 3)] == F1[:2]
+    assert [dyknow.last_available(F2, t * 1_000) for t in (1, 3, 4)] == [None, *F2[:2]]
+
+
+def test_example_4_3_7_the_previous_sample() -> None:
+    assert dyknow.previous(F1, F1[1]) == F1[0]
+    assert dyknow.previous(F1, F1[0]) is None
 
 
 def test_example_4_3_8_available_times() -> None:
     for case in WORKED["arrivals"]:
-        assert available_times(*map(stream, case["streams"])) == {1_000 * t for t in case["times"]}
+        assert dyknow.available_times(*map(stream, case["streams"])) == {1_000 * t for t in case["times"]}
+    assert dyknow.available_times(F1) == {1_000, 3_000, 4_000}
+    assert dyknow.available_times(F2) == {2_000, 4_000, 5_000}
 
 
 def test_example_4_3_9_a_source_that_has_nothing_to_say_adds_nothing() -> None:
@@ -145,6 +210,7 @@ def test_example_4_3_10_addition_is_a_computational_unit() -> None:
     assert adder.on_sample(0, Sample(3, 1, 50), 3) == Sample(3, 2, 52), "valid when the latest of its inputs is"
 
 
+@definition
 @given(st.lists(st.tuples(st.integers(0, 2), times_us), max_size=30))
 def test_definition_4_3_15_a_unit_maps_time_inputs_and_state_to_output_and_state(
     arrivals: list[tuple[int, int]],
@@ -166,19 +232,18 @@ def test_definition_4_3_15_a_unit_maps_time_inputs_and_state_to_output_and_state
         assert output == (None if now_us % 2 else Sample(now_us, now_us, now_us + 1))
 
 
+@definition
 @given(st.lists(streams(max_size=8), min_size=1, max_size=3))
 def test_definition_4_3_16_join_step_by_step_is_the_join_of_the_whole(fs: list[list[Sample]]) -> None:
     stepped, at_instant = Join(len(fs)), {}
     for s, i in sorted(((s, i) for i, f in enumerate(fs) for s in f), key=lambda arrival: arrival[0].available_us):
         at_instant[s.available_us] = stepped.on_sample(i, s, s.available_us)
-    assert list(at_instant.values()) == join(*fs)
-    for element in join(*fs):
-        assert element.value == tuple(last_available(f, element.available_us) for f in fs)
+    assert list(at_instant.values()) == dyknow.join(*fs) == thesis.join(*fs)
 
 
-def test_example_4_3_11_join() -> None:
+def test_example_4_3_11_and_figure_4_3_join() -> None:
     for case in WORKED["joins"]:
-        joined = join(*map(stream, case["streams"]))
+        joined = dyknow.join(*map(stream, case["streams"]))
         expected = [
             Sample(at * 1_000, valid * 1_000, tuple(s and sample(s) for s in pair))
             for at, valid, pair in case["joined"]

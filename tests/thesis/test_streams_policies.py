@@ -4,23 +4,25 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow import NO_VALUE, Label, Network, Policy, PolicyError, Sample, Sort
-from tests.strategies import gridded_streams, policies, rated_streams, streams, times_us
+from tests.strategies import definition, gridded_streams, policies, rated_streams, streams, times_us
 from tests.thesis.stream_definitions import (
     WORKED,
+    is_maximal,
     is_substream,
     literal_extension,
     most_recent_at,
     run,
     sample,
+    satisfies,
     stream,
 )
 
 P1 = stream([(250, 200, "p1"), (325, 300, "p2"), (430, 400, "p3"), (505, 500, "p4")])  # pos[car1] of Example 4.5.1
-exact_policies = policies().filter(lambda p: p.approximation == "none")
+exact_policies = policies(exact=True)
 
 
 def shown(samples: list[Sample]) -> list[list[Any]]:
@@ -30,6 +32,7 @@ def shown(samples: list[Sample]) -> list[list[Any]]:
 # Definition 4.5.11, one constraint at a time, by the formula printed there.
 
 
+@definition
 @given(gridded_streams())
 def test_definition_4_4_9_change_constraints(f: list[Sample]) -> None:
     assert Policy(change="any update").satisfied_by(f)
@@ -40,12 +43,14 @@ def test_definition_4_4_9_change_constraints(f: list[Sample]) -> None:
     assert Policy(change="sample", sample_us=20).satisfied_by(f) == all(d > 0 and d % 20 == 0 for d in steps)
 
 
+@definition
 @given(streams(), st.integers(0, 150))
 def test_definition_4_4_10_delay_constraint(f: list[Sample], limit_us: int) -> None:
     assert Policy(max_delay_us=limit_us).satisfied_by(f) == all(s.available_us - s.valid_us <= limit_us for s in f)
     assert Policy(max_delay_us=None).satisfied_by(f), "max delay oo"
 
 
+@definition
 @given(streams(), times_us, times_us)
 def test_definition_4_4_11_duration_constraint(f: list[Sample], from_us: int, to_us: int) -> None:
     assert Policy(from_us=from_us).satisfied_by(f) == all(from_us <= s.valid_us for s in f)
@@ -57,6 +62,7 @@ def test_definition_4_4_11_duration_constraint(f: list[Sample], from_us: int, to
             Policy(from_us=from_us, to_us=to_us)
 
 
+@definition
 @given(gridded_streams())
 def test_definition_4_4_12_order_constraints(f: list[Sample]) -> None:
     assert Policy(order="any").satisfied_by(f)
@@ -65,17 +71,55 @@ def test_definition_4_4_12_order_constraints(f: list[Sample]) -> None:
     assert not Policy(change="sample", sample_us=20).satisfied_by(f) or Policy(order="strict").satisfied_by(f)
 
 
-@given(policies(), rated_streams())
-def test_definition_4_5_11_a_policy_holds_when_each_constraint_does(policy: Policy, f: list[Sample]) -> None:
-    each = [
-        Policy(change=policy.change, sample_us=policy.sample_us),
-        Policy(max_delay_us=policy.max_delay_us),
-        Policy(from_us=policy.from_us, to_us=policy.to_us),
-        Policy(order=policy.order),
-        Policy(min_certainty=policy.min_certainty),
-        Policy(max_deviation=policy.max_deviation),
-    ]
-    assert policy.satisfied_by(f) == all(constraint.satisfied_by(f) for constraint in each)
+@definition
+@given(policies(), rated_streams(), st.booleans())
+def test_definition_4_5_11_a_policy_is_satisfied_when_every_constraint_is(
+    policy: Policy, f: list[Sample], adapted: bool
+) -> None:
+    found = run(f, policy)[0] if adapted else f
+    assert policy.satisfied_by(found) == satisfies(found, policy)
+    assert not adapted or satisfies(found, policy)
+
+
+words = ("change", "sample_us", "from_us", "to_us", "max_delay_us", "order", "approximation")
+
+
+@definition
+@given(
+    st.fixed_dictionaries(
+        dict(
+            zip(
+                words,
+                [
+                    st.sampled_from(["any update", "any change", "sample"]),
+                    *[st.none() | st.integers(-1, 5)] * 4,
+                    st.sampled_from(["any", "monotone", "strict"]),
+                    st.sampled_from(["none", "most recent"]),
+                ],
+                strict=True,
+            )
+        )
+    )
+)
+def test_definitions_4_4_8_and_4_4_13_which_constraints_go_together(written: dict[str, Any]) -> None:
+    """As 4.4.5 says it of each; `most recent` without an end too (P3), and no duration that ends before it starts."""
+    times = [written[name] for name in words[1:5]]
+    sampled, from_us, to_us = written["sample_us"] is not None, written["from_us"], written["to_us"]
+    complete = sampled and from_us is not None and written["max_delay_us"] is not None
+    allowed = (
+        all(t is None or t >= 0 for t in times)
+        and written["sample_us"] != 0
+        and (written["change"] == "sample") == sampled
+        and (from_us is None or to_us is None or from_us <= to_us)
+        and (written["approximation"] == "none" or complete)
+    )
+    try:
+        policy = Policy(**written)
+    except PolicyError:
+        assert not allowed
+    else:
+        assert allowed
+        assert policy.order == ("strict" if sampled else written["order"]), "a sample constraint implies strict order"
 
 
 def test_definition_4_4_13_use_most_recent_needs_to_know_what_is_missing_and_when() -> None:
@@ -89,28 +133,22 @@ def test_definition_4_4_13_use_most_recent_needs_to_know_what_is_missing_and_whe
 # Definitions 4.5.9 and 4.5.10: what comes out of an adapter.
 
 
-@given(exact_policies, gridded_streams())
-def test_definition_4_5_10_what_is_delivered_is_a_substream_that_satisfies_the_policy(
-    policy: Policy, f: list[Sample]
-) -> None:
+@definition
+@given(exact_policies, rated_streams())
+def test_definition_4_5_9_what_is_delivered_is_a_substream_available_no_earlier(policy: Policy, f: list[Sample]) -> None:
     kept, adapter = run(f, policy)
-    assert policy.satisfied_by(kept)
     assert is_substream(kept, f)
     assert len(kept) + sum(adapter.dropped.values()) == len(f), "what is dropped is counted"
 
 
-@given(exact_policies, rated_streams())
-def test_definition_4_5_10_what_is_delivered_is_maximal(policy: Policy, f: list[Sample]) -> None:
-    """No dropped sample could be added, at the time it arrived, to what was delivered, as far as is known then."""
+@definition
+@given(exact_policies, rated_streams(max_size=8))
+def test_definition_4_5_10_what_is_delivered_satisfies_the_policy_and_is_maximal(
+    policy: Policy, f: list[Sample]
+) -> None:
     kept, adapter = run(f, policy)
-    for dropped in (s for s in f if s not in kept):
-        until_then = [s for s in kept if s.available_us < dropped.available_us]
-        on_grid = (
-            policy.sample_us is None
-            or policy.from_us is None
-            or (dropped.valid_us - policy.from_us) % policy.sample_us == 0
-        )
-        assert not (on_grid and policy.satisfied_by([*until_then, dropped])), adapter.dropped
+    assert satisfies(kept, policy)
+    assert is_maximal(kept, f, policy), adapter.dropped
 
 
 @given(policies(), rated_streams())
@@ -133,6 +171,7 @@ def most_recent_policies(draw: st.DrawFn) -> Policy:
     )
 
 
+@definition
 @given(most_recent_policies(), gridded_streams())
 def test_definition_4_5_10_use_most_recent_gives_every_point_its_literal_value_and_never_later(
     policy: Policy, f: list[Sample]
@@ -191,16 +230,6 @@ def test_use_linear_puts_missing_points_on_the_line_between_their_neighbours(
         assert s.value == pytest.approx((3.0 * s.valid_us, -1.0 * s.valid_us))
 
 
-@given(streams(), streams())
-def test_definition_4_5_9_substreams_are_a_preorder(f: list[Sample], g: list[Sample]) -> None:
-    assert is_substream(f, f)
-    assert is_substream([], f)
-    late = [s._replace(available_us=s.available_us + 5) for s in f]
-    assert is_substream(late, f)
-    assume(is_substream(g, late))
-    assert is_substream(g, f)
-
-
 # The examples.
 
 
@@ -235,43 +264,56 @@ def test_a_missed_sample_is_a_gap_and_not_the_end(case: dict[str, Any]) -> None:
     assert adapter.gaps == case["gaps"]
 
 
-def test_example_4_4_8_to_4_4_12_one_constraint_each() -> None:
-    assert shown(run(P1, Policy.parse("sample every 100"))[0]) == shown(P1)
-    assert [s.value for s in run(P1, Policy.parse("max delay 30"))[0]] == ["p2", "p3", "p4"]
-    assert [s.value for s in run(P1, Policy.parse("from 300 to 400"))[0]] == ["p2", "p3"]
-    repeated = stream([(1, 1, "a"), (2, 1, "b"), (3, 0, "c")])
-    assert [s.value for s in run(repeated, Policy.parse("monotone order"))[0]] == ["a", "b"]
-    assert [s.value for s in run(repeated, Policy.parse("strict order"))[0]] == ["a"]
+def kept(f: list[Sample], policy: str) -> list[Any]:
+    return [s.value for s in run(f, Policy.parse(policy))[0]]
+
+
+REPEATED = stream([(1, 1, "a"), (2, 1, "b"), (3, 0, "c")])
+
+
+def test_example_4_4_8_change_constraint() -> None:
+    assert kept(P1, "sample every 100") == ["p1", "p2", "p3", "p4"]
+    assert kept(P1, "sample every 200") == ["p1", "p3"]
+    assert kept(REPEATED, "any update") == kept(REPEATED, "") == ["a", "b", "c"]
+
+
+def test_example_4_4_9_delay_constraint() -> None:
+    assert kept(P1, "max delay 100") == kept(P1, "max delay oo") == ["p1", "p2", "p3", "p4"]
+    assert kept(P1, "max delay 30") == ["p2", "p3", "p4"]
+
+
+def test_example_4_4_10_duration_constraint() -> None:
+    assert kept(P1, "from 300 to 400") == ["p2", "p3"]
+    assert kept(P1, "from 300") == kept(P1, "from 300 to oo") == ["p2", "p3", "p4"]
+    assert kept(P1, "to 300") == kept(P1, "from 0 to 300") == ["p1", "p2"]
+
+
+def test_example_4_4_11_order_constraint() -> None:
+    assert kept(REPEATED, "any order") == ["a", "b", "c"]
+    assert kept(REPEATED, "monotone order") == ["a", "b"]
+    assert kept(REPEATED, "strict order") == ["a"]
+
+
+def test_example_4_4_12_approximation_constraint() -> None:
+    missing = [s for s in P1 if s.value != "p3"]
+    complete = "sample every 100, max delay 60, from 200 to 500"
+    assert kept(missing, f"{complete}, use most recent") == ["p1", "p2", "p2", "p4"]
+    assert kept(missing, f"{complete}, no approximation") == kept(missing, complete) == ["p1", "p2", "p4"]
     assert most_recent_at(P1, 450_000, 480_000) == sample((430, 400, "p3"))
 
 
-def test_examples_4_4_13_4_4_14_and_4_5_3_terms_and_streams_of_a_generator() -> None:
-    network, car1 = Network(), Label.parse("pos[car1]")
+def adapted_in_network(policy: str) -> list[Any]:
+    network, car1, got = Network(), Label.parse("pos[car1]"), list[Sample]()
     network.add_source(car1, Sort("pos"))
-    sampled: list[Sample] = []
-    speed_car1: list[Sample] = []
-    network.subscribe(car1, Policy.parse("sample every 200"), sampled.append)
-    network.subscribe(car1, Policy.parse("from 300 to 400"), speed_car1.append)
+    network.subscribe(car1, Policy.parse(policy), got.append)
     for s in P1:
         network.push(car1, s.valid_us, s.value, s.available_us)
-    assert [s.value for s in sampled] == ["p1", "p3"]
-    assert [s.value for s in speed_car1] == ["p2", "p3"]
-    assert network.generator(car1).history.get_between(0, 500_000) == P1, (
-        "Definition 4.5.7: the label denotes the source's samples"
-    )
+    return [s.value for s in got]
 
 
-@given(streams())
-def test_definition_4_5_8_a_unit_computes_from_the_join_of_its_adapted_inputs(f: list[Sample]) -> None:
-    network, pos, speed = Network(), Label("pos"), Label("speed")
-    network.add_source(pos, Sort("pos"))
-    network.add_unit(
-        speed,
-        Sort("speed"),
-        lambda now, inputs, state: (Sample(now, now, inputs[0]), state),
-        [(pos, Policy(order="monotone"))],
-    )
-    for s in f:
-        network.push(pos, s.valid_us, s.value, s.available_us)
-    adapted, _ = run(f, Policy(order="monotone"))
-    assert [s.value for s in network.generator(speed).history.get_slice(0, len(adapted) - 1)] == adapted
+def test_example_4_4_13_fluent_stream_term() -> None:
+    assert adapted_in_network("sample every 200") == ["p1", "p3"]
+
+
+def test_example_4_4_14_fluent_stream_declaration() -> None:
+    assert adapted_in_network("from 300 to 400") == ["p2", "p3"]
