@@ -22,7 +22,7 @@ class ProcessFactory:
     def __init__(self, network: Network, sorts: Mapping[str, Sort] | None = None) -> None:
         self._network, self._sorts = network, sorts or {}
         self._prototypes: dict[str, Prototype] = {}
-        self._made = set[Label]()
+        self._made: dict[Label, Generator] = {}
 
     def add_prototype(self, prototype: Prototype) -> None:
         """Offer a prototype under its name.
@@ -85,7 +85,7 @@ class ProcessFactory:
             made = self._network.add_source(label, sort)
         else:
             made = self._network.add_process(label, sort, process)
-        self._made.add(label)
+        self._made[label] = made
         return made
 
     def destroy_knowledge_process(self, label: Label) -> None:
@@ -94,9 +94,9 @@ class ProcessFactory:
         Raises:
             UnknownLabel: none that was made here carries `label`.
         """
-        if label not in self._made:
+        made = self._made.pop(label, None)
+        if made is None or self._network.behind(label) is not made:  # another may carry the label since
             raise UnknownLabel(str(label), tuple(map(str, self._made)))
-        self._made.discard(label)
         self._network.remove(label)
 
 

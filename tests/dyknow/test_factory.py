@@ -187,3 +187,12 @@ def test_the_operations_of_a_stream_generator() -> None:
     assert history.get_size() == 0
     with pytest.raises(UnknownLabel):
         network.snapshot(SPEED)
+
+
+def test_what_another_put_in_the_place_of_what_was_made_is_not_destroyed(factory: ProcessFactory) -> None:
+    factory.create_knowledge_process(POS, "feed")
+    factory._network.remove(POS)
+    factory._network.add_source(POS, Sort("pos"))
+    with pytest.raises(UnknownLabel):
+        factory.destroy_knowledge_process(POS)
+    assert factory._network.has(POS)

@@ -41,7 +41,9 @@ def happenings(draw, sets=sets):
         now_us += 5 + step % 16
         valid_us = max(0, now_us - delay % 31)
         named = what % 4 == 0
-        found.append((IDS, valid_us, draw(sets), now_us) if named else (pos(CARS[what % 4 - 1]), valid_us, now_us, now_us))
+        found.append(
+            (IDS, valid_us, draw(sets), now_us) if named else (pos(CARS[what % 4 - 1]), valid_us, now_us, now_us)
+        )
     return found
 
 

@@ -51,9 +51,13 @@ def test_example_4_4_2_the_signature_of_the_example() -> None:
     assert streams == {"speed_car1", "speed_car2"}
 
 
-def test_examples_4_4_3_and_4_5_2_a_source_provides_samples_of_its_sort() -> None:
+def test_example_4_4_3_a_source_declaration() -> None:
+    assert SourceDeclaration("pos", "pos_car1") in parse_specification(CARS)
+    assert cars().instance.sources() == ("pos_car1", "pos_car2")
+
+
+def test_example_4_5_2_a_source_provides_samples_of_its_sort() -> None:
     running = cars()
-    assert running.instance.sources() == ("pos_car1", "pos_car2")
     running.add("stream raw = pos[car1]")
     drive(running)
     assert running.values("raw") == ["p1", "p2", "p3", "p4"]
@@ -69,9 +73,14 @@ def test_example_4_4_5_a_label_is_a_feature_of_objects() -> None:
     assert Label.parse("speed[car2]") == Label("speed", ("car2",))
 
 
-def test_examples_4_4_6_and_4_4_7_a_primitive_and_a_refinement_process() -> None:
+def test_example_4_4_6_a_primitive_process() -> None:
     running = cars()
+    assert running.network.has(Label("pos", ("car1",)))
     assert running.network.process(Label("pos", ("car1",))) is None, "it is fed by its source"
+
+
+def test_example_4_4_7_a_refinement_process() -> None:
+    running = cars()
     (made,) = [
         each.made
         for each in running.instance.specification

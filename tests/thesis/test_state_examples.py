@@ -72,7 +72,9 @@ def test_figure_7_12_the_basic_algorithm_asks_for_what_was_most_recent_a_maximum
     points = [t * MS for t in (1050, 1150, 1250)]
     states = [tuple(most_recent_at(f, t, t + 80 * MS) for f in (SPEED, WINCH)) for t in points]
     assert [[s and s.value for s in state] for state in states] == [["s1", "w1"], ["s2", "w2"], ["s3", "w3"]]
-    improved, _ = synchronized("sample every 100, from 1050 to 1250, max delay 80", Policy.parse("sample every 100, max delay 80"))
+    improved, _ = synchronized(
+        "sample every 100, from 1050 to 1250, max delay 80", Policy.parse("sample every 100, max delay 80")
+    )
     assert [s[1:] for s in improved] == [(1050, ("s1", "w1")), (1150, ("s2", "w2")), (1250, ("s3", "w3"))]
     assert all(s[0] <= t / MS + 80 for s, t in zip(improved, points, strict=True))
 
@@ -188,7 +190,9 @@ def test_example_7_8_2_the_period_is_the_greatest_common_divisor_of_the_inputs()
         Synchronizer([two[0], StateInput("clicks", Policy())], StatePolicy(None, 80_000))
 
 
-@pytest.mark.parametrize(("patience", "left", "value"), [(10, 1160, "w1"), (20, 1170, "w2"), (21, 1170, "w2"), (100, 1170, "w2")])
+@pytest.mark.parametrize(
+    ("patience", "left", "value"), [(10, 1160, "w1"), (20, 1170, "w2"), (21, 1170, "w2"), (100, 1170, "w2")]
+)
 def test_example_7_8_3_how_long_to_wait_before_an_old_value_is_used(patience: int, left: int, value: str) -> None:
     text = f"from 1150 to 1150, sample every 100, delay before approximation {patience}, max delay 100"
     states, table = synchronized(text)

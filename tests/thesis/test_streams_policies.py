@@ -135,7 +135,9 @@ def test_definition_4_4_13_use_most_recent_needs_to_know_what_is_missing_and_whe
 
 @definition
 @given(exact_policies, rated_streams())
-def test_definition_4_5_9_what_is_delivered_is_a_substream_available_no_earlier(policy: Policy, f: list[Sample]) -> None:
+def test_definition_4_5_9_what_is_delivered_is_a_substream_available_no_earlier(
+    policy: Policy, f: list[Sample]
+) -> None:
     kept, adapter = run(f, policy)
     assert is_substream(kept, f)
     assert len(kept) + sum(adapter.dropped.values()) == len(f), "what is dropped is counted"

@@ -10,7 +10,6 @@ from dyknow import Label, Policy, TextError
 from dyknow.errors import TextErrors
 from dyknow.labels import RESERVED
 from kpl import parse_specification
-from kpl.listing import print_specification
 from kpl.specification import (
     Declaration,
     FromSource,
@@ -33,7 +32,6 @@ def test_definitions_4_4_3_to_4_4_15_and_7_8_6_a_sentence_of_the_grammar_means_w
 ) -> None:
     text, meant = sentence
     assert parse_specification(text) == meant
-    assert parse_specification(print_specification(meant)) == meant
 
 
 @definition
@@ -89,7 +87,12 @@ def is_specification(found: tuple[Declaration, ...]) -> bool:
     units = [each for each in found if isinstance(each, UnitDeclaration)]
     generators = [each for each in found if isinstance(each, GeneratorDeclaration)]
     streams = [each for each in found if isinstance(each, StreamDeclaration)]
-    for symbols in ([e.name for e in sources], [e.name for e in units], [e.name for e in streams], [e.label for e in generators]):
+    for symbols in (
+        [e.name for e in sources],
+        [e.name for e in units],
+        [e.name for e in streams],
+        [e.label for e in generators],
+    ):
         if len(symbols) != len(set(symbols)):
             return False
     sort_of: dict[Any, str] = {}
