@@ -26,6 +26,8 @@ from dyknow import Prototype, prototypes_in
 from dyknow.errors import UnitError
 
 GROUP: Final = "dyknow.units"
+MAX_CAUSE: Final = 500
+"""Characters of what a module that fails may say."""
 _LIBRARY: Final = (conversions, intersection, kalman, motion, relations, smoothing)
 _NOT_OFFERED: Final = {"Conversion"}
 _OURS: Final = "the library"
@@ -59,7 +61,7 @@ def load_module(name: str, asked_by: str = "") -> ModuleType:
         place = f"{error.filename}:{error.lineno}"
         raise UnitError(f"{what}: {place}: {error.msg}; repair it, or do not ask for it") from error
     except (Exception, SystemExit) as error:
-        cause = f"{type(error).__name__}: {error}"
+        cause = f"{type(error).__name__}: {error}"[:MAX_CAUSE]
         raise UnitError(f"{what}: {_place(error)}: {cause}; repair it, or do not ask for it") from error
 
 

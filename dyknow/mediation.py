@@ -173,12 +173,18 @@ class Configuration:
 
     Args:
         create: a member came, or may lack what belongs to it; `remove`: it went.
+        admit: asked before anything changes whether so many more may come; raises SortError, and all stays.
     """
 
     def __init__(
-        self, network: "Network", domain: Input, create: Callable[[str], None], remove: Callable[[str], None]
+        self,
+        network: "Network",
+        domain: Input,
+        create: Callable[[str], None],
+        remove: Callable[[str], None],
+        admit: Callable[[int], None] = lambda _more: None,
     ) -> None:
-        self._network, self.domain, self._create, self._remove = network, domain, create, remove
+        self._network, self.domain, self._create, self._remove, self._admit = network, domain, create, remove, admit
         self.members: dict[str, None] = {}
         self.proxy = network.connect(domain.label, domain.policy, self._on_sample, current=True)
 
@@ -194,12 +200,16 @@ class Configuration:
 
     def _on_sample(self, sample: Sample) -> None:
         try:
-            self._set(members_of(sample.value))
+            members = members_of(sample.value)
+            self._admit(len(members) - len(self.members))
         except SortError as wrong:
             self._network.on_fault(self.domain.label, str(wrong))
+        else:
+            self._set(members)
 
     def _set(self, members: Sequence[str]) -> None:
-        for gone in [member for member in self.members if member not in members]:
+        staying = set(members)
+        for gone in [member for member in self.members if member not in staying]:
             del self.members[gone]
             self._remove(gone)
         for new in members:

@@ -1,12 +1,15 @@
 """Families of generators: one for each member that a stream names, made and removed with it (thesis 3.3.3)."""
 
 from dyknow import Label, Network
-from dyknow.errors import DyknowError
+from dyknow.errors import DyknowError, SortError
 from dyknow.mediation import Configuration
 from kpl.compiling import Compiler
 from kpl.parts import Parts
 from kpl.specification import ForEach
 from kpl.surroundings import Undo, nothing
+
+MAX_OF_FAMILIES = 16_384
+"""Generators of all families together."""
 
 
 class Families:
@@ -45,8 +48,16 @@ class Families:
                     if other.feature == family_label.feature and other != family_label:
                         family.renew()
 
+        def admit(more: int) -> None:
+            there = len(self._parts.of_families)
+            if more > 0 and there + more > MAX_OF_FAMILIES:
+                raise SortError(
+                    f"{more} more members of {family_label.feature}, where families have {there} generators already; "
+                    f"an instance holds at most {MAX_OF_FAMILIES}"
+                )
+
         domain = self._compiler.input(declaration.domain)
-        family = Configuration(self._network, domain, create, remove)
+        family = Configuration(self._network, domain, create, remove, admit)
         self.members[family_label] = family
 
         def undo() -> None:

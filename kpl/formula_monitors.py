@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import partial
 
 from dyknow import NO_VALUE, Label, Network, Policy, Sample, State, StateInput, StatePolicy, Synchronizer, earlier
-from dyknow.errors import SortError, UnknownLabel
+from dyknow.errors import SortError, TextError, UnknownLabel
 from dyknow.instants import US_PER_MS, US_PER_S
 from dyknow.mediation import members_of
 from dyknow.stream_proxy import StreamProxy
@@ -62,11 +62,18 @@ class FormulaMonitor:
         self._labels: tuple[str, ...] = ()
         self._states: Synchronizer | None = None
         self.proxies: list[StreamProxy] = []
-        self._members = [
-            network.connect(Label(name), Policy(), partial(self._on_members, name), current=True)
-            for name in self._domains
-        ]
-        self._subscribe()
+        self._members: list[StreamProxy] = []
+        self._begun = False
+        self._failing: set[str] = set()
+        try:
+            for name in self._domains:
+                on_members = partial(self._on_members, name)
+                self._members.append(network.connect(Label(name), Policy(), on_members, current=True))
+            self._subscribe()
+        except TextError:
+            self.cancel()
+            raise
+        self._begun = True
         network.step(self)
 
     @property
@@ -95,17 +102,26 @@ class FormulaMonitor:
         return () if self._states is None else tuple(map(str, self._states.awaited()))
 
     def _on_members(self, name: str, sample: Sample) -> None:
-        if self._set_members(name, sample):
-            self._subscribe()
-
-    def _set_members(self, name: str, sample: Sample) -> bool:
+        """Of too many those before stay, and what holds is not known until there are fewer."""
+        before = self._domains[name]
         try:
-            members = members_of(sample.value)
-        except SortError as wrong:
-            self._network.on_fault(Label(name), str(wrong))
-            return False
-        changed, self._domains[name] = members != self._domains[name], members
-        return changed
+            self._domains[name] = members_of(sample.value)
+            if self._begun and (self._domains[name] != before or not self.proxies):
+                self._subscribe()
+        except (SortError, TextError) as wrong:
+            self._domains[name] = before
+            self._fails(name, wrong)
+        else:
+            self._failing.discard(name)
+            self.monitor.mark_present(name, self._network.now_us)
+
+    def _fails(self, which: str, wrong: SortError | TextError) -> None:
+        if which in self._failing:
+            return
+        self._failing.add(which)
+        said = wrong.message if isinstance(wrong, TextError) else str(wrong)
+        self._network.on_fault(Label(which), f"monitor {self.monitor.name}: {said}")
+        self.monitor.mark_missing(which, self._network.now_us, "too many")
 
     def _subscribe(self) -> None:
         """Streams of what the formula reads now; states begin anew with those."""
@@ -144,7 +160,12 @@ class FormulaMonitor:
                 label: NO_VALUE if origin.valid_us is None or origin.valid_us < oldest_us else value
                 for label, value, origin in zip(self._labels, state.values, state.origins, strict=True)
             }
-            for event in self.monitor.on_state(state.valid_us, state.available_us, values, domains=self._domains):
+            try:
+                events = self.monitor.on_state(state.valid_us, state.available_us, values, domains=self._domains)
+            except TextError as wrong:
+                self._fails(self.monitor.name, wrong)
+                return
+            for event in events:
                 self._on_alarm(event)
 
 

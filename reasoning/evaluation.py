@@ -88,12 +88,12 @@ class Compiler:
     def __init__(self, domains: Domains | None = None, no_value: NoValuePolicy = "undecided") -> None:
         self.domains = {name: tuple(members) for name, members in (domains or {}).items()}
         self.unknown = UNKNOWN[no_value]
-        self._nodes_left = LIMIT_NODES
+        self.nodes_left = LIMIT_NODES
 
     def count(self) -> None:
         """One more node; raises TextError when the formula has grown too large."""
-        self._nodes_left -= 1
-        if self._nodes_left < 0:
+        self.nodes_left -= 1
+        if self.nodes_left < 0:
             raise too_large()
 
     def test(self, formula: Formula) -> Test:

@@ -50,6 +50,8 @@ from reasoning.residuals import (
     obligations,
 )
 
+_FEW_MEMBERS = 16
+
 Verdict: TypeAlias = Literal["true", "false", "undecided"]
 
 
@@ -219,19 +221,27 @@ class _Until(_Interval):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Growing:
-    """A growing quantifier over a temporal body; `instances` holds one operator per member met."""
+    """A growing quantifier over a temporal body; `instances` holds one operator per member met, and its nodes."""
 
     builder: "_Builder"
     universal: bool
     variable: str
     domain: Domain
     body: Formula
-    instances: dict[str, Operator]
+    instances: dict[str, tuple[Operator, int]]
 
     def instance(self, member: str) -> Operator:
         if member not in self.instances:
-            self.instances[member] = self.builder.build(instantiate(self.body, self.variable, member))
-        return self.instances[member]
+            self.instances[member] = self.builder.weighed(instantiate(self.body, self.variable, member))
+        return self.instances[member][0]
+
+    def members(self, moment: Moment) -> tuple[str, ...]:
+        """Who counts now; when most of those that were met do not, they are forgotten."""
+        members = domain_members(self.domain, moment.domains)
+        if len(self.instances) > 2 * len(members) + _FEW_MEMBERS:
+            for gone in self.instances.keys() - set(members):
+                self.builder.forget(self.instances.pop(gone)[1])
+        return members
 
     def start(self, moment: Moment) -> Residual:
         return _Grown(self, ()).step(moment)
@@ -250,7 +260,7 @@ class _Grown:
 
     def step(self, moment: Moment) -> Residual:
         before, after = dict(self.residuals), {}
-        for member in domain_members(self.operator.domain, moment.domains):
+        for member in self.operator.members(moment):
             if member not in before:
                 after[member] = self.operator.instance(member).start(moment)
             else:
@@ -268,6 +278,16 @@ class _Builder:
 
     def __init__(self, compiler: Compiler, period_us: int | None) -> None:
         self._compiler, self._period_us = compiler, period_us
+
+    def weighed(self, formula: Formula) -> tuple[Operator, int]:
+        """What is built of a formula, and how many nodes that took."""
+        before = self._compiler.nodes_left
+        operator = self.build(formula)
+        return operator, before - self._compiler.nodes_left
+
+    def forget(self, nodes: int) -> None:
+        """What was built of so many nodes is needed no more."""
+        self._compiler.nodes_left += nodes
 
     def build(self, formula: Formula) -> Operator:
         if not is_temporal(formula):

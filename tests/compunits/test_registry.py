@@ -259,3 +259,10 @@ def test_a_module_without_a_file_is_called_by_its_name() -> None:
     module.other = value_unit("a", "b", name="Same")(lambda value: value)  # type: ignore[attr-defined]
     with pytest.raises(UnitError, match="typed_in: two units"):
         prototypes_of(module)
+
+
+def test_what_a_module_says_when_it_fails_is_told_no_longer_than_can_be_read(folder) -> None:
+    write(folder, "shouts", "raise KeyError('x' * 100_000)")
+    with pytest.raises(UnitError, match="shouts") as told:
+        load_module("shouts")
+    assert len(str(told.value)) < 1_000

@@ -7,6 +7,7 @@ import pytest
 from dyknow import Label, Policy, UnitPrototype, of_values
 from dyknow.errors import TextError, TextErrors
 from kpl import parse_specification
+from kpl.families import MAX_OF_FAMILIES
 from kpl.specification import GeneratorDeclaration, StateStream, StreamTerm
 from kpl.specification_checking import LONGEST_CHAIN
 from tests.kpl.running import Running
@@ -180,6 +181,82 @@ def test_a_merge_over_a_hundred_thousand_members_is_told_and_those_before_stay(r
     running.push("ids", ())
     works(running)
     assert len(running.network.labels()) < 10
+
+
+def test_families_of_more_members_than_fit_together_are_told_and_those_before_stay(running) -> None:
+    families = "".join(f"for c in car_ids strmgen y{i}[c] = Double(a)\n" for i in range(40))
+    running.add(MEMBERS + families + "strmgen all = merge y39[c] for c in car_ids\nstream m = all")
+    running.push("ids", ("c1",))
+    running.push("ids", tuple(range(4_000)))
+    assert len(running.network.labels()) < MAX_OF_FAMILIES + 50
+    assert any(f"at most {MAX_OF_FAMILIES}" in said for _, said in running.faults)
+    works(running)
+    running.push("ids", ("c1", "c2"))
+    running.push("raw", 1)
+    assert running.values("m")[-2:] == [2, 2]
+    running.push("ids", ())
+    works(running)
+    assert len(running.network.labels()) < 10
+
+
+def test_members_that_change_with_every_sample_leave_nothing_behind(running) -> None:
+    running.add(
+        MEMBERS + "for c in car_ids strmgen x[c] = raw\nstrmgen all = merge x[c] for c in car_ids\nstream m = all"
+    )
+    running.push("ids", ())
+    before = running.state()
+    for n in range(100):
+        running.push("ids", tuple(range(50 * n, 50 * n + 50)))
+    running.push("raw", 1)
+    assert running.values("m") == [1] * 50
+    running.push("ids", ())
+    kept = {"sizes": None}  # what the merge made stays in its history
+    assert running.state() | kept == before | kept
+
+
+@pytest.mark.parametrize("depth", [2, 3, 6])
+def test_nested_quantifiers_over_too_many_members_are_told_and_what_holds_is_unknown(running, depth) -> None:
+    quantifiers = "".join(f"forall v{i} in car_ids: " for i in range(depth))
+    whole = " and ".join(f"p[v{i}] > 0" for i in range(depth))
+    running.add(MEMBERS + f"for c in car_ids strmgen p[c] = raw\nmonitor m = {quantifiers}({whole})\n")
+    running.push("ids", ("c1", "c2"))
+    running.push("ids", tuple(range(300)))
+    assert [said for _, said in running.faults if "expands to more than" in said]
+    monitor = running.instance.monitors["m"].monitor
+    assert monitor.shows == "unknown"
+    works(running)
+    running.push("ids", ("c1", "c2"))
+    for _ in range(300):
+        running.push("raw", 1)
+    assert monitor.shows == "ok"
+    running.push("ids", tuple(range(300)))
+    refused(running, f"monitor n = {quantifiers}({whole})", "expands to more than")
+
+
+def test_members_that_never_come_again_wear_no_monitor_out(running) -> None:
+    parts = " and ".join(f"(eventually[0,1s] p[c] > -{i})" for i in range(20))
+    running.add(
+        MEMBERS + f"for c in car_ids strmgen p[c] = raw\nmonitor m = always forall c in car_ids growing: {parts}\n"
+    )
+    for n in range(30):
+        running.push("ids", tuple(range(50 * n, 50 * n + 50)), running.now_us + 100_000)
+        running.push("raw", 1, running.now_us + 50_000)
+        running.push("raw", 1, running.now_us + 50_000)
+        running.push("raw", 1, running.now_us + 100_000)
+    assert running.faults == []
+    assert running.instance.monitors["m"].monitor.shows == "ok"
+    works(running)
+
+
+def test_definitions_that_only_make_each_other_longer(running) -> None:
+    for more in ("not d{0}", "d{0} and d{0}", "d{0} or (d{0} and d{0})"):
+        text = "define d0 = a > 3\n" + "".join(f"define d{i + 1} = {more.format(i)}\n" for i in range(1_000))
+        refused(running, text + "monitor m = d1000", "")
+
+
+def test_a_text_of_fifty_megabytes(running) -> None:
+    for text in ("stream x = a\n" * 4_000_000, "x" * 50_000_000, "# x\n" * 13_000_000, "(" * 50_000_000):
+        refused(running, text, "65536 are allowed")
 
 
 def test_a_state_of_five_thousand_inputs(running) -> None:
