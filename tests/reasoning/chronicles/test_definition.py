@@ -1,0 +1,68 @@
+"""The engine recognises what the definitions say: the same instances, each at the same clock, and nothing else."""
+
+import os
+from collections import Counter
+
+import pytest
+
+from dyknow.errors import ChronicleError
+from reasoning.chronicles import Recogniser
+from tests.reasoning.chronicles.definition import Found, Meaning, recognised
+from tests.reasoning.chronicles.random_chronicles import Maker
+
+UNTIL_MS = 40
+
+
+def told(file, happenings):
+    """What the engine tells, as the clock goes."""
+    recogniser = Recogniser.of(file)
+    found = []
+    for one in happenings:
+        if one.change is None:
+            found += recogniser.on_message(one.at_ms, one.name, one.arguments)
+        else:
+            found += recogniser.on_change(one.at_ms, one.name, one.arguments, *one.change)
+    found += recogniser.on_time(UNTIL_MS)
+    assert not recogniser.incomplete
+    return [
+        Found(
+            one.chronicle, tuple(sorted(one.bindings.items())), tuple(sorted(one.instants.items())), one.recognised_ms
+        )
+        for one in found
+    ]
+
+
+def compare(found):
+    """Instances as they are compared: what an instant of its own (`t + [0, 5]`) is called does not matter."""
+    return Counter(
+        one._replace(instants=tuple(sorted((name.partition("~")[0], at) for name, at in one.instants))) for one in found
+    )
+
+
+def compared(seed):
+    """How many instances there were; None for a chronicle that is refused."""
+    maker = Maker(seed)
+    file, happenings = maker.file(), maker.happenings()
+    try:
+        engine = told(file, happenings)
+    except ChronicleError as refused:
+        if "contradict" in str(refused):
+            assert not all(Meaning(name, file).is_possible for name in file.chronicles)
+        return None
+    assert all(Meaning(name, file).is_possible for name in file.chronicles)
+    assert [one.recognised_ms for one in engine] == sorted(one.recognised_ms for one in engine)
+    assert compare(engine) == compare(recognised(file, happenings, UNTIL_MS))
+    return len(engine)
+
+
+@pytest.mark.timeout(3_000)
+def test_the_engine_recognises_what_the_definitions_say():
+    wanted = 5_000 if os.environ.get("DYKNOW_FULL") else 300
+    counts, seed = [], 0
+    while len(counts) < wanted:
+        found = compared(seed)
+        seed += 1
+        if found is not None:
+            counts.append(found)
+    assert seed < 3 * wanted
+    assert sum(count > 0 for count in counts) > wanted / 5

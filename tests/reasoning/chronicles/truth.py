@@ -1,0 +1,64 @@
+"""Constraints on variables and domains, read as thesis 8.3.1 and 8.3.5 say."""
+
+from reasoning.chronicles.domains import Combination, Complement, Named, Symbols
+from reasoning.chronicles.model import And, Choice, Equal, Iff, Implies, Member, Not, Or, Use, Variable
+
+
+def variables_of(condition, file):
+    match condition:
+        case Member(variable, _):
+            return [variable]
+        case Equal(variable, other):
+            return [variable, *([other] if isinstance(other, Variable) else [])]
+        case Use(_, arguments):
+            return [one for one in arguments if isinstance(one, Variable)]
+        case Not(operand):
+            return variables_of(operand, file)
+        case And(operands) | Or(operands):
+            return [one for each in operands for one in variables_of(each, file)]
+        case Implies(left, right) | Iff(left, right):
+            return variables_of(left, file) + variables_of(right, file)
+    return [
+        one for each in (condition.condition, condition.then, condition.otherwise) for one in variables_of(each, file)
+    ]
+
+
+def truth(condition, value, file):
+    """Whether a condition holds where `value` gives the symbol of a parameter."""
+    match condition:
+        case Member(variable, domain, inside):
+            return is_in(value(variable), domain, file) == inside
+        case Equal(variable, other, same):
+            return (value(variable) == value(other)) == same
+        case Not(operand):
+            return not truth(operand, value, file)
+        case And(operands):
+            return all(truth(one, value, file) for one in operands)
+        case Or(operands):
+            return any(truth(one, value, file) for one in operands)
+        case Implies(left, right):
+            return not truth(left, value, file) or truth(right, value, file)
+        case Iff(left, right):
+            return truth(left, value, file) == truth(right, value, file)
+        case Choice(first, then, otherwise):
+            return truth(then, value, file) if truth(first, value, file) else truth(otherwise, value, file)
+    declared = file.named_constraints[condition.name]
+    given = {str(mine): value(one) for mine, one in zip(declared.parameters, condition.arguments, strict=True)}
+    return all(
+        truth(one, lambda each: each if isinstance(each, str) else given[str(each)], file)
+        for one in declared.constraints
+    )
+
+
+def is_in(symbol, domain, file):
+    match domain:
+        case Symbols(symbols):
+            return symbol in symbols
+        case Named(name):
+            return is_in(symbol, file.domains[name], file)
+        case Complement(inner):
+            return not is_in(symbol, inner, file)
+        case Combination(operator, left, right):
+            first, second = is_in(symbol, left, file), is_in(symbol, right, file)
+            return {"|": first or second, "&": first and second, "-": first and not second}[operator]
+    raise TypeError(domain)
