@@ -21,7 +21,31 @@ from kpl.specification import (
 )
 
 Words: TypeAlias = list[str]
-KEYWORDS = ["any", "approximation", "change", "compunit", "delay", "every", "from", "max", "monotone", "most", "no", "oo", "order", "recent", "sample", "source", "stream", "strict", "strmgen", "to", "update", "use", "with"]
+KEYWORDS = [
+    "any",
+    "approximation",
+    "change",
+    "compunit",
+    "delay",
+    "every",
+    "from",
+    "max",
+    "monotone",
+    "most",
+    "no",
+    "oo",
+    "order",
+    "recent",
+    "sample",
+    "source",
+    "stream",
+    "strict",
+    "strmgen",
+    "to",
+    "update",
+    "use",
+    "with",
+]
 """Definition 4.4.2."""
 
 names = st.sampled_from(["pos", "speed", "car1", "uav-1", "x_2", "SpeedEst", "_s", "before", "state1"])
