@@ -13,6 +13,8 @@ from typing import Any
 
 import psutil
 
+from console.processes import STATE_FILE
+
 PATIENCE_S = 100.0
 RUN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from console.main import main; main()"
 """As a terminal starts it: what runs in the background of a shell ignores Ctrl-C, and so would its children."""
@@ -63,7 +65,8 @@ class Dyknow:
             assert time.monotonic() < until, f"dyknow {' '.join(arguments)} still says {found}"
 
     def close(self) -> None:
-        self.start("down").wait(timeout=PATIENCE_S)
+        if (self.directory / "dyknow" / self.federation / STATE_FILE).exists():
+            self.start("down").wait(timeout=PATIENCE_S)
         for started in self.started:
             if started.poll() is None:
                 started.terminate()

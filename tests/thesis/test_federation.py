@@ -38,7 +38,11 @@ SECOND = 1_000_000
 @pytest.fixture
 def federation(wire: Wire) -> Wire:
     """UAVs a, b, c and d, and a command centre, two seconds after they met."""
-    for at, unit in enumerate("abcd"):
+    return met(wire, "abcd")
+
+
+def met(wire: Wire, units: str) -> Wire:
+    for at, unit in enumerate(units):
         wire.join(unit, Vehicle(north_m=500.0 * at, altitude_m=100.0 + at))
     wire.centre()
     wire.run(2.0)
@@ -138,8 +142,9 @@ def test_9_3_3_message_2_query_all_values_between_two_time_points(federation: Wi
 
 
 def test_9_3_3_a_time_point_in_the_future_is_refused_and_one_before_the_history_fails_and_names_its_start(
-    federation: Wire,
+    wire: Wire,
 ) -> None:
+    federation = met(wire, "ab")
     later = ask(federation, "b", "a", op="at", at_us=federation.now_us + SECOND)
     assert later.performatives == [P.REFUSE]
     assert later.reason == "not yet: 1.0 s in the future"
