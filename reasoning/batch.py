@@ -44,7 +44,7 @@ class Batch:
         domains: what the formula's quantifiers range over.
 
     Raises:
-        Grows: if a growing quantifier stands over a temporal body.
+        Grows: if a growing quantifier stands over a temporal body, or over a `since`.
         TextError, UnknownLabel: as `Progression.progress`.
     """
 

@@ -37,6 +37,7 @@ from reasoning.formulas import (
     instantiate,
     walk,
 )
+from reasoning.shapes import Grows
 
 Column: TypeAlias = Any
 """An array, one value per instance, or one value for all."""
@@ -61,14 +62,21 @@ _CALCULATE: Final[Mapping[str, Callable[[Any, Any], Any]]] = {"+": np.add, "-": 
 
 
 class Reader:
-    """Tells the letters of a scene over these atoms: digits 0 false, 1 true, 2 without a value, atom 0 the lowest."""
+    """Tells the letters of a scene over these atoms: digits 0 false, 1 true, 2 without a value, atom 0 the lowest.
+
+    Attributes:
+        since: labels of the features under a `since`.
+
+    Raises:
+        Grows: if a `since` stands under a growing quantifier, whose members' past would have to be known.
+    """
 
     def __init__(self, atoms: Sequence[Formula], compiler: Compiler, count: int) -> None:
         self._compiler = compiler
+        self.since: set[str] = set()
         self._tests = tuple((self._test(atom), 3**at) for at, atom in enumerate(atoms))
         self._kind = np.dtype(np.intp if len(atoms) <= _WIDEST else object)
         self._one = _compared(atoms[0]) if len(atoms) == 1 else None
-        self.since = tuple({node.feature.label for atom in atoms for node in walk(atom) if isinstance(node, Since)})
         self.resize(count)
 
     def resize(self, count: int) -> None:
@@ -155,6 +163,8 @@ class Reader:
         if not formula.growing:
             members = domain_members(domain, self._compiler.domains)
             return join([self._test(instantiate(body, variable, one)) for one in members])
+        if any(isinstance(node, Since) for node in walk(body)):
+            raise Grows
         compiled: dict[str, Test] = {}
 
         def test(scene: Scene) -> Masks:
@@ -182,6 +192,7 @@ class Reader:
                 return lambda scene: scene.valid_us
             case Since(feature):
                 label = feature.label
+                self.since.add(label)
                 return lambda scene: scene.since_us[label]
             case Negate(operand):
                 return _calculation(lambda one: -one, self._term(operand))

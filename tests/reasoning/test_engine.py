@@ -5,6 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from kpl import read_formula
 from reasoning import make_progression
 from reasoning.alarms import Watch
 from reasoning.automaton import LIMIT_GAPS
@@ -114,3 +115,11 @@ def test_a_watch_on_the_automaton_tells_the_same_alarms_as_a_plain_one(phi, stat
         if at % 5 == 4:
             shared.forget_clean()
             plain.forget_clean()
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("grows", ["", " growing"])
+def test_since_of_a_quantified_feature_is_known_whichever_way(way, grows):
+    formula = read_formula(f"always forall v in d{grows}: since(s[v]) < 100ms")
+    states = [(0, {"s[a]": 1, "s[b]": 1}), (UNIT_US // 2, {"s[a]": 1, "s[b]": 2}), (UNIT_US, {"s[a]": 1, "s[b]": 2})]
+    assert verdicts(formula, states, way) == ["undecided", "undecided", "false"]
