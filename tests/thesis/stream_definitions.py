@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -155,6 +155,44 @@ def literal_extension(f: Sequence[Sample], policy: Policy) -> list[Sample]:
     points = range(policy.from_us, policy.to_us + 1, policy.sample_us)
     found = [(t, t + policy.max_delay_us, most_recent_at(f, t, t + policy.max_delay_us)) for t in points]
     return [Sample(at, t, NO_VALUE if s is None else s.value) for t, at, s in found]
+
+
+def line_between(f: Iterable[Sample], policy: Policy) -> list[tuple[int, int, Any]]:
+    """(valid, available, value) of each grid point under `use linear`: exact, or on the line between its neighbours."""
+    assert policy.sample_us is not None
+    heard: list[Sample] = []
+    for s in f:
+        if not heard or s.valid_us > heard[-1].valid_us:
+            heard.append(s)
+    anchor_us = policy.from_us if policy.from_us is not None or not heard else heard[0].valid_us
+    found: list[tuple[int, int, Any]] = []
+    for before, after in pairwise([None, *heard]):
+        assert after is not None
+        first_us = after.valid_us if before is None else before.valid_us + 1
+        assert anchor_us is not None
+        for t in range(first_us + (anchor_us - first_us) % policy.sample_us, after.valid_us + 1, policy.sample_us):
+            is_wanted = (policy.from_us is None or policy.from_us <= t) and (policy.to_us is None or t <= policy.to_us)
+            is_late = policy.max_delay_us is not None and after.available_us - t > policy.max_delay_us
+            value = after.value if before is None else on_line(before, after, t)
+            if is_wanted and not is_late and (t == after.valid_us or value is not NO_VALUE):
+                found.append((t, after.available_us, after.value if t == after.valid_us else value))
+    return found
+
+
+def on_line(before: Sample, after: Sample, t: int) -> Any:
+    """The point of the straight line, component by component; none where a component has no number."""
+
+    def one(a: Any, b: Any) -> Any:
+        if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in (a, b)):
+            return NO_VALUE
+        return a + (b - a) * (t - before.valid_us) / (after.valid_us - before.valid_us)
+
+    if not isinstance(after.value, tuple):
+        return one(before.value, after.value)
+    if not isinstance(before.value, tuple) or len(before.value) != len(after.value):
+        return NO_VALUE
+    found = tuple(map(one, before.value, after.value))
+    return NO_VALUE if NO_VALUE in found else found
 
 
 def run(
