@@ -37,7 +37,7 @@ from federation.directory import (
 )
 from federation.liveness import SUSPECT_US, PlatformAppeared, PlatformGone, PlatformReturned, PlatformSuspected
 from federation.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone
-from kpl.specification_checking import shortened
+from kpl.complaints import shortened
 from reasoning import AlarmEvent, Monitor
 
 P = Performative

@@ -25,16 +25,14 @@ def check(call: Call, path: Path, *, units: Sequence[str] = (), unit: str = "0")
 
     text = read_text(path)
     try:
-        specification, errors = read_specification(text, str(path))
+        specification, errors, unread = read_specification(text, str(path))
     except TextError as wrong:
-        specification, errors = (), [wrong]
-    warnings: Sequence[TextError] = ()
-    if not errors:  # what could not be read would be missed everywhere
-        network = Network()
-        speaks(network)
-        findings = instance_of(network, Hooks(), units, unit).findings(specification, (), text, str(path))
-        errors = list(findings.errors)
-        warnings = () if errors else findings.warnings
+        specification, errors, unread = (), [wrong], frozenset()
+    network = Network()
+    speaks(network)
+    findings = instance_of(network, Hooks(), units, unit).findings(specification, (), text, str(path), unread)
+    errors = sorted([*errors, *findings.errors], key=lambda error: (error.line, error.column))
+    warnings = () if errors else findings.warnings
     for severity, found in (*(("error", one) for one in errors), *(("warning", one) for one in warnings)):
         _say(call, severity, found)
     if not call.out.json_lines:

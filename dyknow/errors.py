@@ -24,6 +24,8 @@
   + RosterError         a roster that does not load, or a key that is not in it
 """
 
+from typing import Any, Protocol
+
 
 class DyknowError(Exception):
     """Catch this to catch them all; never raise it directly."""
@@ -89,6 +91,17 @@ class SortError(DyknowError):
     """A value does not belong to the sort of its stream."""
 
 
+class Spot(Protocol):
+    """Where something stands in a text: line and column from 1, width in characters."""
+
+    @property
+    def line(self) -> int: ...
+    @property
+    def column(self) -> int: ...
+    @property
+    def width(self) -> int: ...
+
+
 WIDEST = 66
 """So many characters of a line are drawn."""
 
@@ -118,6 +131,25 @@ class TextError(DyknowError):
         self.message, self.text, self.line, self.column = message, text, line, column
         self.width, self.repair, self.file = max(1, width), repair, file
         super().__init__(self.drawn())
+
+    @classmethod
+    def at(cls, spot: Spot, message: str, *, text: str = "", repair: str = "", file: str = "") -> "TextError":
+        """The error at a node of a syntax tree, or at whatever else knows where it stands."""
+        line, column, width = spot.line, spot.column, spot.width
+        return TextError(message, text=text, line=line, column=column, width=width, repair=repair, file=file)
+
+    @classmethod
+    def at_offset(
+        cls, text: str, offset: int, message: str, *, width: int = 1, repair: str = "", file: str = ""
+    ) -> "TextError":
+        """The error so many characters after the beginning of `text`."""
+        line, column = text.count("\n", 0, offset) + 1, offset - text.rfind("\n", 0, offset)
+        return TextError(message, text=text, line=line, column=column, width=width, repair=repair, file=file)
+
+    def but(self, **changed: Any) -> "TextError":
+        """The same error with other attributes."""
+        same = {name: getattr(self, name) for name in ("text", "line", "column", "width", "repair", "file")}
+        return TextError(changed.pop("message", self.message), **{**same, **changed})
 
     def drawn(self) -> str:
         """The message with the line in question, a caret and the repair."""

@@ -51,9 +51,11 @@ def parse_duration(text: str, default_unit: str = "ms") -> int:
         )
     amount = Decimal(found[1]) * US_PER_UNIT[found[2] or default_unit]
     if amount > MAX_DURATION_US:
-        raise TextError(f"{stripped!r} is too long a time", text=stripped, width=len(stripped))
+        raise TextError(
+            f"{stripped!r} is too long a time", text=stripped, width=len(stripped), repair="oo, or a shorter time"
+        )
     if amount != amount.to_integral_value():
-        raise TextError(f"{stripped!r} is finer than a microsecond", text=stripped, width=len(stripped))
+        raise TextError(f"{stripped!r} is finer than a microsecond", text=stripped, width=len(stripped), repair="1us")
     return int(amount)
 
 

@@ -104,11 +104,4 @@ def _name(text: str, part: str, start: int, pattern: re.Pattern[str], wanted: st
 
 
 def _wrong(text: str, at: int, width: int, message: str, repair: str) -> TextError:
-    return TextError(
-        message,
-        text=text,
-        line=text.count("\n", 0, at) + 1,
-        column=at - (text.rfind("\n", 0, at) + 1) + 1,
-        width=width,
-        repair=repair,
-    )
+    return TextError.at_offset(text, at, message, width=width, repair=repair)

@@ -149,15 +149,7 @@ class _Reader:
         return token
 
     def fail(self, message: str, token: _Token, repair: str = "") -> NoReturn:
-        line_start = self.text.rfind("\n", 0, token.at) + 1
-        raise TextError(
-            message,
-            text=self.text,
-            line=self.text.count("\n", 0, token.at) + 1,
-            column=token.at - line_start + 1,
-            width=len(token.text),
-            repair=repair,
-        )
+        raise TextError.at_offset(self.text, token.at, message, width=len(token.text), repair=repair)
 
 
 def parse_policy(text: str) -> Policy:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Literal, TypeAlias
 
 from dyknow.errors import PolicyError
-from dyknow.instants import earlier
+from dyknow.instants import earlier, print_duration
 from dyknow.policy import Policy
 from dyknow.processes import Input, OnDemand
 from dyknow.sample import Sample, Value
@@ -151,6 +151,12 @@ def state_policy(policy: Policy, inputs: Sequence[Policy]) -> tuple[StatePolicy 
         raise PolicyError(
             "a sampled state needs `max delay`: how long after its valid time it is made with what there is",
             "with sample every 100, max delay 200",
+        )
+    if policy.delay_before_us is not None and policy.delay_before_us > max_delay_us:
+        before, longest = print_duration(policy.delay_before_us), print_duration(max_delay_us)
+        raise PolicyError(
+            f"`delay before approximation {before}` and `max delay {longest}` collide: the state is made before it may be approximated",
+            f"delay before approximation {longest}",
         )
     approximation = "most recent" if policy.approximation == "none" else policy.approximation
     made = StatePolicy(

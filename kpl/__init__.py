@@ -8,7 +8,7 @@ from kpl.printing import print_formula
 from kpl.profiles import profile_formula, unit_vocabulary
 from kpl.specification import Declaration, Specification
 from kpl.specification_checking import Findings, Known, check_specification
-from kpl.statements import parse_specification, read_specification
+from kpl.statements import Reading, parse_specification, read_specification
 from kpl.surroundings import Federation, Hooks
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "Hooks",
     "Instance",
     "Known",
+    "Reading",
     "Specification",
     "Vocabulary",
     "check",

@@ -45,15 +45,7 @@ def rank(declaration: Declaration) -> int:
 
 def in_text(wrong: TextError, text: str, file: str, repair: str = "") -> TextError:
     """The error with the text it is about."""
-    return TextError(
-        wrong.message,
-        text=wrong.text or text,
-        line=wrong.line,
-        column=wrong.column,
-        width=wrong.width,
-        repair=wrong.repair or repair,
-        file=wrong.file or file,
-    )
+    return wrong.but(text=wrong.text or text, repair=wrong.repair or repair, file=wrong.file or file)
 
 
 def as_text_errors(wrong: BaseException, text: str, file: str) -> TextErrors:
@@ -63,3 +55,15 @@ def as_text_errors(wrong: BaseException, text: str, file: str) -> TextErrors:
         return TextErrors((in_text(wrong, text, file),))
     said = "a chain of streams is too long" if isinstance(wrong, RecursionError) else str(wrong)
     return TextErrors((TextError(said, text=text, file=file),))
+
+
+def together(errors: Iterable[TextError], more: Iterable[TextError]) -> list[TextError]:
+    """Both, without what is told of the same statement by another check, or twice."""
+    found = list(errors)
+    lines = {each.line for each in found}
+    told = set[tuple[int, int, str]]()
+    for each in more:
+        if each.line not in lines and (each.line, each.column, each.message) not in told:
+            told.add((each.line, each.column, each.message))
+            found.append(each)
+    return found

@@ -98,10 +98,7 @@ class _Checker:
         self._known, self._text, self._file = vocabulary, text, file
 
     def error(self, message: str, place: Place, repair: str = "") -> None:
-        line, column, width = place.line, place.column, place.width
-        self.errors.append(
-            TextError(message, text=self._text, line=line, column=column, width=width, repair=repair, file=self._file)
-        )
+        self.errors.append(TextError.at(place, message, text=self._text, repair=repair, file=self._file))
 
     def resolve(self, formula: Formula) -> Formula:
         """The whole formula; the errors met are in `errors`."""
@@ -128,8 +125,10 @@ class _Checker:
             case Forall(_, domain, body) | Exists(_, domain, body):
                 return replace(node, domain=self._domain(domain), body=self.truth(body))
         found, sort = self.term(node)
-        if sort not in {"boolean", "any"}:
-            self.error(f"a truth value is wanted, this is {_named(sort)}", node.place, "compare it: ... > 0")
+        calculated = isinstance(found, Arithmetic | Negate | Abs)
+        if calculated or sort not in {"boolean", "any"}:
+            named = "a number" if calculated and sort == "any" else _named(sort)
+            self.error(f"a truth value is wanted, this is {named}", node.place, "compare it: ... > 0")
         return found
 
     def _each(self, parts: tuple[Formula, ...]) -> tuple[Formula, ...]:

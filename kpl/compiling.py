@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from dyknow import Label, Policy, PolicyError, Sort
-from dyknow.errors import SortError, TextError, TextErrors
+from dyknow.errors import SortError, TextError, TextErrors, WrongNumberOfInputs
 from dyknow.factory import process_of
 from dyknow.instants import US_PER_MS, print_duration
 from dyknow.mediation import Mediation
@@ -20,6 +20,7 @@ from kpl.listing import print_declaration
 from kpl.specification import (
     ChronicleFile,
     Declaration,
+    Define,
     Export,
     ForEach,
     FromSource,
@@ -54,6 +55,7 @@ MAX_DECLARATIONS = 10_000
 MAX_ERRORS = 100
 """After so many no more are looked for."""
 SELF = "self"
+LEFT_OUT = "nothing: leave the statement out"
 
 
 class Made(NamedTuple):
@@ -139,7 +141,7 @@ class Compiler:
                     ),
                 )
             case Link():
-                raise located(made, "links of objects are not run here yet: they come with anchoring")
+                raise located(made, "links of objects are not run here yet: they come with anchoring", LEFT_OUT)
 
     # What can be said beforehand
 
@@ -154,6 +156,8 @@ class Compiler:
         for each in new:
             try:
                 self._check(each, definitions, declared, text, file)
+            except WrongNumberOfInputs:
+                continue  # that is told where units are looked at
             except TextErrors as wrong:
                 errors += wrong.errors
             except TextError as wrong:
@@ -184,13 +188,15 @@ class Compiler:
                     raise located(
                         declaration, f"{name} is implemented with another sort", f"source {source.sort} {name}"
                     )
+            case Define():
+                definitions.check(declaration)
             case MonitorDeclaration():
                 definitions.resolved(declaration.formula, self._instance.unit, text, file)
                 self._check_period(declaration, declaration.policy)
             case StreamDeclaration(_, term) | Export(_, term) | Import(_, _, term):
                 self._check_period(term, term.policy)
             case ChronicleFile():
-                raise located(declaration, "chronicles are not run here yet")
+                raise located(declaration, "chronicles are not run here yet", LEFT_OUT)
 
     def _check_made(
         self, declaration: GeneratorDeclaration, declared: Declared, members: Members | None = None
@@ -272,5 +278,4 @@ def _terms(made: Making) -> tuple[StreamTerm, ...]:
 
 def located(node: Node, message: str, repair: str = "") -> TextError:
     """An error at a node of the syntax tree, whose text is not known here."""
-    place = node.place
-    return TextError(message, line=place.line, column=place.column, width=place.width, repair=repair)
+    return TextError.at(node.place, message, repair=repair)

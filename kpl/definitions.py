@@ -1,6 +1,6 @@
 """Features and constants that a specification defines, put in where formulas use them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields, replace
 from typing import Any
 
@@ -45,6 +45,28 @@ class Definitions:
                 else:
                     self.constants[each.feature.name] = value
 
+    def check(self, definition: Define) -> None:
+        """Raise TextError where a definition is made of itself, whether or not anybody uses it."""
+        path: list[tuple[Define, Iterator[Feature]]] = [(definition, self._uses(definition))]
+        seen = {id(definition)}
+        while path:
+            use = next(path[-1][1], None)
+            if use is None:
+                path.pop()
+                continue
+            made_of = self._defined(use)
+            if made_of is definition:
+                raise _circular(use, (*(each for each, _ in path), definition))
+            if made_of is not None and id(made_of) not in seen:
+                seen.add(id(made_of))
+                path.append((made_of, self._uses(made_of)))
+
+    def _uses(self, definition: Define) -> Iterator[Feature]:
+        return (node for node in walk(definition.formula) if isinstance(node, Feature))
+
+    def _defined(self, use: Feature) -> Define | None:
+        return self.features.get((use.name, len(use.objects))) if use.attribute is None else None
+
     def resolved(self, formula: Formula, unit: str, text: str = "", file: str = "") -> Formula:
         """The formula over streams only: definitions put in, constants and `self` replaced, sorts checked.
 
@@ -67,7 +89,7 @@ class Definitions:
         if not isinstance(node, Node):
             return node
         if isinstance(node, Feature):
-            definition = self.features.get((node.name, len(node.objects))) if node.attribute is None else None
+            definition = self._defined(node)
             return node if definition is None else self._put_in(node, definition, inside)
         changed: Mapping[str, Any] = {
             each.name: found
@@ -78,8 +100,7 @@ class Definitions:
 
     def _put_in(self, use: Feature, definition: Define, inside: tuple[Define, ...]) -> Any:
         if definition in inside:
-            names = " -> ".join(each.feature.name for each in (*inside, definition))
-            raise _wrong(f"{use.name} is defined by itself: {names}", use, "a definition without itself")
+            raise _circular(use, (*inside, definition))
         body = definition.formula
         for one in walk(body):
             if isinstance(one, Forall | Exists) and Variable(one.variable) in use.objects:
@@ -99,9 +120,13 @@ class Definitions:
         return self._expand(body, (*inside, definition))
 
 
+def _circular(use: Feature, around: Iterable[Define]) -> TextError:
+    names = " -> ".join(each.feature.name for each in around)
+    return _wrong(f"{use.name} is defined by itself: {names}", use, "a definition without itself")
+
+
 def _wrong(message: str, use: Feature, repair: str) -> TextError:
-    place = use.place
-    return TextError(message, line=place.line, column=place.column, width=place.width, repair=repair)
+    return TextError.at(use.place, message, repair=repair)
 
 
 def _constant(definition: Define) -> Constant | None:

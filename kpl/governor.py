@@ -211,10 +211,9 @@ class Governor:
         work = next((each for each in new if not isinstance(each, SourceDeclaration | UnitDeclaration | Define)), None)
         if work is None or not self.full:
             return []
-        place, said = work.place, f"there is no time for more: {self.load:.0%} of it is spent"
+        said = f"there is no time for more: {self.load:.0%} of it is spent"
         repair = "later, or with the choice to admit it at a longer period"
-        line, column, width = place.line, place.column, place.width
-        return [TextError(said, text=text, line=line, column=column, width=width, repair=repair, file=file)]
+        return [TextError.at(work.place, said, text=text, repair=repair, file=file)]
 
     def hold_back(self, known: Collection[int], now_us: int) -> None:
         """Let sampled streams that are new begin at twice their period, until there is room; `known` are the others."""

@@ -92,15 +92,7 @@ def _check_length(text: str, file: str) -> None:
 
 
 def _too_deep(text: str, file: str, offset: int, repair: str) -> TextError:
-    before = text[:offset]
-    return TextError(
-        f"nested more than {LIMIT_NESTING} deep",
-        text=text,
-        line=before.count("\n") + 1,
-        column=offset - before.rfind("\n"),
-        file=file,
-        repair=repair,
-    )
+    return TextError.at_offset(text, offset, f"nested more than {LIMIT_NESTING} deep", repair=repair, file=file)
 
 
 def _check_brackets(text: str, file: str, repair: str) -> None:
@@ -140,12 +132,4 @@ def moved(tree: "Tree[Token]", offset: int, lines: int) -> "Tree[Token]":
 
 def placed(wrong: TextError, text: str, lines: int) -> TextError:
     """The error, in the whole text, of a part of it that begins after so many lines."""
-    return TextError(
-        wrong.message,
-        text=text,
-        line=wrong.line + lines,
-        column=wrong.column,
-        width=wrong.width,
-        repair=wrong.repair,
-        file=wrong.file,
-    )
+    return wrong.but(text=text, line=wrong.line + lines)

@@ -9,7 +9,7 @@ from dyknow.errors import DyknowError, TextError, ValueNotAvailable
 from dyknow.factory import ProcessFactory
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.stream_proxy import StreamProxy
-from kpl.changes import as_text_errors, difference, rank
+from kpl.changes import as_text_errors, difference, rank, together
 from kpl.compiling import MAX_DECLARATIONS, Compiler, located, too_many
 from kpl.declared import Declared, names_of
 from kpl.definitions import Definitions
@@ -216,20 +216,24 @@ class Instance:
         """What is said of a change before anything changes."""
         self._look_up(new)
         specified = self.parts.specified
-        errors = list(check_change(specified, gone, new, self._known(self.specification), text, file))
-        raise_all(errors or self._compiler.check(new, wanted, specified, text, file))
+        errors = check_change(specified, gone, new, self._known(self.specification), text, file)
+        raise_all(together(errors, self._compiler.check(new, wanted, specified, text, file)))
 
     def findings(
-        self, wanted: Specification, running: Collection[Declaration] = (), text: str = "", file: str = ""
+        self,
+        wanted: Specification,
+        running: Collection[Declaration] = (),
+        text: str = "",
+        file: str = "",
+        unread: Collection[str] = (),
     ) -> Findings:
-        """All that can be said of a specification before it runs; `running` is what runs already."""
+        """All that can be said before it runs; `running` does already, nothing called like a word of `unread` is missing."""
         self._look_up(wanted)
-        found = check_specification(wanted, self._known(running), text, file)
-        if found.errors:
-            return found
-        return Findings(tuple(self._compiler.check(wanted, wanted, Declared(wanted), text, file)), found.warnings)
+        found = check_specification(wanted, self._known(running, unread), text, file)
+        more = self._compiler.check(wanted, wanted, Declared(wanted), text, file)
+        return Findings(tuple(together(found.errors, more)), found.warnings)
 
-    def _known(self, running: Collection[Declaration]) -> Known:
+    def _known(self, running: Collection[Declaration], unread: Collection[str] = ()) -> Known:
         prototypes = self.factory.prototypes()
         return Known(
             sources={each.name: each.sort for each in prototypes if isinstance(each, SourcePrototype)},
@@ -242,6 +246,8 @@ class Instance:
             semantic=self._semantic,
             running=running,
             figures=MEANINGS,
+            quantities={name for name, sort in self._sorts.items() if any(each.unit != "text" for each in sort.fields)},
+            unread=unread,
         )
 
     def _is_full(self) -> bool:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from dyknow.errors import TextError
 from dyknow.labels import RESERVED
+from kpl.guesses import FORMS, Around, Guess, guess, guess_constraint
 
 if TYPE_CHECKING:
     from lark.exceptions import UnexpectedInput
@@ -58,6 +59,13 @@ FOREIGN: Final[dict[str, str]] = {
     "−": "-",  # a typographic minus
     "⊤": "true",
     "⊥": "false",
+    ":=": "=",
+    "=<": "<=",
+    "//": "# a comment",
+    "/*": "# a comment",
+    "'": '"',
+    "%": "a part of one: 0.95",
+    ";": "a new line; between constraints a comma",
 }
 """Operators of other languages and ours; the longest that fits counts."""
 
@@ -70,6 +78,9 @@ WORDS: Final[dict[str, str]] = {
     "for_all": "forall",
     "foreach": "forall",
     "exist": "exists",
+    "if": "a -> b",
+    "then": "->",
+    "xor": "!=",
 }
 
 MISTAKES: Final = (
@@ -133,6 +144,8 @@ class Spelling(NamedTuple):
         operators, words: those of other languages, and ours.
         reserved: words that name nothing; `keywords` are those, as terminals, that can be expected where a name cannot.
         empty: what to say of a text in which nothing is, and the repair.
+        guess_first, guess_last: what may have been meant, asked before and after the samples are.
+        form: what could be written there, where nothing better is known.
         groups: terminals that are told by one word where all of them could stand, and which others are told beside it.
     """
 
@@ -142,6 +155,9 @@ class Spelling(NamedTuple):
     keywords: tuple[str, ...]
     empty: tuple[str, str]
     groups: tuple[tuple[frozenset[str], str, frozenset[str]], ...]
+    guess_first: Callable[[Around], Guess | None] | None = None
+    guess_last: Callable[[Around], Guess | None] | None = None
+    form: Callable[[Around], str] | None = None
 
 
 _LOGIC: Final = ("AND", "OR", "UNTIL", "NOT", "ALWAYS", "EVENTUALLY", "FORALL", "EXISTS", "TRUE", "FALSE", "ABS")
@@ -156,6 +172,9 @@ FORMULA_SPELLING: Final = Spelling(
         (frozenset({"LPAR", "NUMBER"}), "a value", frozenset()),
         (frozenset({"AND", "OR"}), "an operator", frozenset({"RPAR", "RSQB", "COMMA", "$END"})),
     ),
+    guess,
+    guess_constraint,
+    lambda around: around.form if around.statement else "always speed[uav1] <= 30",
 )
 
 _EXPECTED: Final[dict[str, str]] = {
@@ -210,16 +229,7 @@ def explain(
     if found == "":
         offset = len(text.rstrip())
     message, repair, offset, width = _say(error, text, offset, found, marks, spelling)
-    before = text[:offset]
-    return TextError(
-        message,
-        text=text,
-        line=before.count("\n") + 1,
-        column=offset - before.rfind("\n"),
-        width=max(1, width),
-        repair=repair,
-        file=file,
-    )
+    return TextError.at_offset(text, offset, message, width=width, repair=repair, file=file)
 
 
 def _found(error: "UnexpectedInput") -> str:
@@ -250,20 +260,27 @@ def _say(
     said = _misspelt(text, offset, found, spelling) or _unfinished(text, offset, found)
     if said is not None:
         return said
+    wanted = _wanted(error)
+    around = Around.of(text, offset, found, wanted)
+    form = spelling.form(around) if spelling.form else ""
     if getattr(error, "token", None) is None:
-        return _Said(f"`{found}` has no meaning here", "", offset, len(found))
+        return _Said(f"`{found}` has no meaning here", form, offset, len(found))
+    meant = spelling.guess_first and spelling.guess_first(around)
+    if meant:
+        return _Said(*meant)
     mistake = marks().get(_mark(error))
     if mistake is not None:
         return _Said(mistake.message, mistake.repair, offset, len(found))
-    wanted = _wanted(error)
+    meant = spelling.guess_last and spelling.guess_last(around)
+    if meant:
+        return _Said(*meant)
     begins_line = not text[text.rfind("\n", 0, offset) + 1 : offset].strip()
     can_be_word = found.upper() in spelling.keywords and (begins_line or not wanted.isdisjoint(spelling.keywords))
     if found in spelling.reserved and "NAME" in wanted and not can_be_word:
         return _Said(f"`{found}` is a reserved word and cannot be a name", f"{found}_", offset, len(found))
     what = f"found {_short(found)}" if found else "the text ends"
-    return _Said(
-        f"expected {', '.join(_expected(wanted, spelling)) or 'something else'}; {what}", "", offset, len(found)
-    )
+    expected = ", ".join(_expected(wanted, spelling)) or "something else"
+    return _Said(f"expected {expected}; {what}", form, offset, len(found))
 
 
 def _misspelt(text: str, offset: int, found: str, spelling: Spelling) -> _Said | None:
@@ -335,7 +352,13 @@ def _expected(wanted: set[str], spelling: Spelling) -> list[str]:
         if needed <= wanted:
             return [word, *(_EXPECTED[name] for name in _EXPECTED if name in wanted & kept)]
     words = [_EXPECTED[name] for name in _EXPECTED if name in wanted]
-    return words + [f"`{name.lower()}`" for name in spelling.keywords if name in wanted]
+    keywords = spelling.keywords
+    if spelling.form is not None and "NAME" not in wanted:
+        if {"SOURCE", "$END"} <= wanted:
+            wanted = wanted - {name.upper() for name in FORMS}
+            words[words.index("the end")] = "the next statement"
+        keywords = tuple(sorted(wanted - _EXPECTED.keys()))
+    return words + [f"`{name.lower()}`" for name in keywords if name in wanted]
 
 
 def _mark(error: "UnexpectedInput") -> Mark:

@@ -93,17 +93,7 @@ class TextReader:
         self.text, self.file = text, file
 
     def error(self, message: str, place: Place, repair: str = "") -> None:
-        self.errors.append(
-            TextError(
-                message,
-                text=self.text,
-                line=place.line,
-                column=place.column,
-                width=place.width,
-                repair=repair,
-                file=self.file,
-            )
-        )
+        self.errors.append(TextError.at(place, message, text=self.text, repair=repair, file=self.file))
 
 
 class FormulaReader(TextReader):

@@ -104,7 +104,13 @@ _STATEMENTS: Final = (
             "stream a = b with sample c 3",
             "stream a = b with sample every",
             "stream a = b with every 3",
+            "stream a = b with sample every oo",
         ),
+    ),
+    Mistake(
+        "a duration begins with `from` and a time",
+        "from 0 to 300",
+        ("stream a = b with from oo to 3", "stream a = b with to 3 from 0", "stream a = b with from"),
     ),
     Mistake("a delay is a time or oo", "max delay 1000", ("stream a = b with delay 3", "stream a = b with max 3")),
     Mistake(
@@ -123,7 +129,6 @@ _STATEMENTS: Final = (
         (
             "compunit speed SpeedEst",
             "compunit speed SpeedEst pos",
-            "compunit speed S(pos, )",
             "compunit SpeedEst(pos)",
             "compunit speed S()",
             "compunit speed S = a",
@@ -132,7 +137,7 @@ _STATEMENTS: Final = (
     Mistake(
         "a stream generator is made from a source, or from a unit with its streams",
         "strmgen speed[car1] = SpeedEst(pos[car1])",
-        ("strmgen a", "strmgen a[b] c", "strmgen a = ", "strmgen a = 3"),
+        ("strmgen a", "strmgen a[b] c", "strmgen a = ", "strmgen a = 3", "strmgen a = b[c]"),
     ),
     Mistake(
         "a unit takes streams, each by its label",
@@ -142,7 +147,7 @@ _STATEMENTS: Final = (
             "strmgen a = f b[c]",
             "strmgen a = f()",
             "strmgen a = f(3)",
-            "strmgen a = f(b, )",
+            "strmgen a = f{b}",
             "strmgen a = state()",
         ),
     ),
@@ -232,7 +237,6 @@ _STATEMENTS: Final = (
             "(a)",
             ", a",
             "and",
-            "source a b)",
             "source a b,",
             "source a b c",
             "strmgen a = f(b) c",

@@ -7,12 +7,14 @@ arguments are one list in the parse tree; here each constraint goes to the strea
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final, cast
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, cast
 
 from dyknow.errors import PolicyError, TextError
 from dyknow.labels import Label
 from dyknow.policy import Policy
 from kpl.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
+from kpl.guesses import FORMS
 from kpl.numbers import is_time, parse_number
 from kpl.parsing import FormulaReader, place_of, raise_all
 from kpl.specification import (
@@ -44,15 +46,29 @@ from reasoning.formulas import Place
 if TYPE_CHECKING:
     from lark import Token, Tree
 
-_STATEMENT = re.compile(
-    r"^[ \t]*(?:source|compunit|strmgen|stream|for|export|import|define|monitor|chronicle)\b", re.MULTILINE
-)
+_STATEMENT = re.compile(r"^(?:[ \t]*(?:source|compunit|strmgen|stream|for|export|import|define|monitor|chronicle)\b|[A-Za-z]\w+)", re.MULTILINE)  # fmt: skip
+_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _COMMENT = re.compile(r"#[^\n]*")
 _FREE: Final = frozenset[str]()
 _LINKED: Final = frozenset({"from", "to"})
 MAX_CLOSE_AFTER: Final = 1_000_000
+LONGEST_WORD: Final = 12
 MAX_ERRORS: Final = 100
 """After so many statements that leave the grammar reading ends."""
+
+
+class Reading(NamedTuple):
+    """A text as far as it could be read.
+
+    Attributes:
+        specification: the declarations that could be read.
+        errors: what is wrong with the text.
+        unread: the words of the statements that could not be read: what they would declare is not missing.
+    """
+
+    specification: Specification
+    errors: list[TextError]
+    unread: frozenset[str]
 
 
 def parse_specification(text: str, file: str = "") -> Specification:
@@ -63,31 +79,39 @@ def parse_specification(text: str, file: str = "") -> Specification:
             formulas that read in two ways.
         TextError: a limit is passed.
     """
-    found, errors = read_specification(text, file)
-    raise_all(errors)
-    return found
+    found = read_specification(text, file)
+    raise_all(found.errors)
+    return found.specification
 
 
-def read_specification(text: str, file: str = "") -> tuple[Specification, list[TextError]]:
-    """The declarations that could be read, and what is wrong with the text; raises TextError at a limit."""
+def read_specification(text: str, file: str = "") -> Reading:
+    """What could be read, and what is wrong with the text; raises TextError at a limit."""
     reader = _StatementReader(text, file)
     try:
-        return reader.declarations(parse_tree(text, "start", file)), reader.errors
+        return Reading(reader.declarations(parse_tree(text, "start", file)), reader.errors, _FREE)
     except TextError as wrong:
-        starts = [found.start() for found in _STATEMENT.finditer(text)]
+        starts = [found.start() for found in _STATEMENT.finditer(text) if _begins_statement(found[0].strip())]
         if len(text) > LIMIT_CHARACTERS or len(starts) < 2:
             raise
         first = wrong
     found: list[Declaration] = []
+    unread = set[str]()
     for start, end in zip([0, *starts[1:]], [*starts[1:], len(text)], strict=True):
         lines = text.count("\n", 0, start)
         try:
             found += reader.declarations(moved(parse_tree(text[start:end], "start", file), start, lines))
         except TextError as wrong:
+            unread.update(_WORD.findall(text[start:end]))
             reader.errors.append(placed(wrong, text, lines))
             if len(reader.errors) >= MAX_ERRORS:
+                unread.update(_WORD.findall(text[start:]))
                 break
-    return tuple(found), reader.errors or [first]
+    return Reading(tuple(found), reader.errors or [first], frozenset(unread))
+
+
+def _begins_statement(word: str) -> bool:
+    """Whether a statement begins with it, or was meant to."""
+    return word in FORMS or (len(word) <= LONGEST_WORD and bool(get_close_matches(word.lower(), FORMS, 1, 0.8)))
 
 
 class _StatementReader(FormulaReader):
@@ -170,6 +194,9 @@ class _StatementReader(FormulaReader):
     def _define(self, node: Any, place: Place) -> Declaration:
         label, _equals, formula = node.children
         feature = self.feature(label, _FREE)
+        if len(set(feature.objects)) < len(feature.objects):
+            repair = f"{feature.name}[{', '.join(dict.fromkeys(map(str, feature.objects)))}]"
+            self.error("each parameter of a definition has a name of its own", feature.place, repair)
         return Define(feature, self.read(formula, frozenset(map(str, feature.objects))), place=place)
 
     def _monitor(self, node: Any, place: Place) -> Declaration:

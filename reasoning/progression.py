@@ -314,10 +314,9 @@ class _Builder:
                 members = domain_members(domain, self._compiler.domains)
                 instances = tuple([self.build(instantiate(body, variable, one)) for one in members])
                 return _And(instances) if universal else _Or(instances)
-        raise TextError(
+        raise TextError.at(
+            formula.place,
             "a temporal operator stands inside a comparison or a calculation",
-            line=formula.place.line,
-            column=formula.place.column,
             repair="compare values, and put the temporal operator around the comparison",
         )
 
@@ -327,6 +326,6 @@ class _Builder:
     def _interval(self, lo_us: Bound, hi_us: Bound | None) -> tuple[int, int | None, int | None]:
         for bound in (lo_us, hi_us):
             if bound is not None and not isinstance(bound, int):
-                raise TextError(f"{bound.label} is no time", line=bound.place.line, column=bound.place.column)
+                raise TextError.at(bound.place, f"{bound.label} is no time")
         assert isinstance(lo_us, int)  # noqa: S101 - tells the type checker what the loop made sure of
         return lo_us, hi_us if isinstance(hi_us, int) else None, self._period_us

@@ -175,7 +175,7 @@ def test_words_of_other_languages_are_answered_with_ours(word):
         ("   \n ", "no formula", 1, 1),
         ("p and", "the text ends", 1, 6),
         ("(p and\n (q or r)", "never closed", 1, 1),
-        ("p)", "found `)`", 1, 2),
+        ("p)", "`)` closes nothing", 1, 2),
         ("p q", "found `q`", 1, 3),
         ("sample > 3", "reserved word", 1, 1),
         ('p = "abc', "string is never closed", 1, 5),

@@ -51,7 +51,7 @@ def test_the_car_example_is_right() -> None:
         ("source psos gsm", "there is no sort psos", "pos"),
         ("compunit speed Est2(position)", "there is no sort position", ""),
         ("strmgen pos[uav2] = gsp", "gsp is no source that is declared", "gps"),
-        ("strmgen pos[uav2] = Est", "Est is a unit, which takes streams", "Est(...)"),
+        ("strmgen pos[uav2] = Est", "Est is a unit, which takes streams", "Est(pos)"),
         ("strmgen pos[uav2] = gps(pos[uav1])", "gps is a source, which takes no streams", "gps"),
         ("strmgen a = Ets(pos[uav1])", "Ets is no computational unit that is declared", "Est"),
         ("strmgen a = Est(pos[uav1], pos[uav1])", "Est takes 1 stream (pos), not 2", "Est(pos)"),

@@ -1,0 +1,78 @@
+"""What is no error in a specification, and yet hardly meant: what nobody asks for, and what nobody makes."""
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+
+from dyknow.errors import TextError
+from dyknow.labels import Label
+from kpl.complaints import Complaints
+from kpl.declared import Declared, needs_of, stem, uses_of
+from kpl.formula_monitors import domains_of
+from kpl.specification import Declaration, Define, MonitorDeclaration, SourceDeclaration, UnitDeclaration
+from reasoning.derivation import FEATURES
+from reasoning.formulas import Feature, Formula, Variable, walk
+
+OF_A_PLATFORM = "units"
+"""The domain that every platform has."""
+
+
+def suspicions(
+    every: Sequence[Declaration],
+    declared: Declared,
+    known: Iterable[Label],
+    figures: Collection[str],
+    complaints: Complaints,
+) -> list[TextError]:
+    """Sources and units that nothing is made from, generators whose streams nobody asks for, features nobody makes."""
+    found: list[TextError] = []
+    wanted, used, features = set[int](), set[str](), set[str]()
+    for each in every:
+        for need in needs_of(each):
+            wanted.update(id(one) for one in declared.makers(need.term.label, need.variables))
+        used.update(uses_of(each))
+        if isinstance(each, Define | MonitorDeclaration):
+            features |= {node.name for node in walk(each.formula) if isinstance(node, Feature)}
+            features.update(domains_of(each.formula))
+    defined = {each.feature.name for each in every if isinstance(each, Define)}
+    there = {*(stem(made.label) for made in declared.made.values()), *map(stem, known), *figures, *FEATURES, *defined}
+    exact = _Makers(declared, frozenset(known), {*figures, *FEATURES, *defined})
+    for each in every:
+        made = declared.made.get(id(each))
+        if isinstance(each, SourceDeclaration | UnitDeclaration) and each.name not in used:
+            found.append(complaints.said(f"nothing is made from {each.name}", each, ""))
+        if made is not None and id(made) not in wanted and stem(made.label) not in features:
+            found.append(complaints.said(f"nobody here asks for {made.label}", each, ""))
+        if isinstance(each, Define | MonitorDeclaration):
+            for node in _unread(each.formula, there, exact):
+                said = f"nothing here makes {node.label if node.name in there else node.name}"
+                names = (made.label for made in declared.made.values()) if node.name in there else there
+                name = str(node.label) if node.name in there else node.name
+                found.append(
+                    complaints.said(f"{said}, so that its value stays unknown", node, complaints.closest(name, names))
+                )
+            for domain in domains_of(each.formula):
+                if domain not in there and domain != OF_A_PLATFORM:
+                    said = f"nothing here makes {domain}, so that it has no members"
+                    found.append(complaints.said(said, each, complaints.closest(domain, there)))
+    return found
+
+
+class _Makers:
+    """Who makes a feature of given objects; what is known by its name alone is made."""
+
+    def __init__(self, declared: Declared, known: frozenset[Label], by_name: Collection[str]) -> None:
+        self._declared, self._known, self._by_name = declared, known, by_name
+
+    def make(self, feature: Feature) -> bool:
+        if feature.name in self._by_name or any(
+            isinstance(one, Variable) or one in self._by_name for one in feature.objects
+        ):
+            return True
+        label = Label(feature.name, tuple(map(str, feature.objects)))
+        return label in self._known or any(True for _ in self._declared.makers(label))
+
+
+def _unread(formula: Formula, there: Collection[str], exact: _Makers) -> Iterator[Feature]:
+    """Features of objects that nothing is called like; names without objects may be more than features."""
+    for node in walk(formula):
+        if isinstance(node, Feature) and node.objects and (node.name not in there or not exact.make(node)):
+            yield node
