@@ -8,6 +8,7 @@ from reasoning.monitors import Monitor, Shown
 from reasoning.profiles import Profile, builtin_profiles, parse_profiles
 from reasoning.progression import Progression, Verdict
 from reasoning.proximity import Approach, closest_approach, fence_margin_m, offset_m
+from reasoning.remaining import remaining
 from reasoning.traces import Outcome, Trace, TraceState, check_trace, read_trace, trace_domains
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "offset_m",
     "parse_profiles",
     "read_trace",
+    "remaining",
     "required_labels",
     "split_growing",
     "trace_domains",

@@ -121,7 +121,7 @@ class FastProgression:
         self.formula = formula
         self.taken_apart: TakenApart | None = None
         self.decision: Decision | None = None
-        self._period_us, self._no_value = period_us, no_value
+        self.period_us, self._no_value = period_us, no_value
         self._by_deadlines = deadlines
         self._changes = Changes(formula) if any(isinstance(node, Since) for node in walk(formula)) else None
         self._plain: Progression | None = None
@@ -152,6 +152,13 @@ class FastProgression:
     @property
     def kept(self) -> int:
         return size(self._state.clauses) if self._plain is None else self._plain.kept
+
+    @property
+    def left(self) -> Clauses | None:
+        """The obligations that are left, relative to the newest state; None before the first, and for `plain`."""
+        if not self._started or self._plain is not None:
+            return None
+        return self._state.clauses if self._clauses is None else moved(self._clauses, -self._valid_us)
 
     def progress(
         self,
@@ -198,13 +205,13 @@ class FastProgression:
         try:
             found = self.taken_apart = take_apart(self.formula, domains, compiler)
         except Grows:
-            self._plain = Progression(self.formula, self._period_us, self._no_value)
+            self._plain = Progression(self.formula, self.period_us, self._no_value)
             return
         self._read = reader(found.atoms, compiler)
-        self._automaton = automaton(found.shape, self._period_us)
+        self._automaton = automaton(found.shape, self.period_us)
         self._state = self._automaton.beginning
         if not self._by_deadlines and self._no_value != "skip" and self._changes is None:
-            self._quick_us = self._period_us
+            self._quick_us = self.period_us
 
     def _stepped(self, valid_us: int, letter: int, values: Mapping[str, Value]) -> State:
         """The state after one more reading, whatever the gap."""
