@@ -90,6 +90,7 @@ class Run:
         """Step until the feed and the timers are over, or until a time."""
         stop = Event()
         fed = iter(self._fed)
+        last_us: int | None = None
         begins_us = self._began_us if self.speed else 0
         following = next(fed, None)
         while True:
@@ -99,7 +100,9 @@ class Run:
             fed_us = None if following is None else following.at_us + begins_us
             times = [each for each in (due_us, fed_us) if each is not None]
             next_us = min(times, default=None)
-            over = following is None and self.speed == 0 and (due_us is None or due_us > self._last_us())
+            if following is None and self.speed == 0 and last_us is None:
+                last_us = self._last_us()
+            over = last_us is not None and (due_us is None or due_us > last_us)
             if next_us is not None and until_us is not None and next_us > until_us:
                 next_us = None
             if over or (next_us is None and (until_us is None or self.speed == 0) and reload is None):
@@ -119,9 +122,11 @@ class Run:
 
     def _last_us(self) -> int:
         """When the last sample of the feed can no longer matter to anybody."""
-        delays = [proxy.policy.max_delay_us or 0 for proxy in self.instance.streams.values()]
-        last_us = self._fed[-1].at_us if self._fed else 0
-        return last_us + max(delays, default=0)
+        from kpl.introspection import awaits_us
+
+        if not self._fed:
+            return 0
+        return max(self._fed[-1].at_us, max(each.valid_us for each in self._fed) + awaits_us(self.instance))
 
     def _wait(self, next_us: int | None, until_us: int | None, stop: Event, reload: Callable[[], None] | None) -> bool:
         """Let time pass until something is due; False: something else may have happened."""

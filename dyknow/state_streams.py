@@ -2,13 +2,14 @@
 
 from collections import deque
 from collections.abc import Sequence
+from math import prod
 from typing import Literal, TypeAlias
 
 from dyknow.errors import PolicyError
 from dyknow.instants import earlier, print_duration
 from dyknow.policy import Policy
 from dyknow.processes import Input, OnDemand
-from dyknow.sample import Sample, Value
+from dyknow.sample import SURE, Quality, Sample, Value
 from dyknow.states import Awaited, Category, Origin, State, StateInput, StatePolicy, Synchronizer
 from dyknow.values import NO_VALUE
 
@@ -19,7 +20,7 @@ FAR_US = 2**80
 
 
 class StateStream(OnDemand):
-    """A process whose values are states: tuples of the values of its inputs, in their order.
+    """A process whose values are states: tuples of the values of its inputs, in their order, as certain as those together.
 
     Attributes:
         recent: the last states, each with how its values were obtained.
@@ -49,6 +50,11 @@ class StateStream(OnDemand):
         self._hand_on(self._maker.on_time(now_us))
 
     @property
+    def max_delay_us(self) -> int:
+        """How long after its valid time a state is made at the latest; 0 for those that need not wait."""
+        return 0 if self.when != "sampled" or self._policy is None else self._policy.max_delay_us
+
+    @property
     def deadline_us(self) -> int | None:
         """Far away, and not none, while the first sample has yet to say where the states begin."""
         if not self.running or isinstance(self._maker, ChangeStates):
@@ -75,7 +81,9 @@ class StateStream(OnDemand):
     def _hand_on(self, states: list[State]) -> None:
         for state in states:
             self.recent.append(state)
-            self.emit(state.valid_us, state.values, state.available_us)
+            certainty = prod(each.certainty for each in state.origins)
+            quality = SURE if certainty == 1.0 else Quality(certainty)
+            self.emit(state.valid_us, state.values, state.available_us, quality)
 
 
 class ChangeStates:
@@ -127,7 +135,7 @@ class ChangeStates:
 def _origin(sample: Sample, valid_us: int) -> Origin:
     if sample.value is NO_VALUE:
         return Origin("no value", sample.valid_us)
-    return Origin("exact" if sample.valid_us == valid_us else "most recent", sample.valid_us)
+    return Origin("exact" if sample.valid_us == valid_us else "most recent", sample.valid_us, sample.quality.certainty)
 
 
 def state_policy(policy: Policy, inputs: Sequence[Policy]) -> tuple[StatePolicy | None, When]:

@@ -34,10 +34,11 @@ Manner: TypeAlias = Literal["exact", "most recent", "linear", "no value"]
 
 
 class Origin(NamedTuple):
-    """How a value of a state was obtained, and the valid time of the sample it is, or comes from."""
+    """How a value of a state was obtained, and the valid time and certainty of the sample it is, or comes from."""
 
     manner: Manner
     valid_us: int | None
+    certainty: float = 1.0
 
 
 class State(NamedTuple):
@@ -158,10 +159,11 @@ class _Input:
         """How `value_at` obtains its value."""
         best = self.buffer.best
         if best is not None and best.valid_us == sync_us:
-            return Origin("exact", sync_us)
+            return Origin("exact", sync_us, best.quality.certainty)
         if best is None or not self.has_approximation() or self.approximation == "none":
             return Origin("no value", None)
-        return Origin(self.approximation, best.valid_us)
+        used = (best, self.buffer.later[0]) if self.approximation == "linear" else (best,)
+        return Origin(self.approximation, best.valid_us, min(each.quality.certainty for each in used))
 
     def category(self, sync_us: int) -> Category:
         if self.is_exact(sync_us):

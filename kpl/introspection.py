@@ -166,6 +166,30 @@ def origins_of(instance: "Instance", name: str, valid_us: int) -> dict[str, Orig
     return {} if found is None else dict(zip(labels, found.origins, strict=False))
 
 
+def awaits_us(instance: "Instance") -> int:
+    """How long after its valid time a sample may still matter to a declared stream or a monitor that waits for others."""
+    network, known = instance.network, dict[Label, int]()
+
+    def behind(label: Label) -> int:
+        if label not in known:
+            process = network.process(label) if network.has(label) else None
+            waits = isinstance(process, StateStream)  # for nothing that comes later than it is made
+            own_us = process.max_delay_us if isinstance(process, StateStream) else 0
+            inputs = inputs_taken(process)
+            known[label] = own_us + max((behind(one.label) if waits else waited(one) for one in inputs), default=0)
+        return known[label]
+
+    def waited(proxy: StreamProxy) -> int:
+        approximated = proxy.policy.approximation == "most recent"
+        return (proxy.policy.max_delay_us or 0 if approximated else 0) + behind(proxy.label)
+
+    monitors = (
+        monitor.max_delay_us + max((behind(proxy.label) for proxy in monitor.proxies), default=0)
+        for monitor in instance.monitors.values()
+    )
+    return max((*map(waited, instance.streams.values()), *monitors), default=0)
+
+
 def rate_and_delay(history: History) -> tuple[float | None, float | None]:
     """Samples per second, and the mean delay in microseconds, of the last samples."""
     held = min(history.get_size(), LAST)

@@ -255,6 +255,19 @@ def test_a_stream_called_like_a_generator_is_another_node(place: Place, lines: L
     assert [(edge["source"], edge["target"]) for edge in graph["edges"]] == [("here", "stream here")]
 
 
+def test_what_waits_for_others_at_the_end_of_a_feed_is_waited_for(place: Place, lines: Lines) -> None:
+    place.write(
+        "car.kpl",
+        "source pos gps\nsource pos other\nstrmgen a = gps\nstrmgen b = other\n"
+        "strmgen both = state(a, b) with sample every 100, max delay 300\nstream states = both\n"
+        "monitor low = always a < 5 with sample every 100, max delay 1s\n",
+    )
+    place.write("car.jsonl", '{"t_ms": 0, "gps": 1, "other": 1}\n{"t_ms": 100, "gps": 7}\n')
+    assert place.run() == 0
+    told = [(one["event"], one["valid_us"]) for one in lines()]
+    assert told[:3] == [("sample", 0), ("alarm-opened", 100_000), ("sample", 100_000)]
+
+
 def test_what_a_governor_tells_is_there_when_there_is_one(place: Place, lines: Lines) -> None:
     place.write("car.kpl", f"{SPECIFICATION}stream told = refinements\n")
     assert specifications.check(place.call, place.spec) == 0

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dyknow import NO_VALUE, Label, Network, Policy, PolicyError, Sample, StateInput, StatePolicy, Synchronizer
+from dyknow import NO_VALUE, Label, Network, Policy, PolicyError, Quality, Sample, StateInput, StatePolicy, Synchronizer
 from dyknow.processes import Input
 from dyknow.state_streams import StateStream, state_policy
 from tests.dyknow.networks import ANY, arrivals, feed, invariants, label, pass_time, policy, times
@@ -115,6 +115,16 @@ def test_states_wait_for_their_timers_though_nothing_has_come_yet() -> None:
     pass_time(network, 51)
     assert times(got) == [(50, 20, (7, NO_VALUE))]
     assert [origin.manner for origin in stream.recent[0].origins] == ["exact", "no value"]
+
+
+@pytest.mark.parametrize("when", ["sampled", "any update"])
+def test_a_state_is_as_certain_as_its_values_are_together(when: str) -> None:
+    network, _ = network_with(when, StatePolicy(20, 40))
+    got: list[Sample] = []
+    network.connect(STATE, policy("min certainty 0.4"), got.append)
+    for i, valid_us, certainty in ((0, 0, 0.8), (1, 0, 0.5), (0, 20, 0.5), (1, 20, 0.5)):
+        network.generator(label(i)).push(valid_us, i, valid_us + i, Quality(certainty))
+    assert [(each.valid_us, each.quality.certainty) for each in got] == [(0, 0.4)]
 
 
 def test_a_state_of_states() -> None:
