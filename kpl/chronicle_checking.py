@@ -9,11 +9,14 @@ from typing import Any
 
 from dyknow.errors import ChronicleError
 from kpl.chronicle_reading import ChronicleReader, Found, Mention
+from reasoning.chronicles.compilation import compile_chronicle
 from reasoning.chronicles.domains import Domain, SymbolSet, symbol_set, symbol_text
+from reasoning.chronicles.expansion import LIMIT_STATEMENTS, expand
 from reasoning.chronicles.model import (
     VALUE,
     Attribute,
     Chronicle,
+    ChronicleFile,
     DomainDefinition,
     EventType,
     Inclusion,
@@ -28,6 +31,8 @@ from reasoning.chronicles.times import ComplexConstraint
 from reasoning.formulas import Place
 
 _SHOWN = 8
+_MOST_WORK = 20_000_000
+_WORK_PER_STATEMENT, _WORK_PER_DECLARATION = 1_000, 20
 _EVENTS = (Attribute, Message, Chronicle)
 _KINDS: Mapping[type, str] = {
     DomainDefinition: "domain",
@@ -53,11 +58,6 @@ class _Checker:
         self._domains: dict[str, Domain] = {name: one.domain for name, one in self._table(DomainDefinition).items()}
         self._is_closed = any(isinstance(one.declaration, Attribute | Message) for one in found)
         self._sets: dict[str, SymbolSet] = {}
-        self._instants_in = {
-            one.declaration.name: {mention.what for mention in one.mentions if mention.kind == "instant"}
-            for one in reversed(found)
-            if isinstance(one.declaration, Chronicle)
-        }
 
     def _table(self, *kinds: type) -> dict[str, Any]:
         """Declarations by name; of several with one name the first."""
@@ -81,6 +81,29 @@ class _Checker:
                 case Chronicle() as chronicle:
                     self._chronicle(one, chronicle)
         self._circles()
+        if not self._reader.errors:
+            self._compiled()
+
+    def _compiled(self) -> None:
+        """Times that contradict each other, and whatever else cannot be recognised; files of huge chronicles in part."""
+        file = ChronicleFile(tuple([one.declaration for one in self._found]))
+        budget = _MOST_WORK
+        for one in self._found:
+            if not isinstance(one.declaration, Chronicle):
+                continue
+            budget -= len(self._found) * _WORK_PER_DECLARATION
+            if budget < 0:
+                return
+            try:
+                expanded = expand(one.declaration, file)
+                budget -= expanded.statements * _WORK_PER_STATEMENT
+                budget -= len(expanded.instants) ** 2 * len(expanded.differences)
+                compile_chronicle(one.declaration, file)
+            except ChronicleError as error:
+                budget -= LIMIT_STATEMENTS * _WORK_PER_STATEMENT
+                said = str(error).removeprefix(f"chronicle {one.declaration.name}: ")
+                places = [place for statement, place in one.statements if str(statement) in said]
+                self._error(said, max(places, key=lambda place: place.start, default=one.place))
 
     def _duplicates(self) -> None:
         seen: dict[tuple[str, str], str] = {}
@@ -292,7 +315,8 @@ class _Checker:
         if known is None:
             self._unknown("chronicle", part.name, self._chronicles, place, f"chronicle {part.name}[...] {{ ... }}")
             return
-        self._arity("chronicle", part.name, part.arguments, known.parameters, place)
+        if part.arguments:
+            self._arity("chronicle", part.name, part.arguments, known.parameters, place)
         unnamed = sum(label is None for label, _ in part.points)
         if unnamed > len(known.instants):
             self._error(
@@ -301,11 +325,12 @@ class _Checker:
                 f"name them: chronicle {part.name}[...](start = t1, end = t2)",
             )
         labels = [label for label, _ in part.points if label is not None]
-        inside = {"start", "end", *self._instants_in[part.name]}
+        inside = {"start", "end", *known.instants}
         for label in labels:
             if label not in inside:
                 near = get_close_matches(label, sorted(inside), n=1)
-                self._error(f"chronicle {part.name} has no instant {label}", place, near[0] if near else "start, end")
+                repair = near[0] if near else f"start, end, or chronicle {part.name}[...]({label}) {{ ... }}"
+                self._error(f"chronicle {part.name} gives no instant {label}", place, repair)
 
     def _circles(self) -> None:
         """Chronicles that are parts or events of themselves, constraints that use themselves."""

@@ -68,7 +68,7 @@ TOLD = [
     (22, 15, "at least 5 and at most 3 cannot be", "the lower number first"),
     (23, 5, "the chronicle a takes 2, here are 1", "a[?x, ?y]"),
     (23, 5, "chronicle a gives 0 instants by place, here are 1", "name them: chronicle a[...](start = t1, end = t2)"),
-    (23, 5, "chronicle a has no instant foo", "start, end"),
+    (23, 5, "chronicle a gives no instant foo", "start, end, or chronicle a[...](foo) { ... }"),
     (23, 5, "a stands on a: nothing can stand on itself", "leave it out"),
     (24, 5, "the constraint differ takes 2, here are 1", "differ[?a, ?b]"),
     (25, 5, "there is no constraint diffe", "differ"),
@@ -148,3 +148,22 @@ def test_every_name_value_and_time_that_is_wrong_is_told_with_its_repair():
 
 def test_one_place_that_leaves_the_grammar_hides_no_other():
     assert [(one.line, one.column, one.message) for one in told(BROKEN)] == TOLD_OF_BROKEN
+
+
+@pytest.mark.parametrize(
+    ("body", "line", "message"),
+    [
+        (
+            "event(a[?x], t1)\nevent(a[?x], t2)\nt1 < t2\nt2 - t1 in ]-oo, 0]",
+            5,
+            "these times contradict each other: t1 < t2; t2 - t1 in ]-oo, 0]; take one of them out or widen it",
+        ),
+        ("occurs(1, oo, a[?x], (t1, t2))\nt2 <= t1", 3, "these times contradict each other: "),
+        ("event(a[?x], t1)\nend - start < 3\nt1 - start > 5", 4, "these times contradict each other: "),
+        ("event(a[*x], t1)\nevent(b[*y], t2)\n*x != *y", 4, "*x != *y: *x, *y stands in no one event"),
+    ],
+)
+def test_what_cannot_be_recognised_is_told_at_its_statement(body, line, message):
+    (one,) = told(f"chronicle c {{\n{body}\n}}")
+    assert one.line == line
+    assert message in one.message

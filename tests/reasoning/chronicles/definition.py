@@ -6,27 +6,17 @@ from collections.abc import Iterator, Mapping
 from itertools import product
 from typing import Any, NamedTuple
 
-from reasoning.chronicles.domains import Combination, Complement, Named, Symbols
 from reasoning.chronicles.model import (
-    And,
-    Choice,
-    Equal,
     Event,
-    Iff,
-    Implies,
     Inclusion,
     Instants,
     Member,
     NoEvent,
-    Not,
     Occurs,
-    Or,
-    Use,
     Variable,
     Variables,
 )
 from reasoning.chronicles.times import ConstraintUse, Distance, Order, TimePoint
-
 from tests.reasoning.chronicles.truth import truth, variables_of
 
 
