@@ -86,6 +86,7 @@ class Compiled:
             that stand in predicates, and last the zero of the clock, if anything is said of it: `clock`.
         bounds: minimal network of these instants; `aged`: the same with the maximum age.
         conditions: on bound variables of several patterns.
+        begins: where the intervals of all predicates begin.
         unbounded: what may have to be remembered for ever, as said; empty if time or a maximum age bounds all of it.
     """
 
@@ -101,6 +102,7 @@ class Compiled:
     events: tuple[EventNode, ...]
     counts: tuple[CountNode, ...]
     conditions: tuple[Condition, ...]
+    begins: tuple[Point, ...]
 
     @property
     def unbounded(self) -> tuple[str, ...]:
@@ -143,7 +145,7 @@ class _Compilation:
     def _instants(self) -> None:
         """Number the instants that matter: fixed ones, free ones in predicates, the clock."""
         fixed = [one.begin[0] for one in self._counts if _is_event(one)]
-        ends = [point[0] for one in self._counts for point in (one.begin, one.end)]
+        ends = [point[0] for one in self._expanded.counts for point in (one.begin, one.end)]
         names = self._expanded.instants
         clock = self._clock = [at for at, name in enumerate(names) if name == CLOCK]
         self._fixed = tuple(dict.fromkeys(at for at in fixed if at not in clock))
@@ -195,6 +197,7 @@ class _Compilation:
             events,
             tuple(self._placed(count, events) for count in counts),
             joins,
+            tuple(dict.fromkeys((self._place[one.begin[0]], one.begin[1]) for one in self._expanded.counts)),
         )
 
     def _parameter(self, parameter: Parameter) -> int | str | None:

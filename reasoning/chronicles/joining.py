@@ -8,10 +8,11 @@ minimal network leaves. An event that must be followed by another one starts no 
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 from reasoning.chronicles.compilation import Compiled, CountNode, EventNode
 from reasoning.chronicles.conditions import Condition
+from reasoning.chronicles.expansion import Point
 from reasoning.chronicles.network import UNBOUNDED
 from reasoning.chronicles.stores import MINUS_INFINITY, Bucket, Key, Store, getter
 
@@ -20,6 +21,16 @@ LIMIT_JOINED: Final = 1_000_000
 
 Environment: TypeAlias = list[Any]
 """Symbols by slot of a bound variable; what is not known yet is whatever was there."""
+
+
+class Guard(NamedTuple):
+    """A predicate with an upper limit whose instants have times and whose variables have symbols."""
+
+    store: Store
+    key: Callable[[Sequence[Any]], Key]
+    maximum: int
+    begin: Point
+    end: Point
 
 
 @dataclass(slots=True)
@@ -32,7 +43,9 @@ class Step:
         index: keys by their known part; None: the key is known, or nothing of it.
         fills: (slot, place in the key) of what is learned; place None: the key is the value itself.
         before: instants that have times already.
+        windows: (instant that has a time, most after it, most before it), and the same for one since ever.
         conditions: what the environment must satisfy from here on.
+        guards: predicates that can be looked at from here on; a limit that is exceeded ends the search here.
     """
 
     store: Store
@@ -42,15 +55,12 @@ class Step:
     index: dict[Key, dict[Key, None]] | None
     fills: tuple[tuple[int, int | None], ...]
     before: tuple[int, ...]
+    windows: tuple[tuple[int, int, int, int, int], ...]
     conditions: tuple[Condition, ...]
+    guards: tuple[Guard, ...]
 
     def buckets(self, symbols: Environment) -> Iterator[Bucket]:
         """The events of each key that agrees with the environment, which then holds the values of that key."""
-        if not self.fills:
-            bucket = self.store.buckets.get(self.known(symbols))
-            if bucket is not None:
-                yield bucket
-            return
         keys = self.store.buckets if self.index is None else self.index.get(self.known(symbols), ())
         for key in list(keys):
             for slot, place in self.fills:
@@ -78,6 +88,7 @@ class Plan:
         clock = () if compiled.clock is None else (compiled.clock,)
         self._timed = list(clock) if self._instant is None else [*clock, self._instant]
         self._waiting = list(compiled.conditions)
+        self._unguarded = [one for one in compiled.counts if one.maximum is not None and not one.across]
         self._first_conditions = self._ready_conditions()
         self.with_ms = tuple(stores[other.pattern] for other in compiled.events if self._only_together(other))
         self._steps = tuple(self._plan(first))
@@ -102,14 +113,26 @@ class Plan:
             rest.remove(node)
             yield self._step(node)
 
-    def _cost(self, node: EventNode | CountNode) -> tuple[int, bool, int]:
-        """Unknown variables first, then how far the known instants leave it."""
-        unknown = len(set(self._compiled.patterns[node.pattern].variables) - self._variables)
+    def _cost(self, node: EventNode | CountNode) -> tuple[bool, bool, int, bool, int]:
+        """What agrees with nothing known comes last, what a predicate with an upper limit leaves few of comes first;
+        then unknown variables, and how far the known instants leave it.
+        """
+        variables = set(self._compiled.patterns[node.pattern].variables)
+        unknown, apart = len(variables - self._variables), bool(variables) and not variables & self._variables
         if isinstance(node, CountNode):
-            return unknown, True, 0
+            return apart, True, unknown, True, 0
+        guarded = any(
+            node.instant in {guard.begin[0], guard.end[0]} and self._is_ready(guard, variables, node.instant)
+            for guard in self._unguarded
+        )
         bounds = self._compiled.aged
         spread = [bounds[one][node.instant] + bounds[node.instant][one] for one in self._timed]
-        return unknown, False, min(spread, default=UNBOUNDED)
+        return apart, not guarded, unknown, False, min(spread, default=UNBOUNDED)
+
+    def _is_ready(self, guard: CountNode, variables: set[int], *instants: int) -> bool:
+        timed = {*self._timed, *instants}
+        mine = set(self._compiled.patterns[guard.pattern].variables)
+        return guard.begin[0] in timed and guard.end[0] in timed and mine <= self._variables | variables
 
     def _step(self, node: EventNode | CountNode) -> Step:
         variables = self._compiled.patterns[node.pattern].variables
@@ -118,19 +141,35 @@ class Plan:
         store = self._stores[node.pattern]
         index = store.index([variables.index(slot) for slot in known]) if known and new else None
         self._variables.update(new)
-        before = tuple(self._timed)
+        before, instant = tuple(self._timed), None
         if isinstance(node, EventNode):
-            self._timed.append(node.instant)
+            instant = node.instant
+            self._timed.append(instant)
         return Step(
             store,
-            node.instant if isinstance(node, EventNode) else None,
+            instant,
             node.shift_ms if isinstance(node, EventNode) else 0,
             getter(known),
             index,
             _fills(new, variables),
             before,
+            () if instant is None else tuple(self._windows(instant, before)),
             self._ready_conditions(),
+            tuple(self._ready_guards()),
         )
+
+    def _windows(self, instant: int, before: Sequence[int]) -> Iterator[tuple[int, int, int, int, int]]:
+        aged, bounds = self._compiled.aged, self._compiled.bounds
+        for one in before:
+            if min(aged[one][instant], aged[instant][one]) < UNBOUNDED:
+                yield one, aged[one][instant], aged[instant][one], bounds[one][instant], bounds[instant][one]
+
+    def _ready_guards(self) -> Iterator[Guard]:
+        for guard in list(self._unguarded):
+            if self._is_ready(guard, set()):
+                self._unguarded.remove(guard)
+                key = getter(self._compiled.patterns[guard.pattern].variables)
+                yield Guard(self._stores[guard.pattern], key, guard.maximum or 0, guard.begin, guard.end)
 
     def _ready_conditions(self) -> tuple[Condition, ...]:
         names = {self._compiled.variables[slot] for slot in self._variables}
@@ -166,37 +205,51 @@ class Plan:
             yield symbols, times
             return
         step = self._steps[depth]
+        if not step.fills:
+            bucket = step.store.buckets.get(step.known(symbols))
+            if bucket is not None:
+                yield from self._matched(bucket, step, depth, symbols, times)
+            return
         for bucket in step.buckets(symbols):
+            yield from self._matched(bucket, step, depth, symbols, times)
+
+    def _matched(
+        self, bucket: Bucket, step: Step, depth: int, symbols: Environment, times: list[int]
+    ) -> Iterator[tuple[Environment, list[int]]]:
+        """Go on with each event of a key that fits."""
+        self._joined += 1
+        if self._joined >= LIMIT_JOINED or (step.conditions and not self._holds(step.conditions, symbols)):
+            return
+        if step.instant is None:
+            if not step.guards or _guarded(step.guards, symbols, times):
+                yield from self._extend(depth + 1, symbols, times)
+            return
+        for time_ms in self._times(bucket, step, times):
             self._joined += 1
             if self._joined >= LIMIT_JOINED:
                 return
-            if step.conditions and not self._holds(step.conditions, symbols):
-                continue
-            if step.instant is None:
-                yield from self._extend(depth + 1, symbols, times)
-                continue
-            for time_ms in self._times(bucket, step, times):
-                self._joined += 1
-                if self._joined >= LIMIT_JOINED:
-                    return
-                times[step.instant] = shifted(time_ms, step.shift_ms)
+            times[step.instant] = shifted(time_ms, step.shift_ms) if step.shift_ms else time_ms
+            if not step.guards or _guarded(step.guards, symbols, times):
                 yield from self._extend(depth + 1, symbols, times)
 
     def _times(self, bucket: Bucket, step: Step, times: Sequence[int]) -> Sequence[int]:
         """Times of events that the known instants leave room for."""
-        low, high, instant = -UNBOUNDED, UNBOUNDED, step.instant or 0
-        for one in step.before:
+        low, high = -UNBOUNDED, UNBOUNDED
+        for one, after, before, after_initial, before_initial in step.windows:
             time = times[one]
-            bounds = self._compiled.bounds if time == MINUS_INFINITY else self._compiled.aged
-            after, before = bounds[one][instant], bounds[instant][one]
+            if time == MINUS_INFINITY:
+                after, before = after_initial, before_initial  # noqa: PLW2901 -- what is since ever has no age
             if after < UNBOUNDED and time + after < high:
                 high = time + after
             if before < UNBOUNDED and time - before > low:
                 low = time - before
-        found = bucket.times
-        near = found[bisect_left(found, low + step.shift_ms) : bisect_right(found, high + step.shift_ms)]
-        if found[0] == MINUS_INFINITY and (not near or near[0] != found[0]) and self._initial_fits(times, step):
-            near = [MINUS_INFINITY, *near]
+        low, high, found = low + step.shift_ms, high + step.shift_ms, bucket.times
+        if low <= found[0] and found[-1] <= high:
+            near = found
+        else:
+            near = found[bisect_left(found, low) : bisect_right(found, high)]
+            if found[0] == MINUS_INFINITY and (not near or near[0] != found[0]) and self._initial_fits(times, step):
+                near = [MINUS_INFINITY, *near]
         return list(dict.fromkeys(near)) if step.store.plural else near
 
     def _initial_fits(self, times: Sequence[int], step: Step) -> bool:
@@ -214,6 +267,18 @@ class Plan:
             and (bounds[instant][one] >= UNBOUNDED or times[one] - times[instant] <= bounds[instant][one])
             for one in others
         )
+
+
+def _guarded(guards: Sequence[Guard], symbols: Environment, times: Sequence[int]) -> bool:
+    """Whether no limit is exceeded."""
+    for guard in guards:
+        bucket = guard.store.buckets.get(guard.key(symbols))
+        if bucket is not None:
+            first = bisect_left(bucket.times, times[guard.begin[0]] + guard.begin[1])
+            last = bisect_left(bucket.times, times[guard.end[0]] + guard.end[1])
+            if last - first > guard.maximum:
+                return False
+    return True
 
 
 def shifted(time_ms: int, shift_ms: int) -> int:

@@ -5,7 +5,7 @@ is found is an instance at once, never, or waits: for the end of an interval wit
 are still to be counted. Only such complete sets of events are objects; everything else is times in lists.
 """
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
@@ -17,8 +17,11 @@ from reasoning.chronicles.retention import Retention
 from reasoning.chronicles.stores import Bucket, Key, Store, Values, getter
 from reasoning.chronicles.witness import Witness
 
-SWEEP_AFTER: Final = 1024
+SWEEP_AFTER: Final = 8192
 """So many events are remembered anew before all keys are looked through, or as many as were left last time."""
+
+LIMIT_DOOMED: Final = 100_000
+"""So much is known beforehand of what is to be forgotten; what is not, is found when there are too many of a key."""
 
 Identity: TypeAlias = tuple[tuple[Any, ...], tuple[int, ...]]
 
@@ -86,10 +89,16 @@ class Matcher:
         for count in compiled.counts:
             if count.late and (count.binds or not compiled.events):
                 self._first_plans[count.pattern].append(Plan(compiled, self._stores, count))
-        self._late = tuple(count for count in compiled.counts if count.late)
+        self._late = late = tuple(count for count in compiled.counts if count.late)
+        self._wakes = [
+            bool(self._plans[at] or self._first_plans[at] or any(count.pattern == at for count in late))
+            for at in range(len(compiled.patterns))
+        ]
         self._witness = Witness(compiled)
+        self._doomed: deque[tuple[int, int, Key, int]] = deque(maxlen=LIMIT_DOOMED)
         self._waiting: dict[Identity, Waiting] = {}
         self.retention = Retention(compiled, self._stores, self._waiting)
+        self._dooms = [self.retention.dooms(at) for at in range(len(compiled.patterns))]
         self._by_key: dict[tuple[int, Key], dict[Identity, Waiting]] = {}
         self._told: set[Identity] = set()
         self._remembers_told = any(plans for plans in self._first_plans) and bool(compiled.fixed)
@@ -104,6 +113,11 @@ class Matcher:
         return self._heap[0][0] if self._heap else None
 
     @property
+    def waits(self) -> bool:
+        """Whether anything may be due at some clock."""
+        return bool(self._heap)
+
+    @property
     def live(self) -> int:
         """Events remembered and instances that wait."""
         return sum(store.size for store in self._stores) + len(self._waiting)
@@ -116,6 +130,8 @@ class Matcher:
     def on_event(self, patterns: Sequence[int], values: Values, time_ms: int, clock_ms: int) -> list[Instance]:
         """An event of these patterns came; the clock is at its time (an initial value's is before any clock)."""
         stores, fresh = self._stores, None
+        if self._doomed and self._doomed[0][0] < clock_ms:
+            self._forget_doomed(clock_ms)
         for pattern in patterns:
             key = self._keys[pattern](values)
             store = stores[pattern]
@@ -124,13 +140,24 @@ class Matcher:
                 bucket = store.buckets[key]
                 if len(bucket.times) > bucket.limit:
                     self._tidy(pattern, key, clock_ms)
-                if self._plans[pattern] or self._first_plans[pattern] or self._late:
+                for doom in self._dooms[pattern]:
+                    theirs = doom.part(key)
+                    if theirs in stores[doom.pattern].buckets:
+                        self._doomed.append((time_ms + doom.end_ms, doom.pattern, theirs, time_ms - doom.begin_ms))
+                if self._wakes[pattern]:
                     fresh = fresh or []
                     fresh.append((pattern, key, new))
                 self._inserted += 1
         if self._inserted > SWEEP_AFTER and self._inserted > self._left:
             self.sweep(clock_ms)
         return [] if fresh is None else self._completed(fresh, time_ms, clock_ms)
+
+    def _forget_doomed(self, clock_ms: int) -> None:
+        """Forget what broken predicates have left no future; an event that comes later never dies much earlier."""
+        doomed = self._doomed
+        while doomed and doomed[0][0] < clock_ms:
+            _, pattern, key, until_ms = doomed.popleft()
+            self._stores[pattern].drop(key, until_ms)
 
     def _completed(self, fresh: Sequence[tuple[int, Key, int]], time_ms: int, clock_ms: int) -> list[Instance]:
         told: list[Instance] = []

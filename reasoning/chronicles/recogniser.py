@@ -6,7 +6,7 @@ chronicle is an event of others at that clock (8.2).
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final, TypeAlias
 
 from dyknow.errors import ChronicleError
@@ -20,7 +20,8 @@ from reasoning.chronicles.times import LIMIT_MS
 LIMIT_SELECTIONS: Final = 4096
 """So many combinations of symbols that patterns ask for are remembered with what they select, per event name."""
 
-Targets: TypeAlias = tuple[tuple[Matcher, tuple[tuple[int, Pattern], ...]], ...]
+Targets: TypeAlias = tuple[tuple[Matcher, tuple[int, ...], tuple[Pattern, ...] | None], ...]
+"""Matchers, numbers of patterns, and these if an event must be compared with more than their symbols."""
 
 
 class _Dispatch:
@@ -52,7 +53,10 @@ class _Dispatch:
         for matcher, index, pattern in self._targets:
             if all(values[place] == symbol for place, symbol in pattern.constants):
                 by_matcher.setdefault(matcher, []).append((index, pattern))
-        return tuple((matcher, tuple(patterns)) for matcher, patterns in by_matcher.items())
+        return tuple(
+            (matcher, tuple(at for at, _ in found), tuple(one for _, one in found) if _more(found) else None)
+            for matcher, found in by_matcher.items()
+        )
 
 
 class Recogniser:
@@ -193,13 +197,14 @@ class Recogniser:
 
     def _deliver(self, dispatch: _Dispatch, values: Values, at_ms: int, told: list[Instance]) -> None:
         clock_ms = at_ms if self.clock_ms is None or at_ms != MINUS_INFINITY else self.clock_ms
-        for matcher, patterns in dispatch.targets(values):
-            matching = [index for index, pattern in patterns if _is_of(pattern, values)]
-            if not matching:
-                continue
+        for matcher, indexes, patterns in dispatch.targets(values):
+            matching: Sequence[int] = indexes
+            if patterns is not None:
+                matching = [at for at, pattern in zip(indexes, patterns, strict=True) if _is_of(pattern, values)]
+                if not matching:
+                    continue
             found = matcher.on_event(matching, values, at_ms, clock_ms)
-            due = matcher.deadline_ms
-            if due is not None and (self._deadline_ms is None or due != self._deadline_ms):
+            if matcher.waits and matcher.deadline_ms != self._deadline_ms:
                 self._deadline_ms = self._earliest()
             if found:
                 self._tell(matcher, found, clock_ms, told)
@@ -240,6 +245,14 @@ class Recogniser:
     def live_of_one_binding(self) -> int:
         """The most events of one pattern and binding that are remembered now."""
         return max((matcher.live_of_one_binding for matcher in self._matchers), default=0)
+
+
+def _more(patterns: Iterable[tuple[int, Pattern]]) -> bool:
+    """Whether an event must be compared with more than the symbols of the patterns: arguments of changes are known."""
+    return any(
+        pattern.equal or pattern.conditions or not pattern.change or pattern.arity in pattern.known
+        for _, pattern in patterns
+    )
 
 
 def _is_of(pattern: Pattern, values: Values) -> bool:

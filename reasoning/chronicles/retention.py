@@ -23,11 +23,53 @@ class Windows(NamedTuple):
     high: list[int]
 
 
-class _Beside(NamedTuple):
-    """A predicate or event whose variables are among those of an event: its events are found by that event's key."""
+class _Limit(NamedTuple):
+    """A predicate with an upper limit whose variables are among those that are known; `key` picks its key from them."""
 
-    node: Any
+    limit: CountNode
     key: Callable[[Any], Key]
+
+
+class Doom(NamedTuple):
+    """An event at b that breaks a `noevent` after events of the same key, once for all of these.
+
+    Attributes:
+        pattern: of the events that are doomed, those at b - `begin_ms` and before; nothing else needs them.
+        part: picks their key from that of the event that breaks.
+        end_ms: they are dead when the clock is beyond b + `end_ms`.
+    """
+
+    pattern: int
+    part: Callable[[Any], Key]
+    begin_ms: int
+    end_ms: int
+
+
+class _Other(NamedTuple):
+    """An event that an instance needs besides the one that is looked at.
+
+    Attributes:
+        key: picks what of its key is known.
+        keys: its keys by what is known; None: the key is known whole.
+        limits: predicates that both events together give all variables to.
+    """
+
+    node: EventNode
+    key: Callable[[Any], Key]
+    keys: Mapping[Key, Collection[Key]] | None
+    limits: tuple[_Limit, ...]
+
+
+class _Asked(NamedTuple):
+    """What is asked of the events of one node: offsets of the windows of all instants, and what narrows them."""
+
+    node: EventNode
+    low: tuple[int, ...]
+    high: tuple[int, ...]
+    low_initial: tuple[int, ...]
+    high_initial: tuple[int, ...]
+    limits: tuple[_Limit, ...]
+    others: tuple[_Other, ...]
 
 
 class Retention:
@@ -35,30 +77,73 @@ class Retention:
 
     def __init__(self, compiled: Compiled, stores: Sequence[Store], waiting: Collection[Any]) -> None:
         self._compiled, self._stores, self._waiting = compiled, stores, waiting
-        self._events: list[list[EventNode]] = [
-            [node for node in compiled.events if node.pattern == pattern] for pattern in range(len(stores))
-        ]
+        self._limits = [node for node in compiled.counts if node.maximum is not None and not node.across]
         self._counts: list[list[CountNode]] = [
             [node for node in compiled.counts if node.pattern == pattern] for pattern in range(len(stores))
         ]
-        limits = [node for node in compiled.counts if node.maximum is not None and not node.across]
-        self._limits = {node: self._beside(node, limits) for node in compiled.events}
-        self._others = {
-            node: self._beside(node, [one for one in compiled.events if one != node]) for node in compiled.events
-        }
         self._last = [(node.instant, node.shift_ms) for node in compiled.events]
         self._last += [node.end for node in compiled.counts if node.late or node.maximum is not None]
         self._late_ends = [node.end for node in compiled.counts if node.late]
         self._oldest: dict[int, int] = {}
+        self._events: list[list[_Asked]] = [
+            [self._asked(node) for node in compiled.events if node.pattern == pattern] for pattern in range(len(stores))
+        ]
 
-    def _beside(self, event: EventNode, nodes: Sequence[Any]) -> list[_Beside]:
-        mine = self._compiled.patterns[event.pattern].variables
+    def dooms(self, pattern: int) -> tuple[Doom, ...]:
+        """What an event of a pattern dooms."""
+        return tuple(
+            doom
+            for count in self._limits
+            if count.pattern == pattern and count.maximum == 0
+            for asked in self._events
+            if len(asked) == 1 and (doom := self._doom(count, asked[0].node)) is not None
+        )
+
+    def _doom(self, count: CountNode, node: EventNode) -> Doom | None:
+        patterns, bounds = self._compiled.patterns, self._compiled.bounds
+        theirs, mine = patterns[node.pattern].variables, patterns[count.pattern].variables
+        if count.begin[0] != node.instant or set(theirs) != set(mine) or self._counts[node.pattern]:
+            return None
+        end, shift_ms = count.end
+        last = [(one.instant, one.shift_ms) for one in self._compiled.events if one is not node] + self._late_ends
+        reach = max((bounds[end][instant] + shift for instant, shift in last), default=UNBOUNDED)
+        if reach >= UNBOUNDED // 2:
+            return None
+        return Doom(node.pattern, _part(mine, theirs), count.begin[1] - node.shift_ms, reach - shift_ms)
+
+    def _asked(self, node: EventNode) -> _Asked:
+        compiled, at = self._compiled, node.instant
+        aged, bounds = compiled.aged, compiled.bounds
+        mine = compiled.patterns[node.pattern].variables
+        others = tuple(self._other(mine, one) for one in compiled.events if one is not node)
+        return _Asked(
+            node,
+            tuple(-aged[other][at] for other in range(compiled.size)),
+            tuple(aged[at]),
+            tuple(-bounds[other][at] for other in range(compiled.size)),
+            tuple(bounds[at]),
+            self._known_limits(mine, ()),
+            tuple(one for one in others if one is not None),
+        )
+
+    def _known_limits(self, mine: Sequence[int], except_: Sequence[int]) -> tuple[_Limit, ...]:
+        """Limits over variables in `mine`, but not over those in `except_` alone."""
         found = []
-        for node in nodes:
-            theirs = self._compiled.patterns[node.pattern].variables
-            if set(theirs) <= set(mine):
-                found.append(_Beside(node, _part(mine, theirs)))
-        return found
+        for count in self._limits:
+            theirs = self._compiled.patterns[count.pattern].variables
+            if set(theirs) <= set(mine) and not (except_ and set(theirs) <= set(except_)):
+                found.append(_Limit(count, _part(mine, theirs)))
+        return tuple(found)
+
+    def _other(self, mine: Sequence[int], node: EventNode) -> _Other | None:
+        theirs = self._compiled.patterns[node.pattern].variables
+        shared = [slot for slot in theirs if slot in mine]
+        if len(shared) == len(theirs):
+            return _Other(node, _part(mine, theirs), None, ())
+        if not shared:
+            return None
+        index = self._stores[node.pattern].index([theirs.index(slot) for slot in shared])
+        return _Other(node, _part(mine, shared), index, self._known_limits((*mine, *theirs), mine))
 
     def look(self, clock_ms: int, waiting: Sequence[Sequence[int]]) -> None:
         """Before all keys are looked through: how old each fixed instant of what lives may be."""
@@ -71,26 +156,29 @@ class Retention:
             self._oldest[instant] = min(ages)
 
     def kept(self, pattern: int, key: Key, clock_ms: int) -> list[bool]:
-        """For each event of a key whether it is still needed."""
+        """For each event of a key whether it is still needed; what has the clock's time is, to know it from a repeat."""
         times = self._stores[pattern].buckets[key].times
-        since = min((self._since(node, key, clock_ms) for node in self._counts[pattern]), default=UNBOUNDED)
+        since = min((self._since(node, key, clock_ms) for node in self._counts[pattern]), default=clock_ms)
+        since = min(since, clock_ms)
         events = self._events[pattern]
         return [
-            time >= since or any(self._alive(node, key, shifted(time, node.shift_ms), clock_ms) for node in events)
+            time >= since or any(self._alive(one, key, shifted(time, one.node.shift_ms), clock_ms) for one in events)
             for time in times
         ]
 
     def _since(self, node: CountNode, key: Key, clock_ms: int) -> int:
         """The earliest event that a predicate may still have to count."""
         start, shift_ms = node.begin
+        since = self._start(node, start, key, clock_ms)
         for bounds in (self._compiled.bounds, self._compiled.aged):
             reach = max(bounds[start][instant] + shift for instant, shift in self._last)
             if reach < UNBOUNDED // 2 and (bounds is self._compiled.bounds or not self._has_initial()):
-                return clock_ms - reach + shift_ms
-        return self._start(node, start, key, clock_ms) + shift_ms
+                since = max(since, clock_ms - reach)
+        return since + shift_ms
 
     def _has_initial(self) -> bool:
-        return any(store.oldest_ms == MINUS_INFINITY for store in self._stores)
+        """Whether an event that an interval may begin with has no age."""
+        return any(store.initial for store in self._stores)
 
     def _start(self, count: CountNode, start: int, key: Key, clock_ms: int) -> int:
         """The earliest time that the begin of an interval can have, by what is remembered."""
@@ -109,26 +197,71 @@ class Retention:
             latest = max(latest, min(oldest, clock_ms) - apart)
         return latest
 
-    def _alive(self, node: EventNode, key: Key, time_ms: int, clock_ms: int) -> bool:
+    def _alive(self, asked: _Asked, key: Key, time_ms: int, clock_ms: int) -> bool:
         """Whether an event may become a part of an instance that is not complete yet."""
-        windows = self.windows({node.instant: time_ms})
-        if windows is None:
-            return False
-        for count, part in self._limits[node] * 2:  # what one narrows, another may narrow further
+        initial = time_ms == MINUS_INFINITY
+        low = [time_ms + one for one in (asked.low_initial if initial else asked.low)]
+        high = [time_ms + one for one in (asked.high_initial if initial else asked.high)]
+        windows = Windows(low, high)
+        for count, part in asked.limits * 2:  # what one narrows, another may narrow further
             bucket = self._stores[count.pattern].buckets.get(part(key))
             if bucket is not None:
                 self._narrow(windows, count, bucket.times)
-        low, high = windows
-        for other, part in self._others[node]:
-            if high[other.instant] + other.shift_ms < clock_ms:
-                bucket = self._stores[other.pattern].buckets.get(part(key))
-                if bucket is None or not self._holds(bucket.times, other, low, high):
-                    return False
-        if any(low[other.instant] > high[other.instant] for other in self._compiled.events):
+        if not self._awaits(windows, (asked.node.instant,), clock_ms):
             return False
-        if any(high[one.instant] + one.shift_ms >= clock_ms for one in self._compiled.events if one is not node):
+        for other in asked.others:
+            node = other.node
+            if high[node.instant] + node.shift_ms < clock_ms and not self._has(asked, other, key, windows, clock_ms):
+                return False
+        return True
+
+    def _awaits(self, windows: Windows, known: Sequence[int], clock_ms: int) -> bool:
+        """Whether all windows are left, and one of an instant that is not known reaches the present."""
+        low, high = windows
+        reaches = False
+        for node in self._compiled.events:
+            instant = node.instant
+            if low[instant] > high[instant]:
+                return False
+            reaches = reaches or (high[instant] + node.shift_ms >= clock_ms and instant not in known)
+        return reaches or any(high[instant] + shift > clock_ms for instant, shift in self._late_ends)
+
+    def _has(self, asked: _Asked, other: _Other, key: Key, windows: Windows, clock_ms: int) -> bool:
+        """Whether an event that must have come has come, and both together are alive."""
+        buckets, known = self._stores[other.node.pattern].buckets, other.key(key)
+        if other.keys is None:
+            bucket = buckets.get(known)
+            return bucket is not None and self._holds(bucket.times, other.node, *windows)
+        return any(self._pair(asked, other, key, one, windows, clock_ms) for one in other.keys.get(known, ()))
+
+    def _pair(self, asked: _Asked, other: _Other, mine: Key, theirs: Key, windows: Windows, clock_ms: int) -> bool:
+        """Whether one of the events of a key is alive together with the event that has the windows."""
+        bucket, node = self._stores[other.node.pattern].buckets[theirs], other.node
+        if not self._holds(bucket.times, node, *windows):
+            return False
+        if not other.limits or bucket.times[0] == MINUS_INFINITY:
             return True
-        return any(high[instant] + shift > clock_ms for instant, shift in self._late_ends)
+        both = (*_several(mine, asked.node, self._compiled), *_several(theirs, node, self._compiled))
+        first = bisect_left(bucket.times, windows.low[node.instant] + node.shift_ms)
+        last = bisect_right(bucket.times, windows.high[node.instant] + node.shift_ms)
+        for time in reversed(bucket.times[first:last]):
+            narrowed = Windows(windows.low[:], windows.high[:])
+            self._set(narrowed, node.instant, time - node.shift_ms)
+            for count, part in other.limits:
+                found = self._stores[count.pattern].buckets.get(part(both))
+                if found is not None:
+                    self._narrow(narrowed, count, found.times)
+            if self._awaits(narrowed, (asked.node.instant, node.instant), clock_ms):
+                return True
+        return False
+
+    def _set(self, windows: Windows, instant: int, time_ms: int) -> None:
+        """Give an instant its time, and narrow the others by it."""
+        low, high = windows
+        bounds = self._compiled.bounds
+        for other in range(self._compiled.size):
+            high[other] = min(high[other], time_ms + bounds[instant][other])
+            low[other] = max(low[other], time_ms - bounds[other][instant])
 
     @staticmethod
     def _holds(times: Sequence[int], node: EventNode, low: Sequence[int], high: Sequence[int]) -> bool:
@@ -190,10 +323,20 @@ class Retention:
                     low[other] = earliest - apart
 
 
+def _several(key: Key, node: EventNode, compiled: Compiled) -> tuple[Any, ...]:
+    """A key as a tuple also if it is a single value."""
+    single: tuple[Any, ...] = (key,)
+    return single if len(compiled.patterns[node.pattern].variables) == 1 else tuple(key)
+
+
 def _part(mine: Sequence[int], theirs: Sequence[int]) -> Callable[[Any], Key]:
     """Picks the key over `theirs` from one over `mine`."""
     if tuple(mine) == tuple(theirs):
-        return lambda key: key
+        return _itself
     if len(mine) == 1:
         return lambda _key: ()
     return getter([list(mine).index(slot) for slot in theirs])
+
+
+def _itself(key: Key) -> Key:
+    return key

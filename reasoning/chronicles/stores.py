@@ -1,6 +1,6 @@
 """Events that are remembered: by pattern, by the values of its bound variables, in the order of time."""
 
-from bisect import bisect_left, insort
+from bisect import bisect_left, bisect_right, insort
 from collections.abc import Callable, Sequence
 from itertools import compress
 from operator import itemgetter
@@ -15,7 +15,7 @@ Values: TypeAlias = tuple[str | None, ...]
 MINUS_INFINITY: Final = -(1 << 60)
 """The time of an initial value (thesis 8.4), in milliseconds."""
 
-FIRST_LIMIT: Final = 8
+FIRST_LIMIT: Final = 16
 """So many events of one key are remembered before it is asked which of them matter."""
 
 
@@ -54,9 +54,10 @@ class Store:
         buckets: by the values of the pattern's variables.
         latest_ms: time of the event that came last, initial values apart.
         size: events that are remembered.
+        initial: whether an initial value has ever come.
     """
 
-    __slots__ = ("_indexes", "buckets", "latest_ms", "plural", "size")
+    __slots__ = ("_indexes", "buckets", "initial", "latest_ms", "plural", "size")
 
     def __init__(self, plural: bool) -> None:
         self.buckets: dict[Key, Bucket] = {}
@@ -64,6 +65,7 @@ class Store:
         self._indexes: list[tuple[Callable[[Any], Key], dict[Key, dict[Key, None]]]] = []
         self.latest_ms: int | None = None
         self.size = 0
+        self.initial = False
 
     def index(self, places: Sequence[int]) -> dict[Key, dict[Key, None]]:
         """Keys by some of their values, kept up to date from now on. `places`: which, among several in the key."""
@@ -89,7 +91,9 @@ class Store:
         else:
             insort(times, time_ms)
         if found:
-            if time_ms != MINUS_INFINITY:
+            if time_ms == MINUS_INFINITY:
+                self.initial = True
+            else:
                 self.latest_ms = time_ms
             self.size += 1
         return found
@@ -104,6 +108,16 @@ class Store:
         bucket.limit = max(FIRST_LIMIT, 2 * len(bucket.times))
         if not bucket.times:
             self._remove(key)
+
+    def drop(self, key: Key, until_ms: int) -> None:
+        """Forget the events of a key until a time."""
+        bucket = self.buckets.get(key)
+        if bucket is not None and bucket.times[0] <= until_ms:
+            last = bisect_right(bucket.times, until_ms)
+            del bucket.times[:last], bucket.values[:last]
+            self.size -= last
+            if not bucket.times:
+                self._remove(key)
 
     @property
     def oldest_ms(self) -> int | None:

@@ -55,6 +55,8 @@ class Witness:
         self._fixed = tuple(one for one in compiled.counts if one.begin[0] in fixed and one.end[0] in fixed)
         self._open = tuple(one for one in compiled.counts if one not in self._fixed)
         places = dict.fromkeys(point[0] for one in self._open for point in (one.begin, one.end))
+        self._begins = () if compiled.events else compiled.begins
+        places.update(dict.fromkeys(point[0] for point in self._begins))
         self._free = tuple(place for place in places if place not in fixed)
 
     def outcome(self, instants: Sequence[int], counted: Times, clock_ms: int, after_ms: int | None = None) -> Outcome:
@@ -112,9 +114,9 @@ class Witness:
                 if low < UNBOUNDED and not network.add(number, 0, low - instants[one]):
                     return None
         if after_ms is not None:
-            for node in self._open:
-                number, add = places[node.begin[0]]
-                if not network.add(number, 0, add + node.begin[1] - after_ms - 1):
+            for instant, shift_ms in self._begins:
+                number, add = places[instant]
+                if not network.add(number, 0, add + shift_ms - after_ms - 1):
                     return None
         return network
 
