@@ -5,7 +5,7 @@ each other and with the network, no predicate has failed for good, and every oth
 """
 
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain, islice
 from typing import Any, NamedTuple
 
@@ -79,15 +79,16 @@ class _Enumeration:
         self._matcher, self._clock_ms = matcher, clock_ms
         self._events = matcher.compiled.events
 
-    def partials(self, symbols: dict[int, Any], times: dict[int, int], at: int, open_: int = 0) -> Iterator[Partial]:
-        """Go on with the event at `at`, with `open_` of those before left open."""
+    def partials(
+        self, symbols: dict[int, Any], times: dict[int, int], at: int, open_: tuple[EventNode, ...] = ()
+    ) -> Iterator[Partial]:
+        """Go on with the event at `at`; those in `open_` are left open."""
         if at == len(self._events):
-            if open_ and times and (partial := self._made(symbols, times)) is not None:
+            if open_ and times and (partial := self._made(symbols, times, open_)) is not None:
                 yield partial
             return
         node = self._events[at]
-        if node.instant not in times:
-            yield from self.partials(symbols, times, at + 1, open_ + 1)
+        yield from self.partials(symbols, times, at + 1, (*open_, node))
         for found, time in self._matching(node, symbols):
             if times.get(node.instant, time) == time:
                 known = {**times, node.instant: time}
@@ -103,18 +104,17 @@ class _Enumeration:
                 for time in dict.fromkeys(bucket.times):
                     yield found, shifted(time, node.shift_ms)
 
-    def _made(self, symbols: Mapping[int, Any], times: Mapping[int, int]) -> Partial | None:
+    def _made(self, symbols: Mapping[int, Any], times: Mapping[int, int], open_: Sequence[EventNode]) -> Partial | None:
         """The partial instance, if every open event may still come and nothing has failed for good."""
         matcher, clock_ms = self._matcher, self._clock_ms
         windows = matcher.retention.narrowed(times, symbols)
         if windows is None:
             return None
         missing, dies_ms = list[str](), UNBOUNDED
-        for node in self._events:
-            if node.instant not in times:
-                latest = windows.high[node.instant] + node.shift_ms
-                if latest < clock_ms:
-                    return None
-                missing.append(node.said)
-                dies_ms = min(dies_ms, latest + 1)
+        for node in open_:
+            latest = windows.high[node.instant] + node.shift_ms
+            if latest < clock_ms:
+                return None
+            missing.append(node.said)
+            dies_ms = min(dies_ms, latest + 1)
         return _partial(matcher, symbols, times, missing, dies_ms)

@@ -84,6 +84,10 @@ class Retention:
         self._last = [(node.instant, node.shift_ms) for node in compiled.events]
         self._last += [node.end for node in compiled.counts if node.late or node.maximum is not None]
         self._late_ends = [node.end for node in compiled.counts if node.late]
+        self._reach = [
+            (self._reaching(compiled.bounds, instant), self._reaching(compiled.aged, instant))
+            for instant in range(compiled.size)
+        ]
         self._oldest: dict[int, int] = {}
         self._events: list[list[_Asked]] = [
             [self._asked(node) for node in compiled.events if node.pattern == pattern] for pattern in range(len(stores))
@@ -145,6 +149,10 @@ class Retention:
         index = self._stores[node.pattern].index([theirs.index(slot) for slot in shared])
         return _Other(node, _part(mine, shared), index, self._known_limits((*mine, *theirs), mine))
 
+    def _reaching(self, bounds: Sequence[Sequence[int]], start: int) -> int:
+        """The most that may pass from an instant until the last thing an instance waits for."""
+        return max((bounds[start][instant] + shift for instant, shift in self._last), default=UNBOUNDED)
+
     def look(self, clock_ms: int, waiting: Sequence[Sequence[int]]) -> None:
         """Before all keys are looked through: how old each fixed instant of what lives may be."""
         for instant in range(len(self._compiled.fixed)):
@@ -169,11 +177,12 @@ class Retention:
     def _since(self, node: CountNode, key: Key, clock_ms: int) -> int:
         """The earliest event that a predicate may still have to count."""
         start, shift_ms = node.begin
+        reach, aged = self._reach[start]
+        if reach < UNBOUNDED // 2:
+            return clock_ms - reach + shift_ms
         since = self._start(node, start, key, clock_ms)
-        for bounds in (self._compiled.bounds, self._compiled.aged):
-            reach = max(bounds[start][instant] + shift for instant, shift in self._last)
-            if reach < UNBOUNDED // 2 and (bounds is self._compiled.bounds or not self._has_initial()):
-                since = max(since, clock_ms - reach)
+        if aged < UNBOUNDED // 2 and not self._has_initial():
+            since = max(since, clock_ms - aged)
         return since + shift_ms
 
     def _has_initial(self) -> bool:
@@ -207,7 +216,7 @@ class Retention:
             bucket = self._stores[count.pattern].buckets.get(part(key))
             if bucket is not None:
                 self._narrow(windows, count, bucket.times)
-        if not self._awaits(windows, (asked.node.instant,), clock_ms):
+        if not self._awaits(windows, (asked.node,), clock_ms):
             return False
         for other in asked.others:
             node = other.node
@@ -215,15 +224,15 @@ class Retention:
                 return False
         return True
 
-    def _awaits(self, windows: Windows, known: Sequence[int], clock_ms: int) -> bool:
-        """Whether all windows are left, and one of an instant that is not known reaches the present."""
+    def _awaits(self, windows: Windows, known: Sequence[EventNode], clock_ms: int) -> bool:
+        """Whether all windows are left, and that of an event that is not known reaches the present."""
         low, high = windows
         reaches = False
         for node in self._compiled.events:
             instant = node.instant
             if low[instant] > high[instant]:
                 return False
-            reaches = reaches or (high[instant] + node.shift_ms >= clock_ms and instant not in known)
+            reaches = reaches or (high[instant] + node.shift_ms >= clock_ms and not any(node is one for one in known))
         return reaches or any(high[instant] + shift > clock_ms for instant, shift in self._late_ends)
 
     def _has(self, asked: _Asked, other: _Other, key: Key, windows: Windows, clock_ms: int) -> bool:
@@ -251,7 +260,7 @@ class Retention:
                 found = self._stores[count.pattern].buckets.get(part(both))
                 if found is not None:
                     self._narrow(narrowed, count, found.times)
-            if self._awaits(narrowed, (asked.node.instant, node.instant), clock_ms):
+            if self._awaits(narrowed, (asked.node, node), clock_ms):
                 return True
         return False
 
