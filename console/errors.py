@@ -9,6 +9,7 @@
 from difflib import get_close_matches
 
 from dyknow.errors import (
+    ChronicleError,
     ContentError,
     DyknowError,
     NameRefused,
@@ -39,6 +40,7 @@ _CODES: tuple[tuple[type[DyknowError], int], ...] = (
     (UnknownLabel, NO),
     (WrongCall, WRONG),
     (TextError, WRONG),
+    (ChronicleError, WRONG),
     (UnitError, WRONG),
     (NameRefused, WRONG),
     (PolicyError, WRONG),

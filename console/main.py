@@ -232,6 +232,21 @@ def check(
     return run(call, formula, trace=trace, unit=unit, timeout=timeout)
 
 
+@command(app, example="dyknow chronicle overtake.chr --events road.jsonl")
+def chronicle(
+    call: Call,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Chronicles, overtake.chr.")],
+    events: Annotated[Path, typer.Option(metavar="FILE.jsonl", help="Recorded events, JSON lines.")],
+    max_age: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Instances last no longer than this; bounds what is remembered.")
+    ] = None,
+) -> int:
+    """Chronicles recognised in a recorded list of events, each when it was certain; exit 1 when nothing was."""
+    from console.chronicle import chronicle as run
+
+    return run(call, file, events=events, max_age=max_age)
+
+
 # Tasks and what comes of them
 
 

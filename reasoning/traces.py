@@ -5,7 +5,6 @@ One state a line: `{"t_ms": 100, "p": true, "speed[uav1]": 31.2}`; an absent or 
 of domains: `{"domains": {"uavs": ["uav1"]}}`. Reading is pure: lines in, states out.
 """
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
@@ -17,9 +16,8 @@ from dyknow.sample import Value
 from dyknow.values import NO_VALUE
 from reasoning.evaluation import NoValuePolicy
 from reasoning.formulas import Domains, Exists, Feature, Forall, Formula, Variable, walk
+from reasoning.json_lines import JsonLine
 from reasoning.progression import Progression, Verdict
-
-LIMIT_LINE = 1024 * 1024
 
 
 class TraceState(NamedTuple):
@@ -121,32 +119,14 @@ def read_trace(lines: Iterable[str], file: str = "") -> Trace:
     return Trace(tuple(states), domains)
 
 
-class _Line:
-    """One line, decoded and checked."""
+class _Line(JsonLine):
+    """One line, checked."""
 
     def __init__(self, line: str, number: int, file: str) -> None:
-        self._number, self._file = number, file
-        if len(line) > LIMIT_LINE:
-            raise self.error(f"the line has {len(line)} characters, {LIMIT_LINE} are allowed", "one state a line")
-        try:
-            record: Any = json.loads(line, parse_constant=self._constant)
-        except (ValueError, RecursionError) as error:
-            raise self.error(f"no JSON: {error}", '{"t_ms": 100, "p": true}') from None
-        if not isinstance(record, dict):
-            raise self.error("a state is a JSON object", '{"t_ms": 100, "p": true}')
-        self.record: dict[str, Any] = record
-
-    def error(self, message: str, repair: str) -> TextError:
-        return TextError(message, line=self._number, repair=repair, file=self._file)
-
-    def _constant(self, name: str) -> None:
-        raise ValueError(f"{name} is no value")
+        super().__init__(line, number, file, "a state", '{"t_ms": 100, "p": true}')
 
     def valid_us(self) -> int:
-        t_ms = self.record.get("t_ms")
-        if isinstance(t_ms, bool) or not isinstance(t_ms, int | float) or abs(t_ms) > 2**53:
-            raise self.error("a state has a time, t_ms, in milliseconds", '{"t_ms": 100, ...}')
-        return round(t_ms * US_PER_MS)
+        return round(self.time_ms() * US_PER_MS)
 
     def message(self) -> str:
         return self._label(self.record["message"])

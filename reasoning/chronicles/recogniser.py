@@ -232,6 +232,15 @@ class Recogniser:
                 yield partial
 
     @property
+    def needed(self) -> tuple[str, ...]:
+        """Names of the attributes and messages without which some chronicle cannot be recognised."""
+        found: set[str] = set()
+        for one in (matcher.compiled for matcher in self._matchers):
+            nodes = [node.pattern for node in one.events] + [node.pattern for node in one.counts if node.minimum]
+            found.update(one.patterns[pattern].name for pattern in nodes)
+        return tuple(sorted(found - self._by_name.keys()))
+
+    @property
     def incomplete(self) -> Mapping[str, Counter[str]]:
         """Chronicles of which limits have cut something off, with how often by reason; {} is: nothing is missing (C6)."""
         return {name: one.incomplete for name, one in self._by_name.items() if one.incomplete}

@@ -1,0 +1,48 @@
+"""Lines of JSON that people and programs write: decoded one by one, with limits, and errors that say where."""
+
+import json
+from typing import Any, Final
+
+from dyknow.errors import TextError
+
+LIMIT_LINE: Final = 1024 * 1024
+"""So many characters has a line at most."""
+LATEST_MS: Final = 2**53
+"""No time is later, or earlier than this before 0."""
+
+
+class JsonLine:
+    """One line, decoded: `record` is its object.
+
+    Args:
+        what: what a line is, `a state`; `example` shows one.
+
+    Raises:
+        TextError: it is too long, no JSON, or no object.
+    """
+
+    def __init__(self, line: str, number: int, file: str, what: str, example: str) -> None:
+        self._number, self._file, self._what = number, file, what
+        if len(line) > LIMIT_LINE:
+            raise self.error(f"the line has {len(line)} characters, {LIMIT_LINE} are allowed", f"{what} a line")
+        try:
+            record: Any = json.loads(line, parse_constant=_no_constant)
+        except (ValueError, RecursionError) as error:
+            raise self.error(f"no JSON: {error}", example) from None
+        if not isinstance(record, dict):
+            raise self.error(f"{what} is a JSON object", example)
+        self.record: dict[str, Any] = record
+
+    def error(self, message: str, repair: str) -> TextError:
+        return TextError(message, line=self._number, repair=repair, file=self._file)
+
+    def time_ms(self) -> float:
+        """`t_ms`, a number of milliseconds."""
+        t_ms = self.record.get("t_ms")
+        if isinstance(t_ms, bool) or not isinstance(t_ms, int | float) or abs(t_ms) > LATEST_MS:
+            raise self.error(f"{self._what} has a time, t_ms, in milliseconds", '{"t_ms": 100, ...}')
+        return t_ms
+
+
+def _no_constant(name: str) -> None:
+    raise ValueError(f"{name} is no value")
