@@ -1,5 +1,6 @@
 """Chronicles: complex events described by events and times between them, recognised online (thesis 8.2-8.4)."""
 
+from reasoning.chronicles.changes import ChangeEvents, symbol
 from reasoning.chronicles.compilation import Compiled, compile_chronicle
 from reasoning.chronicles.domains import Combination, Complement, Domain, Named, Symbols, SymbolSet, symbol_set
 from reasoning.chronicles.expectation import Partial
@@ -54,6 +55,7 @@ __all__ = [
     "VALUE",
     "And",
     "Attribute",
+    "ChangeEvents",
     "Choice",
     "Chronicle",
     "ChronicleFile",
@@ -99,5 +101,6 @@ __all__ = [
     "Variable",
     "Variables",
     "compile_chronicle",
+    "symbol",
     "symbol_set",
 ]
