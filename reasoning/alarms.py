@@ -11,6 +11,7 @@ from typing import Any, Final, Literal, NamedTuple
 
 from dyknow.sample import Value
 from reasoning.evaluation import Moment
+from reasoning.explaining import Reason
 from reasoning.residuals import is_pending
 from reasoning.startable import Startable
 
@@ -62,14 +63,22 @@ class Watch:
         self._runs: deque[_Run] = deque()
         self._clean = 0
         self._first: _Run | None = None
+        self._blamed: tuple[Any, Any, Moment] | None = None
+
+    def explain(self) -> tuple[Reason, ...]:
+        """Why the alarm opened last; worked out when asked."""
+        return () if self._blamed is None else self._phi.explain(*self._blamed)
 
     def on_moment(self, moment: Moment) -> Change | None:
         """Take one state; `doubtful` tells whether phi is undecided in it for good."""
         reading, rest = self._read(moment), self._rest
+        before = rest
         if rest is not True and is_pending(rest):
             rest = self._rest = self._phi.step(rest, reading)
         found = self._start(reading)
         self.doubtful = found is None
+        if not self.open and (found is False or rest is False):
+            self._blamed = None if found is False else before, reading, moment
         if found is False:
             return self._violated(moment)
         if not self.open:

@@ -69,9 +69,9 @@ class Progressor:
                 number = 2 * len(self._operators) + (node.kind in {"always", "release"})
                 self._operators[number], self._numbers[at] = node, number
 
-    def operator(self, number: int) -> Part:
-        """The node of an obligation."""
-        return self._operators[number]
+    def node_of(self, number: int) -> int:
+        """The node of an obligation's operator."""
+        return next(at for at, known in self._numbers.items() if known == number)
 
     def letter(self, number: int) -> Letter:
         """The letter with this number; those met last are kept with what is worked out for them."""
@@ -116,13 +116,14 @@ class Progressor:
         for clause in clauses:
             for one in clause:
                 if one not in left:
-                    left[one] = self._one(one, letter, now_us, base_us)
+                    left[one] = self.after(one, letter, now_us, base_us)
         if len(clauses) == 1:
             (clause,) = clauses
             return disjoin([left[one] for one in clause])
         return conjoin([disjoin([left[one] for one in clause]) for clause in clauses])
 
-    def _one(self, one: Obligation | Block, letter: Letter, now_us: int, base_us: int) -> Clauses:
+    def after(self, one: Obligation | Block, letter: Letter, now_us: int, base_us: int) -> Clauses:
+        """What is left of one obligation or block after one more state, as `step`."""
         if isinstance(one, Block):
             return self.step(one.clauses, letter, now_us, base_us)
         return UNKNOWN if one[0] == DOUBT else self._window(one, letter, now_us, base_us)

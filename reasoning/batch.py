@@ -20,7 +20,8 @@ from dyknow.values import NO_VALUE
 from reasoning.automaton import State, automaton, moved
 from reasoning.clauses import DECIDED, FALSE, TRUE, Clauses, size
 from reasoning.columns import Column, Reader, Scene, is_missing
-from reasoning.evaluation import Compiler, NoValuePolicy
+from reasoning.evaluation import Compiler, Moment, NoValuePolicy
+from reasoning.explaining import Explainer, Reason
 from reasoning.formulas import Domains, Formula, required_labels
 from reasoning.shapes import take_apart
 
@@ -56,7 +57,7 @@ class Batch:
         no_value: NoValuePolicy = "undecided",
         domains: Domains | None = None,
     ) -> None:
-        compiler = Compiler(domains, no_value)
+        compiler = self._compiler = Compiler(domains, no_value)
         self.formula = formula
         self.taken_apart = take_apart(formula, compiler.domains, compiler)
         self.labels = required_labels(formula, compiler.domains)
@@ -75,6 +76,8 @@ class Batch:
         self._valid_us: int | None = None
         self._each_us: NDArray[np.int64] | None = None
         self._loose: list[Clauses | None] | None = None
+        self._scene: Scene | None = None
+        self._before_us = 0
 
     def __len__(self) -> int:
         return len(self._rows) if self._loose is None else len(self._loose)
@@ -115,6 +118,23 @@ class Batch:
         states, counts = np.unique(self._rows // self._width, return_counts=True)
         found = self._automaton.states
         return sum(size(found[state].clauses) * int(count) for state, count in zip(states, counts, strict=True))
+
+    def explain(self, row: int) -> tuple[Reason, ...]:
+        """Why the last state made this instance true or false; nothing if it did not."""
+        if self._loose is not None or self._scene is None or not (self.true[row] or self.false[row]):
+            return ()
+        scene = self._scene
+        state, place = divmod(int(self._index[row]), self._width)
+        letter = self._letters[place]
+        before = self._automaton.states[state]
+        if before.is_decided:
+            return ()
+        values = {label: _one_of(scene.columns.get(label, NO_VALUE), row) for label in self.labels}
+        moment = Moment(scene.valid_us, values, scene.domains)
+        left = None if state == _BEGINNING else moved(before.clauses, self._before_us)
+        progressor = self._automaton.progressor
+        explainer = Explainer(self.taken_apart, progressor, self._compiler, left, progressor.letter(letter), moment)
+        return explainer.reasons(truth=bool(self.true[row]))
 
     def rearrange(self, rows: NDArray[np.intp]) -> None:
         """Instance i becomes what instance `rows[i]` was; -1 makes a new one."""
@@ -159,7 +179,9 @@ class Batch:
         since_us = {
             name: since.after(valid_us, columns.get(name, NO_VALUE), present) for name, since in self._since.items()
         }
-        letters = self._reader.read(Scene(valid_us, columns, domains or _NO_DOMAINS, events, since_us))
+        scene = self._scene = Scene(valid_us, columns, domains or _NO_DOMAINS, events, since_us)
+        self._before_us = last_us or 0
+        letters = self._reader.read(scene)
         if self._loose is not None:
             self._by_deadlines(valid_us, letters, present)
         elif present is None and self._each_us is None:
@@ -296,6 +318,11 @@ class Batch:
 
 def _loose(state: State, valid_us: int) -> Clauses | None:
     return None if state.number == _BEGINNING else moved(state.clauses, valid_us)
+
+
+def _one_of(column: Column, row: int) -> Any:
+    found = np.asarray(column)
+    return found[row].item() if found.shape and found.dtype != object else found[row] if found.shape else column
 
 
 def _grown(table: Rows, least: int) -> Rows:

@@ -26,7 +26,8 @@ from typing import Literal, NamedTuple, Protocol, TypeAlias
 from dyknow.sample import Value
 from reasoning.automaton import LIMIT_GAPS, Automaton, Letter, State, automaton, moved
 from reasoning.clauses import Clauses, size
-from reasoning.evaluation import Compiler, NoValuePolicy
+from reasoning.evaluation import Compiler, Moment, NoValuePolicy
+from reasoning.explaining import Explainer, Reason
 from reasoning.formulas import Domains, Formula, Since, required_labels, walk
 from reasoning.letters import Reader, reader
 from reasoning.progression import Changes, Progression, Verdict, lacking
@@ -57,6 +58,9 @@ class Progressing(Protocol):
     @property
     def kept(self) -> int:
         """How many obligations are left."""
+
+    def explain(self) -> tuple[Reason, ...]:
+        """What made it true or false; nothing while it is undecided, or goes plain."""
 
     def progress(
         self,
@@ -96,10 +100,9 @@ def make_progression(
 class Decision(NamedTuple):
     """The state that decided, and what was left before it: windows relative to the epoch. None left: it was the first."""
 
-    valid_us: int
     left: Clauses | None
     letter: Letter
-    values: Mapping[str, Value]
+    moment: Moment
 
 
 class FastProgression:
@@ -124,6 +127,7 @@ class FastProgression:
         self.period_us, self._no_value = period_us, no_value
         self._by_deadlines = deadlines
         self._changes = Changes(formula) if any(isinstance(node, Since) for node in walk(formula)) else None
+        self._compiler = Compiler()
         self._plain: Progression | None = None
         self._read: Reader = _unread
         self._automaton: Automaton | None = None
@@ -160,6 +164,15 @@ class FastProgression:
             return None
         return self._state.clauses if self._clauses is None else moved(self._clauses, -self._valid_us)
 
+    def explain(self) -> tuple[Reason, ...]:
+        """What made the formula true or false; nothing while it is undecided, or goes plain."""
+        decision, apart, shared = self.decision, self.taken_apart, self._automaton
+        if decision is None or apart is None or shared is None or self.verdict == "undecided":
+            return ()
+        compiler = Compiler(self._compiler.domains, self._no_value)
+        explainer = Explainer(apart, shared.progressor, compiler, *decision)
+        return explainer.reasons(truth=self.verdict == "true")
+
     def progress(
         self,
         valid_us: int,
@@ -181,7 +194,7 @@ class FastProgression:
         state = self._state
         after = state.after.get(reading)
         if after is None:
-            after = self._meet(state, reading, valid_us, values)
+            after = self._meet(state, reading, Moment(valid_us, values, domains or _NO_DOMAINS, events))
         self._state, self._valid_us = after, valid_us
 
     def _progress(self, valid_us: int, values: Mapping[str, Value], domains: Domains, events: Collection[str]) -> None:
@@ -196,12 +209,12 @@ class FastProgression:
             self._plain.progress(valid_us, values, domains, events)
         elif not self._state.is_decided:
             changed_us = _NOTHING if self._changes is None else self._changes.after(valid_us, values)
-            letter = self._read(valid_us, values, domains, events, changed_us)
-            self._state = self._stepped(valid_us, letter, values)
+            moment = Moment(valid_us, values, domains, events, changed_us)
+            self._state = self._stepped(self._read(*moment), moment)
         self._started, self._valid_us = True, valid_us
 
     def _activate(self, domains: Domains) -> None:
-        compiler = Compiler(domains, self._no_value)
+        compiler = self._compiler = Compiler(domains, self._no_value)
         try:
             found = self.taken_apart = take_apart(self.formula, domains, compiler)
         except Grows:
@@ -213,23 +226,22 @@ class FastProgression:
         if not self._by_deadlines and self._no_value != "skip" and self._changes is None:
             self._quick_us = self.period_us
 
-    def _stepped(self, valid_us: int, letter: int, values: Mapping[str, Value]) -> State:
+    def _stepped(self, letter: int, moment: Moment) -> State:
         """The state after one more reading, whatever the gap."""
         if not self._by_deadlines:
             assert self._automaton is not None  # noqa: S101 - tells the type checker what activation made sure of
-            gap_us = valid_us - self._valid_us
+            gap_us = moment.valid_us - self._valid_us
             offset = self._automaton.gap(gap_us) if self._started else 0
             if offset is not None:
-                return self._meet(self._state, offset + letter, valid_us, values)
+                return self._meet(self._state, offset + letter, moment)
             if self._odd_gaps < LIMIT_GAPS:
                 self._odd_gaps += 1
-                return self._decided(
-                    self._state, self._automaton.pass_by(self._state, letter, gap_us), letter, valid_us, values
-                )
+                after = self._automaton.pass_by(self._state, letter, gap_us)
+                return self._decided(self._state, after, letter, moment)
             self._turn_to_deadlines()
-        return self._by_deadline(valid_us, letter, values)
+        return self._by_deadline(letter, moment)
 
-    def _meet(self, state: State, reading: int, valid_us: int, values: Mapping[str, Value]) -> State:
+    def _meet(self, state: State, reading: int, moment: Moment) -> State:
         """A transition that is new, or decides."""
         if state.is_decided:
             return state
@@ -240,14 +252,14 @@ class FastProgression:
             return found
         if known.is_full and reading not in state.ends:
             self._turn_to_deadlines()
-            return self._by_deadline(valid_us, reading % known.letters, values)
-        return self._decided(state, known.step(state, reading), reading % known.letters, valid_us, values)
+            return self._by_deadline(reading % known.letters, moment)
+        return self._decided(state, known.step(state, reading), reading % known.letters, moment)
 
-    def _decided(self, state: State, found: State, letter: int, valid_us: int, values: Mapping[str, Value]) -> State:
+    def _decided(self, state: State, found: State, letter: int, moment: Moment) -> State:
         """Keep what decided the formula, if that did."""
         if found.is_decided and self._automaton is not None:
             left = moved(state.clauses, self._valid_us) if self._started else None
-            self.decision = Decision(valid_us, left, self._automaton.progressor.letter(letter), values)
+            self.decision = Decision(left, self._automaton.progressor.letter(letter), moment)
         return found
 
     def _turn_to_deadlines(self) -> None:
@@ -255,18 +267,18 @@ class FastProgression:
         if self._started:
             self._clauses = moved(self._state.clauses, self._valid_us)
 
-    def _by_deadline(self, valid_us: int, number: int, values: Mapping[str, Value]) -> State:
+    def _by_deadline(self, number: int, moment: Moment) -> State:
         assert self._automaton is not None  # noqa: S101 - tells the type checker what activation made sure of
         progressor, left = self._automaton.progressor, self._clauses
         letter = progressor.letter(number)
         if left is None:
-            found = moved(progressor.start(letter), valid_us)
+            found = moved(progressor.start(letter), moment.valid_us)
         else:
-            found = progressor.step(left, letter, valid_us, 0)
+            found = progressor.step(left, letter, moment.valid_us, 0)
         self._clauses = found
         state = State(found, -1)
         if state.is_decided:
-            self.decision = Decision(valid_us, left, letter, values)
+            self.decision = Decision(left, letter, moment)
         return state
 
 

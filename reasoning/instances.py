@@ -14,6 +14,7 @@ from dyknow.values import NO_VALUE
 from reasoning.batch import Batch
 from reasoning.columns import Column
 from reasoning.evaluation import NoValuePolicy
+from reasoning.explaining import Reason
 from reasoning.formulas import (
     Always,
     Domain,
@@ -50,7 +51,7 @@ class ByInstances:
         self._period_us, self._no_value = period_us, no_value
         self._batch: Batch | None = None
         self._plain: Progression | None = None
-        self._universal = True
+        self._universal, self._variable = True, ""
         self._valid_us: int | None = None
         self._verdict: Verdict = "undecided"
 
@@ -77,6 +78,28 @@ class ByInstances:
             return self._plain.kept
         return 0 if self._batch is None else self._batch.kept
 
+    def explain(self) -> tuple[Reason, ...]:
+        """What made it true or false: of one member that is enough, else of all."""
+        batch = self._batch
+        if batch is None or self._verdict == "undecided":
+            return ()
+        truth = self._verdict == "true"
+        rows = np.flatnonzero(batch.true if truth else batch.false).tolist()
+        return tuple([self._named(reason, row) for row in rows for reason in batch.explain(row)])
+
+    def _named(self, reason: Reason, row: int) -> Reason:
+        """With the member that the row is about put in."""
+        if not self._variable:
+            return reason
+        member = self.members[row]
+        obligation = reason.obligation
+        return reason._replace(
+            part=instantiate(reason.part, _ROW, member),
+            obligation=None if obligation is None else instantiate(obligation, _ROW, member),
+            binding=((self._variable, member), *reason.binding),
+            samples={label.replace(_ROW, member): value for label, value in reason.samples.items()},
+        )
+
     def progress(
         self,
         valid_us: int,
@@ -102,7 +125,7 @@ class ByInstances:
             self._verdict = self._together(batch)
 
     def _activate(self, domains: Domains) -> Batch | None:
-        body, self.members, self._universal = _split(self.formula, domains)
+        body, self.members, self._universal, self._variable = _split(self.formula, domains)
         policy: NoValuePolicy = "undecided" if self._no_value == "skip" else self._no_value
         try:
             self._batch = Batch(body, len(self.members), self._period_us, policy, domains)
@@ -141,20 +164,20 @@ def _column(values: list[Any]) -> Column:
     return found
 
 
-def _split(formula: Formula, domains: Domains) -> tuple[Formula, tuple[str, ...], bool]:
-    """(instance, members, whether all must hold); one nameless member if there is nothing to split."""
+def _split(formula: Formula, domains: Domains) -> tuple[Formula, tuple[str, ...], bool, str]:
+    """(instance, members, whether all must hold, variable); one nameless member if there is nothing to split."""
     inner = formula
     if isinstance(formula, Always) and isinstance(formula.operand, Forall):
         inner = formula.operand
     if not isinstance(inner, Forall | Exists) or inner.growing or not _only_in_features(inner):
-        return formula, ("",), True
+        return formula, ("",), True, ""
     members = domain_members(inner.domain, domains)
     if not members:
-        return formula, ("",), True
+        return formula, ("",), True, ""
     body = instantiate(inner.body, inner.variable, Variable(_ROW))
     if inner is not formula and isinstance(formula, Always):
         body = Always(body, formula.lo_us, formula.hi_us, place=formula.place)
-    return body, members, isinstance(inner, Forall)
+    return body, members, isinstance(inner, Forall), inner.variable
 
 
 def _only_in_features(quantifier: Forall | Exists) -> bool:

@@ -10,6 +10,7 @@ from dyknow.sample import Value
 from reasoning.alarms import AlarmEvent, Change, Watch
 from reasoning.engine import Progressing, make_progression
 from reasoning.evaluation import Moment, NoValuePolicy
+from reasoning.explaining import Reason
 from reasoning.formulas import Always, Domains, Exists, Forall, Formula, required_labels, walk
 from reasoning.inputs import Freshness, Inputs
 from reasoning.progression import Changes, Verdict, lacking
@@ -77,6 +78,12 @@ class Monitor:
     def verdict(self) -> Verdict:
         """Of the formula; for `always phi` it is false while an alarm is open, since phi is monitored anew (F8)."""
         return "undecided" if self._watch is None else _verdict(self._watch)
+
+    @property
+    def explanation(self) -> tuple[Reason, ...]:
+        """Why its alarm opened last: which part of the formula, for which members, since when, by which samples."""
+        watch = self._watch
+        return () if watch is None else watch.explain()
 
     @property
     def inputs(self) -> Freshness:
@@ -207,6 +214,9 @@ class _Once:
 
     def __init__(self, progression: Progressing) -> None:
         self.progression = progression
+
+    def explain(self) -> tuple[Reason, ...]:
+        return self.progression.explain()
 
     def on_moment(self, moment: Moment) -> Change | None:
         one = self.progression

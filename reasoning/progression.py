@@ -94,6 +94,10 @@ class Progression:
         """How many obligations are left."""
         return obligations(self._residual)
 
+    def explain(self) -> tuple[()]:
+        """Nothing: the ways of the engine explain."""
+        return ()
+
     def progress(
         self,
         valid_us: int,

@@ -7,10 +7,11 @@ of one formula are stepped through every state, and those of states in a row can
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-from reasoning.automaton import Automaton, State, automaton
+from reasoning.automaton import Automaton, Progressor, State, automaton, moved
 from reasoning.evaluation import Compiler, Moment, NoValuePolicy
+from reasoning.explaining import Explainer, Reason
 from reasoning.formulas import Domains, Formula, is_temporal
-from reasoning.letters import Reader, reader
+from reasoning.letters import reader
 from reasoning.progression import compile_operator
 from reasoning.residuals import Operator, Residual, conjoin
 from reasoning.shapes import Grows, TakenApart, take_apart
@@ -31,6 +32,9 @@ class Startable(Protocol):
     def conjoin(self, residuals: Sequence[Any]) -> Any:
         """Both, or all, of them."""
 
+    def explain(self, left: Any, reading: Any, moment: Moment) -> tuple[Reason, ...]:
+        """Why `left`, or the start if that is None, became false at this state."""
+
 
 def startable(
     formula: Formula, domains: Domains, period_us: int | None = None, no_value: NoValuePolicy = "undecided"
@@ -43,15 +47,18 @@ def startable(
         except Grows:
             pass
         else:
-            return OnAutomaton(found, reader(found.atoms, compiler), automaton(found.shape, period_us))
-    return Plain(compile_operator(formula, domains, period_us, no_value))
+            return OnAutomaton(found, compiler, automaton(found.shape, period_us))
+    return Plain(compile_operator(formula, domains, period_us, no_value), formula, domains, no_value)
 
 
 class Plain:
     """By the residuals of plain progression."""
 
-    def __init__(self, operator: Operator) -> None:
+    def __init__(
+        self, operator: Operator, formula: Formula, domains: Domains, no_value: NoValuePolicy = "undecided"
+    ) -> None:
         self.start = operator.start
+        self._formula, self._domains, self._no_value = formula, domains, no_value
 
     def read(self, moment: Moment) -> Moment:
         return moment
@@ -63,13 +70,22 @@ class Plain:
     def conjoin(self, residuals: Sequence[Residual]) -> Residual:
         return conjoin(residuals)
 
+    def explain(self, left: Any, _reading: Moment, moment: Moment) -> tuple[Reason, ...]:
+        if left is not None or is_temporal(self._formula):
+            return ()
+        compiler = Compiler(self._domains, self._no_value)
+        found = take_apart(self._formula, compiler.domains, compiler)
+        progressor = Progressor(found.shape, None)
+        letter = progressor.letter(reader(found.atoms, compiler)(*moment))
+        return Explainer(found, progressor, compiler, None, letter, moment).reasons(truth=False)
+
 
 class OnAutomaton:
     """By the states of an automaton."""
 
-    def __init__(self, taken_apart: TakenApart, read: Reader, shared: Automaton) -> None:
-        self.taken_apart = taken_apart
-        self._read, self._automaton = read, shared
+    def __init__(self, taken_apart: TakenApart, compiler: Compiler, shared: Automaton) -> None:
+        self._taken_apart, self._compiler = taken_apart, compiler
+        self._read, self._automaton = reader(taken_apart.atoms, compiler), shared
         self._valid_us: int | None = None
 
     def read(self, moment: Moment) -> tuple[int, int, int | None]:
@@ -95,3 +111,11 @@ class OnAutomaton:
         known = self._automaton
         truths = {True: known.true, False: known.false, None: known.unknown}
         return known.conjoin(one if isinstance(one, State) else truths[one] for one in residuals).left
+
+    def explain(self, left: State | None, reading: tuple[int, int, int | None], moment: Moment) -> tuple[Reason, ...]:
+        letter, gap_us, _ = reading
+        progressor = self._automaton.progressor
+        before = None if left is None else moved(left.clauses, moment.valid_us - gap_us)
+        compiler = Compiler(self._compiler.domains)
+        explainer = Explainer(self._taken_apart, progressor, compiler, before, progressor.letter(letter), moment)
+        return explainer.reasons(truth=False)

@@ -5,13 +5,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from dyknow.values import NO_VALUE
 from kpl import read_formula
-from reasoning import make_progression
+from reasoning import Monitor, make_progression
 from reasoning.alarms import Watch
 from reasoning.automaton import LIMIT_GAPS
 from reasoning.batch import Batch
 from reasoning.evaluation import Moment
-from reasoning.formulas import Always, Compare, Const, Domain, Eventually, Feature, Forall, Implies, Not, Variable
+from reasoning.formulas import Always, Compare, Const, Domain, Eventually, Feature, Forall, Implies, Not, Or, Variable
 from reasoning.progression import compile_operator
 from reasoning.startable import Plain, startable
 from tests.reasoning.strategies import UNIT_US, formulas, traces
@@ -107,7 +108,7 @@ def test_a_quantified_formula_is_a_row_per_member():
 @MODERATE
 def test_a_watch_on_the_automaton_tells_the_same_alarms_as_a_plain_one(phi, states, period_us, close_after):
     shared = Watch(startable(phi, {}, period_us), close_after)
-    plain = Watch(Plain(compile_operator(phi, {}, period_us)), close_after)
+    plain = Watch(Plain(compile_operator(phi, {}, period_us), phi, {}), close_after)
     for at, (valid_us, values) in enumerate(states):
         moment = Moment(valid_us, values)
         assert shared.on_moment(moment) == plain.on_moment(moment)
@@ -123,3 +124,48 @@ def test_since_of_a_quantified_feature_is_known_whichever_way(way, grows):
     formula = read_formula(f"always forall v in d{grows}: since(s[v]) < 100ms")
     states = [(0, {"s[a]": 1, "s[b]": 1}), (UNIT_US // 2, {"s[a]": 1, "s[b]": 2}), (UNIT_US, {"s[a]": 1, "s[b]": 2})]
     assert verdicts(formula, states, way) == ["undecided", "undecided", "false"]
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_verdict_is_explained_by_the_member_the_part_the_time_and_the_samples(way):
+    fast = Compare("<=", Feature("speed", (Variable("u"),)), Const(30))
+    formula = Always(Forall("u", Domain("uavs"), Eventually(fast, 0, 2 * UNIT_US)))
+    progression = make_progression(formula, UNIT_US, way=way)
+    for at, speed in enumerate([29.0, 31.0, 31.5, 32.0]):
+        progression.progress(at * UNIT_US, {"speed[a]": 29.0, "speed[b]": speed}, {"uavs": ("a", "b")})
+    assert progression.verdict == "false"
+    (reason,) = progression.explain()
+    assert reason.part == Compare("<=", Feature("speed", ("b",)), Const(30))
+    assert not reason.holds
+    assert reason.binding == (("u", "b"),)
+    assert reason.obligation == Eventually(reason.part, 0, 2 * UNIT_US)
+    assert (reason.since_us, reason.until_us, reason.valid_us) == (UNIT_US, 3 * UNIT_US, 3 * UNIT_US)
+    assert reason.samples == {"speed[b]": 32.0}
+
+
+def test_a_monitor_explains_its_alarm_down_to_the_comparison_that_failed():
+    near = Or(
+        (
+            Compare(">=", Feature("xy", ("a", Variable("o"))), Const(15)),
+            Compare(">=", Feature("z", ("a", Variable("o"))), Const(10)),
+        )
+    )
+    formula = Always(Forall("o", Domain("units", (("a",),)), near))
+    monitor = Monitor("apart", formula, ("a",), UNIT_US, 0, domains={"units": ("a", "b", "c")})
+    values = {"xy[a, b]": 100.0, "z[a, b]": 0.0, "xy[a, c]": 5.0, "z[a, c]": 1.0}
+    assert [event.event for event in monitor.on_state(0, 0, values)] == ["opened"]
+    assert [reason.samples for reason in monitor.explanation] == [{"xy[a, c]": 5.0}, {"z[a, c]": 1.0}]
+    assert {reason.binding for reason in monitor.explanation} == {(("o", "c"),)}
+
+
+@given(formulas, traces(gaps=True, missing=True), PERIODS)
+@MODERATE
+def test_whatever_decides_a_formula_is_explained_by_what_the_deciding_state_brought(formula, states, period_us):
+    progression = make_progression(formula, period_us)
+    for valid_us, values in states:
+        if progression.verdict == "undecided":
+            progression.progress(valid_us, values)
+            decided_us, brought = valid_us, values
+    for reason in progression.explain():
+        assert reason.valid_us == decided_us
+        assert all(brought.get(label, NO_VALUE) == value for label, value in reason.samples.items())
