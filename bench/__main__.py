@@ -32,7 +32,7 @@ def measured(name: str, options: Options) -> dict[str, Any]:
         found = interleave({side: run for side, run in sides.items() if options.wants(side)}, options.rounds)
     middle = medians(found)
     judged = [verdict for bar in row.BARS if (verdict := judge(bar, found)) is not None]
-    _show(middle, judged)
+    _show({side: figures for side, figures in middle.items() if side not in getattr(row, "QUIET", ())}, judged)
     return {
         "row": name,
         "title": row.TITLE,

@@ -1,6 +1,6 @@
-"""`python -m bench.figures [RESULT.json ...]`: Figures 5.7, 5.9 and 5.11 of the thesis from our own measurements.
+"""`python -m bench.figures [RESULT.json ...]`: Figures 5.7, 5.9, 5.11 and 7.14 to 7.17 of the thesis, measured here.
 
-Without names the newest results of b03 and b04 are drawn. Each picture has the thesis' delays beside ours on a
+Without names the newest results of b03, b04 and b06 are drawn. Each picture has the thesis' delays beside ours on a
 logarithmic axis at the left, and ours alone, with the lines through them, at the right.
 """
 
@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from bench.experiments import EXPERIMENTS, Experiment
 from bench.experiments import points as points_of
 from bench.plots import Curve, Panel, Point, drawn
+from bench.progression_figures import pictures
 
 _HERE = Path(__file__).parent
 OUT = _HERE.parent / "docs" / "figures"
@@ -103,7 +104,7 @@ def picture(experiment: Experiment, rows: Mapping[str, Any]) -> str:
     )
     return drawn(
         f"Figure {figure}: delay over the number of {experiment.varied}",
-        experiment.varied,
+        f"number of {experiment.varied}",
         (
             Panel("beside the thesis (logarithmic)", (thesis, *curves), is_log=True),
             Panel("ours", (*lines, *said), is_log=False),
@@ -111,7 +112,7 @@ def picture(experiment: Experiment, rows: Mapping[str, Any]) -> str:
     )
 
 
-def newest(results: Path, wanted: Iterable[str] = ("b03", "b04")) -> list[Path]:
+def newest(results: Path, wanted: Iterable[str] = ("b03", "b04", "b06")) -> list[Path]:
     """For every row the last result that has it."""
     names = sorted(results.glob("*.json"))
     found = (next((path for path in reversed(names) if row in path.stem.split("-")), None) for row in wanted)
@@ -127,12 +128,14 @@ def main() -> int:
     for path in asked.results or newest(_HERE / "results"):
         for row in json.loads(path.read_text(encoding="utf-8"))["rows"]:
             rows[row["row"]] = row
-    if "b04" not in rows:
-        parser.error("no result of b04; measure it with `python -m bench b03 b04`")
+    if not {"b04", "b06"} & rows.keys():
+        parser.error("no result of b04 or b06; measure them with `python -m bench b03 b04 b06`")
+    drawings = {each.figure: picture(each, rows) for each in EXPERIMENTS} if "b04" in rows else {}
+    drawings |= pictures(rows["b06"]) if "b06" in rows else {}
     asked.out.mkdir(parents=True, exist_ok=True)
-    for experiment in EXPERIMENTS:
-        path = asked.out / f"figure-{experiment.figure}.svg"
-        path.write_text(picture(experiment, rows), encoding="utf-8")
+    for figure, drawing in drawings.items():
+        path = asked.out / f"figure-{figure}.svg"
+        path.write_text(drawing, encoding="utf-8")
         print(path)
     return 0
 

@@ -74,7 +74,7 @@ def _panel(panel: Panel, x_title: str, left: float) -> Iterator[str]:
         yield _text(left - 6, up(y) + 4, _said(y), "end")
     for x in _marks(0, right_x, is_log=False):
         yield _text(across(x), TOP + HIGH + 17, f"{x:g}", "middle")
-    yield _text(left + WIDE / 2, TOP + HIGH + 34, f"number of {x_title}", "middle")
+    yield _text(left + WIDE / 2, TOP + HIGH + 34, x_title, "middle")
     yield f'<rect x="{left:.1f}" y="{TOP}" width="{WIDE}" height="{HIGH}" fill="none" stroke="{INK}"/>'
     for curve in panel.curves:
         yield from _curve(curve, across, up)

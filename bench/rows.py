@@ -62,6 +62,8 @@ class Row(Protocol):
 
     TITLE: str
     BARS: tuple[Bar, ...]
+    QUIET: tuple[str, ...]
+    """Sides that are kept but not printed; a module need not have it."""
 
     @staticmethod
     def sides(options: Options) -> AbstractContextManager[Mapping[str, Side]]:
