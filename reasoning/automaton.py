@@ -14,6 +14,7 @@ from reasoning.clauses import (
     DOUBT,
     FALSE,
     FOREVER,
+    LIMIT_PRODUCT,
     OPEN,
     TRUE,
     UNKNOWN,
@@ -120,7 +121,8 @@ class Progressor:
         if len(clauses) == 1:
             (clause,) = clauses
             return disjoin([left[one] for one in clause])
-        return conjoin([disjoin([left[one] for one in clause]) for clause in clauses])
+        limit = LIMIT_PRODUCT // len(clauses)
+        return conjoin([disjoin([left[one] for one in clause], limit) for clause in clauses])
 
     def after(self, one: Obligation | Block, letter: Letter, now_us: int, base_us: int) -> Clauses:
         """What is left of one obligation or block after one more state, as `step`."""

@@ -5,11 +5,12 @@ windows: the longer `always` says more, the longer `eventually` less. A clause k
 conjunction its strongest clauses, and windows of one operator that overlap become one (7.5.2, 7.10: simplification and
 subsumption). All of these hold in Kleene's logic, so that no verdict comes earlier or later by them.
 
-Where distributing a disjunction over conjunctions would cost more than it saves, a part stays a `Block` of its own.
+Where distributing a disjunction over conjunctions would cost more than it saves, its parts stay `Block`s.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import prod
 from typing import Final, TypeAlias
 
 Obligation: TypeAlias = tuple[int, int, int]
@@ -40,7 +41,8 @@ UNKNOWN: Final[Clauses] = frozenset({frozenset({_DOUBT})})
 """Undecided for ever: an atom over `no_value`."""
 DECIDED: Final = frozenset((TRUE, FALSE, UNKNOWN))
 LIMIT_PRODUCT: Final = 64
-"""A disjunction that would be distributed into more clauses than this keeps blocks."""
+"""A disjunction that would be distributed into more clauses than this keeps blocks; so does one of several disjunctions
+that together would come to more."""
 DOUBT: Final = _DOUBT[0]
 
 
@@ -58,8 +60,8 @@ def conjoin(parts: Iterable[Clauses]) -> Clauses:
     return FALSE if NEVER in every else _strongest(every)
 
 
-def disjoin(parts: Iterable[Clauses]) -> Clauses:
-    """One of them at least; distributed while that stays small."""
+def disjoin(parts: Iterable[Clauses], limit: int = LIMIT_PRODUCT) -> Clauses:
+    """One of them at least; distributed if that makes no more than `limit` clauses."""
     found = [part for part in dict.fromkeys(parts) if part != FALSE]
     if len(found) == 1:
         return found[0]
@@ -72,13 +74,12 @@ def disjoin(parts: Iterable[Clauses]) -> Clauses:
             single.update(next(iter(part)))
         else:
             several.append(part)
-    result: Clauses = frozenset((_weakest(single),))
+    clause = _weakest(single)
+    if prod(map(len, several)) > limit:
+        return frozenset((clause.union(map(Block, several)),))
+    result: Clauses = frozenset((clause,))
     for part in sorted(several, key=len):
-        if len(part) * len(result) > LIMIT_PRODUCT:
-            block = frozenset((Block(part),))
-            result = frozenset([clause | block for clause in result])
-        else:
-            result = _strongest(frozenset([_weakest({*one, *other}) for one in part for other in result]))
+        result = _strongest(frozenset([_weakest({*one, *other}) for one in part for other in result]))
     return result
 
 

@@ -169,3 +169,14 @@ def test_whatever_decides_a_formula_is_explained_by_what_the_deciding_state_brou
     for reason in progression.explain():
         assert reason.valid_us == decided_us
         assert all(brought.get(label, NO_VALUE) == value for label, value in reason.samples.items())
+
+
+@pytest.mark.parametrize("way", ["object", "deadlines"])
+def test_a_disjunction_of_many_conjunctions_stays_small(way):
+    formula = read_formula("exists v in d: (eventually[0, 1s] s[v]) and (always[0, 500ms] eventually[0, 300ms] t[v])")
+    domains = {"d": tuple(f"m{number}" for number in range(100))}
+    progression = make_progression(formula, UNIT_US, way=way)
+    for at in range(5):
+        values = {f"{name}[{one}]": (at + len(one)) % 3 == 0 for one in domains["d"] for name in "st"}
+        progression.progress(at * UNIT_US, values, domains)
+        assert progression.kept <= 300
