@@ -28,7 +28,9 @@ Identity: TypeAlias = tuple[tuple[Any, ...], tuple[int, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Hard caps; what they cut off is counted as incomplete (C6)."""
+    """Hard caps; what they cut off is counted as incomplete (C6). Those of events hold after each tidying: there may
+    be twice as many before.
+    """
 
     events: int = 1_000_000
     events_of_one_binding: int = 10_000

@@ -218,6 +218,26 @@ class Recogniser:
                 if dispatch is not None:
                     self._deliver(dispatch, values, clock_ms, told)
 
+    @property
+    def chronicles(self) -> tuple[Compiled, ...]:
+        """What is recognised."""
+        return tuple(matcher.compiled for matcher in self._matchers)
+
+    @property
+    def attributes(self) -> frozenset[tuple[str, int]]:
+        """Attributes whose changes are waited for: (name, number of arguments)."""
+        return frozenset(self._changes)
+
+    @property
+    def messages(self) -> frozenset[tuple[str, int]]:
+        """Messages that are waited for, recognised chronicles apart: (name, number of arguments)."""
+        return frozenset(one for one in self._messages if one[0] not in self._by_name)
+
+    def tidy(self) -> None:
+        """Forget all that no instance needs any more; it is also done now and then."""
+        for matcher in self._matchers:
+            matcher.sweep(MINUS_INFINITY if self.clock_ms is None else self.clock_ms)
+
     def partial_instances(self, limit: int = 1000) -> Iterator[Partial]:
         """What may become an instance, chronicle by chronicle: what is matched, and when it is given up at the latest.
 
