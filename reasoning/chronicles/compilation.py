@@ -133,7 +133,7 @@ class _Compilation:
         for one in self._counts:
             if max(one.minimum, one.maximum or 0) > LIMIT_COUNT:
                 raise ChronicleError(f"{one.said}: nobody counts beyond {LIMIT_COUNT}")
-        self._bound = _bound_variables(self._counts)
+        self._bound = _bound_variables(self._counts, expanded.parameters)
         self._slots = {name: slot for slot, name in enumerate(self._bound)}
         self._instants()
         try:
@@ -275,16 +275,17 @@ def _is_event(count: Count) -> bool:
     return count.minimum > 0 and count.begin[0] == count.end[0] and count.end[1] == count.begin[1] + 1
 
 
-def _bound_variables(counts: Sequence[Count]) -> tuple[str, ...]:
-    return tuple(
-        dict.fromkeys(
-            str(one)
-            for count in counts
-            if count.minimum
-            for one in count.type.parameters
-            if isinstance(one, Variable) and one.name and not one.star
-        )
+def _bound_variables(counts: Sequence[Count], parameters: Sequence[Parameter]) -> tuple[str, ...]:
+    """Parameters of the chronicle first, in their order."""
+    found = dict.fromkeys(
+        str(one)
+        for count in counts
+        if count.minimum
+        for one in count.type.parameters
+        if isinstance(one, Variable) and one.name and not one.star
     )
+    first = [str(one) for one in parameters if str(one) in found]
+    return tuple(dict.fromkeys([*first, *found]))
 
 
 def _places(count: Count) -> dict[str, tuple[int, ...]]:

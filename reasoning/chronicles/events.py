@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 
 from dyknow.errors import TextError
 from dyknow.labels import Label
+from reasoning.chronicles.changes import symbol
 from reasoning.chronicles.matching import Instance
 from reasoning.chronicles.recogniser import Recogniser
 from reasoning.chronicles.stores import MINUS_INFINITY
@@ -44,24 +45,6 @@ class RecordedEvent(NamedTuple):
         if self.change is None:
             return recogniser.on_message(self.at_ms, *self.label)
         return recogniser.on_change(self.at_ms, *self.label, *self.change)
-
-
-def symbol_of(value: bool | float | str) -> str:
-    """A value as a symbol: true, false, 3, 1.5, or the text itself.
-
-    Raises:
-        ValueError: it is not finite, or too long a text.
-    """
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            raise ValueError(f"{value} is no value")
-        return str(int(value)) if value.is_integer() else repr(value)
-    found = str(value)
-    if len(found) > _LONGEST:
-        raise ValueError(f"a value has at most {_LONGEST} characters, this one has {len(found)}")
-    return found
 
 
 def read_events(lines: Iterable[str], file: str = "") -> Iterator[RecordedEvent]:
@@ -121,12 +104,12 @@ class _Line(JsonLine):
         value: Any = self.record[key]
         if value is None:
             return None
-        if isinstance(value, list | dict):
-            raise self.error(f"{key!r} is neither a text, a number, nor a truth value", _CHANGE)
-        try:
-            return symbol_of(value)
-        except ValueError as error:
-            raise self.error(f"{key!r}: {error}", _CHANGE) from None
+        found = symbol(value)
+        if found is None:
+            raise self.error(f"{key!r} is neither a text, a whole number, nor a truth value", _CHANGE)
+        if len(found) > _LONGEST:
+            raise self.error(f"{key!r} has {len(found)} characters, {_LONGEST} are allowed", _CHANGE)
+        return found
 
     def _new(self) -> str:
         value = self._value("to")

@@ -14,7 +14,7 @@ def test_changes_messages_and_the_clock_are_read() -> None:
         "",
         '{"t_ms": 100.9, "attribute": "cars.speed[car1]", "from": null, "to": 2.0}',
         '{"t_ms": -0.5, "message": "in_crossing[car1, 2]"}',
-        '{"t_ms": "-oo", "attribute": "wet", "from": false, "to": 1.5}',
+        '{"t_ms": "-oo", "attribute": "wet", "from": false, "to": "1.5"}',
         '{"t_ms": 7}',
     ]
     assert list(read_events(lines)) == [
@@ -44,9 +44,12 @@ def test_changes_messages_and_the_clock_are_read() -> None:
         ('{"t_ms": 1, "attribute": "a", "to": 5}', "a change has 'from'"),
         ('{"t_ms": 1, "attribute": "a", "from": null}', "a change has 'to'"),
         ('{"t_ms": 1, "attribute": "a", "from": null, "to": null}', "an attribute changes to a value"),
-        ('{"t_ms": 1, "attribute": "a", "from": null, "to": [1]}', "neither a text, a number, nor a truth value"),
-        ('{"t_ms": 1, "attribute": "a", "from": null, "to": 1e999}', "inf is no value"),
-        ('{"t_ms": 1, "attribute": "a", "from": 1, "to": "' + "x" * 600 + '"}', "at most 512 characters"),
+        ('{"t_ms": 1, "attribute": "a", "from": null, "to": [1]}', "neither a text, a whole number, nor a truth value"),
+        (
+            '{"t_ms": 1, "attribute": "a", "from": null, "to": 1e999}',
+            "neither a text, a whole number, nor a truth value",
+        ),
+        ('{"t_ms": 1, "attribute": "a", "from": 1, "to": "' + "x" * 600 + '"}', "512 are allowed"),
         ('{"t_ms": 1, "message": "' + "x" * 2_000_000 + '"}', "1048576 are allowed"),
     ],
 )
