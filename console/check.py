@@ -1,15 +1,25 @@
 """`dyknow check`: a formula over a recorded trace, or over the live states of a platform."""
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from console.command import Call
 from console.errors import DONE, NO, FederationFailed, NothingFound, WrongCall, did_you_mean
 from console.instants import SHORTEST_US, clock_time, duration_us
+from console.output import verbatim
 from dyknow.errors import DyknowError
+from dyknow.values import NO_VALUE
 
 if TYPE_CHECKING:
     from console.dialogue import Dialogue
+    from reasoning import Reason
+
+MOST_REASONS = 5
+"""Of a verdict that people are told; JSON has them all."""
+MOST_LEFT = 12
+"""What is left of an undecided formula is told if it is no more obligations than this."""
 
 
 def check(call: Call, formula: str, *, trace: Path | None, unit: str | None, timeout: str) -> int:
@@ -19,13 +29,13 @@ def check(call: Call, formula: str, *, trace: Path | None, unit: str | None, tim
             "say over what: --trace FILE for recorded states, or --unit U for the live states of a platform."
         )
     if trace is not None:
-        return _told(call, *_over_trace(call, formula, trace))
+        return _over_trace(call, formula, trace)
     return _live(call, formula, str(unit), duration_us(timeout, option="--timeout", least_us=SHORTEST_US) / 1e6)
 
 
-def _over_trace(call: Call, text: str, path: Path) -> tuple[str, float | None, int | None]:
-    from kpl import read_formula
-    from reasoning import check_trace, read_trace, required_labels, trace_domains
+def _over_trace(call: Call, text: str, path: Path) -> int:
+    from kpl import print_formula, read_formula
+    from reasoning import follow_trace, read_trace, remaining, required_labels, trace_domains
 
     formula = read_formula(text)
     try:
@@ -37,7 +47,10 @@ def _over_trace(call: Call, text: str, path: Path) -> tuple[str, float | None, i
     for label in sorted(str(label) for label in required_labels(formula, domains)):
         if label not in trace.labels:
             call.out.note(f"note: {label} has no value anywhere in {path}.{did_you_mean(label, trace.labels)}")
-    return check_trace(formula, trace.states, domains)
+    (verdict, t_ms, index), progression = follow_trace(formula, trace.states, domains)
+    rest = remaining(progression) if verdict == "undecided" and progression.kept <= MOST_LEFT else None
+    left = None if rest is None else print_formula(rest)
+    return _told(call, verdict, t_ms, index, reasons=progression.explain(), left=left)
 
 
 def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:
@@ -75,14 +88,69 @@ def _failed(dialogue: "Dialogue") -> DyknowError:
     return NothingFound(words) if "refuse" in answers else FederationFailed(words)
 
 
-def _told(call: Call, verdict: str, t_ms: float | None, index: int | None, *, is_live: bool = False) -> int:
+def _told(
+    call: Call,
+    verdict: str,
+    t_ms: float | None,
+    index: int | None,
+    *,
+    is_live: bool = False,
+    reasons: "Sequence[Reason]" = (),
+    left: str | None = None,
+) -> int:
     if t_ms is not None and t_ms == round(t_ms):
         t_ms = round(t_ms)
     record: dict[str, Any] = {"verdict": verdict, "t_ms": t_ms, "index": index}
+    if reasons:
+        record["because"] = [_record(one) for one in reasons]
+    if left is not None:
+        record["left"] = left
     colour = {"true": "green", "false": "red"}.get(verdict, "yellow")
     when = ""
     if t_ms is not None:
         shown = clock_time(round(t_ms * 1000)) if is_live else f"t = {t_ms:g} ms"
         when = f", decided by state {index} ({shown})" if index is not None else f", decided at {shown}"
-    call.out.say(f"[{colour}]{verdict}[/{colour}]{when}", **record)
+    lines = [line for one in reasons[:MOST_REASONS] for line in _lines(one)]
+    if len(reasons) > MOST_REASONS:
+        lines.append(f"  and {len(reasons) - MOST_REASONS} more; --json tells them all")
+    if left is not None:
+        lines.append(f"  left after the last state: {left}")
+    wrapped = [fill(line, call.out.console.width, subsequent_indent="      ", break_on_hyphens=False) for line in lines]
+    call.out.say("\n".join([f"[{colour}]{verdict}[/{colour}]{when}", *map(verbatim, wrapped)]), **record)
     return NO if verdict == "false" else DONE
+
+
+def _lines(reason: "Reason") -> Iterator[str]:
+    """One reason, as people read it."""
+    from kpl import print_formula
+
+    yield f"  {print_formula(reason.part)} is {str(reason.holds).lower()}"
+    if reason.samples:
+        yield f"    with {', '.join(f'{label} = {_shown(value)}' for label, value in reason.samples.items())}"
+    if reason.binding:
+        yield f"    for {', '.join(f'{variable} = {member}' for variable, member in reason.binding)}"
+    if reason.obligation is not None:
+        since = "" if reason.since_us is None else f"since t = {reason.since_us / 1000:g} ms"
+        until = "" if reason.until_us is None else f", until t = {reason.until_us / 1000:g} ms"
+        yield f"    in {print_formula(reason.obligation)}"
+        if since or until:
+            yield f"    {since}{until}"
+
+
+def _shown(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _record(reason: "Reason") -> dict[str, Any]:
+    """One reason, as a machine reads it."""
+    from kpl import print_formula
+
+    return {
+        "part": print_formula(reason.part),
+        "holds": reason.holds,
+        "samples": {label: None if value is NO_VALUE else value for label, value in reason.samples.items()},
+        "members": dict(reason.binding),
+        "in": None if reason.obligation is None else print_formula(reason.obligation),
+        "since_ms": None if reason.since_us is None else reason.since_us / 1000,
+        "until_ms": None if reason.until_us is None else reason.until_us / 1000,
+    }

@@ -2,6 +2,7 @@ from reasoning.alarms import AlarmEvent
 from reasoning.derivation import FEATURES, Derivation, DerivedFeature, Input, needed_labels
 from reasoning.engine import Progressing, Way, make_progression
 from reasoning.evaluation import NoValuePolicy
+from reasoning.explaining import Reason
 from reasoning.formulas import Domain, Formula, domain_members, instantiate, label_text, required_labels, split_growing
 from reasoning.inputs import Freshness
 from reasoning.monitors import Monitor, Shown
@@ -9,7 +10,7 @@ from reasoning.profiles import Profile, builtin_profiles, parse_profiles
 from reasoning.progression import Progression, Verdict
 from reasoning.proximity import Approach, closest_approach, fence_margin_m, offset_m
 from reasoning.remaining import remaining
-from reasoning.traces import Outcome, Trace, TraceState, check_trace, read_trace, trace_domains
+from reasoning.traces import Outcome, Trace, TraceState, check_trace, follow_trace, read_trace, trace_domains
 
 __all__ = [
     "FEATURES",
@@ -27,6 +28,7 @@ __all__ = [
     "Profile",
     "Progressing",
     "Progression",
+    "Reason",
     "Shown",
     "Trace",
     "TraceState",
@@ -37,6 +39,7 @@ __all__ = [
     "closest_approach",
     "domain_members",
     "fence_margin_m",
+    "follow_trace",
     "instantiate",
     "label_text",
     "make_progression",

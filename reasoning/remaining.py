@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Final
 
 from reasoning.clauses import DOUBT, FOREVER, Block, Clause, Clauses, Literal
-from reasoning.engine import FastProgression
+from reasoning.engine import FastProgression, Progressing
 from reasoning.formulas import Always, And, Const, Eventually, Feature, Formula, Not, Or, Until
 from reasoning.shapes import TakenApart
 
@@ -17,16 +17,15 @@ UNDECIDED: Final = Feature("no_value")
 """Stands for what is undecided for ever: a feature that never has a value."""
 
 
-def remaining(progression: FastProgression) -> Formula | None:
-    """The formula that must hold from the next state on for the whole to hold; None before the first state, and for a
-    formula that grows over several states, of which no formula is left.
+def remaining(progression: Progressing) -> Formula | None:
+    """The formula that must hold from the next state on for the whole to hold; None before the first state, and for
+    what goes plain or as a batch.
 
-    With a known period the next state lies one period after the last, else a microsecond.
+    Its times count from the next state if the period is known, else from the newest, which itself counts no more.
     """
-    found = progression.taken_apart
-    if found is None or progression.left is None:
+    if not isinstance(progression, FastProgression) or progression.taken_apart is None or progression.left is None:
         return None
-    return _Writer(found, progression.period_us or 1).clauses(progression.left)
+    return _Writer(progression.taken_apart, progression.period_us or 0).clauses(progression.left)
 
 
 _OPERATORS: Final = ("always", "eventually", "until", "release")

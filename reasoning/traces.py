@@ -14,10 +14,11 @@ from dyknow.instants import US_PER_MS
 from dyknow.labels import Label
 from dyknow.sample import Value
 from dyknow.values import NO_VALUE
+from reasoning.engine import Progressing, make_progression
 from reasoning.evaluation import NoValuePolicy
 from reasoning.formulas import Domains, Exists, Feature, Forall, Formula, Variable, walk
 from reasoning.json_lines import JsonLine
-from reasoning.progression import Progression, Verdict
+from reasoning.progression import Verdict
 
 
 class TraceState(NamedTuple):
@@ -53,13 +54,24 @@ def check_trace(
     period_us: int | None = None,
 ) -> Outcome:
     """Progress a checked formula through the states until it is decided."""
-    progression = Progression(formula, period_us, no_value)
+    return follow_trace(formula, states, domains, no_value, period_us)[0]
+
+
+def follow_trace(
+    formula: Formula,
+    states: Sequence[TraceState],
+    domains: Domains | None = None,
+    no_value: NoValuePolicy = "undecided",
+    period_us: int | None = None,
+) -> tuple[Outcome, Progressing]:
+    """As `check_trace`, and the formula as the states leave it, which can tell why it was decided and what is left."""
+    progression = make_progression(formula, period_us, no_value)
     for index, state in enumerate(states):
         progression.progress(state.valid_us, state.values, domains, state.events)
         if progression.verdict != "undecided":
             t_ms = state.valid_us / US_PER_MS
-            return progression.verdict, int(t_ms) if t_ms == int(t_ms) else t_ms, index
-    return "undecided", None, None
+            return (progression.verdict, int(t_ms) if t_ms == int(t_ms) else t_ms, index), progression
+    return ("undecided", None, None), progression
 
 
 def trace_domains(formula: Formula, trace: Trace) -> dict[str, tuple[str, ...]]:

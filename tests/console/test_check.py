@@ -31,7 +31,37 @@ def test_the_verdict_is_told_with_the_state_that_decided_it(
 ) -> None:
     done = dyknow("check", formula, "--trace", trace, "--json")
     assert done.returncode == code
-    assert json.loads(done.stdout) == {"verdict": verdict, "t_ms": t_ms, "index": index}
+    said = json.loads(done.stdout)
+    assert (said["verdict"], said["t_ms"], said["index"]) == (verdict, t_ms, index)
+    assert ("left" in said, "because" in said) == (verdict == "undecided", verdict != "undecided")
+
+
+def test_a_verdict_comes_with_the_part_the_samples_and_the_time_that_decided(dyknow: Run, trace: str) -> None:
+    formula = "always forall u in {uav1}: speed[u] > 20 -> eventually[0, 200] speed[u] <= 20"
+    done = dyknow("check", formula, "--trace", trace)
+    assert [line.strip() for line in done.stdout.splitlines()] == [
+        "false, decided by state 13 (t = 1300 ms)",
+        "speed[uav1] <= 20 is false",
+        "with speed[uav1] = 23.0",
+        "for u = uav1",
+        "in eventually[0, 200ms] speed[uav1] <= 20",
+        "since t = 1100 ms, until t = 1300 ms",
+    ]
+    (because,) = json.loads(dyknow("check", formula, "--trace", trace, "--json").stdout)["because"]
+    assert because == {
+        "part": "speed[uav1] <= 20",
+        "holds": False,
+        "samples": {"speed[uav1]": 23.0},
+        "members": {"u": "uav1"},
+        "in": "eventually[0, 200ms] speed[uav1] <= 20",
+        "since_ms": 1100.0,
+        "until_ms": 1300.0,
+    }
+
+
+def test_what_is_undecided_comes_with_what_is_left_of_it(dyknow: Run, trace: str) -> None:
+    done = dyknow("check", "always (not p -> eventually[0, 2s] p)", "--trace", trace)
+    assert "(eventually[0, 1200ms] p) and always (not p -> eventually[0, 2s] p)" in " ".join(done.stdout.split())
 
 
 def test_a_wrong_formula_is_a_wrong_call_drawn_with_a_caret(dyknow: Run, trace: str) -> None:
