@@ -28,6 +28,9 @@ from reasoning.chronicles.model import (
 LIMIT_DEPTH: Final = 100
 """So deep may constraints be nested, or use each other."""
 
+LIMIT_PARTS: Final = 10_000
+"""So many parts may a constraint have, with all that it uses."""
+
 Environment: TypeAlias = Mapping[str, str | None]
 Test: TypeAlias = Callable[[Environment], bool]
 Binding: TypeAlias = Mapping[str, Parameter]
@@ -55,20 +58,25 @@ class Conditions:
 
     def __init__(self, file: ChronicleFile) -> None:
         self._domains, self._named = file.domains, file.named_constraints
+        self._parts = 0
 
     def condition(self, constraint: Constraint, prefix: str = "", binding: Binding | None = None) -> Condition:
         """The condition that a constraint states.
 
         Raises:
-            ChronicleError: it names a domain or constraint that is not declared, or is nested too deep.
+            ChronicleError: it names a domain or constraint that is not declared, or is nested too deep, or has too many parts.
         """
         variables: set[str] = set()
+        self._parts = 0
         test = self._test(constraint, prefix, binding or {}, variables, 0)
         return Condition(frozenset(variables), test, str(constraint))
 
     def _test(self, constraint: Constraint, prefix: str, binding: Binding, variables: set[str], depth: int) -> Test:
         if depth > LIMIT_DEPTH:
             raise ChronicleError(f"a constraint is nested, or used by itself, more than {LIMIT_DEPTH} deep")
+        self._parts += 1
+        if self._parts > LIMIT_PARTS:
+            raise ChronicleError(f"a constraint has more than {LIMIT_PARTS} parts, with all that it uses")
 
         def inner(one: Constraint) -> Test:
             return self._test(one, prefix, binding, variables, depth + 1)

@@ -144,7 +144,8 @@ def symbol_set(domain: Domain, declared: Mapping[str, Domain]) -> SymbolSet:
     try:
         return _symbol_set(domain, declared, {})
     except RecursionError:
-        raise ChronicleError(f"the domain {str(domain)[:40]} stands on too many others; write its symbols") from None
+        which = f"the domain {domain.name}" if isinstance(domain, Named) else "a domain"
+        raise ChronicleError(f"{which} stands on too many others; write its symbols") from None
 
 
 def _symbol_set(domain: Domain, declared: Mapping[str, Domain], known: dict[str, SymbolSet | None]) -> SymbolSet:

@@ -15,7 +15,7 @@ from reasoning.chronicles.expansion import Point
 from reasoning.chronicles.network import UNBOUNDED, TemporalNetwork
 from reasoning.chronicles.stores import MINUS_INFINITY
 
-LIMIT_TRIALS: Final = 10_000
+LIMIT_TRIALS: Final = 2_000
 """So many choices of counted events are tried for one instance at one clock."""
 
 Place: TypeAlias = tuple[int, int]
@@ -32,7 +32,7 @@ class Outcome(NamedTuple):
         settled: it is an instance, now.
         next_ms: when to look again if none of the events comes that it waits for; None: never.
         dead: no event and no time will make it one.
-        complete: False if there were more choices than LIMIT_TRIALS: then it may be settled all the same.
+        complete: False if there were more choices than LIMIT_TRIALS: it is given up, and might be an instance.
     """
 
     settled: bool = False
@@ -134,18 +134,20 @@ class _Search:
         if network is None:
             return DEAD
         self._points = points
-        self._try(network, 0, ())
+        self._try(network, range(len(self._nodes)), ())
         complete = self._trials < LIMIT_TRIALS
         if self._best is not None and self._best <= self._clock_ms:
-            return Outcome(settled=True, complete=complete)
+            return SETTLED
+        if not complete:
+            return Outcome(dead=True, complete=False)
         waits = [self._latest(network, node) for node in self._nodes if node.minimum]
         hopes = [one for one in waits if one is None or one > self._clock_ms]
         if self._best is None and not hopes:
-            return Outcome(dead=True, complete=complete)
+            return DEAD
         if self._best is not None:
-            return Outcome(next_ms=self._best, complete=complete)
+            return Outcome(next_ms=self._best)
         ends = [one for one in hopes if one is not None]
-        return Outcome(next_ms=None if len(ends) < len(hopes) else max(ends), complete=complete)
+        return Outcome(next_ms=None if len(ends) < len(hopes) else max(ends))
 
     def _latest(self, network: TemporalNetwork, node: CountNode) -> int | None:
         """The latest end of a predicate's interval; None if there is none."""
@@ -153,32 +155,42 @@ class _Search:
         high = network.bounds[0][number]
         return None if high >= UNBOUNDED else high + add
 
-    def _try(self, network: TemporalNetwork, depth: int, ends: tuple[Place, ...]) -> None:
-        """Go on with the predicate at `depth`; `ends` must have passed for what is chosen so far."""
+    def _try(self, network: TemporalNetwork, left: Sequence[int], ends: tuple[Place, ...]) -> None:
+        """Go on with the predicates in `left`; the intervals at `ends` must have passed for what is chosen so far."""
         self._trials += 1
         settled_ms = max((_earliest(network, end) for end in ends), default=self._clock_ms)
         settled_ms = max(settled_ms, self._clock_ms)
         if self._trials >= LIMIT_TRIALS or (self._best is not None and settled_ms >= self._best):
             return
-        if depth == len(self._nodes):
+        if not left:
             self._best = settled_ms
             return
-        node, times = self._nodes[depth], self._times[depth]
+        windows = {at: self._near(network, at) for at in left}
+        chosen = min(left, key=lambda at: windows[at][1] - windows[at][0] - self._nodes[at].minimum)
+        node, rest = self._nodes[chosen], [at for at in left if at != chosen]
         begin, end = self._at(node.begin), self._at(node.end)
         if not node.minimum:
             tried = network.copy()
             if tried.add(begin[0], end[0], begin[1] - end[1]):  # it ends where it begins, or before
-                self._try(tried, depth + 1, ends)
-        high = network.bounds[0][end[0]]
-        first = bisect_left(times, _earliest(network, begin))
-        last = len(times) if high >= UNBOUNDED else max(first, bisect_left(times, high + end[1]))
-        near = times[first:last]
+                self._try(tried, rest, ends)
+        first, last = windows[chosen]
+        near = self._times[chosen][first:last]
         for at in range(len(near) - node.minimum + 1):
-            if self._best is not None and self._best <= self._clock_ms:
+            if self._trials >= LIMIT_TRIALS or (self._best is not None and self._best <= self._clock_ms):
                 return
             tried = network.copy()
             if _takes_in(tried, node, near, at, begin, end):
-                self._try(tried, depth + 1, ends if node.maximum is None else (*ends, end))
+                self._try(tried, rest, ends if node.maximum is None else (*ends, end))
+            else:
+                self._trials += 1
+
+    def _near(self, network: TemporalNetwork, at: int) -> tuple[int, int]:
+        """Which events can be in a predicate's interval: first and behind the last."""
+        node, times = self._nodes[at], self._times[at]
+        begin, end = self._at(node.begin), self._at(node.end)
+        high = network.bounds[0][end[0]]
+        first = bisect_left(times, _earliest(network, begin))
+        return first, len(times) if high >= UNBOUNDED else max(first, bisect_left(times, high + end[1]))
 
     def _at(self, point: Point) -> Place:
         number, add = self._points[point[0]]

@@ -3,8 +3,11 @@
 import random
 from collections import Counter
 from collections.abc import Iterable
+from functools import cache, reduce
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bench.traffic import Change, changes, overtake, turns
 from dyknow import NO_VALUE, Label
@@ -14,21 +17,31 @@ from reasoning.chronicles import (
     ChangeEvents,
     Chronicle,
     ChronicleFile,
+    Equal,
     Event,
     EventType,
+    Inclusion,
     Instance,
     Limits,
+    NamedConstraint,
     NoEvent,
+    Not,
+    Parameter,
     Recogniser,
     TimePoint,
+    Use,
+    Variable,
 )
 from tests.thesis.test_chronicles import BEHIND_THEN_IN_FRONT, LEFT_TURN, PREDICTED
 
 AB = "chronicle c[?x] { event(a[?x], t1) event(b[?x], t2) t2 - t1 in [0, 1000] }"
 
 
+parsed = cache(parse_chronicles)
+
+
 def recogniser(text: str, limits: Limits | None = None) -> Recogniser:
-    return Recogniser.of(parse_chronicles(text), limits=limits)
+    return Recogniser.of(parsed(text), limits=limits)
 
 
 def test_events_out_of_order_are_counted_and_harmless() -> None:
@@ -249,3 +262,68 @@ def test_what_a_chronicle_listens_to_can_be_asked() -> None:
     engine = Recogniser.of(overtake())
     assert engine.attributes == {("behind", 2), ("left", 2), ("in_front", 2), ("road", 1)}
     assert recogniser(AB).messages == {("a", 1), ("b", 1)}
+
+
+X: tuple[Parameter, ...] = (Variable("x"),)
+DOUBLING = ChronicleFile(
+    (
+        NamedConstraint("k0", X, (Equal(Variable("x"), "a"),)),
+        *(NamedConstraint(f"k{n}", X, (Use(f"k{n - 1}", X),) * 2) for n in range(1, 60)),
+        Chronicle("c", (), (), (Event(EventType("e", X), TimePoint("t")), Use("k59", X))),
+    )
+)
+DEEP = ChronicleFile(
+    (
+        Chronicle(
+            "c",
+            (),
+            (),
+            (
+                Event(EventType("e", X), TimePoint("t")),
+                reduce(lambda c, _: Not(c), range(10_000), Equal(Variable("x"), "a")),
+            ),
+        ),
+    )
+)
+INCLUDED = ChronicleFile(
+    (
+        Chronicle("c0", (), (), (Event(EventType("e"), TimePoint("t")),)),
+        *(Chronicle(f"c{n}", (), (), (Inclusion(f"c{n - 1}"),) * 2) for n in range(1, 60)),
+    )
+)
+ITSELF = ChronicleFile((Chronicle("c", (), (), (Inclusion("c"),)),))
+
+
+@pytest.mark.parametrize("file", [DOUBLING, DEEP, INCLUDED, ITSELF], ids=["doubling", "deep", "included", "itself"])
+def test_what_would_come_to_too_much_is_refused(file: ChronicleFile) -> None:
+    with pytest.raises(ChronicleError):
+        Recogniser.of(file)
+
+
+def test_many_choices_of_free_instants_end_in_bounded_work() -> None:
+    """Which eight of 200 events go where is soon decided, or given up and told."""
+    body = " ".join(f"occurs(2, 3, x[*v{n}], (a{n}, b{n}))" for n in range(8))
+    order = " ".join(f"b{n} < a{n + 1}" for n in range(7))
+    engine = recogniser(f"chronicle c {{ event(go, g) {body} {order} b7 - a0 < 30 }}")
+    for at_ms in range(0, 2000, 10):
+        engine.on_message(at_ms, "x", ("v",))
+    assert engine.on_message(2000, "go", ()) == []
+    assert engine.live < 1000
+
+
+EVENT_TEXTS = st.tuples(
+    st.integers(-(2**60), 2**60) | st.integers(0, 50),
+    st.sampled_from("abn") | st.text(max_size=3),
+    st.lists(st.text(max_size=2) | st.just("k"), max_size=2).map(tuple),
+)
+
+
+@given(st.lists(EVENT_TEXTS, max_size=30))
+def test_any_events_are_taken_or_counted(events: list[tuple[int, str, tuple[str, ...]]]) -> None:
+    engine = recogniser(
+        "chronicle c[?x] { event(a[?x], t1) occurs(1, 2, b[*y], (t1, t2)) noevent(n, (t1, t2)) t2 - t1 <= 20 }"
+    )
+    for event in events:
+        for one in engine.on_message(*event):
+            assert one.recognised_ms == engine.clock_ms or one.recognised_ms <= event[0]
+    assert engine.events + engine.ignored.total() == len(events)
