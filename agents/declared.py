@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
-from agents.effects import HostEvent
+from agents.effects import HostEvent, Specify
 from agents.host_desk import HostDesk
 from agents.plans import MonitorPlan
 from dyknow import NO_VALUE, Inputs, Policy, Sample, UnitPrototype, Value, converted
@@ -44,9 +44,20 @@ PAGE = 4000
 
 
 @lru_cache(maxsize=4)
-def read(text: str, file: str) -> Specification:
-    """Parse a specification; who hands one over reads it first, so that the node need not. Raises TextError."""
-    return parse_specification(text, file)
+def read(text: str, file: str, named: tuple[tuple[str, str], ...] = ()) -> Specification:
+    """Parse a specification and the files it names; who hands one over reads it first, so that the node need not.
+
+    Raises:
+        TextError: something is wrong with it.
+    """
+    texts = dict(named)
+
+    def read_file(path: str) -> str:
+        if path not in texts:
+            raise FileNotFoundError("it does not come with the specification")
+        return texts[path]
+
+    return parse_specification(text, file, read_file)
 
 
 class Declared:
@@ -78,17 +89,18 @@ class Declared:
         self.desk = HostDesk(self.instance, platform.clock, platform.note, platform.config.monotonic_offset_us)
         self._waited_us = 0
         self._governor: Governor | None = None
-        self._not_taken: tuple[str, str] | None = None
+        self._not_taken: Specify | None = None
 
-    def specify(self, text: str, file: str, now_us: int) -> None:
+    def specify(self, given: Specify, now_us: int) -> None:
         """Become this specification; what is wrong with it is told, and what ran goes on. Federation time."""
         self._faults.clear()
         self._govern(now_us)
         self._not_taken = None
+        text, file = given.text, given.file
         try:
-            self.instance.change(read(text, file), now_us, text, file)
+            self.instance.change(read(text, file, given.named), now_us, text, file)
         except TextError as wrong:
-            self._not_taken = text, file
+            self._not_taken = given
             runs = bool(self.instance.specification)
             self._p.tell({"event": "not-specified", "file": file, "said": wrong.drawn(), "runs": runs})
             self._p.note(f"the specification is not taken; what ran goes on:\n{wrong.drawn()}")
@@ -159,7 +171,7 @@ class Declared:
         before = len(self.desk.hosts)
         self.desk.on_event(event, now_us)
         if self._not_taken is not None and len(self.desk.hosts) > before:
-            self.specify(*self._not_taken, self._p.clock.federation_us(now_us))  # it may have waited for this host
+            self.specify(self._not_taken, self._p.clock.federation_us(now_us))  # it may have waited for this host
         told = self.desk.flush()
         timetable = self._p.timetable
         timetable.hasten(self.desk)

@@ -21,11 +21,15 @@ class Leave(NamedTuple):
 
 
 class Specify(NamedTuple):
-    """The person who runs this platform gives it a specification, in place of the one it has."""
+    """The person who runs this platform gives it a specification, in place of the one it has.
+
+    `named` has the files that it names: path and text.
+    """
 
     at_us: int
     text: str
     file: str
+    named: tuple[tuple[str, str], ...] = ()
 
 
 class Fed(NamedTuple):

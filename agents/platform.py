@@ -276,7 +276,7 @@ class Platform:
             case HandlerFailed():
                 self._out.append(Note(event.at_us, f"{event.where}: {event.error}"))
             case Specify():
-                self.declared.specify(event.text, event.file, self.clock.federation_us(self._now_us))
+                self.declared.specify(event, self.clock.federation_us(self._now_us))
             case Fed():
                 self.declared.instance.push(
                     event.source, event.valid_us, event.value, self.clock.federation_us(self._now_us)

@@ -15,6 +15,7 @@ from console.processes import Fleet, interruptible, run_directory, uninterrupted
 from console.specifications import read_text
 from console.up import READY_S, Gathering, tell_notes
 from federation.keys import unit as unit_name
+from proxies.named_files import beside
 from runtime.config import ClockConfig, MavlinkVehicle, NodeConfig, NoVehicle, ReplayedVehicle
 
 _LOOK_S = 0.7
@@ -96,7 +97,7 @@ def _check_files(spec: Path | None, feed: Path | None) -> None:
     from kpl import parse_specification
 
     if spec is not None:
-        parse_specification(read_text(spec), str(spec))
+        parse_specification(read_text(spec), str(spec), beside(spec))
     elif feed is not None:
         raise WrongCall("--feed: samples are for the sources of a specification; give it with --spec FILE.kpl.")
     if feed is not None:

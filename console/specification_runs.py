@@ -17,6 +17,7 @@ from console.output import verbatim
 from console.specifications import counted, read_text
 from dyknow import earlier
 from dyknow.errors import DyknowError, TextErrors
+from proxies.named_files import beside
 from proxies.watched_file import WatchedFile
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ class Run:
         from kpl import parse_specification
         from kpl.governor import listens
 
-        specification = parse_specification(text, str(self._path))
+        specification = parse_specification(text, str(self._path), beside(self._path))
         if self._governor is None and listens(specification):
             raise WrongCall(
                 f"{self._path} takes `refinements`, which a governor tells: give --govern TIME, e.g. 100ms."
@@ -252,7 +253,7 @@ def verify(call: Call, path: Path, *, journal: Path, units: Sequence[str]) -> in
     from kpl.verification import broken_streams
     from kpl.verification import verify as violations_of
 
-    specification = parse_specification(read_text(path), str(path))
+    specification = parse_specification(read_text(path), str(path), beside(path))
     labels: dict[str, list[Sample]] = {}
     streams: dict[str, list[Sample]] = {}
     if journal.suffix == ".mcap":
@@ -315,7 +316,7 @@ def graph(call: Call, path: Path, *, units: Sequence[str], unit: str, form: str)
     from kpl.governor import listens, speaks
 
     text = read_text(path)
-    specification, network = parse_specification(text, str(path)), Network()
+    specification, network = parse_specification(text, str(path), beside(path)), Network()
     if listens(specification):
         speaks(network)
     instance = instance_of(network, Hooks(), units, unit)

@@ -8,6 +8,7 @@ from console.command import Call
 from console.errors import DONE, NO, NothingFound, WrongCall
 from console.output import verbatim
 from dyknow.errors import TextError, TextErrors
+from proxies.named_files import beside
 
 if TYPE_CHECKING:
     from kpl import Specification
@@ -25,7 +26,7 @@ def check(call: Call, path: Path, *, units: Sequence[str] = (), unit: str = "0")
 
     text = read_text(path)
     try:
-        specification, errors, unread = read_specification(text, str(path))
+        specification, errors, unread = read_specification(text, str(path), beside(path))
     except TextError as wrong:
         specification, errors, unread = (), [wrong], frozenset()
     network = Network()
@@ -44,7 +45,7 @@ def show(call: Call, path: Path) -> int:
     """The specification as the instance would print it: one declaration a line."""
     from kpl import parse_specification, print_declaration
 
-    specification: Specification = parse_specification(read_text(path), str(path))
+    specification: Specification = parse_specification(read_text(path), str(path), beside(path))
     for declaration in specification:
         said = print_declaration(declaration)
         if call.out.json_lines:

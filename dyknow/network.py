@@ -48,7 +48,7 @@ class Network:
     """
 
     __slots__ = (
-        "_attributes", "_enough", "_generators", "_history", "_implicit", "_processes", "_timed", "_unit_inputs", "_waiting",
+        "_attributes", "_enough", "_generators", "_history", "_implicit", "_meeting", "_processes", "_timed", "_unit_inputs", "_waiting",
         "now_us", "on_fault", "resolve",
     )  # fmt: skip
 
@@ -63,6 +63,7 @@ class Network:
         self._implicit: dict[Label, None] = {}
         self.resolve: Callable[[Label], tuple[Sort, Process] | None] = lambda _label: None
         self._waiting: dict[Label, list[StreamProxy]] = {}
+        self._meeting: dict[int, Callable[[Label], None]] = {}
         self._timed: dict[Timed, None] = {}
         self._enough = MANY
 
@@ -311,6 +312,17 @@ class Network:
             if not waiting:
                 del self._waiting[proxy.label]
 
+    def meet(self, on_label: Callable[[Label], None]) -> Callable[[], None]:
+        """Tell of every label there is, and of every other one as it comes; returns how to stop."""
+        self._meeting[id(on_label)] = on_label
+        for label in tuple(self._generators):
+            on_label(label)
+
+        def stop() -> None:
+            self._meeting.pop(id(on_label), None)
+
+        return stop
+
     def _welcome(self, generator: Generator) -> None:
         """Link those who waited for the generator, or for an attribute of its values."""
         label = generator.label
@@ -321,6 +333,8 @@ class Network:
                 attribute = Label(f"{label.feature}.{field.name}", label.objects)
                 if attribute in self._waiting:
                     self._attribute(attribute)
+        for on_label in tuple(self._meeting.values()):
+            on_label(label)
 
     def _attribute(self, label: Label) -> Generator | None:
         """A generator for `feature.attribute[objects]`, if there is one for `feature[objects]` with such a field."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from dyknow import Label, Policy, PolicyError, Sort
-from dyknow.errors import SortError, TextError, TextErrors, WrongNumberOfInputs
+from dyknow.errors import ChronicleError, SortError, TextError, TextErrors, WrongNumberOfInputs
 from dyknow.factory import process_of
 from dyknow.instants import US_PER_MS, print_duration
 from dyknow.mediation import Mediation
@@ -43,6 +43,7 @@ from kpl.specification import (
 from kpl.specification import (
     StateStream as States,
 )
+from reasoning.chronicles import Recogniser
 from reasoning.formulas import Node
 
 if TYPE_CHECKING:
@@ -196,7 +197,21 @@ class Compiler:
             case StreamDeclaration(_, term) | Export(_, term) | Import(_, _, term):
                 self._check_period(term, term.policy)
             case ChronicleFile():
-                raise located(declaration, "chronicles are not run here yet", LEFT_OUT)
+                self._check_chronicles(declaration)
+
+    def _check_chronicles(self, declaration: ChronicleFile) -> None:
+        if declaration.content is None:
+            raise located(
+                declaration, f"{declaration.path} was not read", "chronicles go with the file that names them"
+            )
+        if not declaration.content.chronicles:
+            raise located(declaration, f"{declaration.path} declares no chronicle", "chronicle name[?x] { ... }")
+        if declaration.policy != Policy(max_delay_us=declaration.policy.max_delay_us):
+            raise located(declaration, "chronicles know max delay only", "with max delay 500")
+        try:
+            Recogniser.of(declaration.content)
+        except ChronicleError as wrong:
+            raise located(declaration, f"{declaration.path}: {wrong}") from None
 
     def _check_made(
         self, declaration: GeneratorDeclaration, declared: Declared, members: Members | None = None

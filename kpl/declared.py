@@ -5,6 +5,7 @@ from typing import NamedTuple, TypeVar
 
 from dyknow.labels import Label
 from kpl.specification import (
+    ChronicleFile,
     Declaration,
     Define,
     Export,
@@ -27,7 +28,9 @@ from kpl.specification import (
 
 SELF = "self"
 NOTHING = frozenset[str]()
-MAKER, GENERATOR = "a source or a unit", "a generator"
+MAKER, GENERATOR, CHRONICLE = "a source or a unit", "a generator", "a chronicle"
+RECOGNISED = "chronicle"
+"""Of what is recognised: `chronicle[overtake]`."""
 Name = tuple[str, object]
 """What it is a name of, and the name."""
 _Key = TypeVar("_Key")
@@ -175,6 +178,8 @@ def names_of(declaration: Declaration) -> tuple[Name, ...]:
             return (("an export", semantic),)
         case MonitorDeclaration(name):
             return (("a monitor", name),)
+        case ChronicleFile(content=content) if content is not None:
+            return tuple((CHRONICLE, name) for name in content.chronicles)
         case Define(feature):
             return (("a definition", (feature.name, len(feature.objects))),)
     return ()

@@ -7,14 +7,26 @@ A domain is the newest value of the generator called like it: `forall car in car
 from collections.abc import Callable
 from functools import partial
 
-from dyknow import NO_VALUE, Label, Network, Policy, Sample, State, StateInput, StatePolicy, Synchronizer, earlier
+from dyknow import (
+    NO_VALUE,
+    Label,
+    Network,
+    Policy,
+    Sample,
+    State,
+    StateInput,
+    StatePolicy,
+    Synchronizer,
+    Value,
+    earlier,
+)
 from dyknow.errors import SortError, TextError, UnknownLabel
 from dyknow.instants import US_PER_MS, US_PER_S
 from dyknow.mediation import members_of
 from dyknow.stream_proxy import StreamProxy
 from kpl.specification import MonitorDeclaration
 from reasoning import AlarmEvent, Monitor
-from reasoning.formulas import Domain, Exists, Forall, Formula, required_labels, walk
+from reasoning.formulas import Domain, Exists, Forall, Formula, event_labels, required_labels, walk
 
 PERIOD_US = 100 * US_PER_MS
 MAX_DELAY_US = US_PER_S
@@ -60,7 +72,10 @@ class FormulaMonitor:
         self._lasts_us = FAR_US if policy.approximation == "most recent" else self.period_us + self.max_delay_us
         self._domains: dict[str, tuple[str, ...]] = dict.fromkeys(domains_of(formula), ())
         self._labels: tuple[str, ...] = ()
+        self._events: tuple[str, ...] = ()
         self._states: Synchronizer | None = None
+        self._happened: list[tuple[int, str]] = []
+        self._tick_us = -(-since_us // self.period_us) * self.period_us
         self.proxies: list[StreamProxy] = []
         self._members: list[StreamProxy] = []
         self._begun = False
@@ -81,12 +96,16 @@ class FormulaMonitor:
         if not self._members and not self.proxies:
             return None
         states_us = None if self._states is None else self._states.deadline_us
+        if self._states is None and self._events:
+            states_us = self._tick_us + self.max_delay_us
         due_us = earlier(states_us, self.monitor.deadline_us)
         return FAR_US if due_us is None else due_us
 
     def on_time(self, now_us: int) -> None:
         if self._states is not None:
             self._take(self._states.on_time(now_us))
+        elif self._events:
+            self._tick(now_us)
         for event in self.monitor.on_time(now_us):
             self._on_alarm(event)
 
@@ -127,11 +146,12 @@ class FormulaMonitor:
         """Streams of what the formula reads now; states begin anew with those."""
         try:
             labels = required_labels(self._formula, self._domains)
+            events = event_labels(self._formula, self._domains)
         except UnknownLabel:
             return
-        if labels == self._labels and self.proxies:
+        if (labels, events) == (self._labels, self._events) and self.proxies:
             return
-        self._labels = labels
+        self._labels, self._events = labels, events
         policy = Policy(max_delay_us=self.max_delay_us, importance=self._policy.importance)
         wanted = StatePolicy(
             self.period_us,
@@ -146,6 +166,8 @@ class FormulaMonitor:
         before, self.proxies = self.proxies, []
         for i, label in enumerate(labels):
             self.proxies.append(self._network.connect(Label.parse(label), policy, partial(self._on_sample, states, i)))
+        for label in events:
+            self.proxies.append(self._network.connect(Label.parse(label), Policy(), partial(self._on_event, label)))
         for proxy in before:
             proxy.cancel()
 
@@ -153,20 +175,30 @@ class FormulaMonitor:
         if states is not None and states is self._states:
             self._take(states.on_sample(i, sample, sample.available_us))
 
+    def _on_event(self, label: str, sample: Sample) -> None:
+        """Something happened: it belongs to the first state that is not earlier, or is still to be made."""
+        self._happened.append((sample.valid_us, label))
+
     def _take(self, states: list[State]) -> None:
         for state in states:
             oldest_us = state.valid_us - self._lasts_us
-            values = {
+            values: dict[str, Value] = {
                 label: NO_VALUE if origin.valid_us is None or origin.valid_us < oldest_us else value
                 for label, value, origin in zip(self._labels, state.values, state.origins, strict=True)
             }
-            try:
-                events = self.monitor.on_state(state.valid_us, state.available_us, values, domains=self._domains)
-            except TextError as wrong:
-                self._fails(self.monitor.name, wrong)
-                return
-            for event in events:
-                self._on_alarm(event)
+            self._give(state.valid_us, state.available_us, values)
+
+    def _tick(self, now_us: int) -> None:
+        """States of events only are made at their times, when what happened until then has come."""
+        while self._tick_us + self.max_delay_us <= now_us:
+            self._give(self._tick_us, now_us, {})
+            self._tick_us += self.period_us
+
+    def _give(self, valid_us: int, now_us: int, values: dict[str, Value]) -> None:
+        events = {label for at_us, label in self._happened if at_us <= valid_us}
+        self._happened = [each for each in self._happened if each[0] > valid_us]
+        for event in self.monitor.on_state(valid_us, now_us, values, domains=self._domains, events=events):
+            self._on_alarm(event)
 
 
 def domains_of(formula: Formula) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from dyknow.factory import ProcessFactory
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.stream_proxy import StreamProxy
 from kpl.changes import as_text_errors, difference, rank, together
+from kpl.chronicle_streams import ChronicleStreams, recognitions
 from kpl.compiling import MAX_DECLARATIONS, Compiler, located, too_many
 from kpl.declared import Declared, names_of
 from kpl.definitions import Definitions
@@ -20,6 +21,7 @@ from kpl.introspection import proxies_of
 from kpl.parsing import raise_all
 from kpl.parts import Parts
 from kpl.specification import (
+    ChronicleFile,
     Declaration,
     Export,
     ForEach,
@@ -89,6 +91,7 @@ class Instance:
         self.configurations: list[ConfigurationEntry] = []
         self.streams: dict[str, StreamProxy] = {}
         self.monitors: dict[str, FormulaMonitor] = {}
+        self.chronicles: dict[str, ChronicleStreams] = {}
         self._catalogue = catalogue
         self._sorts, self._semantic, self._federation = sorts or {}, semantic, federation
         self._undo: dict[Declaration, Undo] = {}
@@ -97,7 +100,7 @@ class Instance:
         self._compiler = Compiler(self)
         self.parts = Parts(network, self.factory, self._compiler)
         self.families = Families(network, self._compiler, self.parts)
-        network.resolve = lambda label: figure(self, label)
+        network.resolve = lambda label: figure(self, label) or recognitions(network, label)
 
     # What a specification says
 
@@ -321,6 +324,9 @@ class Instance:
                 return self._deliver(declaration)
             case MonitorDeclaration():
                 return self._monitor(declaration)
+            case ChronicleFile(path, _, content) if content is not None:
+                chronicles = self.chronicles[path] = ChronicleStreams(self.network, declaration, content)
+                return partial(_end, self.chronicles, path, chronicles)
             case Export(semantic, term) if self._federation is not None:
                 return self._federation.export(semantic, self._compiler.term(term))
             case Import(semantic, unit, term) if self._federation is not None:
@@ -390,6 +396,11 @@ class Instance:
             monitor.cancel()
 
         return end
+
+
+def _end(held: dict[str, ChronicleStreams], path: str, chronicles: ChronicleStreams) -> None:
+    del held[path]
+    chronicles.cancel()
 
 
 def _forget(fed: dict[str, list[Label]], name: str) -> None:

@@ -54,8 +54,8 @@ def print_declaration(declaration: Declaration) -> str:
             return f"define {print_formula(feature)} = {print_formula(formula)}"
         case MonitorDeclaration():
             return f"monitor {declaration.name} = {print_formula(declaration.formula)}{_options(declaration)}"
-        case ChronicleFile(path):
-            return f'chronicle file "{path}"'
+        case ChronicleFile(path, policy):
+            return f'chronicle file "{path}"{_with(policy)}'
 
 
 def _made(made: Making) -> str:

@@ -9,6 +9,7 @@ from typing import TypeAlias
 
 from dyknow.labels import Label
 from dyknow.policy import Policy
+from reasoning.chronicles import ChronicleFile as Chronicles
 from reasoning.evaluation import NoValuePolicy
 from reasoning.formulas import Feature, Formula, Node
 
@@ -158,9 +159,11 @@ class MonitorDeclaration(Node):
 
 @dataclass(frozen=True, slots=True)
 class ChronicleFile(Node):
-    """`chronicle file "PATH"`."""
+    """`chronicle file "PATH" [with max delay D]`; `content` is what the file declares, None where it was not read."""
 
     path: str
+    policy: Policy = ANY_UPDATE
+    content: Chronicles | None = None
 
 
 Declaration: TypeAlias = (

@@ -9,7 +9,19 @@ from typing import NamedTuple
 from dyknow.errors import TextError
 from dyknow.labels import Label
 from kpl.complaints import Complaints
-from kpl.declared import GENERATOR, MAKER, Declared, Made, fit, is_pattern, names_of, needs_of, stem
+from kpl.declared import (
+    CHRONICLE,
+    GENERATOR,
+    MAKER,
+    RECOGNISED,
+    Declared,
+    Made,
+    fit,
+    is_pattern,
+    names_of,
+    needs_of,
+    stem,
+)
 from kpl.specification import (
     Declaration,
     Export,
@@ -258,6 +270,8 @@ class _Checker(Complaints):
     def _present(self, term: StreamTerm, variables: frozenset[str]) -> None:
         label = term.label
         if label.feature in self.known.figures and len(label.objects) == 1:
+            return
+        if label.feature == RECOGNISED and any((CHRONICLE, name) in self.declared.named for name in label.objects[:1]):
             return
         if any(True for _ in self.declared.makers(label, variables)) or self._is_known(label, variables):
             return

@@ -8,11 +8,13 @@ arguments are one list in the parse tree; here each constraint goes to the strea
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias, cast
 
-from dyknow.errors import PolicyError, TextError
+from dyknow.errors import PolicyError, TextError, TextErrors
 from dyknow.labels import Label
 from dyknow.policy import Policy
+from kpl.chronicles import parse_chronicles
+from kpl.declared import RECOGNISED
 from kpl.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
 from kpl.guesses import FORMS
 from kpl.numbers import is_time, parse_number
@@ -47,6 +49,8 @@ if TYPE_CHECKING:
     from lark import Token, Tree
 
 _STATEMENT = re.compile(r"^(?:[ \t]*(?:source|compunit|strmgen|stream|for|export|import|define|monitor|chronicle)\b|[A-Za-z]\w+)", re.MULTILINE)  # fmt: skip
+ReadFile: TypeAlias = Callable[[str], str]
+"""The text of a file that a specification names; raises OSError or UnicodeDecodeError."""
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _COMMENT = re.compile(r"#[^\n]*")
 _FREE: Final = frozenset[str]()
@@ -71,31 +75,33 @@ class Reading(NamedTuple):
     unread: frozenset[str]
 
 
-def parse_specification(text: str, file: str = "") -> Specification:
-    """Read a KPL specification.
+def parse_specification(text: str, file: str = "", read_file: ReadFile | None = None) -> Specification:
+    """Read a KPL specification, and with `read_file` the chronicle files it names.
 
     Raises:
         TextErrors: with all that is wrong: where the text leaves the grammar, policies that cannot be, numbers,
             formulas that read in two ways.
         TextError: a limit is passed.
     """
-    found = read_specification(text, file)
+    found = read_specification(text, file, read_file)
     raise_all(found.errors)
     return found.specification
 
 
-def read_specification(text: str, file: str = "") -> Reading:
+def read_specification(text: str, file: str = "", read_file: ReadFile | None = None) -> Reading:
     """What could be read, and what is wrong with the text; raises TextError at a limit."""
     reader = _StatementReader(text, file)
+    reader.read_file = read_file
     try:
-        return Reading(reader.declarations(parse_tree(text, "start", file)), reader.errors, _FREE)
+        read = reader.declarations(parse_tree(text, "start", file))
+        return Reading(read, reader.errors, frozenset(reader.unread))
     except TextError as wrong:
         starts = [found.start() for found in _STATEMENT.finditer(text) if _begins_statement(found[0].strip())]
         if len(text) > LIMIT_CHARACTERS or len(starts) < 2:
             raise
         first = wrong
     found: list[Declaration] = []
-    unread = set[str]()
+    unread = reader.unread
     for start, end in zip([0, *starts[1:]], [*starts[1:], len(text)], strict=True):
         lines = text.count("\n", 0, start)
         try:
@@ -116,6 +122,11 @@ def _begins_statement(word: str) -> bool:
 
 class _StatementReader(FormulaReader):
     """Reads declarations; offsets of the parse tree are those of the whole text."""
+
+    def __init__(self, text: str, file: str) -> None:
+        super().__init__(text, file)
+        self.read_file: ReadFile | None = None
+        self.unread = set[str]()
 
     def declarations(self, tree: "Tree[Token]") -> tuple[Declaration, ...]:
         found = []
@@ -218,7 +229,18 @@ class _StatementReader(FormulaReader):
         return MonitorDeclaration(_name(name), inside, self._policy(constraints), no_value, close_after, place=place)
 
     def _chronicle_file(self, node: Any, place: Place) -> Declaration:
-        return ChronicleFile(str(node.children[0])[1:-1], place=place)
+        quoted, *policy = node.children
+        path, content = str(quoted)[1:-1], None
+        if self.read_file is not None:
+            try:
+                content = parse_chronicles(self.read_file(path), path)
+            except TextErrors as wrong:
+                self.errors += wrong.errors
+            except (TextError, OSError, UnicodeDecodeError) as wrong:
+                self.error(f"{path} cannot be read: {wrong}", place, "the path, from where this file lies")
+            if content is None:
+                self.unread.add(RECOGNISED)
+        return ChronicleFile(path, self._policy(policy[0].children if policy else []), content, place=place)
 
     # What they are made of
 

@@ -353,7 +353,17 @@ def required_labels(formula: Formula, domains: Domains | None = None) -> tuple[s
         UnknownLabel: if a quantifier ranges over a domain that `domains` lacks.
         TextError: if the formula expands to more than `LIMIT_NODES` nodes.
     """
-    found: set[str] = set()
+    return tuple(sorted({node.label for node in _expanded(formula, domains or {}) if isinstance(node, Feature)}))
+
+
+def event_labels(formula: Formula, domains: Domains | None = None) -> tuple[str, ...]:
+    """Labels of every event the formula asks for, with `occurred`; raises the same."""
+    events = {node.event.label for node in _expanded(formula, domains or {}) if isinstance(node, Occurred)}
+    return tuple(sorted(events))
+
+
+def _expanded(formula: Formula, domains: Domains) -> Iterator[Any]:
+    """Every node of the formula, its quantifiers expanded over their domains; those inside events are not given."""
     waiting: list[Callable[[], Any]] = [lambda: formula]
     left = LIMIT_NODES
     while waiting:
@@ -361,12 +371,10 @@ def required_labels(formula: Formula, domains: Domains | None = None) -> tuple[s
             left -= 1
             if left < 0:
                 raise too_large()
-            if isinstance(node, Feature):
-                found.add(node.label)
-            elif isinstance(node, Forall | Exists):
-                members = domain_members(node.domain, domains or {})
+            yield node
+            if isinstance(node, Forall | Exists):
+                members = domain_members(node.domain, domains)
                 waiting += [partial(instantiate, node.body, node.variable, one) for one in members]
-    return tuple(sorted(found))
 
 
 def _unquantified(formula: Any) -> Iterator[Any]:

@@ -10,6 +10,8 @@ from pathlib import Path
 from agents.declared import read
 from agents.effects import Fed, Specify
 from dyknow.errors import DyknowError, SpecificationFailed
+from kpl import parse_specification
+from proxies.named_files import beside
 from proxies.sample_file import FedSample, read_feed
 from proxies.watched_file import WatchedFile
 
@@ -39,40 +41,50 @@ class Specified:
     ) -> None:
         self._path, self._post, self._note, self._now_us, self._federation_us = path, post, note, now_us, federation_us
         self._over = threading.Event()
-        self._watched = WatchedFile(path)
-        self._text = self._read()
+        self._given = self._read()
         self._samples = _samples(feed)
         self._threads = [threading.Thread(target=self._watch, name="specification", daemon=True)]
         if self._samples:
             self._threads.append(threading.Thread(target=self._feed, name="feed", daemon=True))
 
     def start(self) -> None:
-        self._post(Specify(self._now_us(), self._text, str(self._path)))
+        self._post(self._given)
         for thread in self._threads:
             thread.start()
 
     def stop(self) -> None:
         self._over.set()
 
-    def _read(self) -> str:
-        """The text, which is one that can be read; it is remembered for the node."""
+    def _read(self) -> Specify:
+        """The texts, which can be read; that is remembered for the node."""
+        texts: dict[str, str] = {}
+        read_file = beside(self._path)
+        self._watched = [WatchedFile(self._path)]
+
+        def read_named(name: str) -> str:
+            self._watched.append(WatchedFile(self._path.parent / name))
+            texts[name] = read_file(name)
+            return texts[name]
+
         try:
             text = self._path.read_text("utf-8")
-            read(text, str(self._path))
+            parse_specification(text, str(self._path), read_named)
+            given = Specify(self._now_us(), text, str(self._path), tuple(texts.items()))
+            read(given.text, given.file, given.named)
         except (OSError, UnicodeDecodeError, DyknowError) as wrong:
             raise SpecificationFailed(str(wrong)) from None
-        return text
+        return given
 
     def _watch(self) -> None:
         while not self._over.wait(LOOK_S):
-            if not self._watched.has_changed():
+            if not any(each.has_changed() for each in self._watched):
                 continue
             try:
-                text = self._read()
+                given = self._read()
             except SpecificationFailed as wrong:
                 self._note(f"the specification is not taken; what ran goes on:\n{wrong}")
             else:
-                self._post(Specify(self._now_us(), text, str(self._path)))
+                self._post(given)
 
     def _feed(self) -> None:
         begins_us = self._federation_us(self._now_us())

@@ -1,0 +1,199 @@
+"""Chronicles over the streams of one instance: what happens is what changes in them (thesis 8.7.3).
+
+An attribute `link[car1]:(?, no_link)` is the stream labelled `link[car1]`, or the attribute of a stream of records: a
+sample with another value than the one before is an event, the first one a change from unknown (C2). A message
+`in_crossing[car1, x2]` is the stream with that label: each sample is one. Streams are taken as they come to be there.
+
+Samples of several streams come in another order than they are valid. They wait for the declared `max delay`, one second
+by default, and are then told in the order of their valid times; what is later still is ignored and counted (C3).
+
+What is recognised of a chronicle `overtake` is the stream `chronicle[overtake]`, valid at the recognition; its values
+are the arguments of the chronicle, then what its variables and its instants (ms) are. `chronicle[overtake, car1, car2]`
+is what of that has these arguments.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from functools import partial
+from heapq import heappop, heappush
+from typing import Final, NamedTuple
+
+from dyknow import NO_VALUE, Inputs, Label, Network, Policy, Sample, Sort, UnitPrototype, Value
+from dyknow.instants import US_PER_MS, US_PER_S
+from dyknow.network import FAR_US, Process
+from dyknow.processes import Input, Refinement
+from dyknow.stream_proxy import StreamProxy
+from kpl.declared import RECOGNISED
+from kpl.specification import ChronicleFile
+from reasoning.chronicles import ChronicleFile as Chronicles
+from reasoning.chronicles import Instance, Recogniser, Variable, compile_chronicle
+from reasoning.chronicles.compilation import Pattern
+
+SORT: Final = Sort("recognition", is_open=True)
+MAX_DELAY_US: Final = US_PER_S
+
+
+class Event(NamedTuple):
+    """A sample that waits for its turn; `number` keeps the order in which samples of one time came."""
+
+    at_ms: int
+    number: int
+    label: Label
+    value: Value
+
+
+class ChronicleStreams:
+    """The chronicles of one file, recognised over streams; raises ChronicleError if they cannot be.
+
+    Attributes:
+        proxies: the streams that are taken.
+        recogniser: what has happened so far; it can be asked for partial instances.
+    """
+
+    def __init__(self, network: Network, declaration: ChronicleFile, content: Chronicles) -> None:
+        compiled = [compile_chronicle(each, content) for each in content.chronicles.values()]
+        self.recogniser = Recogniser(compiled)
+        self.proxies: dict[Label, StreamProxy] = {}
+        self._network, self._content = network, content
+        delay_us = declaration.policy.max_delay_us
+        self._delay_us = MAX_DELAY_US if delay_us is None else delay_us
+        self._changes: dict[tuple[str, int], list[Pattern]] = {}
+        self._messages: dict[tuple[str, int], list[Pattern]] = {}
+        for pattern in (pattern for each in compiled for pattern in each.patterns):
+            if pattern.change:
+                self._changes.setdefault((pattern.name, pattern.arity), []).append(pattern)
+            elif pattern.name not in content.chronicles:
+                self._messages.setdefault((pattern.name, pattern.arity), []).append(pattern)
+        self._values: dict[Label, str] = {}
+        self._waiting: list[Event] = []
+        self._count = 0
+        self._told: Counter[str] = Counter()
+        self._out = {name: network.add_source(Label(RECOGNISED, (name,)), SORT) for name in content.chronicles}
+        self._unmeet = network.meet(self._on_label)
+        network.step(self)
+
+    @property
+    def deadline_us(self) -> int:
+        """When something waits no more; `FAR_US`: perhaps later."""
+        first_ms = [self._waiting[0].at_ms] if self._waiting else []
+        due_ms = self.recogniser.deadline_ms
+        due = min(first_ms if due_ms is None else [*first_ms, due_ms], default=None)
+        return FAR_US if due is None else due * US_PER_MS + self._delay_us
+
+    def cancel(self) -> None:
+        """Take no more streams, and bring forth none."""
+        self._unmeet()
+        self._network.unstep(self)
+        for proxy in tuple(self.proxies.values()):
+            proxy.cancel()
+        self.proxies.clear()
+        for generator in self._out.values():
+            self._network.remove(generator.label)
+
+    def on_time(self, now_us: int) -> None:
+        """What waited long enough is told in its order, and the clock is moved."""
+        clock_ms = (now_us - self._delay_us) // US_PER_MS
+        while self._waiting and self._waiting[0].at_ms <= clock_ms:
+            self._tell(heappop(self._waiting), now_us)
+        self._bring(self.recogniser.on_time(clock_ms), now_us)
+
+    # Which streams
+
+    def _on_label(self, label: Label) -> None:
+        """A stream is there: take what of it are events."""
+        objects = len(label.objects)
+        for name, arity in (*self._changes, *self._messages):
+            if arity == objects and (name == label.feature or name.rpartition(".")[0] == label.feature):
+                self._take(Label(name, label.objects))
+
+    def _take(self, label: Label) -> None:
+        key = (label.feature, len(label.objects))
+        patterns = (*self._changes.get(key, ()), *self._messages.get(key, ()))
+        if label in self.proxies or not any(_can_be(pattern, label) for pattern in patterns):
+            return
+        policy = Policy(max_delay_us=self._delay_us)
+        consumer, on_link = partial(self._on_sample, label), partial(self._on_link, label)
+        self.proxies[label] = self._network.connect(label, policy, consumer, on_link, current=True)
+
+    def _on_link(self, label: Label, linked: bool) -> None:
+        if not linked:
+            proxy = self.proxies.pop(label, None)
+            if proxy is not None:
+                proxy.cancel()
+
+    # What happens
+
+    def _on_sample(self, label: Label, sample: Sample) -> None:
+        self._count += 1
+        heappush(self._waiting, Event(sample.valid_us // US_PER_MS, self._count, label, sample.value))
+        self.on_time(sample.available_us)
+
+    def _tell(self, event: Event, now_us: int) -> None:
+        label, key = event.label, (event.label.feature, len(event.label.objects))
+        if key in self._messages:
+            self._bring(self.recogniser.on_message(event.at_ms, *label), now_us)
+        if key in self._changes:
+            symbol = symbol_of(event.value)
+            if symbol is None:
+                self._once(label, f"{event.value!r} is no symbol: what a chronicle speaks of has discrete values")
+                return
+            before = self._values.get(label)
+            if symbol != before:
+                self._values[label] = symbol
+                self._bring(self.recogniser.on_change(event.at_ms, *label, before, symbol), now_us)
+
+    def _bring(self, found: list[Instance], now_us: int) -> None:
+        for each in found:
+            value = (
+                self._arguments(each.chronicle, each.bindings),
+                tuple(each.bindings.items()),
+                tuple(each.instants.items()),
+            )
+            self._out[each.chronicle].push(each.recognised_ms * US_PER_MS, value, now_us)
+        for name, reasons in self.recogniser.incomplete.items():
+            for reason in reasons:
+                self._once(Label(RECOGNISED, (name,)), f"instances may be missing: {reason}")
+
+    def _arguments(self, name: str, bindings: Mapping[str, str]) -> tuple[Value, ...]:
+        parameters = self._content.chronicles[name].parameters
+        return tuple([bindings.get(str(one), NO_VALUE) if isinstance(one, Variable) else one for one in parameters])
+
+    def _once(self, label: Label, said: str) -> None:
+        """Tell a fault the first time."""
+        self._told[f"{label}: {said}"] += 1
+        if self._told[f"{label}: {said}"] == 1:
+            self._network.on_fault(label, said)
+
+
+def symbol_of(value: Value) -> str | None:
+    """How a chronicle writes a value; None if it is none of a discrete fluent."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if value is NO_VALUE:
+        return "no_value"
+    return str(value) if isinstance(value, str | int) else None
+
+
+def _can_be(pattern: Pattern, label: Label) -> bool:
+    """Whether a stream may bring events of the pattern, by the objects it names."""
+    objects = label.objects
+    same = [(left, right) for left, right in pattern.equal if max(left, right) < len(objects)]
+    named = [(at, symbol) for at, symbol in pattern.constants if at < len(objects)]
+    is_so = pattern.name == label.feature and all(objects[at] == symbol for at, symbol in named)
+    return is_so and all(objects[left] == objects[right] for left, right in same)
+
+
+def recognitions(network: Network, label: Label) -> tuple[Sort, Process] | None:
+    """The process of `chronicle[NAME, ARGUMENT, ...]`; None if the label is none."""
+    every = Label(RECOGNISED, label.objects[:1])
+    if label.feature != RECOGNISED or len(label.objects) < 2 or not network.has(every):
+        return None
+    arguments = label.objects[1:]
+
+    def step(now_us: int, inputs: Inputs, state: Value) -> tuple[Sample | None, Value]:
+        (found,) = inputs
+        is_so = found is not None and found.value is not NO_VALUE and found.value[0] == arguments
+        return (found._replace(available_us=now_us) if found is not None and is_so else None), state
+
+    unit = UnitPrototype("recognised with these arguments", SORT.name, (SORT.name,), lambda: step)
+    return SORT, Refinement(unit, [Input(every)])
