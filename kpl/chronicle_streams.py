@@ -12,8 +12,7 @@ are the arguments of the chronicle, then what its variables and its instants (ms
 is what of that has these arguments.
 """
 
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable
 from functools import partial
 from heapq import heappop, heappush
 from typing import Final, NamedTuple
@@ -26,11 +25,12 @@ from dyknow.stream_proxy import StreamProxy
 from kpl.declared import RECOGNISED
 from kpl.specification import ChronicleFile
 from reasoning.chronicles import ChronicleFile as Chronicles
-from reasoning.chronicles import Instance, Recogniser, Variable, compile_chronicle
+from reasoning.chronicles import Instance, Limits, Recogniser, Variable, compile_chronicle
 from reasoning.chronicles.compilation import Pattern
 
 SORT: Final = Sort("recognition", is_open=True)
 MAX_DELAY_US: Final = US_PER_S
+MAX_FAULTS: Final = 64
 
 
 class Event(NamedTuple):
@@ -42,21 +42,33 @@ class Event(NamedTuple):
     value: Value
 
 
-class ChronicleStreams:
-    """The chronicles of one file, recognised over streams; raises ChronicleError if they cannot be.
+class ChronicleWatch:
+    """Chronicles recognised over the streams of a network; raises ChronicleError if they cannot be.
+
+    Args:
+        delay_us: how late samples may come.
+        on_recognised: told every instance, and when (federation time).
+        on_fault: told once of what is wrong with a stream or a chronicle.
 
     Attributes:
         proxies: the streams that are taken.
         recogniser: what has happened so far; it can be asked for partial instances.
     """
 
-    def __init__(self, network: Network, declaration: ChronicleFile, content: Chronicles) -> None:
+    def __init__(
+        self,
+        network: Network,
+        content: Chronicles,
+        delay_us: int,
+        on_recognised: Callable[[Instance, int], None],
+        on_fault: Callable[[Label, str], None],
+        limits: Limits | None = None,
+    ) -> None:
         compiled = [compile_chronicle(each, content) for each in content.chronicles.values()]
-        self.recogniser = Recogniser(compiled)
+        self.recogniser = Recogniser(compiled, limits)
         self.proxies: dict[Label, StreamProxy] = {}
-        self._network, self._content = network, content
-        delay_us = declaration.policy.max_delay_us
-        self._delay_us = MAX_DELAY_US if delay_us is None else delay_us
+        self._network, self._delay_us = network, delay_us
+        self._on_recognised, self._on_fault = on_recognised, on_fault
         self._changes: dict[tuple[str, int], list[Pattern]] = {}
         self._messages: dict[tuple[str, int], list[Pattern]] = {}
         for pattern in (pattern for each in compiled for pattern in each.patterns):
@@ -67,8 +79,7 @@ class ChronicleStreams:
         self._values: dict[Label, str] = {}
         self._waiting: list[Event] = []
         self._count = 0
-        self._told: Counter[str] = Counter()
-        self._out = {name: network.add_source(Label(RECOGNISED, (name,)), SORT) for name in content.chronicles}
+        self._told = set[tuple[Label, str]]()
         self._unmeet = network.meet(self._on_label)
         network.step(self)
 
@@ -81,14 +92,12 @@ class ChronicleStreams:
         return FAR_US if due is None else due * US_PER_MS + self._delay_us
 
     def cancel(self) -> None:
-        """Take no more streams, and bring forth none."""
+        """Take no more streams."""
         self._unmeet()
         self._network.unstep(self)
         for proxy in tuple(self.proxies.values()):
             proxy.cancel()
         self.proxies.clear()
-        for generator in self._out.values():
-            self._network.remove(generator.label)
 
     def on_time(self, now_us: int) -> None:
         """What waited long enough is told in its order, and the clock is moved."""
@@ -144,25 +153,43 @@ class ChronicleStreams:
 
     def _bring(self, found: list[Instance], now_us: int) -> None:
         for each in found:
-            value = (
-                self._arguments(each.chronicle, each.bindings),
-                tuple(each.bindings.items()),
-                tuple(each.instants.items()),
-            )
-            self._out[each.chronicle].push(each.recognised_ms * US_PER_MS, value, now_us)
+            self._on_recognised(each, now_us)
         for name, reasons in self.recogniser.incomplete.items():
             for reason in reasons:
                 self._once(Label(RECOGNISED, (name,)), f"instances may be missing: {reason}")
 
-    def _arguments(self, name: str, bindings: Mapping[str, str]) -> tuple[Value, ...]:
-        parameters = self._content.chronicles[name].parameters
-        return tuple([bindings.get(str(one), NO_VALUE) if isinstance(one, Variable) else one for one in parameters])
-
     def _once(self, label: Label, said: str) -> None:
         """Tell a fault the first time."""
-        self._told[f"{label}: {said}"] += 1
-        if self._told[f"{label}: {said}"] == 1:
-            self._network.on_fault(label, said)
+        if len(self._told) < MAX_FAULTS and (label, said) not in self._told:
+            self._told.add((label, said))
+            self._on_fault(label, said)
+
+
+class ChronicleStreams:
+    """The chronicles of one file in a specification, with the streams of what is recognised."""
+
+    def __init__(self, network: Network, declaration: ChronicleFile, content: Chronicles) -> None:
+        delay_us = declaration.policy.max_delay_us
+        self._network, self._content = network, content
+        self._out = {name: network.add_source(Label(RECOGNISED, (name,)), SORT) for name in content.chronicles}
+        self.watch = ChronicleWatch(
+            network, content, MAX_DELAY_US if delay_us is None else delay_us, self._push, self._fault
+        )
+
+    def cancel(self) -> None:
+        """Recognise nothing any more."""
+        self.watch.cancel()
+        for generator in self._out.values():
+            self._network.remove(generator.label)
+
+    def _fault(self, label: Label, said: str) -> None:
+        self._network.on_fault(label, said)
+
+    def _push(self, found: Instance, now_us: int) -> None:
+        parameters = self._content.chronicles[found.chronicle].parameters
+        arguments = [found.bindings.get(str(one), NO_VALUE) if isinstance(one, Variable) else one for one in parameters]
+        value = tuple(arguments), tuple(found.bindings.items()), tuple(found.instants.items())
+        self._out[found.chronicle].push(found.recognised_ms * US_PER_MS, value, now_us)
 
 
 def symbol_of(value: Value) -> str | None:

@@ -79,11 +79,10 @@ def test_changes_of_streams_are_events_and_what_is_recognised_is_a_stream():
     ((name, sample),) = run.told
     assert name == "turned"
     assert sample.valid_us == 4_000_000
-    assert sample.value == (
-        ("a", "l1", "l2"),
-        (("?car", "a"), ("?from", "l1"), ("?x", "x2"), ("?to", "l2")),
-        (("t1", 2000), ("t2", 3000), ("t3", 4000)),
-    )
+    arguments, bindings, instants = sample.value
+    assert arguments == ("a", "l1", "l2")
+    assert dict(bindings) == {"?car": "a", "?from": "l1", "?x": "x2", "?to": "l2"}
+    assert instants == (("t1", 2000), ("t2", 3000), ("t3", 4000))
     assert run.faults == []
 
 
@@ -104,7 +103,7 @@ def test_arguments_choose_among_what_is_recognised_and_members_come_and_go():
     drive(run, "others")
     assert sorted(name for name, _ in run.told) == ["lorry_turned", "turned"]
     run.feed("cars", 5000, ("a", "b"))
-    held = run.instance.chronicles["turns.chr"].proxies
+    held = run.instance.chronicles["turns.chr"].watch.proxies
     assert {str(label) for label in held} == {"link[a]", "link[b]", "link[lorry]", "in_crossing[lorry, x2]"}
     run.feed("cars", 6000, ("b",))
     assert {str(label) for label in held} == {"link[b]", "link[lorry]", "in_crossing[lorry, x2]"}
