@@ -28,6 +28,8 @@ class Policy:
         order: relation of valid times of successive samples.
         approximation: what may stand in for a missing sample. `most recent` needs `sample`, `from_us` and
             `max_delay_us`, so that it is known what is missing, and when; `linear` needs `sample`.
+        exact: `no approximation` was said, as nothing else was: the stream is the same, but a state has no other values
+            of it (7.8.2), where it would have the most recent one.
         delay_before_us: of state streams: how long to wait before an approximation is used (7.8.2).
         min_certainty: samples are right with at least this probability, in [0, 1]; None is no limit (12.3).
         max_deviation: no component has a greater standard deviation, in its unit; None is no limit (12.3).
@@ -48,6 +50,7 @@ class Policy:
     min_certainty: float | None = None
     max_deviation: float | None = None
     importance: float = 1.0
+    exact: bool = False
 
     def __post_init__(self) -> None:
         self._check_words()
@@ -57,6 +60,8 @@ class Policy:
         self._constraints()  # each refuses a number that is wrong by itself
         if not 0 < self.importance < inf:
             raise PolicyError(f"an importance is a number > 0, got {self.importance}", "importance 2")
+        if self.exact and self.approximation != "none":
+            raise PolicyError(f"`no approximation` and `use {self.approximation}` collide", "leave one out")
         if self.approximation != "none" and self.sample_us is None:
             raise PolicyError(
                 f"`use {self.approximation}` needs `sample every`: else nothing is missing",
@@ -84,8 +89,8 @@ class Policy:
         return True
 
     def content_hash(self) -> str:
-        """8 hexadecimal digits of the canonical text, importance left out: equal streams, equal keys."""
-        return sha256(str(replace(self, importance=1.0)).encode()).hexdigest()[:8]
+        """8 hexadecimal digits of the canonical text, without what says nothing of samples: equal streams, equal keys."""
+        return sha256(str(replace(self, importance=1.0, exact=False)).encode()).hexdigest()[:8]
 
     @classmethod
     def parse(cls, text: str) -> "Policy":

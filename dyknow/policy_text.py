@@ -58,7 +58,7 @@ class _Reader:
             after = self.take()
             if after.text != ",":
                 self.fail(f"constraints are parted by commas, found {after.text!r}", after)
-        return Policy(**self.fields)
+        return Policy(**self.fields, exact=self.fields.get("approximation") == "none")
 
     def constraint(self, start: _Token) -> None:
         for words, (field, value) in _FLAGS.items():
@@ -169,6 +169,7 @@ def print_policy(policy: Policy) -> str:
         _said("max delay", policy.max_delay_us),
         _duration(policy.from_us, policy.to_us),
         f"{policy.order} order" if policy.order != "any" and policy.sample_us is None else "",
+        "no approximation" if policy.exact else "",
         f"use {policy.approximation}" if policy.approximation != "none" else "",
         _said("delay before approximation", policy.delay_before_us),
         _number("min certainty", policy.min_certainty),

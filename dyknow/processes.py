@@ -179,13 +179,14 @@ class OnDemand:
         self._in_past = False
 
     def _relive(self, from_us: int | None) -> None:
-        """Go through what the inputs brought before now."""
+        """Go through what the inputs brought before now; where that is nothing the policies let through, time passed."""
         proxies, now_us = self.proxies, self._network.now_us if self._network is not None else 0
         past = [(sample.available_us, i, sample) for i, proxy in enumerate(proxies) for sample in proxy.take_backlog()]
         past.sort(key=lambda each: each[:2])
-        if from_us is None or not past:
+        has_come = past or any(self._newest_us(each.label) is not None for each in self.inputs())
+        if from_us is None or not has_come or (from_us <= 0 and not past):
             return
-        self.on_time(from_us if from_us > 0 else past[0][0])
+        self.on_time(min(from_us, now_us) if from_us > 0 else past[0][0])
         timers = MAX_TIMERS
         for available_us, i, sample in past:
             timers = self._tick(available_us - 1, timers)

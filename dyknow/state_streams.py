@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 from math import prod
 from typing import Literal, TypeAlias
 
@@ -76,7 +77,8 @@ class StateStream(OnDemand):
             if self._policy is None:
                 raise PolicyError("sampled states need a period and a delay")
             return Synchronizer(named, self._policy, explains=True)
-        return ChangeStates(tuple(str(each.label) for each in self._wanted), self.when)
+        exact = tuple(each.policy.exact for each in self._wanted)
+        return ChangeStates(tuple(str(each.label) for each in self._wanted), self.when, exact)
 
     def _hand_on(self, states: list[State]) -> None:
         for state in states:
@@ -89,12 +91,14 @@ class StateStream(OnDemand):
 class ChangeStates:
     """A state when any input has a new sample or value, or when all have, as soon as each has brought one.
 
-    A state is valid at the latest valid time among its inputs; each value is the most recent that came.
+    A state is valid at the latest valid time among its inputs; each value is the most recent that came, or, of an input
+    that is `exact`, the one of that time if it came.
     """
 
     deadline_us = None
 
-    def __init__(self, names: tuple[str, ...], when: When) -> None:
+    def __init__(self, names: tuple[str, ...], when: When, exact: tuple[bool, ...] = ()) -> None:
+        self._exact = exact or (False,) * len(names)
         self.names, self._of_all, self._of_values = names, when.startswith("all"), when.endswith(("change", "changed"))
         self._last: list[Sample | None] = [None] * len(names)
         self._news = set[int]()
@@ -112,6 +116,10 @@ class ChangeStates:
         self._news.clear()
         self._last_us = max(now_us, self._last_us + 1)
         valid_us = max(each.valid_us for each in samples)
+        samples = [
+            each._replace(value=NO_VALUE) if is_exact and each.valid_us < valid_us else each
+            for each, is_exact in zip(samples, self._exact, strict=True)
+        ]
         values: tuple[Value, ...] = tuple(each.value for each in samples)
         return [State(self._last_us, valid_us, values, tuple(_origin(each, valid_us) for each in samples))]
 
@@ -136,6 +144,16 @@ def _origin(sample: Sample, valid_us: int) -> Origin:
     if sample.value is NO_VALUE:
         return Origin("no value", sample.valid_us)
     return Origin("exact" if sample.valid_us == valid_us else "most recent", sample.valid_us, sample.quality.certainty)
+
+
+def exactly(policy: Policy, inputs: Sequence[Input]) -> Sequence[Input]:
+    """The inputs of states with `policy`: `no approximation` there is said of every input that says nothing of it."""
+    if not policy.exact:
+        return inputs
+    return [
+        each if each.policy.approximation != "none" else each._replace(policy=replace(each.policy, exact=True))
+        for each in inputs
+    ]
 
 
 def state_policy(policy: Policy, inputs: Sequence[Policy]) -> tuple[StatePolicy | None, When]:
@@ -166,7 +184,7 @@ def state_policy(policy: Policy, inputs: Sequence[Policy]) -> tuple[StatePolicy 
             f"`delay before approximation {before}` and `max delay {longest}` collide: the state is made before it may be approximated",
             f"delay before approximation {longest}",
         )
-    approximation = "most recent" if policy.approximation == "none" else policy.approximation
+    approximation = policy.approximation if policy.exact or policy.approximation != "none" else "most recent"
     made = StatePolicy(
         policy.sample_us, max_delay_us, policy.delay_before_us, policy.from_us, policy.to_us, approximation
     )

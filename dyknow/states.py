@@ -73,7 +73,10 @@ class Awaited(NamedTuple):
 
 
 class StateInput(NamedTuple):
-    """One input: its name, and the policy its samples satisfy, from which finality is concluded."""
+    """One input: its name, and the policy its samples satisfy, from which finality is concluded.
+
+    With `no approximation` in its policy it has a value only where a sample is valid at the synchronisation point.
+    """
 
     name: str
     policy: Policy
@@ -90,7 +93,7 @@ class StatePolicy:
         from_us: first synchronisation point; None: the latest `from` of the inputs, if all have one, else the first
             multiple of the period at or after the valid time of the first sample.
         to_us: last synchronisation point; None: the latest `to` of the inputs, if all have one, else no end.
-        approximation: for inputs whose policy names none; with `none` only exact samples give a value.
+        approximation: for inputs whose policy says nothing of it; with `none` only exact samples give a value.
 
     Raises:
         PolicyError: a time is negative, or the period is not positive.
@@ -203,7 +206,8 @@ class Synchronizer:
         self._max_delay_us = policy.max_delay_us
         self._delay_before_us = policy.max_delay_us if policy.delay_before_us is None else policy.delay_before_us
         self._inputs = tuple(
-            _Input(p, policy.approximation if p.approximation == "none" else p.approximation) for p in policies
+            _Input(p, p.approximation if p.exact or p.approximation != "none" else policy.approximation)
+            for p in policies
         )
         delays = {self._max_delay_us, self._delay_before_us, *(i.delay_us for i in self._inputs)}
         self._delays = tuple(sorted(d for d in delays if d <= policy.max_delay_us))  # the timers of each point

@@ -12,7 +12,7 @@ from dyknow.mediation import Mediation
 from dyknow.network import Process
 from dyknow.processes import Input
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
-from dyknow.state_streams import StateStream, state_policy
+from dyknow.state_streams import StateStream, exactly, state_policy
 from kpl.changes import in_text
 from kpl.declared import Declared
 from kpl.definitions import Definitions
@@ -129,7 +129,7 @@ class Compiler:
                 inputs = [self.input(term, members) for term in terms]
                 try:
                     synchronised, when = state_policy(policy, [each.policy for each in inputs])
-                    return Made(Sort("state", is_open=True), StateStream(inputs, synchronised, when))
+                    return Made(Sort("state", is_open=True), StateStream(exactly(policy, inputs), synchronised, when))
                 except PolicyError as wrong:
                     raise located(made, str(wrong), wrong.repair) from None
             case Select(term, variable, domain) | Merge(term, variable, domain):

@@ -89,6 +89,7 @@ def _policy(row: bytes, exact: bool) -> Policy:
     approximations: list[Approximation] = ["none"]
     if sample_us is not None and not exact:
         approximations += ["linear"] + (["most recent"] if from_us is not None and max_delay_us is not None else [])
+    approximation = approximations[row[11] % len(approximations)]
     return Policy(
         change="sample" if sample_us is not None else ("any update", "any change")[row[9] % 2],
         sample_us=sample_us,
@@ -96,7 +97,8 @@ def _policy(row: bytes, exact: bool) -> Policy:
         from_us=from_us,
         to_us=None if to_us is None else to_us + (from_us or 0),
         order=("any", "monotone", "strict")[row[10] % 3],
-        approximation=approximations[row[11] % len(approximations)],
+        approximation=approximation,
+        exact=approximation == "none" and row[10] // 3 % 4 == 0,
         delay_before_us=maybe(12, (row[12] + 256 * row[11]) % 401),
         min_certainty=maybe(13, (0.0, 0.95, 1.0)[row[13] // 2 % 3]),
         max_deviation=maybe(14, (0.0, 2.0, 3.0)[row[14] // 2 % 3]),

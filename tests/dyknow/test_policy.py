@@ -17,7 +17,7 @@ READ = {
     "from 300": Policy(from_us=300_000),
     "from 300 to oo": Policy(from_us=300_000),
     "to 400": Policy(to_us=400_000),
-    "to oo, any order, no approximation": Policy(),
+    "to oo, any order, no approximation": Policy(exact=True),
     "monotone order": Policy(order="monotone"),
     "strict order,sample every 20ms": Policy(change="sample", sample_us=20_000),
     "from 0 to oo, sample every 1s, max delay 500us,\n use most recent": Policy(

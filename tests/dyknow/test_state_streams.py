@@ -1,12 +1,12 @@
 """State streams as processes: synchronised, or one state per change (7.8.1, 7.8.2), begun now or in the past."""
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from dyknow import NO_VALUE, Label, Network, Policy, PolicyError, Quality, Sample, StateInput, StatePolicy, Synchronizer
 from dyknow.processes import Input
-from dyknow.state_streams import StateStream, state_policy
+from dyknow.state_streams import StateStream, exactly, state_policy
 from tests.dyknow.networks import ANY, arrivals, feed, invariants, label, pass_time, policy, times
 from tests.strategies import definition
 
@@ -53,6 +53,9 @@ def test_sampled_states_are_those_of_the_synchroniser_over_adapted_inputs(events
     st.integers(0, 20),
     st.sampled_from(["sampled", "any update", "any change", "all updated", "all changed"]),
 )
+@example([(0, 120, 0, 151)], 1, 6, "sampled").via("all that came by then came too late")
+@example([(0, 270, 0, 286), (0, 280, 0, 311), (0, 310, 0, 312)], 2, 14, "sampled")
+@example([(0, 0, 0, 25), (0, 10, 0, 45), (1, 80, 0, 90)], 3, 0, "sampled")
 def test_states_that_begin_in_the_past_are_those_that_had_been_there(events, at, from_at, when) -> None:
     from_us = 20 * from_at
     made = StatePolicy(20, 40, from_us=from_us) if when == "sampled" else None
@@ -156,6 +159,31 @@ def test_what_a_policy_says_of_states(wanted, inputs, when) -> None:
     if wanted == "sample every 20us":
         assert made is not None
         assert made.max_delay_us == 9
+
+
+@pytest.mark.parametrize(
+    ("of_state", "of_inputs", "values"),
+    [
+        ("", ("", ""), [(0, "a"), (1, "a"), (1, "b")]),
+        ("no approximation", ("", ""), [(0, "a"), (1, NO_VALUE), (NO_VALUE, "b")]),
+        ("", ("no approximation", ""), [(0, "a"), (1, "a"), (NO_VALUE, "b")]),
+    ],
+)
+@pytest.mark.parametrize("sampled", [True, False])
+def test_with_no_approximation_said_a_state_has_exact_values_only(of_state, of_inputs, values, sampled) -> None:
+    when_wanted = "sample every 20us, max delay 5us, from 0" if sampled else "any update"
+    wanted = policy(", ".join(filter(None, (when_wanted, of_state))))
+    inputs = [Input(label(i), policy(each)) for i, each in enumerate(of_inputs)]
+    made, when = state_policy(wanted, [each.policy for each in inputs])
+    network = Network()
+    for i in range(2):
+        network.add_source(label(i), ANY)
+    network.add_process(STATE, ANY, StateStream(exactly(wanted, inputs), made, when))
+    got: list[Sample] = []
+    network.connect(STATE, Policy(), got.append)
+    feed(network, [(0, 0, 0, 0), (1, 0, "a", 1), (0, 20, 1, 20), (1, 40, "b", 40)])
+    pass_time(network, 50)
+    assert [each.value for each in got] == values
 
 
 def test_a_sampled_state_must_know_how_long_to_wait() -> None:
