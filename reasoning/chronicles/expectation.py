@@ -7,12 +7,15 @@ each other and with the network, no predicate has failed for good, and every oth
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain, islice
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from reasoning.chronicles.compilation import EventNode
-from reasoning.chronicles.joining import shifted
-from reasoning.chronicles.matching import Matcher
+from reasoning.chronicles.matching import Matcher, told_time
 from reasoning.chronicles.network import UNBOUNDED
+
+
+LIMIT_TRIED: Final = 100_000
+"""So many sets of events are tried for one question."""
 
 
 class Partial(NamedTuple):
@@ -66,7 +69,7 @@ def _partial(
     return Partial(
         compiled.name,
         {compiled.variables[slot]: symbol for slot, symbol in sorted(symbols.items())},
-        {compiled.fixed[instant]: time for instant, time in sorted(times.items())},
+        {compiled.fixed[instant]: told_time(time) for instant, time in sorted(times.items())},
         tuple(dict.fromkeys(missing)),
         None if dies_ms >= UNBOUNDED else dies_ms,
     )
@@ -78,11 +81,15 @@ class _Enumeration:
     def __init__(self, matcher: Matcher, clock_ms: int) -> None:
         self._matcher, self._clock_ms = matcher, clock_ms
         self._events = matcher.compiled.events
+        self._tried = 0
 
     def partials(
         self, symbols: dict[int, Any], times: dict[int, int], at: int, open_: tuple[EventNode, ...] = ()
     ) -> Iterator[Partial]:
         """Go on with the event at `at`; those in `open_` are left open."""
+        self._tried += 1
+        if self._tried > LIMIT_TRIED:
+            return
         if at == len(self._events):
             if open_ and times and (partial := self._made(symbols, times, open_)) is not None:
                 yield partial
@@ -102,7 +109,7 @@ class _Enumeration:
             found = dict(zip(variables, values, strict=True))
             if all(symbols.get(slot, value) == value for slot, value in found.items()):
                 for time in dict.fromkeys(bucket.times):
-                    yield found, shifted(time, node.shift_ms)
+                    yield found, time - node.shift_ms
 
     def _made(self, symbols: Mapping[int, Any], times: Mapping[int, int], open_: Sequence[EventNode]) -> Partial | None:
         """The partial instance, if every open event may still come and nothing has failed for good."""

@@ -14,7 +14,7 @@ from reasoning.chronicles.compilation import Compiled, CountNode, EventNode
 from reasoning.chronicles.conditions import Condition
 from reasoning.chronicles.expansion import Point
 from reasoning.chronicles.network import UNBOUNDED
-from reasoning.chronicles.stores import MINUS_INFINITY, Bucket, Key, Store, getter
+from reasoning.chronicles.stores import MINUS_INFINITY, SINCE_EVER, Bucket, Key, Store, getter
 
 LIMIT_JOINED: Final = 1_000_000
 """So many events, or keys of events, are looked at for one event."""
@@ -188,7 +188,7 @@ class Plan:
         for slot, place in self._fills:
             symbols[slot] = key if place is None else key[place]
         if self._instant is not None:
-            times[self._instant] = shifted(time_ms, self._shift_ms)
+            times[self._instant] = time_ms - self._shift_ms
             if self._compiled.clock is not None and not self._in_window(times, self._instant, (self._compiled.clock,)):
                 return
         if self._holds(self._first_conditions, symbols):
@@ -228,7 +228,7 @@ class Plan:
             self._joined += 1
             if self._joined >= LIMIT_JOINED:
                 return
-            times[step.instant] = shifted(time_ms, step.shift_ms) if step.shift_ms else time_ms
+            times[step.instant] = time_ms - step.shift_ms
             if not step.guards or _guarded(step.guards, symbols, times):
                 yield from self._extend(depth + 1, symbols, times)
 
@@ -237,7 +237,7 @@ class Plan:
         low, high = -UNBOUNDED, UNBOUNDED
         for one, after, before, after_initial, before_initial in step.windows:
             time = times[one]
-            if time == MINUS_INFINITY:
+            if time < SINCE_EVER:
                 after, before = after_initial, before_initial  # noqa: PLW2901 -- what is since ever has no age
             if after < UNBOUNDED and time + after < high:
                 high = time + after
@@ -255,7 +255,9 @@ class Plan:
     def _initial_fits(self, times: Sequence[int], step: Step) -> bool:
         """Whether an initial value, which has no age, may stand at this step's instant."""
         instant, bounds = step.instant or 0, self._compiled.bounds
-        tried = [MINUS_INFINITY if at == instant else time for at, time in enumerate(times)]
+        if instant in step.before:
+            return times[instant] == MINUS_INFINITY - step.shift_ms
+        tried = [MINUS_INFINITY - step.shift_ms if at == instant else time for at, time in enumerate(times)]
         return self._in_window(tried, instant, step.before, bounds)
 
     def _in_window(
@@ -279,11 +281,6 @@ def _guarded(guards: Sequence[Guard], symbols: Environment, times: Sequence[int]
             if last - first > guard.maximum:
                 return False
     return True
-
-
-def shifted(time_ms: int, shift_ms: int) -> int:
-    """Time of the instant whose event, shifted, has the time given."""
-    return MINUS_INFINITY if time_ms == MINUS_INFINITY else time_ms - shift_ms
 
 
 def _fills(slots: Sequence[int], variables: Sequence[int]) -> tuple[tuple[int, int | None], ...]:

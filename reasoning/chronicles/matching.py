@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 from reasoning.chronicles.compilation import Compiled, CountNode, EventNode
 from reasoning.chronicles.joining import Plan, can_be_last
 from reasoning.chronicles.retention import Retention
-from reasoning.chronicles.stores import Bucket, Key, Store, Values, getter
+from reasoning.chronicles.stores import MINUS_INFINITY, SINCE_EVER, Bucket, Key, Store, Values, getter
 from reasoning.chronicles.witness import Witness
 
 SWEEP_AFTER: Final = 8192
@@ -279,7 +279,7 @@ class Matcher:
         return Instance(
             compiled.name,
             dict(zip(compiled.variables, waiting.symbols, strict=True)),
-            dict(zip(compiled.fixed, waiting.times, strict=False)),
+            dict(zip(compiled.fixed, map(told_time, waiting.times), strict=False)),
             clock_ms,
         )
 
@@ -349,3 +349,8 @@ class Matcher:
     def waiting(self) -> Iterator[Waiting]:
         """Instances whose events are all there."""
         yield from self._waiting.values()
+
+
+def told_time(time_ms: int) -> int:
+    """An instant as it is told: `MINUS_INFINITY` if an initial value fixes it, however it is shifted."""
+    return MINUS_INFINITY if time_ms < SINCE_EVER else time_ms

@@ -11,9 +11,8 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from reasoning.chronicles.compilation import Compiled, CountNode, EventNode
-from reasoning.chronicles.joining import shifted
 from reasoning.chronicles.network import UNBOUNDED
-from reasoning.chronicles.stores import MINUS_INFINITY, Key, Store, getter
+from reasoning.chronicles.stores import MINUS_INFINITY, SINCE_EVER, Key, Store, getter
 
 
 class Windows(NamedTuple):
@@ -160,7 +159,7 @@ class Retention:
             for node in self._compiled.events:
                 if node.instant == instant:
                     oldest = self._stores[node.pattern].oldest_ms
-                    ages.append(clock_ms if oldest is None else shifted(oldest, node.shift_ms))
+                    ages.append(clock_ms if oldest is None else oldest - node.shift_ms)
             self._oldest[instant] = min(ages)
 
     def kept(self, pattern: int, key: Key, clock_ms: int) -> list[bool]:
@@ -170,7 +169,7 @@ class Retention:
         since = min(since, clock_ms)
         events = self._events[pattern]
         return [
-            time >= since or any(self._alive(one, key, shifted(time, one.node.shift_ms), clock_ms) for one in events)
+            time >= since or any(self._alive(one, key, time - one.node.shift_ms, clock_ms) for one in events)
             for time in times
         ]
 
@@ -200,7 +199,7 @@ class Retention:
             theirs = self._compiled.patterns[node.pattern].variables
             if set(theirs) <= set(mine) and not self._waiting:
                 bucket = self._stores[node.pattern].buckets.get(_part(mine, theirs)(key))
-                oldest = clock_ms if bucket is None else shifted(bucket.times[0], node.shift_ms)
+                oldest = clock_ms if bucket is None else bucket.times[0] - node.shift_ms
             else:
                 oldest = self._oldest.get(node.instant, MINUS_INFINITY)
             latest = max(latest, min(oldest, clock_ms) - apart)
@@ -208,7 +207,7 @@ class Retention:
 
     def _alive(self, asked: _Asked, key: Key, time_ms: int, clock_ms: int) -> bool:
         """Whether an event may become a part of an instance that is not complete yet."""
-        initial = time_ms == MINUS_INFINITY
+        initial = time_ms < SINCE_EVER
         low = [time_ms + one for one in (asked.low_initial if initial else asked.low)]
         high = [time_ms + one for one in (asked.high_initial if initial else asked.high)]
         windows = Windows(low, high)
@@ -287,7 +286,7 @@ class Retention:
         if self._compiled.clock is not None:
             times[self._compiled.clock] = 0
         for instant, time in times.items():
-            bounds = self._compiled.bounds if time == MINUS_INFINITY else self._compiled.aged
+            bounds = self._compiled.bounds if time < SINCE_EVER else self._compiled.aged
             for other in range(size):
                 after, before = bounds[instant][other], bounds[other][instant]
                 if after < UNBOUNDED and time + after < high[other]:

@@ -15,6 +15,9 @@ Values: TypeAlias = tuple[str | None, ...]
 MINUS_INFINITY: Final = -(1 << 60)
 """The time of an initial value (thesis 8.4), in milliseconds."""
 
+SINCE_EVER: Final = -(1 << 59)
+"""Instants that an initial value fixes lie before this, and nothing else does."""
+
 FIRST_LIMIT: Final = 16
 """So many events of one key are remembered before it is asked which of them matter."""
 

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple, TypeAlias
 from reasoning.chronicles.compilation import Compiled, CountNode
 from reasoning.chronicles.expansion import Point
 from reasoning.chronicles.network import UNBOUNDED, TemporalNetwork
-from reasoning.chronicles.stores import MINUS_INFINITY
+from reasoning.chronicles.stores import MINUS_INFINITY, SINCE_EVER
 
 LIMIT_TRIALS: Final = 2_000
 """So many choices of counted events are tried for one instance at one clock."""
@@ -107,7 +107,7 @@ class Witness:
                 if not network.add(number, other, compiled.aged[place][other_place]):
                     return None
             for one in self._known:
-                bounds = compiled.bounds if instants[one] == MINUS_INFINITY else compiled.aged
+                bounds = compiled.bounds if instants[one] < SINCE_EVER else compiled.aged
                 high, low = bounds[one][place], bounds[place][one]
                 if high < UNBOUNDED and not network.add(0, number, instants[one] + high):
                     return None
