@@ -3,7 +3,7 @@
 Names of attributes and messages are checked once a file declares any: who declares none leaves all of them open.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
@@ -44,14 +44,16 @@ _KINDS: Mapping[type, str] = {
 }
 
 
-def check_chronicles(found: Sequence[Found], reader: ChronicleReader) -> None:
-    """Add to the errors of the reader what is wrong with what it has read."""
-    _Checker(found, reader).check()
+def check_chronicles(found: Sequence[Found], reader: ChronicleReader, broken: Collection[str] = ()) -> None:
+    """Add to the errors of the reader what is wrong with what it has read; of what is called as in `broken`, parts are
+    not there, and nothing is told.
+    """
+    _Checker(found, reader, broken).check()
 
 
 class _Checker:
-    def __init__(self, found: Sequence[Found], reader: ChronicleReader) -> None:
-        self._found, self._reader, self._error = found, reader, reader.error
+    def __init__(self, found: Sequence[Found], reader: ChronicleReader, broken: Collection[str]) -> None:
+        self._found, self._reader, self._error, self._broken = found, reader, reader.error, broken
         self._events = self._table(*_EVENTS)
         self._chronicles: dict[str, Any] = self._table(Chronicle)
         self._timings, self._conditions = self._table(ComplexConstraint), self._table(NamedConstraint)
@@ -67,6 +69,8 @@ class _Checker:
     def check(self) -> None:
         self._duplicates()
         for one in self._found:
+            if one.declaration.name in self._broken:
+                continue
             for mention in one.mentions:
                 if self._reader.is_full:
                     return
@@ -80,8 +84,9 @@ class _Checker:
                     self._only(one, "instant", parameters, "an instant of the constraint")
                 case Chronicle() as chronicle:
                     self._chronicle(one, chronicle)
-        self._circles()
-        if not self._reader.errors:
+        if not self._broken:
+            self._circles()
+        if not self._broken and not self._reader.errors:
             self._compiled()
 
     def _compiled(self) -> None:
@@ -135,7 +140,9 @@ class _Checker:
                 self._use("constraint on instants", what.name, what.points, self._timings, place)
 
     def _unknown(self, kind: str, name: str, known: Iterable[str], place: Place, otherwise: str) -> None:
-        near = get_close_matches(name, list(known), n=1)
+        if name in self._broken:
+            return
+        near = get_close_matches(name, [*known, *self._broken], n=1)
         self._error(f"there is no {kind} {name}", place, near[0] if near else f"declare it: {otherwise}")
 
     def _use(self, kind: str, name: str, given: Sequence[object], known: Mapping[str, Any], place: Place) -> None:

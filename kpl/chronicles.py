@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from lark import Token, Tree
 
 _BEGIN = re.compile(r"^(?:domain|attribute|message|constraint|time|chronicle)\b", re.MULTILINE)
+_NAMED = re.compile(r"\b(?:domain|attribute|message|constraint|chronicle)\s+([\w.-]+)")
 _COMMENT = re.compile(r"#[^\n]*")
 _READ_AGAIN: Final = 2 * LIMIT_CHARACTERS
 """So many characters, at most, are read anew in search of more errors."""
@@ -40,27 +41,26 @@ def parse_chronicles(text: str, file: str = "") -> ChronicleFile:
 
 def read_chronicles(text: str, file: str = "") -> tuple[ChronicleFile, list[TextError]]:
     """What could be read, and what is wrong with the text; raises TextError at a limit."""
-    reader = ChronicleReader(text, file)
-    left: list[TextError] = []
+    reader, left, broken = ChronicleReader(text, file), list[TextError](), frozenset[str]()
     try:
         trees = list(parse_tree(text, "chronicles", file).children)
     except TextError as first:
         if len(text) > LIMIT_CHARACTERS or not text.strip():
             raise
-        trees, left = _mended(text, file)
+        trees, left, broken = _mended(text, file)
         left = left or [first]
     if not trees and not left:
         raise TextError(CHRONICLE_SPELLING.empty[0], text=text, repair=CHRONICLE_SPELLING.empty[1], file=file)
     found = [reader.declaration(tree) for tree in trees]
-    if not left:
-        check_chronicles(found, reader)
+    check_chronicles(found, reader, broken)
     return ChronicleFile(tuple([each.declaration for each in found])), left + reader.errors
 
 
-def _mended(text: str, file: str) -> "tuple[list[Tree[Token] | Token], list[TextError]]":
-    """The trees of what is right, and an error for each place where the text leaves the grammar."""
+def _mended(text: str, file: str) -> "tuple[list[Tree[Token] | Token], list[TextError], frozenset[str]]":
+    """The trees of what is right, an error for each place that leaves the grammar, and the names of what is not whole."""
     trees: list[Tree[Token] | Token] = []
     errors: list[TextError] = []
+    names: set[str] = set()
     budget = _READ_AGAIN
     for start, end in _pieces(text):
         lines, piece = text.count("\n", 0, start), text[start:end]
@@ -70,10 +70,13 @@ def _mended(text: str, file: str) -> "tuple[list[Tree[Token] | Token], list[Text
                 trees += moved(parse_tree(piece, "chronicles", file), start, lines).children
             except TextError as wrong:
                 errors.append(placed(wrong, text, lines))
+                names.update(_NAMED.findall(text[start:end]))
                 piece = _without(piece, wrong)
             else:
                 break
-    return trees, errors
+        else:
+            names.update(_NAMED.findall(text[start:end]))
+    return trees, errors, frozenset(names)
 
 
 def _pieces(text: str) -> Iterator[tuple[int, int]]:

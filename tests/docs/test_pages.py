@@ -8,7 +8,7 @@ import pytest
 from console.specification_runs import instance_of
 from dyknow import Network
 from dyknow.policy_text import _CONSTRAINTS
-from kpl import Hooks, parse_specification
+from kpl import Hooks, parse_chronicles, parse_specification
 from kpl.grammar import parse_tree
 from tests.docs.pages import DOCS, PAGES, ROOT, commands, fences, folder, library_table, output
 
@@ -36,6 +36,8 @@ def test_every_specification_can_be_read(name: str) -> None:
     for fence in fences(DOCS / name):
         if fence.language == "kpl":
             parse_specification(fence.text, name)
+        elif fence.language == "chronicle":
+            parse_chronicles(fence.text, name)
         elif fence.language == "formula":
             for line in fence.text.splitlines():
                 parse_tree(line, "formula_only", name)
@@ -50,7 +52,7 @@ def test_every_piece_of_python_runs(name: str) -> None:
 
 @pytest.mark.parametrize("name", [*NAMES, "../README.md"])
 def test_every_file_a_page_links_to_exists(name: str) -> None:
-    text = (DOCS / name).read_text(encoding="utf-8")
+    text = re.sub(r"```.*?```|`[^`\n]*`", "", (DOCS / name).read_text(encoding="utf-8"), flags=re.DOTALL)
     linked = re.findall(r"\]\((?!https?:|#)([^)#]+)", text)
     assert [link for link in linked if not (DOCS / name).parent.joinpath(link).exists()] == []
 
@@ -91,5 +93,9 @@ def test_the_ready_units_are_all_listed() -> None:
 
 def test_every_example_is_shown_on_a_page() -> None:
     text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
-    shown = {path.relative_to(ROOT).as_posix() for path in (ROOT / "examples").rglob("*.kpl")}
+    shown = {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "examples").rglob("*.*")
+        if path.suffix in {".kpl", ".chr"}
+    }
     assert sorted(path for path in shown if path not in text) == []

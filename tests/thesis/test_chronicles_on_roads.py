@@ -54,7 +54,7 @@ def test_examples_8_2_1_and_8_2_2_each_way_to_overtake_is_recognised_and_nothing
     drives, expected = ON_ROADS[situation]
     for seed in SEEDS:
         rng = Random(seed)
-        events = road_events(drives(rng), seed, error_m=rng.uniform(0, 2), heading_deg=rng.uniform(0, 360))
+        events = road_events(drives(rng), seed, error_m=rng.uniform(0, 1.5), heading_deg=rng.uniform(0, 360))
         assert {*recognised("overtake", events), *recognised("reckless", events)} == expected
 
 

@@ -124,8 +124,8 @@ def following(rng: Random) -> dict[str, Drive]:
 
 
 def overtaking(rng: Random, side_m: float = OTHER_LANE_M) -> dict[str, Drive]:
-    """Car a passes car b with 3 to 6 m/s more; it is out of its lane from 25 m behind to 25 m ahead."""
-    slow_m_s, more_m_s, gap_m = rng.uniform(12, 20), rng.uniform(3, 6), rng.uniform(40, 70)
+    """Car a passes car b with 3 to 5 m/s more; it is out of its lane from 25 m behind to 25 m ahead."""
+    slow_m_s, more_m_s, gap_m = rng.uniform(12, 20), rng.uniform(3, 5), rng.uniform(40, 70)
     fast_m_s = slow_m_s + more_m_s
     out_s, back_s = (gap_m - 25) / more_m_s, (gap_m + 25) / more_m_s
     end_s = back_s + 15
