@@ -34,10 +34,12 @@ def check(call: Call, formula: str, *, trace: Path | None, unit: str | None, tim
 
 
 def _over_trace(call: Call, text: str, path: Path) -> int:
-    from kpl import print_formula, read_formula
+    from kpl import drawn_remarks, print_formula, read_formula
     from reasoning import follow_trace, read_trace, remaining, required_labels, trace_domains
 
     formula = read_formula(text)
+    for remark in drawn_remarks(formula, text):
+        call.out.note(f"note: {remark.drawn()}")
     try:
         with path.open(encoding="utf-8") as lines:
             trace = read_trace(lines, str(path))

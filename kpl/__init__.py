@@ -6,6 +6,7 @@ from kpl.listing import print_declaration, print_specification
 from kpl.parsing import parse_formula
 from kpl.printing import print_formula
 from kpl.profiles import profile_formula, unit_vocabulary
+from kpl.remarks import Remark, drawn_remarks, remarks
 from kpl.specification import Declaration, Specification
 from kpl.specification_checking import Findings, Known, check_specification
 from kpl.statements import Reading, parse_specification, read_specification
@@ -22,10 +23,12 @@ __all__ = [
     "Instance",
     "Known",
     "Reading",
+    "Remark",
     "Specification",
     "Vocabulary",
     "check",
     "check_specification",
+    "drawn_remarks",
     "parse_chronicles",
     "parse_formula",
     "parse_specification",
@@ -37,5 +40,6 @@ __all__ = [
     "read_chronicles",
     "read_formula",
     "read_specification",
+    "remarks",
     "unit_vocabulary",
 ]

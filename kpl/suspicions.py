@@ -7,7 +7,16 @@ from dyknow.labels import Label
 from kpl.complaints import Complaints
 from kpl.declared import Declared, needs_of, stem, uses_of
 from kpl.formula_monitors import domains_of
-from kpl.specification import Declaration, Define, MonitorDeclaration, SourceDeclaration, UnitDeclaration
+from kpl.remarks import remarks
+from kpl.specification import (
+    Declaration,
+    Define,
+    FromSource,
+    GeneratorDeclaration,
+    MonitorDeclaration,
+    SourceDeclaration,
+    UnitDeclaration,
+)
 from reasoning.derivation import FEATURES
 from reasoning.formulas import Feature, Formula, Variable, walk
 
@@ -53,7 +62,17 @@ def suspicions(
                 if domain not in there and domain != OF_A_PLATFORM:
                     said = f"nothing here makes {domain}, so that it has no members"
                     found.append(complaints.said(said, each, complaints.closest(domain, there)))
+        if isinstance(each, MonitorDeclaration):
+            said_of = remarks(each.formula, lambda feature: _is_raw(feature, declared))
+            found += [complaints.said(one.message, one.node, one.repair) for one in said_of]
     return found
+
+
+def _is_raw(feature: Feature, declared: Declared) -> bool:
+    """Whether a feature is made from a source as it is, so that its noise is in it."""
+    label = Label(feature.name, tuple(map(str, feature.objects)))
+    bodies = (made.body for made in declared.makers(label))
+    return any(isinstance(body, GeneratorDeclaration) and isinstance(body.made, FromSource) for body in bodies)
 
 
 class _Makers:

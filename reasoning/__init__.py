@@ -5,6 +5,7 @@ from reasoning.evaluation import NoValuePolicy
 from reasoning.explaining import Reason
 from reasoning.formulas import Domain, Formula, domain_members, instantiate, label_text, required_labels, split_growing
 from reasoning.inputs import Freshness
+from reasoning.margins import Margin, Margins
 from reasoning.monitors import Monitor, Shown
 from reasoning.profiles import Profile, builtin_profiles, parse_profiles
 from reasoning.progression import Progression, Verdict
@@ -22,6 +23,8 @@ __all__ = [
     "Formula",
     "Freshness",
     "Input",
+    "Margin",
+    "Margins",
     "Monitor",
     "NoValuePolicy",
     "Outcome",

@@ -1,0 +1,77 @@
+"""Formulas that are right as they stand and yet hardly meant (thesis 7.9), each with a formula that says more.
+
+A bare `always` over what a sensor says is violated by one wrong sample; `eventually` or `exists` over an implication
+holds as soon as its left side is false. That `always A -> B` reads as `(always A) -> B` is an error already (`parsing.py`).
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any, Final, NamedTuple
+
+from dyknow.errors import TextError
+from kpl.printing import print_formula
+from reasoning.formulas import (
+    Always,
+    And,
+    Compare,
+    Eventually,
+    Exists,
+    Feature,
+    Forall,
+    Formula,
+    Implies,
+    Node,
+    is_temporal,
+    walk,
+)
+
+SETTLES_US: Final = 500_000
+"""What the repair gives a value to come back; to be chosen for the sensor."""
+
+
+class Remark(NamedTuple):
+    """What is said of a node, and what may have been meant."""
+
+    node: Node
+    message: str
+    repair: str
+
+
+def remarks(formula: Formula, is_noisy: Callable[[Feature], bool] = lambda _feature: True) -> Iterator[Remark]:
+    """Everything there is to say; `is_noisy` tells which features are values as a sensor gives them."""
+    for node in walk(formula):
+        if isinstance(node, Always) and node.hi_us is None and not is_temporal(node.operand):
+            noisy = [one for one in _measured(node.operand) if is_noisy(one)]
+            if noisy:
+                feature = min(noisy, key=lambda one: one.place.start)
+                message = f"one wrong sample of {feature.name} violates this; let it count only if it lasts"
+                yield Remark(node, message, print_formula(replace(node, operand=_lasting(node.operand))))
+        elif isinstance(node, Eventually | Exists):
+            inside = node.operand if isinstance(node, Eventually) else node.body
+            if isinstance(inside, Implies):
+                name = "eventually" if isinstance(node, Eventually) else "exists"
+                meant: Any = And((inside.left, inside.right))
+                part = {"operand": meant} if isinstance(node, Eventually) else {"body": meant}
+                message = f"this {name} holds as soon as the left side of its -> is false"
+                yield Remark(node, message, print_formula(replace(node, **part)))
+
+
+def drawn_remarks(formula: Formula, text: str, file: str = "") -> tuple[TextError, ...]:
+    """The remarks on a formula over recorded or live states, as what is drawn at its place in the text."""
+    return tuple(
+        TextError.at(one.node.place, one.message, text=text, repair=one.repair, file=file) for one in remarks(formula)
+    )
+
+
+def _measured(formula: Formula) -> Iterator[Feature]:
+    """Features that are compared by size: what can be a little wrong."""
+    for node in walk(formula):
+        if isinstance(node, Compare) and node.operator not in {"=", "!="}:
+            yield from (one for one in walk(node) if isinstance(one, Feature))
+
+
+def _lasting(operand: Formula) -> Formula:
+    """The operand, to hold again within a time; for each member by itself."""
+    if isinstance(operand, Forall):
+        return replace(operand, body=_lasting(operand.body))
+    return Eventually(operand, 0, SETTLES_US)
