@@ -11,7 +11,7 @@ from federation.contents import CheckFormula, Verdict
 from federation.contents.parts import MAX_LIST
 from federation.deadlines import Deadlines
 from kpl import read_formula, unit_vocabulary
-from reasoning import Derivation, Progression, required_labels
+from reasoning import Derivation, Progressing, make_progression, required_labels
 
 PERIOD_US = 100_000
 MAX_DELAY_US = 500_000
@@ -25,7 +25,7 @@ class Check:
 
     act: Act
     labels: tuple[str, ...]
-    progression: Progression
+    progression: Progressing
     derivation: Derivation
     synchronizer: Synchronizer
     domains: dict[str, tuple[str, ...]]
@@ -83,7 +83,14 @@ class Checks:
         for label, unit in derivation.inputs:
             self._c.gateway.local(label, unit)
         check = Check(
-            act, labels, Progression(formula, PERIOD_US), derivation, synchronizer, domains, [], now_us + timeout_us
+            act,
+            labels,
+            make_progression(formula, PERIOD_US),
+            derivation,
+            synchronizer,
+            domains,
+            [],
+            now_us + timeout_us,
         )
         check.subscriptions = [self._subscribe(conversation, check, at) for at in range(len(derivation.inputs))]
         self._open[conversation] = check

@@ -95,3 +95,8 @@ def test_it_must_be_said_over_what_a_formula_is_checked(dyknow: Run) -> None:
     done = dyknow("check", "always p")
     assert done.returncode == 2
     assert "--trace FILE" in done.stderr
+
+
+def test_a_bare_always_over_a_measured_value_is_noted_with_a_formula_that_bears_noise(dyknow: Run, trace: str) -> None:
+    done = dyknow("check", "always speed[uav1] <= 22", "--trace", trace)
+    assert "write: always eventually[0, 500ms] speed[uav1] <= 22" in " ".join(done.stderr.split())
