@@ -13,7 +13,6 @@ from reasoning.chronicles.compilation import EventNode
 from reasoning.chronicles.matching import Matcher, told_time
 from reasoning.chronicles.network import UNBOUNDED
 
-
 LIMIT_TRIED: Final = 100_000
 """So many sets of events are tried for one question."""
 
@@ -115,7 +114,9 @@ class _Enumeration:
         """The partial instance, if every open event may still come and nothing has failed for good."""
         matcher, clock_ms = self._matcher, self._clock_ms
         windows = matcher.retention.narrowed(times, symbols)
-        if windows is None:
+        names = {matcher.compiled.variables[slot]: symbol for slot, symbol in symbols.items()}
+        conditions = (one for one in matcher.compiled.conditions if one.variables <= names.keys())
+        if windows is None or not all(one.test(names) for one in conditions):
             return None
         missing, dies_ms = list[str](), UNBOUNDED
         for node in open_:

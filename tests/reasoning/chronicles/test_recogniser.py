@@ -258,6 +258,14 @@ def test_what_waits_is_a_partial_instance_that_says_for_what() -> None:
     assert list(engine.partial_instances()) == []
 
 
+def test_a_partial_instance_keeps_to_the_constraints_on_variables() -> None:
+    engine = recogniser("chronicle c { event(a[?x], t1) event(b[?y], t2) event(d, t3) ?x != ?y t1 < t2 < t3 }")
+    for at_ms, name, symbol in ((1, "a", "k"), (2, "b", "k"), (2, "b", "l")):
+        engine.on_message(at_ms, name, (symbol,))
+    pairs = [one.bindings for one in engine.partial_instances() if len(one.instants) == 2]
+    assert pairs == [{"?x": "k", "?y": "l"}]
+
+
 def test_what_a_chronicle_listens_to_can_be_asked() -> None:
     engine = Recogniser.of(overtake())
     assert engine.attributes == {("behind", 2), ("left", 2), ("in_front", 2), ("road", 1)}
