@@ -133,7 +133,11 @@ class Recogniser:
         return self._deadline_ms
 
     def on_change(self, at_ms: int, name: str, arguments: tuple[str, ...], old: str | None, new: str) -> list[Instance]:
-        """An attribute changes its value: `name[arguments]:(old, new)`. Old None: unknown (C2)."""
+        """An attribute changes its value: `name[arguments]:(old, new)`. Old None: unknown (C2).
+
+        A value since ever has the time `MINUS_INFINITY`; it may come at any clock, but what it would have completed
+        before is not found: let initial values come first.
+        """
         if old == new:
             self.ignored["no change"] += 1
             return []
