@@ -26,6 +26,7 @@ from kpl.introspection import drawn, graph_of, origins_of
 from kpl.records import Faults, alarm_record, sample_record
 from kpl.specification import Import, MonitorDeclaration, StreamTerm
 from kpl.surroundings import Undo
+from kpl.suspicions import grid_warnings
 from reasoning import AlarmEvent, Monitor
 from reasoning.derivation import FEATURES
 from reasoning.formulas import Feature, Formula, split_growing, walk
@@ -116,6 +117,8 @@ class Declared:
                 "imports": imports,
             }
         )
+        for warning in grid_warnings(self.instance.specification, text, file):
+            self._p.note(warning.drawn())
         for name, labels in self.instance.lacking.items():
             self._p.note(f"nobody offers {name} yet; {', '.join(map(str, labels[:8]))} will begin when somebody does")
 

@@ -63,6 +63,7 @@ class Run:
         """Run this text from now on; raises TextErrors, and goes on with what there is."""
         from kpl import parse_specification
         from kpl.governor import listens
+        from kpl.suspicions import grid_warnings
 
         specification = parse_specification(text, str(self._path), beside(self._path))
         if self._governor is None and listens(specification):
@@ -70,6 +71,8 @@ class Run:
                 f"{self._path} takes `refinements`, which a governor tells: give --govern TIME, e.g. 100ms."
             )
         self.instance.change(specification, self.now_us, text, str(self._path))
+        for warning in grid_warnings(specification, text, str(self._path)):
+            self._call.out.note(f"note: {warning.drawn()}")
         for name, labels in self.instance.lacking.items():
             waiting = ", ".join(map(str, labels[:4]))
             self._call.out.note(f"note: nobody offers {name}: {waiting} and what is made of it wait (--units MODULE).")

@@ -12,6 +12,8 @@ from dyknow.values import NO_VALUE
 
 CATCH_UP = 1024
 """Grid points approximated at once after a silence of the caller; older ones are a gap."""
+STARVED = 10
+"""A sampled stream starves when for so many periods nothing came on its grid, and so many samples beside it since."""
 MAX_REPLAYED = 16 * CATCH_UP
 """Grid points approximated for a stream that begins in the past; older ones are a gap."""
 
@@ -40,12 +42,13 @@ class PolicyAdapter:
     Attributes:
         on_sample: `(sample, now_us) -> list[Sample]`: what the subscriber gets now, often nothing.
         gaps: how often grid points are missing between two successive samples of the stream.
+        on_starved: called once, when nearly all that comes lies beside the grid.
     """
 
     __slots__ = (
-        "_all", "_anchor_us", "_changes", "_confined_to", "_from_us", "_last", "_late", "_least_certainty", "_least_step_us", "_max_delay_us",
-        "_most_deviation", "_no_change", "_off_grid", "_out_of_order", "_outside", "_owed", "_period_us", "_previous",
-        "_take", "_to_us", "_uncertain", "gaps", "on_sample", "policy",
+        "_all", "_anchor_us", "_changes", "_confined_to", "_from_us", "_hungry_us", "_in_vain", "_last", "_late", "_least_certainty", "_least_step_us",
+        "_max_delay_us", "_most_deviation", "_no_change", "_off_grid", "_out_of_order", "_outside", "_owed", "_patience_us",
+        "_period_us", "_previous", "_take", "_to_us", "_uncertain", "gaps", "on_sample", "on_starved", "policy",
     )  # fmt: skip
     on_sample: Callable[[Sample, int], list[Sample]]
     _all: Callable[[Sample, int], list[Sample]]
@@ -69,6 +72,8 @@ class PolicyAdapter:
         self.on_sample = {"none": self._exact, "most recent": self._most_recent, "linear": self._linear}[
             policy.approximation
         ]
+        self.on_starved: Callable[[], None] = _ignore
+        self._patience_us, self._in_vain, self._hungry_us = STARVED * self._period_us, 0, -_EVER_US
         self._uncertain = 0
         self._least_certainty = 0.0 if policy.min_certainty is None else policy.min_certainty
         self._most_deviation = inf if policy.max_deviation is None else policy.max_deviation
@@ -192,6 +197,8 @@ class PolicyAdapter:
                 self._anchor_us = valid_us
             elif (valid_us - self._anchor_us) % period_us:
                 self._off_grid += 1
+                if valid_us - (self._hungry_us if last is None else last.valid_us) > self._patience_us:
+                    self._starve(valid_us)
                 return []
         if last is not None:
             step_us = valid_us - last.valid_us
@@ -208,6 +215,16 @@ class PolicyAdapter:
             sample = Sample(max(earliest_us, sample.available_us), valid_us, sample.value, sample.quality)
         self._last = sample
         return [sample]
+
+    def _starve(self, valid_us: int) -> None:
+        """One more sample lies beside the grid although nothing on it has come for long."""
+        if self._hungry_us == -_EVER_US and self._last is None:
+            self._hungry_us = valid_us
+            return
+        self._in_vain += 1
+        if self._in_vain == STARVED:
+            self._patience_us = 2 * _EVER_US
+            self.on_starved()
 
     def _linear(self, sample: Sample, now_us: int) -> list[Sample]:
         previous, valid_us = self._previous, sample.valid_us
@@ -319,6 +336,10 @@ class _Owed:
         self.listening = True
         if behind > spared:
             self.advance(behind - spared)
+
+
+def _ignore() -> None:
+    """Nobody is told."""
 
 
 def interpolate(before: Sample, after: Sample, valid_us: int) -> Value:

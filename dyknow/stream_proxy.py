@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
 from dyknow.generator import Consumer, Generator, Subscription
+from dyknow.instants import print_duration
 from dyknow.labels import Label
 from dyknow.policy import Policy
 from dyknow.sample import Sample
@@ -47,6 +48,7 @@ class StreamProxy:
         self.stretched, self.current = 1, current
         self._network, self._consumer, self._on_link = network, consumer, on_link
         self._adapter = PolicyAdapter(policy)
+        self._adapter.on_starved = self._starved
         self._subscription: Subscription | None = None
         self._wanted: Grid | None = None
         self._last_us: int | None = None
@@ -124,10 +126,20 @@ class StreamProxy:
         if policy == self._adapter.policy:
             return
         self._adapter = self._adapter.continued(policy)
+        self._adapter.on_starved = self._starved
         self._adapter.confine(self._wanted)
         if self._subscription is not None:
             self._subscription.retune(self._adapter)
             self._network.watch(self._subscription)
+
+    def _starved(self) -> None:
+        """Told where faults are: what flows is as the policy says, and hardly what is meant."""
+        period = print_duration(self._adapter.policy.sample_us or 0)
+        self._network.on_fault(
+            self.label,
+            f"`sample every {period}` takes next to nothing of it: its samples lie beside the grid; `use linear`, or `use "
+            "most recent` with `from 0` and `max delay`, puts values on the grid, or let its maker keep to the grid",
+        )
 
     def _lost(self, generator: Generator) -> None:
         self._last_us = generator.last_us

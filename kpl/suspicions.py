@@ -1,8 +1,9 @@
-"""What is no error in a specification, and yet hardly meant: what nobody asks for, and what nobody makes."""
+"""What is no error in a specification, and yet hardly meant: what nobody asks for, what nobody makes, grids that need not meet."""
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from dyknow.errors import TextError
+from dyknow.instants import print_duration
 from dyknow.labels import Label
 from kpl.complaints import Complaints
 from kpl.declared import Declared, needs_of, stem, uses_of
@@ -11,10 +12,12 @@ from kpl.remarks import remarks
 from kpl.specification import (
     Declaration,
     Define,
+    ForEach,
     FromSource,
     GeneratorDeclaration,
     MonitorDeclaration,
     SourceDeclaration,
+    StateStream,
     UnitDeclaration,
 )
 from reasoning.derivation import FEATURES
@@ -65,7 +68,35 @@ def suspicions(
         if isinstance(each, MonitorDeclaration):
             said_of = remarks(each.formula, lambda feature: _is_raw(feature, declared))
             found += [complaints.said(one.message, one.node, one.repair) for one in said_of]
-    return found
+    return [*found, *stray_grids(every, complaints)]
+
+
+def grid_warnings(specification: Iterable[Declaration], text: str, file: str) -> list[TextError]:
+    """What whoever runs a specification had better know, also without asking for all that is suspicious."""
+    return list(stray_grids(specification, Complaints(text, file)))
+
+
+def stray_grids(every: Iterable[Declaration], complaints: Complaints) -> Iterator[TextError]:
+    """Inputs of sampled states whose own grid is known to nobody before their first sample has come."""
+    for each in every:
+        body = each.body if isinstance(each, ForEach) else each
+        made = body.made if isinstance(body, GeneratorDeclaration) else None
+        if not isinstance(made, StateStream):
+            continue
+        policies = [term.policy for term in made.inputs]
+        if made.policy.sample_us is None and (
+            made.policy.change != "any update" or any(p.sample_us is None for p in policies)
+        ):
+            continue
+        for term in made.inputs:
+            period_us = term.policy.sample_us
+            if period_us is not None and term.policy.from_us is None:
+                instead = "no values" if made.policy.exact or term.policy.exact else "approximated values"
+                said = (
+                    f"{term.label} is sampled on a grid that its first sample anchors, the states on one that it need "
+                    f"not meet: then they have {instead} of it"
+                )
+                yield complaints.said(said, term, f"{term.label} with sample every {print_duration(period_us)}, from 0")
 
 
 def _is_raw(feature: Feature, declared: Declared) -> bool:

@@ -1,5 +1,6 @@
 """Stream proxies: a stream at its client, whatever becomes of those who make it (5.2, 5.4.3, 10.7)."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -138,3 +139,25 @@ def test_who_subscribes_while_a_sample_is_delivered_begins_with_the_next() -> No
     feed(network, [(0, 1, 1, 1), (0, 2, 2, 2)])
     assert [s.value for s in late] == [2]
     invariants(network)
+
+
+@pytest.mark.parametrize(
+    ("text", "step_us", "jitter_us", "told"),
+    [
+        ("sample every 20us", 20, 1, 1),
+        ("sample every 20us, from 0", 20, 1, 1),
+        ("sample every 20us", 20, 0, 0),
+        ("sample every 20us, from 0", 3, 0, 0),
+        ("sample every 200us, from 0", 1, 0, 0),
+    ],
+)
+def test_a_stream_that_gets_next_to_nothing_for_its_grid_says_so_once(text, step_us, jitter_us, told) -> None:
+    network, said = Network(), []
+    network.on_fault = lambda _label, fault: said.append(fault)
+    network.add_source(label(0), ANY)
+    network.connect(label(0), policy(text), lambda _sample: None)
+    for i in range(1, 1000 // step_us):
+        valid_us = step_us * i + jitter_us * (1 + i % 17)
+        network.push(label(0), valid_us, i, valid_us)
+    assert len(said) == told
+    assert all("next to nothing" in each and "`use linear`" in each for each in said)

@@ -116,6 +116,25 @@ def test_what_is_right_is_accepted(more: str) -> None:
     assert found(BASE + more) == ((), ())
 
 
+@pytest.mark.parametrize(
+    ("inputs", "policy", "warned"),
+    [
+        ("pos[uav1] with sample every 200, pos[uav1]", "sample every 100, max delay 9", 1),
+        ("pos[uav1] with sample every 200, pos[uav1] with sample every 200", "max delay 9", 2),
+        ("pos[uav1] with sample every 200, from 0", "sample every 100, max delay 9", 0),
+        ("pos[uav1] with sample every 200, pos[uav1]", "any change", 0),
+        ("pos[uav1], pos[uav1]", "sample every 100, max delay 9", 0),
+    ],
+)
+def test_states_over_grids_that_need_not_meet_theirs_are_warned_of(inputs: str, policy: str, warned: int) -> None:
+    errors, warnings = found(f"{BASE}strmgen s = state({inputs}) with {policy}\nstream t = s")
+    assert errors == ()
+    assert len(warnings) == warned
+    assert all(
+        "need not meet" in one.message and one.repair == "pos[uav1] with sample every 200ms, from 0" for one in warnings
+    )
+
+
 def test_errors_come_in_the_order_of_the_text_and_all_of_them() -> None:
     lines = ["strmgen b = Ets(pos[uav1])", "source psos g2", "stream x = nothing"]
     errors = found(BASE + "\n".join(lines)).errors
