@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from itertools import product
 from typing import Any, NamedTuple
 
+from reasoning.chronicles import MINUS_INFINITY
 from reasoning.chronicles.model import (
     Event,
     Inclusion,
@@ -67,8 +68,8 @@ def in_order(happenings):
 class Meaning:
     """One chronicle with its parts written out (purely syntactic: 8.3.3, 8.3.5)."""
 
-    def __init__(self, name, file):
-        self.file, self.name = file, name
+    def __init__(self, name, file, max_age_ms=None):
+        self.file, self.name, self.max_age_ms = file, name, max_age_ms
         self.needs: list[Need] = []
         self.conditions: list[tuple[Any, Mapping[str, Any], str]] = []
         self.times: list[tuple[str, str, int]] = []  # to - from <= bound
@@ -294,7 +295,7 @@ class Meaning:
         after, least = None, {}
         while True:
             best = {}
-            for times in self._assignments(matching, until_ms):
+            for times in self._assignments(matching):
                 settled = self._settled(times, matching, after)
                 if settled is not None and settled <= until_ms:
                     key = tuple(sorted((name, times[name]) for name in self.fixed))
@@ -326,15 +327,15 @@ class Meaning:
             clock = max([*due, *([] if clock is None else [clock])], default=None)
         return clock
 
-    def _assignments(self, matching, until_ms) -> Iterator[dict[str, int]]:
+    def _assignments(self, matching) -> Iterator[dict[str, int]]:
         """Times of the instants in predicates that agree with the constraints, and leave the other instants some."""
         used = [name for need in self.needs for name in (need.begin[0], need.end[0])]
         used = [name for name in dict.fromkeys([*self.fixed, *used]) if name != "0"]
         reach = sum(min(abs(bound), 50) for _, _, bound in self.times) + sum(
             abs(shift) for need in self.needs for _, shift in (need.begin, need.end)
         )
-        everything = [at for times in matching for at in times]
-        window = range(min(everything) - reach - 2, min(max(everything) + reach, until_ms) + 3)
+        everything = {at for times in matching for at in times}
+        window = sorted({at + shift for at in everything for shift in range(-reach - 2, reach + 3)})
         some = {
             name: sorted(
                 {
@@ -350,8 +351,13 @@ class Meaning:
         }
         others = self.instants - set(used) - {"0"}
         for times in self._tried({"0": 0}, used, some):
-            if not others or self._consistent(times):
+            if self._is_young([times[name] for name in used]) and (not others or self._consistent(times)):
                 yield times
+
+    def _is_young(self, times):
+        """Instants that stand in predicates differ by at most the age, but for values that have always been."""
+        known = [at for at in times if at != MINUS_INFINITY]
+        return self.max_age_ms is None or not known or max(known) - min(known) <= self.max_age_ms
 
     def _tried(self, times, left, some) -> Iterator[dict[str, int]]:
         if not left:
@@ -377,14 +383,14 @@ class Meaning:
         return False
 
 
-def recognised(file, happenings, until_ms):
+def recognised(file, happenings, until_ms, max_age_ms=None):
     """Instances of all chronicles of a file, each of which is an event of others at the clock where it is told."""
     known, found, todo = in_order(happenings), {}, dict(file.chronicles)
     while todo:
         ready = [name for name in todo if not {n.name for n in Meaning(name, file).needs} & todo.keys() - {name}]
         for name in ready:
             del todo[name]
-            meaning = Meaning(name, file)
+            meaning = Meaning(name, file, max_age_ms)
             found[name] = meaning.instances(known, until_ms)
             for one in found[name]:
                 symbols = dict(one.bindings)

@@ -2,6 +2,7 @@
 
 from random import Random
 
+from reasoning.chronicles import MINUS_INFINITY
 from reasoning.chronicles.domains import Complement, Named, Symbols
 from reasoning.chronicles.model import (
     Attribute,
@@ -85,6 +86,11 @@ class Maker:
         return self.rng.choice([ANY, ANY, X, Y, Z, STAR, *VALUES, *VALUES])
 
     def type(self, inner):
+        """An event type; a *variable stands in it once, so that a condition knows which value it speaks of."""
+        found = self.any_type(inner)
+        return found if found.parameters.count(STAR) < 2 else self.type(inner)
+
+    def any_type(self, inner):
         match self.rng.choice("aaabm" + ("i" if inner is not None else "")):
             case "a":
                 return EventType("a", (self.object(),), (self.value(), self.value()))
@@ -100,8 +106,6 @@ class Maker:
 
     def predicate(self, inner):
         type_ = self.type(inner)
-        while len([one for one in type_.parameters if one == STAR]) > 1:
-            type_ = self.type(inner)
         if self.chance(0.5):
             return Event(type_, self.point())
         begin, end = self.point(), self.point()
@@ -162,12 +166,24 @@ class Maker:
         return self.rng.choice(made)
 
     def happenings(self):
+        """Some of many kinds, or many of few, of which some may be out of order, or have always been."""
+        few = self.chance(0.4)
         clock, found = 0, []
-        for _ in range(self.rng.randint(2, 8)):
+        if self.chance(0.15):
+            values = ((MINUS_INFINITY, "a", (one,), (None, self.rng.choice(VALUES))) for one in OBJECTS)
+            found = [Happening(*one) for one in values]
+        for _ in range(self.rng.randint(6, 14) if few else self.rng.randint(2, 8)):
             clock += self.rng.choice([0, 0, 1, 1, 1, 2, 3])
             at_ms = clock - (self.rng.randint(1, 2) if self.chance(0.05) else 0)
-            change = (self.rng.choice([None, *VALUES, *OBJECTS]), self.rng.choice([*VALUES, *VALUES, *OBJECTS]))
-            kind = self.rng.choice("aaabm")
+            old, new = (None, *VALUES), VALUES
+            change = (
+                self.rng.choice([*old, *OBJECTS] if not few else old),
+                self.rng.choice(new if few else [*new, *new, *OBJECTS]),
+            )
+            kind = self.rng.choice("aam" if few else "aaabm")
             arguments = tuple(self.rng.choice(OBJECTS) for _ in range(2 if kind == "b" else 1))
             found.append(Happening(at_ms, kind, arguments, None if kind == "m" else change))
         return found
+
+    def max_age_ms(self):
+        return self.rng.choice([None, None, None, None, 3, 6])
