@@ -22,7 +22,7 @@ from reasoning.clauses import DECIDED, FALSE, TRUE, Clauses, size
 from reasoning.columns import Column, Reader, Scene, is_missing
 from reasoning.evaluation import Compiler, Moment, NoValuePolicy
 from reasoning.explaining import Explainer, Reason
-from reasoning.formulas import Domains, Formula, required_labels
+from reasoning.formulas import LIMIT_NODES, Domains, Formula, required_labels, too_large
 from reasoning.shapes import take_apart
 
 _NO_DOMAINS: Domains = MappingProxyType({})
@@ -30,6 +30,8 @@ _UNMET: Final = -1
 _BEGINNING: Final = 3
 _WIDEST: Final = 10
 """With more atoms than that letters are looked up one by one."""
+LIMIT_CELLS: Final = 50 * LIMIT_NODES
+"""So many values may a state of all instances have, a node of the formula counted once for each."""
 Rows = NDArray[np.intp]
 
 
@@ -63,7 +65,10 @@ class Batch:
         self.labels = required_labels(formula, compiler.domains)
         self._skips = no_value == "skip"
         self._automaton = automaton(self.taken_apart.shape, period_us)
-        self._reader = Reader(self.taken_apart.atoms, compiler, count)
+        reading = Compiler(domains, no_value)
+        self._reader = Reader(self.taken_apart.atoms, reading, count)
+        if count * (LIMIT_NODES - reading.nodes_left) > LIMIT_CELLS:
+            raise too_large()
         self._since = {label: _Since(count) for label in self._reader.since}
         atoms = self.taken_apart.shape.atoms
         self._width = 3 if atoms <= 1 else 4

@@ -44,6 +44,8 @@ LIMIT_PRODUCT: Final = 64
 """A disjunction that would be distributed into more clauses than this keeps blocks; so does one of several disjunctions
 that together would come to more."""
 DOUBT: Final = _DOUBT[0]
+_FEW: Final = 16
+"""Up to so many clauses are compared each with each."""
 
 
 def alone(operator: int, from_us: int, to_us: int) -> Clauses:
@@ -131,12 +133,32 @@ def _strongest(clauses: Clauses) -> Clauses:
     if len(clauses) < 2:
         return clauses
     kept: list[Clause] = []
-    for clause in sorted(clauses, key=len):
-        if any(implies(one, clause) for one in kept):
-            continue
-        kept = [one for one in kept if len(one) != len(clause) or not implies(clause, one)]
-        kept.append(clause)
+    if len(clauses) > _FEW:
+        kept = _strongest_of_many(clauses)
+    else:
+        for clause in sorted(clauses, key=len):
+            if any(implies(one, clause) for one in kept):
+                continue
+            kept = [one for one in kept if len(one) != len(clause) or not implies(clause, one)]
+            kept.append(clause)
     return frozenset(kept) if len(kept) < 2 else _joined(kept)
+
+
+def _strongest_of_many(clauses: Clauses) -> list[Clause]:
+    """The same where looking at all pairs would take long: what implies a clause is about operators of that clause."""
+    about: dict[object, dict[Clause, None]] = {}
+    for clause in sorted(clauses, key=len):
+        subjects = {one[0] if isinstance(one, tuple) else one for one in clause}
+        near = {one for subject in subjects for one in about.get(subject, ())}
+        if any(implies(one, clause) for one in near):
+            continue
+        for one in near:
+            if len(one) == len(clause) and implies(clause, one):
+                for those in about.values():
+                    those.pop(one, None)
+        for subject in subjects:
+            about.setdefault(subject, {})[clause] = None
+    return list(dict.fromkeys(one for those in about.values() for one in those))
 
 
 def implies(one: Clause, other: Clause) -> bool:

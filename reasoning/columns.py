@@ -103,6 +103,7 @@ class Reader:
     # -- truth -------------------------------------------------------------------------------------------------
 
     def _test(self, formula: Formula) -> Test:
+        self._compiler.count()
         match formula:
             case Compare():
                 return self._compare(formula)
@@ -314,4 +315,11 @@ def _numbers(column: Column) -> Any:
         return found
     if found.dtype == np.bool_:
         return found.astype(np.int64)
-    return np.frompyfunc(lambda one: float(one) if isinstance(one, int | float) else np.nan, 1, 1)(found).astype(float)
+    return np.frompyfunc(_float, 1, 1)(found).astype(float)
+
+
+def _float(one: Any) -> float:
+    try:
+        return float(one) if isinstance(one, int | float) else np.nan
+    except OverflowError:
+        return np.nan

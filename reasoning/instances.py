@@ -36,6 +36,8 @@ from reasoning.shapes import Grows
 _NO_DOMAINS: Domains = MappingProxyType({})
 _ROW: Final = "?"
 """Stands for the member of a row; no object has such a name."""
+_EXACT: Final = 2**53
+"""Integers up to this are floats as well."""
 
 
 class ByInstances:
@@ -157,11 +159,16 @@ def _column(values: list[Any]) -> Column:
     """Truth values and numbers as numbers, missing ones NaN; anything else as it is."""
     if all(isinstance(value, bool) for value in values):
         return np.asarray(values, np.bool_)
-    if all(isinstance(value, float) or value.__class__ is int or value is NO_VALUE for value in values):
+    if all(_is_exact(value) for value in values):
         return np.asarray([np.nan if value is NO_VALUE else value for value in values], np.float64)
     found = np.empty(len(values), object)
     found[:] = values
     return found
+
+
+def _is_exact(value: Any) -> bool:
+    """Whether a column of floats holds it as it is."""
+    return value is NO_VALUE or isinstance(value, float) or (value.__class__ is int and -_EXACT <= value <= _EXACT)
 
 
 def _split(formula: Formula, domains: Domains) -> tuple[Formula, tuple[str, ...], bool, str]:
