@@ -13,7 +13,7 @@ from agents.effects import HostEvent, Specify
 from agents.host_desk import HostDesk
 from agents.plans import MonitorPlan
 from dyknow import NO_VALUE, Inputs, Policy, Sample, UnitPrototype, Value, converted
-from dyknow.errors import Refused, TextError
+from dyknow.errors import Refused, TextError, TextErrors, Unmade
 from dyknow.generator import Generator
 from dyknow.processes import EVER_US, Input, Refinement
 from federation import contents
@@ -102,9 +102,11 @@ class Declared:
             self.instance.change(read(text, file, given.named), now_us, text, file)
         except TextError as wrong:
             self._not_taken = given
-            runs = bool(self.instance.specification)
-            self._p.tell({"event": "not-specified", "file": file, "said": wrong.drawn(), "runs": runs})
-            self._p.note(f"the specification is not taken; what ran goes on:\n{wrong.drawn()}")
+            runs, awaits = bool(self.instance.specification), _awaited(wrong)
+            said = {"file": file, "said": wrong.drawn(), "runs": runs, "awaits": awaits}
+            self._p.tell({"event": "not-specified", **said})
+            until = f" until a host offers {', '.join(awaits[:8])} (dyknow host MODULE --unit {self._p.unit})"
+            self._p.note(f"the specification is not taken{until if awaits else ''}; what ran goes on:\n{wrong.drawn()}")
             return
         imports = [[each.semantic, each.unit] for each in self.instance.specification if isinstance(each, Import)]
         declarations, exports = len(self.instance.specification), sorted(self._exported)
@@ -341,6 +343,13 @@ class Asked:
         if asks is not self._asks:
             self._asks = asks
             self._ask(asks)
+
+
+def _awaited(wrong: TextError) -> list[str]:
+    """The labels that a host might yet offer, if nothing else is wrong."""
+    errors = wrong.errors if isinstance(wrong, TextErrors) else (wrong,)
+    labels = [each.label for each in errors if isinstance(each, Unmade)]
+    return list(dict.fromkeys(labels)) if len(labels) == len(errors) else []
 
 
 def _converting(sort: str, convert: Convert) -> UnitPrototype:

@@ -81,9 +81,12 @@ def _followed(call: Call, fleet: Fleet, unit: str, early: list[dict[str, Any]], 
 
 
 def _check_specified(heard: list[dict[str, Any]], *, needed: bool) -> None:
-    """Without a vehicle and a specification a platform has nothing to do; raises WrongCall with all that is wrong."""
+    """Without a vehicle and a specification a platform has nothing to do; raises WrongCall with all that is wrong.
+
+    What lacks only streams that a host may yet offer waits for one; the platform says so.
+    """
     for said in heard:
-        if said.get("event") == "not-specified" and needed and not said["runs"]:
+        if said.get("event") == "not-specified" and needed and not said["runs"] and not said["awaits"]:
             raise WrongCall(str(said["said"]))
 
 

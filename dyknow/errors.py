@@ -174,6 +174,15 @@ def _pointed(line: str, at: int, width: int) -> list[str]:
     return [f"    {before}{shown}{after}", " " * (4 + len(before) + at - start) + "^" * min(width, room)]
 
 
+class Unmade(TextError):
+    """Nothing makes a label that a text takes, and nothing that is made is called nearly so: it may yet come."""
+
+    def __init__(self, told: TextError, label: str) -> None:
+        self.label = label
+        place = {name: getattr(told, name) for name in ("text", "line", "column", "width", "repair", "file")}
+        super().__init__(told.message, **place)
+
+
 class TextErrors(TextError):
     """Everything that is wrong with one text; the place is that of the first of `errors`."""
 

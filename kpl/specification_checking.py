@@ -6,7 +6,7 @@ Labels of members (`pos[car]` in `for car in ...`, select and merge) stand for a
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from dyknow.errors import TextError
+from dyknow.errors import TextError, Unmade
 from dyknow.labels import Label
 from kpl.complaints import Complaints
 from kpl.declared import (
@@ -283,9 +283,9 @@ class _Checker(Complaints):
             self.wrong(said, term, str(made or f"strmgen {label}_stream = {label}, before it"))
             return
         names = (*(made.label for made in self.declared.made.values()), *self.known.labels)
-        self.wrong(
-            f"nothing makes {label}", term, self.closest(str(label), names) or f"strmgen {label} = ..., before it"
-        )
+        meant = self.closest(str(label), names)
+        told = self.said(f"nothing makes {label}", term, meant or f"strmgen {label} = ..., before it")
+        self.errors.append(told if meant else Unmade(told, str(label)))
 
     def _names_objects(self, domain: StreamTerm, variables: frozenset[str]) -> None:
         """A stream of members is one of objects, or of sets of them."""

@@ -276,6 +276,8 @@ def test_what_needs_the_stream_of_a_host_is_taken_when_the_host_comes():
     pair.specify("0", "stream seen = picture[self]\n")
     (told,) = pair.told("0", "not-specified")
     assert "nothing makes picture[self]" in told["said"]
+    assert told["awaits"] == ["picture[self]"]
+    assert "until a host offers picture[self]" in pair.notes("0")[-1]
     outbox = Outbox()
     outbox.put(
         KnowledgeHost([SourcePrototype("camera", "picture", label="picture[self]")], 1, "camera.py").registration()
@@ -285,6 +287,16 @@ def test_what_needs_the_stream_of_a_host_is_taken_when_the_host_comes():
     for payload in outbox.take():
         declared.on_host(HostSaid(now_us, 1, payload), now_us)
     assert [str(each.label) for each in declared.instance.streams.values()] == ["picture[0]"]
+
+
+@pytest.mark.parametrize(
+    "more", ["strmgen x = Unknown(place[self])", "source place places\nstrmgen pictures[self] = places"]
+)
+def test_what_is_wrong_besides_waits_for_no_host(more):
+    pair = Pair("", "")
+    pair.specify("0", f"stream seen = picture[self]\n{more}\n")
+    (told,) = pair.told("0", "not-specified")
+    assert told["awaits"] == []
 
 
 def test_nothing_is_asked_for_or_computed_elsewhere_that_nobody_takes():

@@ -346,3 +346,19 @@ def test_a_platform_takes_a_host(dyknow: Dyknow) -> None:
     until(event="stream", stream="out", linked=True)
     assert until(event="sample", stream="out")["value"] > before["value"]
     assert all(later - earlier == 1 for earlier, later in pairwise(own))
+
+
+def test_a_platform_waits_for_the_host_whose_own_stream_it_lives_on(dyknow: Dyknow) -> None:
+    """Without a vehicle it has nothing else to do, and is there for the host to register at."""
+    spec = module(dyknow, "stream seen = cam[self]\n", "seen.kpl")
+    path = module(
+        dyknow,
+        "import itertools\nfrom dyknow import source\n\n"
+        '@source("picture", label="cam[self]")\n'
+        "def cam(now_us):\n    for i in itertools.count():\n        yield now_us + 100_000 * i, i\n",
+        "cam.py",
+    )
+    said = lines(dyknow.start("join", "--unit", "0", "--spec", spec, "--json"))
+    assert next(each for each in said if each["event"] == "joined")
+    dyknow.start("host", path, "--unit", "0")
+    assert next(each for each in said if each.get("stream") == "seen" and each["event"] == "sample")["value"] >= 0
