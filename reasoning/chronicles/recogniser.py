@@ -59,6 +59,9 @@ class _Dispatch:
         )
 
 
+Events: TypeAlias = list[tuple[_Dispatch, Values]]
+
+
 class Recogniser:
     """Recognises chronicles; stepped by events in the order of time.
 
@@ -192,7 +195,9 @@ class Recogniser:
             self.clock_ms = due_ms = self._deadline_ms
             for matcher in self._matchers:
                 if (mine := matcher.deadline_ms) is not None and mine <= due_ms:
-                    self._tell(matcher, matcher.on_time(due_ms), due_ms, told)
+                    found = matcher.on_time(due_ms)
+                    told += found
+                    self._spread(self._events_of(matcher, found), due_ms, told)
             self._deadline_ms = self._earliest()
         return told
 
@@ -201,6 +206,19 @@ class Recogniser:
 
     def _deliver(self, dispatch: _Dispatch, values: Values, at_ms: int, told: list[Instance]) -> None:
         clock_ms = at_ms if self.clock_ms is None or at_ms != MINUS_INFINITY else self.clock_ms
+        if more := self._hand(dispatch, values, at_ms, clock_ms, told):
+            self._spread(more, clock_ms, told)
+
+    def _spread(self, events: Events, clock_ms: int, told: list[Instance]) -> None:
+        """Chronicles that are recognised are events, by which others may be recognised: layer by layer."""
+        while events:
+            events = [
+                one for dispatch, values in events for one in self._hand(dispatch, values, clock_ms, clock_ms, told)
+            ]
+
+    def _hand(self, dispatch: _Dispatch, values: Values, at_ms: int, clock_ms: int, told: list[Instance]) -> Events:
+        """An event to all who wait for it; the events that what they recognise is."""
+        more: Events = []
         for matcher, indexes, patterns in dispatch.targets(values):
             matching: Sequence[int] = indexes
             if patterns is not None:
@@ -211,16 +229,17 @@ class Recogniser:
             if matcher.waits and matcher.deadline_ms != self._deadline_ms:
                 self._deadline_ms = self._earliest()
             if found:
-                self._tell(matcher, found, clock_ms, told)
+                told += found
+                more += self._events_of(matcher, found)
+        return more
 
-    def _tell(self, matcher: Matcher, found: list[Instance], clock_ms: int, told: list[Instance]) -> None:
-        """Hand on what was recognised, and let it be an event where it is one: once for the same parameters."""
-        told += found
-        if found and matcher.compiled.name in self._heard:
-            for values in dict.fromkeys(matcher.parameters(instance) for instance in found):
-                dispatch = self._messages.get((matcher.compiled.name, len(values)))
-                if dispatch is not None:
-                    self._deliver(dispatch, values, clock_ms, told)
+    def _events_of(self, matcher: Matcher, found: list[Instance]) -> Events:
+        """What was recognised as events, where it is one: once for the same parameters."""
+        if matcher.compiled.name not in self._heard:
+            return []
+        events = dict.fromkeys(matcher.parameters(instance) for instance in found)
+        dispatch = self._messages.get((matcher.compiled.name, len(matcher.compiled.parameters)))
+        return [] if dispatch is None else [(dispatch, values) for values in events]
 
     @property
     def chronicles(self) -> tuple[Compiled, ...]:

@@ -237,6 +237,12 @@ def test_the_order_of_events_in_a_millisecond_does_not_matter() -> None:
     assert found > 10
 
 
+def test_a_long_chain_of_chronicles_is_told_at_one_clock() -> None:
+    chain = ChronicleFile(tuple(on_one(f"c{number}", f"c{number - 1}") for number in range(1, 400)))
+    told = Recogniser.of(chain).on_message(7, "c0", ())
+    assert [(one.chronicle, one.recognised_ms) for one in told] == [(f"c{number}", 7) for number in range(1, 400)]
+
+
 def test_a_deadline_says_when_something_is_told_without_an_event() -> None:
     engine = recogniser("chronicle c { event(a, t1) noevent(b, (t1, t2)) t2 - t1 in [1000, 2000] }")
     assert engine.deadline_ms is None
