@@ -172,14 +172,14 @@ class Membership:
     def on_lost(self, act: Act, now_us: int) -> None:
         """Who asked for something is gone. What a person asked for stays; what a platform asked for is adopted or ends."""
         unit, conversation = act.sender.unit, act.conversation_id or ""
-        if self._p.bulletin.unsubscribe(unit, conversation) or self._p.checks.cancel(conversation, unit):
+        if self._p.bulletin.unsubscribe(unit, conversation) or self._p.inquiries.cancel(conversation, unit):
             return
         self._orphans.on_lost(conversation, now_us)
 
     def on_cancel(self, act: Act, of_others: bool, now_us: int) -> bool:
         """Somebody ends what was asked for in a conversation; raises Refused if it is another's and must not."""
         unit, conversation = act.sender.unit, act.conversation_id or ""
-        if self._p.bulletin.unsubscribe(unit, conversation) or self._p.checks.cancel(conversation, unit):
+        if self._p.bulletin.unsubscribe(unit, conversation) or self._p.inquiries.cancel(conversation, unit):
             return True
         task = self._p.tasks.get(conversation)
         if task is not None and task.initiator == unit and is_lost(act):

@@ -13,7 +13,6 @@ from agents.account import Account
 from agents.alarm_book import AlarmBook
 from agents.arrivals import Arrivals
 from agents.bulletin import Bulletin
-from agents.checks import Checks
 from agents.config import PlatformConfig
 from agents.context import Context
 from agents.coordination import Coordination
@@ -26,6 +25,7 @@ from agents.gateway import Gateway
 from agents.giving_way import GivingWay
 from agents.handlers import handlers_of, offers_of
 from agents.import_proxy import ImportProxy
+from agents.inquiries import Inquiries
 from agents.interface import InterfaceAgent
 from agents.limits import Limits
 from agents.membership import Membership
@@ -78,7 +78,7 @@ class Platform:
         own = () if self.own is None else (self.own,)
         self.timetable = Timetable(
             config.clock,
-            (*parts, self.supply, self.checks, self.federation.rousing, self.declared.desk),
+            (*parts, self.supply, self.inquiries, self.federation.rousing, self.declared.desk),
             (self.monitors, self.network, *own),
         )
         self._arrivals = Arrivals(self)
@@ -164,7 +164,7 @@ class Platform:
         self.giving_way = GivingWay(self.context)
         self.supply = Supply(self.context)
         self.bulletin = Bulletin(self.context, self.account, lambda: self.declared.monitors)
-        self.checks = Checks(self.context)
+        self.inquiries = Inquiries(self.context)
         self.membership = Membership(self)
         self.declared = Declared(self)
         self.gateway.imported = lambda: self.declared.imported
@@ -217,7 +217,7 @@ class Platform:
         self.coordination.on_time(now_us)
         self.membership.on_time(now_us)
         self.supply.on_time(now_us)
-        self.checks.on_time(now_us)
+        self.inquiries.on_time(now_us)
         self.federation.rousing.on_time(now_us)
         self.declared.desk.on_time(now_us)
         self.gateway.exporter.flush()

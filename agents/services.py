@@ -46,6 +46,7 @@ COORDINATION = _offer(
     "coordination",
     Visibility.PROTECTED,
     (_ASKED, ("monitor-proximity", "create-monitor", "avoid", "check-formula")),
+    (_FOLLOWED, ("recognise",)),
     (_QUESTION, ("monitors", "tasks")),
     (_TOLD, ("alarm", "progress")),
 )

@@ -1,6 +1,7 @@
 """What acts say: one strict model for each head an expression may have; `read` understands, `expr()` says."""
 
 from federation.contents.answers import Cancel, Done, Progress, Reason
+from federation.contents.chronicles import Recognise, Recognised
 from federation.contents.flight import Avoid, AvoidDone, Fault, Goto, Hold, Land, Resume, ReturnHome, TakeOff
 from federation.contents.monitors import (
     Alarm,
@@ -91,6 +92,8 @@ __all__ = [
     "Query",
     "Reading",
     "Reason",
+    "Recognise",
+    "Recognised",
     "Rejoin",
     "RemoveMonitor",
     "RestoreSpecification",

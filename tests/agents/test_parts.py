@@ -92,7 +92,7 @@ def test_a_formula_is_checked_until_it_is_decided(wire: Wire, node: Platform) ->
     assert question.performatives == [P.AGREE, P.INFORM]
     (said,) = [c for c in question.contents if isinstance(c, Verdict)]
     assert (said.verdict, said.index is not None) == ("false", True)
-    assert node.checks._open == {}
+    assert node.inquiries.checks._open == {}
 
 
 def test_an_undecided_formula_names_what_never_had_a_value(wire: Wire, node: Platform) -> None:
@@ -110,16 +110,16 @@ def test_an_undecided_formula_names_what_never_had_a_value(wire: Wire, node: Pla
 def test_a_formula_about_a_stream_that_is_not_there_is_refused_and_leaves_nothing(wire: Wire, node: Platform) -> None:
     question = wire.asked("cc", "0", CheckFormula(text="always xy_dist[self, 1] > 5.0"))
     assert question.performatives == [P.REFUSE]
-    assert node.checks._open == {}
-    assert node.checks.deadline_us is None
+    assert node.inquiries.checks._open == {}
+    assert node.inquiries.checks.deadline_us is None
     wire.run(3.0)
 
 
 def test_who_does_not_want_to_know_any_more_cancels_the_check(wire: Wire, node: Platform) -> None:
     wire.run(1.0)
     question = wire.asked("cc", "0", CheckFormula(text="always altitude[self] > 0.0", timeout_s=60.0))
-    assert len(node.checks._open) == 1
+    assert len(node.inquiries.checks._open) == 1
     wire.cancel("cc", "0", question.conversation)
     wire.run(0.5)
-    assert node.checks._open == {}
+    assert node.inquiries.checks._open == {}
     assert node.interface.conversations.conversations() == []
