@@ -1,4 +1,4 @@
-"""`dyknow chronicle`: chronicles recognised in a recorded list of events."""
+"""`dyknow chronicle`: chronicles recognised in a recorded list of events, or live (`live_chronicle.py`)."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,20 +8,37 @@ from typing import TYPE_CHECKING, TextIO
 
 from console.command import Call
 from console.errors import DONE, NO, WrongCall, did_you_mean
-from console.instants import duration_us
+from console.instants import SHORTEST_US, duration_us
 from console.output import verbatim
 from dyknow.errors import ChronicleError, TextError
 
 if TYPE_CHECKING:
-    from reasoning.chronicles import Instance, Recogniser
+    from reasoning.chronicles import ChronicleFile, Instance, Recogniser
     from reasoning.chronicles.events import RecordedEvent
 
 _MOST_ROWS = 10_000
 _LONGEST = 1024 * 1024
 
 
-def chronicle(call: Call, file: Path, *, events: Path, max_age: str | None) -> int:
+def chronicle(
+    call: Call,
+    file: Path,
+    *,
+    events: Path | None,
+    max_age: str | None,
+    unit: str | None,
+    timeout: str,
+    max_delay: str | None,
+) -> int:
     """0 if something was recognised, 1 if nothing."""
+    if (events is None) == (unit is None):
+        raise WrongCall(
+            "say where: --events FILE.jsonl for recorded events, or --unit U for the live streams of a platform."
+        )
+    if events is None:
+        return _live(call, file, str(unit), timeout, max_delay, max_age)
+    if max_delay is not None:
+        raise WrongCall("--max-delay: recorded events are in order; it is for --unit U.")
     recogniser = _recogniser(file, max_age)
     run = _Run(call, recogniser, str(events))
     with _opened(events, "--events", "a list of events is a text of JSON lines") as lines:
@@ -30,14 +47,37 @@ def chronicle(call: Call, file: Path, *, events: Path, max_age: str | None) -> i
     return DONE if run.count else NO
 
 
-def _recogniser(file: Path, max_age: str | None) -> "Recogniser":
+def _live(call: Call, file: Path, unit: str, timeout: str, max_delay: str | None, max_age: str | None) -> int:
+    from console.live_chronicle import watch
+
+    if max_age is not None:
+        raise WrongCall("--max-age: a platform bounds what it remembers itself; it is for --events FILE.jsonl.")
+    delay_s = None if max_delay is None else duration_us(max_delay, option="--max-delay", least_us=0) / 1e6
+    return watch(
+        call,
+        file,
+        unit=unit,
+        seconds=duration_us(timeout, option="--timeout", least_us=SHORTEST_US) / 1e6,
+        delay_s=delay_s,
+    )
+
+
+def chronicles_of(file: Path) -> "tuple[str, ChronicleFile]":
+    """The text, and what it declares; raises WrongCall and TextErrors."""
     from kpl import parse_chronicles
-    from reasoning.chronicles import Recogniser
 
     with _opened(file, "FILE", "chronicles are a text") as lines:
-        found = parse_chronicles(lines.read(_LONGEST), str(file))
+        text = lines.read(_LONGEST)
+    found = parse_chronicles(text, str(file))
     if not found.chronicles:
         raise TextError("there is no chronicle", file=str(file), repair="chronicle name[?x] { event(...) }")
+    return text, found
+
+
+def _recogniser(file: Path, max_age: str | None) -> "Recogniser":
+    from reasoning.chronicles import Recogniser
+
+    _, found = chronicles_of(file)
     max_age_ms = None if max_age is None else duration_us(max_age, option="--max-age", least_us=1000) // 1000
     try:
         return Recogniser.of(found, max_age_ms=max_age_ms)

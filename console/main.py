@@ -236,15 +236,18 @@ def check(
 def chronicle(
     call: Call,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Chronicles, overtake.chr.")],
-    events: Annotated[Path, typer.Option(metavar="FILE.jsonl", help="Recorded events, JSON lines.")],
+    events: Annotated[Path | None, typer.Option(metavar="FILE.jsonl", help="Recorded events, JSON lines.")] = None,
+    unit: Unit = None,
+    timeout: Annotated[str, typer.Option(metavar="TIME", help="How long to watch live streams.")] = "10s",
+    max_delay: Annotated[str | None, typer.Option(metavar="TIME", help="How late live samples may come; 1s.")] = None,
     max_age: Annotated[
         str | None, typer.Option(metavar="TIME", help="Instances last no longer than this; bounds what is remembered.")
     ] = None,
 ) -> int:
-    """Chronicles recognised in a recorded list of events, each when it was certain; exit 1 when nothing was."""
+    """Chronicles in a recorded list of events, or over a platform's live streams; exit 1 when nothing was recognised."""
     from console.chronicle import chronicle as run
 
-    return run(call, file, events=events, max_age=max_age)
+    return run(call, file, events=events, max_age=max_age, unit=unit, timeout=timeout, max_delay=max_delay)
 
 
 # Tasks and what comes of them

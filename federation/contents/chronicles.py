@@ -7,7 +7,8 @@ from pydantic import AfterValidator, Field
 from federation.contents.parts import Content, Instant, Period, Seconds, Values, Word
 from federation.sexpr import Text
 
-Chronicles = Annotated[str, Field(min_length=1, max_length=32_768), AfterValidator(Text)]
+LONGEST = 32_768
+Chronicles = Annotated[str, Field(min_length=1, max_length=LONGEST), AfterValidator(Text)]
 
 
 class Recognise(Content):

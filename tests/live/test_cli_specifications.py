@@ -41,3 +41,43 @@ def test_a_file_is_taken_in_again_when_it_changes_and_what_was_held_is_restored(
     out, err = dyknow.raw("kpl", "show", "--unit", "0", "--restore", "7", code=1)
     assert "there are 3 configurations" in err
     del out
+
+
+CAR = '''
+from dyknow import source
+
+PERIOD_US = 250_000
+
+
+@source("link")
+def links(from_us):
+    """A car that turns every half second."""
+    for n in range(1_000_000):
+        valid_us = (from_us // PERIOD_US + 1 + n) * PERIOD_US
+        yield valid_us, ("l1", "no_link", "l2", "no_link")[valid_us // PERIOD_US % 4]
+'''
+TURNS = """
+chronicle turns[?car, ?from, ?to] {
+    event(link[?car]:(?from, no_link), t1)
+    event(link[?car]:(no_link, ?to), t2)
+    t1 < t2
+    t2 - t1 <= 400
+}
+"""
+
+
+def test_chronicles_are_recognised_in_the_live_streams_of_a_platform(dyknow: Dyknow, tmp_path: Path) -> None:
+    units, spec, chronicles = tmp_path / "cars.py", tmp_path / "cars.kpl", tmp_path / "turns.chr"
+    units.write_text(CAR, encoding="utf-8")
+    chronicles.write_text(TURNS, encoding="utf-8")
+    spec.write_text(
+        'source link links\nstrmgen link[a] = links\nchronicle file "turns.chr" with max delay 100\n'
+        "stream turned = chronicle[turns]\n",
+        encoding="utf-8",
+    )
+    joined = dyknow.start("join", "--unit", "0", "--spec", str(spec), "--units", str(units), "--json")
+    declared = next(line for line in lines(joined) if line.get("stream") == "turned" and line["event"] == "sample")
+    assert declared["value"][0] in [["a", "l1", "l2"], ["a", "l2", "l1"]]
+    watched = dyknow.run("chronicle", str(chronicles), "--unit", "0", "--timeout", "3s", "--max-delay", "200ms")
+    assert {(each["bindings"]["?from"], each["bindings"]["?to"]) for each in watched} == {("l1", "l2"), ("l2", "l1")}
+    assert all(each["instants"]["t2"] - each["instants"]["t1"] == 250 for each in watched)
