@@ -3,6 +3,7 @@
 A value stepped by `on_state` and `on_time`; what it returns are alarms opened and closed. Federation time.
 """
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import Literal, TypeAlias
 
@@ -37,6 +38,10 @@ class Monitor:
         inputs: names of what the states are made of, for `missing_inputs`; the formula's labels by default.
         domains: members of the domains it quantifies over, where states do not bring them.
         since_us: when the monitor was set up.
+
+    Attributes:
+        counted: states that harm nothing, by reason: `out of order` and `duplicate` ones are ignored, `missing` an
+            input; of these with a `NaN`.
     """
 
     def __init__(
@@ -65,6 +70,7 @@ class Monitor:
         self._seen: dict[str, tuple[str, ...]] | None = None
         self._labels = () if self._quantified else required_labels(formula)
         self._inputs = Inputs(self._labels if inputs is None else inputs, period_us, max_delay_us, since_us)
+        self.counted: Counter[str] = Counter()
         self._changes = Changes(formula)
         self._watch: Watch | _Once | None = None
         self._valid_us: int | None = None
@@ -133,6 +139,7 @@ class Monitor:
             events: labels of what happened.
         """
         if self._valid_us is not None and valid_us <= self._valid_us:
+            self.counted["duplicate" if valid_us == self._valid_us else "out of order"] += 1
             return []
         self._valid_us = valid_us
         domains = self._domains if domains is None else domains
@@ -140,6 +147,10 @@ class Monitor:
             self._read_domains(domains)
         if lacks is None:
             lacks = lacking(self._labels, values)
+        if lacks:
+            self.counted["missing"] += 1
+            if any(value != value for value in map(values.get, lacks)):  # noqa: PLR0124 - a NaN differs from itself
+                self.counted["NaN"] += 1
         self._inputs.on_state(valid_us, now_us, lacks)
         if self._inputs.marked:
             values = {}

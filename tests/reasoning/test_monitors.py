@@ -254,3 +254,13 @@ def test_obligations_made_while_an_alarm_was_open_still_hold_after_it_closed():
     for at, (p, q) in enumerate([(0, 0), (0, 1), (1, 1), (0, 1), (0, 1), (0, 1), (0, 1)]):
         events += one.on_state(at * PERIOD_US, at * PERIOD_US + 1, {"p": bool(p), "q": bool(q), "r": False})
     assert told(events) == [("opened", 0, 0), ("closed", 1, 1), ("opened", 6, 6)]
+
+
+def test_states_out_of_order_doubled_missing_or_without_a_number_are_counted_and_harm_nothing():
+    one = Monitor("m", Always(Compare("<", Feature("x"), Const(3))), ("u",), PERIOD_US, PERIOD_US)
+    nan = float("nan")
+    for at, value in ((2, 1.0), (1, 9.0), (2, 9.0), (3, nan), (4, NO_VALUE), (5, None), (6, 1.0)):
+        given = {} if value is None else {"x": value}
+        assert one.on_state(at * PERIOD_US, 6 * PERIOD_US, given) == []
+    assert one.counted == {"out of order": 1, "duplicate": 1, "missing": 3, "NaN": 1}
+    assert (one.shows, one.verdict) == ("ok", "undecided")

@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 from kpl import FeatureType, Vocabulary, parse_formula, print_formula, profile_formula, read_formula
 from reasoning import Monitor, Progression, builtin_profiles, check_trace, read_trace, split_growing
 from reasoning.formulas import Duration
-from tests.reasoning.meaning import verdict
+from tests.reasoning.meaning import State, verdict
 from tests.reasoning.oracle import naive
 from tests.reasoning.strategies import UNIT_US, formulas, traces
+from tests.reasoning.ways import WAYS
 
 UAVS = Vocabulary(
     features={
@@ -50,7 +51,7 @@ MODERATE = settings(max_examples=200, deadline=None, suppress_health_check=[Heal
 
 
 def decided(name, step_ms=500, **series):
-    """(verdict, time in ms) of an example over series of values by label."""
+    """(verdict, time in ms) of an example over series of values by label, whichever way it goes."""
     labels = [label.replace("__", "[", 1) + "]" if "__" in label else label for label in series]
     states = [
         f'{{"t_ms": {at * step_ms}, '
@@ -58,8 +59,13 @@ def decided(name, step_ms=500, **series):
         + "}"
         for at, row in enumerate(zip(*series.values(), strict=True))
     ]
-    trace = read_trace(states)
-    found, t_ms, _ = check_trace(read_formula(PRINTED[name], UAVS), trace.states, DOMAINS)
+    trace, formula = read_trace(states).states, read_formula(PRINTED[name], UAVS)
+    found, t_ms, _ = check_trace(formula, trace, DOMAINS)
+    given = [State(*state[:2], DOMAINS) for state in trace]
+    for way in WAYS.values():
+        said = way(formula, given)
+        assert said[-1] == found
+        assert found == "undecided" or t_ms == given[said.index(found)].valid_us / 1000
     return found, t_ms
 
 
@@ -112,6 +118,34 @@ def test_7_6_4_attached_within_five_seconds_and_until_detached():
     assert decided("7.6.4", **series | {"executing-detach-box__u, b": ["false"] * 4}) == ("false", 1500)
     never = {label: ["true" if label == "EXEC" else "false"] * 12 for label in series}
     assert decided("7.6.4", **never) == ("false", 5000)
+
+
+def test_7_9_one_measurement_within_the_time_is_enough_for_the_first_pattern():
+    assert decided("7.9 a", speed__u=[25, 25, 19, 25, 25, 19]) == ("undecided", None)
+    assert decided("7.9 a", speed__u=[19, 25, 25, 25, 19]) == ("false", 1500)
+
+
+def test_7_9_the_second_pattern_wants_an_interval_of_calm():
+    assert decided("7.9 b", speed__u=[25, 25, 19, 19, 25, 19, 19]) == ("undecided", None)
+    assert decided("7.9 b", speed__u=[25, 19, 25, 19, 25, 19, 19]) == ("false", 1000)
+
+
+def test_8_7_2_a_vision_object_is_a_car_once_it_was_on_the_road_for_a_second():
+    on = "on_roadsystem__from"
+    assert decided("8.7.2 e", **{on: ["true"] * 2}) == ("undecided", None)
+    assert decided("8.7.2 e", **{on: ["true"] * 3}) == ("true", 1000)
+    assert decided("8.7.2 e", **{on: ["true", "true", "false", "true", "true", "true"]}) == ("true", 2500)
+
+
+def test_8_7_2_anchors_are_never_reestablished():
+    assert decided("8.7.2 r", on_roadsystem__from=["true"]) == ("false", 0)
+
+
+def test_8_7_2_it_remains_one_while_five_seconds_on_the_road_begin_within_thirty():
+    on = "on_roadsystem__from"
+    assert decided("8.7.2 m", **{on: ["false"] * 60 + ["true"] * 11}) == ("undecided", None)
+    assert decided("8.7.2 m", **{on: ["false"] * 61}) == ("false", 30_000)
+    assert decided("8.7.2 m", **{on: ["false"] * 58 + ["true"] * 10 + ["false"] * 5}) == ("false", 34_000)
 
 
 def test_7_10_the_worst_sequences_stay_undecided_until_their_time_is_over():
