@@ -34,12 +34,10 @@ def check(call: Call, formula: str, *, trace: Path | None, unit: str | None, tim
 
 
 def _over_trace(call: Call, text: str, path: Path) -> int:
-    from kpl import drawn_remarks, print_formula, read_formula
+    from kpl import print_formula, read_formula, remarks
     from reasoning import follow_trace, read_trace, remaining, required_labels, trace_domains
 
     formula = read_formula(text)
-    for remark in drawn_remarks(formula, text):
-        call.out.note(f"note: {remark.drawn()}")
     try:
         with path.open(encoding="utf-8") as lines:
             trace = read_trace(lines, str(path))
@@ -52,7 +50,11 @@ def _over_trace(call: Call, text: str, path: Path) -> int:
     (verdict, t_ms, index), progression = follow_trace(formula, trace.states, domains)
     rest = remaining(progression) if verdict == "undecided" and progression.kept <= MOST_LEFT else None
     left = None if rest is None else print_formula(rest)
-    return _told(call, verdict, t_ms, index, reasons=progression.explain(), left=left)
+    code = _told(call, verdict, t_ms, index, reasons=progression.explain(), left=left)
+    if verdict == "false" and not call.out.json_lines:
+        for remark in remarks(formula):
+            call.out.note(f"note: {remark.message}: {remark.repair}")
+    return code
 
 
 def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:

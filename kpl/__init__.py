@@ -6,7 +6,7 @@ from kpl.listing import print_declaration, print_specification
 from kpl.parsing import parse_formula
 from kpl.printing import print_formula
 from kpl.profiles import profile_formula, unit_vocabulary
-from kpl.remarks import Remark, drawn_remarks, remarks
+from kpl.remarks import Remark, remarks
 from kpl.specification import Declaration, Specification
 from kpl.specification_checking import Findings, Known, check_specification
 from kpl.statements import Reading, parse_specification, read_specification
@@ -28,7 +28,6 @@ __all__ = [
     "Vocabulary",
     "check",
     "check_specification",
-    "drawn_remarks",
     "parse_chronicles",
     "parse_formula",
     "parse_specification",

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
-from dyknow.errors import TextError
 from kpl.printing import print_formula
 from reasoning.formulas import (
     Always,
@@ -44,7 +43,7 @@ def remarks(formula: Formula, is_noisy: Callable[[Feature], bool] = lambda _feat
             noisy = [one for one in _measured(node.operand) if is_noisy(one)]
             if noisy:
                 feature = min(noisy, key=lambda one: one.place.start)
-                message = f"one wrong sample of {feature.name} violates this; let it count only if it lasts"
+                message = f"one wrong sample of {feature.name} violates this; what counts only if it lasts"
                 yield Remark(node, message, print_formula(replace(node, operand=_lasting(node.operand))))
         elif isinstance(node, Eventually | Exists):
             inside = node.operand if isinstance(node, Eventually) else node.body
@@ -54,13 +53,6 @@ def remarks(formula: Formula, is_noisy: Callable[[Feature], bool] = lambda _feat
                 part = {"operand": meant} if isinstance(node, Eventually) else {"body": meant}
                 message = f"this {name} holds as soon as the left side of its -> is false"
                 yield Remark(node, message, print_formula(replace(node, **part)))
-
-
-def drawn_remarks(formula: Formula, text: str, file: str = "") -> tuple[TextError, ...]:
-    """The remarks on a formula over recorded or live states, as what is drawn at its place in the text."""
-    return tuple(
-        TextError.at(one.node.place, one.message, text=text, repair=one.repair, file=file) for one in remarks(formula)
-    )
 
 
 def _measured(formula: Formula) -> Iterator[Feature]:

@@ -99,4 +99,6 @@ def test_it_must_be_said_over_what_a_formula_is_checked(dyknow: Run) -> None:
 
 def test_a_bare_always_over_a_measured_value_is_noted_with_a_formula_that_bears_noise(dyknow: Run, trace: str) -> None:
     done = dyknow("check", "always speed[uav1] <= 22", "--trace", trace)
-    assert "write: always eventually[0, 500ms] speed[uav1] <= 22" in " ".join(done.stderr.split())
+    assert "violates this; what counts only if it lasts: always eventually[0, 500ms] speed[uav1] <= 22" in " ".join(
+        done.stderr.split()
+    )

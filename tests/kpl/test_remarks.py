@@ -1,6 +1,6 @@
 import pytest
 
-from kpl import check_specification, drawn_remarks, parse_specification, read_formula, remarks
+from kpl import check_specification, parse_specification, read_formula, remarks
 
 NOISY = """source float speedometer
 strmgen speed = speedometer
@@ -61,9 +61,3 @@ def test_a_monitor_is_warned_of_what_comes_from_a_source_as_it_is_not_of_what_is
     text = NOISY.format(feature)
     findings = check_specification(parse_specification(text), text=text)
     assert [one.line for one in findings.warnings if "wrong sample" in one.message] == ([5] if warned else [])
-
-
-def test_a_remark_is_drawn_at_its_place_with_what_to_write():
-    text = "always speed <= 30"
-    (remark,) = drawn_remarks(read_formula(text), text)
-    assert remark.drawn().splitlines()[-1] == "    write: always eventually[0, 500ms] speed <= 30"
