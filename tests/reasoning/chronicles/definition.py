@@ -351,12 +351,12 @@ class Meaning:
         }
         others = self.instants - set(used) - {"0"}
         for times in self._tried({"0": 0}, used, some):
-            if self._is_young([times[name] for name in used]) and (not others or self._consistent(times)):
+            if self._is_young(times, used) and (not others or self._consistent(times)):
                 yield times
 
-    def _is_young(self, times):
-        """Instants that stand in predicates differ by at most the age, but for values that have always been."""
-        known = [at for at in times if at != MINUS_INFINITY]
+    def _is_young(self, times, used):
+        """Instants that stand in predicates differ by at most the age, but for those fixed by what has always been."""
+        known = [times[name] for name in used if name not in self.fixed or times[name] > MINUS_INFINITY // 2]
         return self.max_age_ms is None or not known or max(known) - min(known) <= self.max_age_ms
 
     def _tried(self, times, left, some) -> Iterator[dict[str, int]]:
