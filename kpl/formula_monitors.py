@@ -1,7 +1,7 @@
 """A monitor over streams of one instance: its states are made of the streams its formula names (7.5, 7.8).
 
-A domain is the newest value of the generator called like it: `forall car in car_ids: ...` ranges over what the stream
-`car_ids` names.
+A domain is the value of the generator called like it that is valid at the state's time: `forall car in car_ids: ...`
+ranges over what the stream `car_ids` names then, also if it names others when the state is made, up to `max delay` later.
 """
 
 from collections.abc import Callable
@@ -31,6 +31,30 @@ from reasoning.formulas import Domain, Exists, Forall, Formula, event_labels, re
 PERIOD_US = 100 * US_PER_MS
 MAX_DELAY_US = US_PER_S
 FAR_US = 2**80
+MOST_ERAS = 64
+"""So many changes of the members may await the states before them; of more, states are left out."""
+
+
+class _Era:
+    """The states from one change of the members to the next, which are made of other streams.
+
+    Attributes:
+        states: None: the formula reads no streams but events.
+        ready: states that wait for those of an era before.
+        ends_us: from this valid time on the states are those of the era after.
+    """
+
+    def __init__(
+        self, labels: tuple[str, ...], events: tuple[str, ...], states: Synchronizer | None, begins_us: int
+    ) -> None:
+        self.labels, self.events, self.states = labels, events, states
+        self.begins_us, self.ends_us = begins_us, FAR_US
+        self.ready: list[State] = []
+        self.proxies: list[StreamProxy] = []
+
+    def cancel(self) -> None:
+        for proxy in self.proxies:
+            proxy.cancel()
 
 
 class FormulaMonitor:
@@ -70,13 +94,12 @@ class FormulaMonitor:
         )
         self._network, self._formula, self._on_alarm, self._policy = network, formula, on_alarm, policy
         self._lasts_us = FAR_US if policy.approximation == "most recent" else self.period_us + self.max_delay_us
-        self._domains: dict[str, tuple[str, ...]] = dict.fromkeys(domains_of(formula), ())
-        self._labels: tuple[str, ...] = ()
-        self._events: tuple[str, ...] = ()
-        self._states: Synchronizer | None = None
+        self._domains: dict[str, list[tuple[int, tuple[str, ...]]]] = {name: [] for name in domains_of(formula)}
+        self._eras: list[_Era] = []
+        self._newest: dict[str, Sample] = {}
+        self._last_us = -FAR_US
         self._happened: list[tuple[int, str]] = []
         self._tick_us = -(-since_us // self.period_us) * self.period_us
-        self.proxies: list[StreamProxy] = []
         self._members: list[StreamProxy] = []
         self._begun = False
         self._failing: set[str] = set()
@@ -84,7 +107,7 @@ class FormulaMonitor:
             for name in self._domains:
                 on_members = partial(self._on_members, name)
                 self._members.append(network.connect(Label(name), Policy(), on_members, current=True))
-            self._subscribe()
+            self._subscribe(-FAR_US)
         except TextError:
             self.cancel()
             raise
@@ -92,20 +115,27 @@ class FormulaMonitor:
         network.step(self)
 
     @property
+    def proxies(self) -> list[StreamProxy]:
+        """The streams its states are made of."""
+        return [proxy for era in self._eras for proxy in era.proxies]
+
+    @property
     def deadline_us(self) -> int | None:
         if not self._members and not self.proxies:
             return None
-        states_us = None if self._states is None else self._states.deadline_us
-        if self._states is None and self._events:
-            states_us = self._tick_us + self.max_delay_us
-        due_us = earlier(states_us, self.monitor.deadline_us)
+        due_us = self.monitor.deadline_us
+        for era in self._eras:
+            if era.states is not None:
+                due_us = earlier(due_us, era.states.deadline_us)
+            elif era.events:
+                due_us = earlier(due_us, self._tick_us + self.max_delay_us)
         return FAR_US if due_us is None else due_us
 
     def on_time(self, now_us: int) -> None:
-        if self._states is not None:
-            self._take(self._states.on_time(now_us))
-        elif self._events:
-            self._tick(now_us)
+        for era in self._eras:
+            if era.states is not None:
+                era.ready += era.states.on_time(now_us)
+        self._hand_on(now_us)
         for event in self.monitor.on_time(now_us):
             self._on_alarm(event)
 
@@ -113,26 +143,47 @@ class FormulaMonitor:
         """Take no more streams."""
         for proxy in (*self._members, *self.proxies):
             proxy.cancel()
-        self._members, self.proxies, self._states = [], [], None
+        self._members, self._eras = [], []
         self._network.unstep(self)
 
     def awaited(self) -> tuple[str, ...]:
         """Why there is no state yet, input by input."""
-        return () if self._states is None else tuple(map(str, self._states.awaited()))
+        states = self._eras[0].states if self._eras else None
+        return () if states is None else tuple(map(str, states.awaited()))
 
     def _on_members(self, name: str, sample: Sample) -> None:
-        """Of too many those before stay, and what holds is not known until there are fewer."""
-        before = self._domains[name]
+        """Of too many those before stay, and what holds is not known until there are fewer.
+
+        The first that are known count for what was before, too; who is named after a later naming is nobody any more.
+        """
+        known = self._domains[name]
+        before = known.copy()
+        if known and sample.valid_us < known[-1][0]:
+            return
+        begins_us = max([sample.valid_us, *(era.begins_us for era in self._eras)]) if known else -FAR_US
         try:
-            self._domains[name] = members_of(sample.value)
-            if self._begun and (self._domains[name] != before or not self.proxies):
-                self._subscribe()
+            members = members_of(sample.value)
+            if not known or members != known[-1][1]:
+                known.append((begins_us, members))
+                del known[:-MOST_ERAS]
+            if self._begun and (known != before or not self.proxies):
+                self._subscribe(begins_us)
         except (SortError, TextError) as wrong:
             self._domains[name] = before
             self._fails(name, wrong)
         else:
             self._failing.discard(name)
             self.monitor.mark_present(name, self._network.now_us)
+
+    def _domains_at(self, valid_us: int) -> dict[str, tuple[str, ...]]:
+        """The members at a time; those of before are forgotten, as states come in the order of their times."""
+        for known in self._domains.values():
+            while len(known) > 1 and known[1][0] <= min(valid_us, self._last_us):
+                del known[0]
+        return {
+            name: next((members for at_us, members in reversed(known) if at_us <= valid_us), ())
+            for name, known in self._domains.items()
+        }
 
     def _fails(self, which: str, wrong: SortError | TextError) -> None:
         if which in self._failing:
@@ -142,16 +193,17 @@ class FormulaMonitor:
         self._network.on_fault(Label(which), f"monitor {self.monitor.name}: {said}")
         self.monitor.mark_missing(which, self._network.now_us, "too many")
 
-    def _subscribe(self) -> None:
-        """Streams of what the formula reads now; states begin anew with those."""
+    def _subscribe(self, begins_us: int) -> None:
+        """Streams of what the formula reads from a valid time on; states before it are still made of those before."""
+        members = self._domains_at(FAR_US)
         try:
-            labels = required_labels(self._formula, self._domains)
-            events = event_labels(self._formula, self._domains)
+            labels = required_labels(self._formula, members)
+            events = event_labels(self._formula, members)
         except UnknownLabel:
             return
-        if (labels, events) == (self._labels, self._events) and self.proxies:
+        last = self._eras[-1] if self._eras else None
+        if last is not None and (labels, events) == (last.labels, last.events) and last.proxies:
             return
-        self._labels, self._events = labels, events
         policy = Policy(max_delay_us=self.max_delay_us, importance=self._policy.importance)
         wanted = StatePolicy(
             self.period_us,
@@ -159,45 +211,75 @@ class FormulaMonitor:
             self._policy.delay_before_us,
             self._policy.from_us,
             self._policy.to_us,
+            "none" if self._policy.exact else "most recent",
         )
-        states = self._states = (
+        states = (
             Synchronizer([StateInput(label, policy) for label in labels], wanted, explains=True) if labels else None
         )
-        before, self.proxies = self.proxies, []
+        era = _Era(labels, events, states, begins_us)
+        if last is not None:
+            last.ends_us = begins_us
+        self._eras.append(era)
+        self._newest = {label: sample for label, sample in self._newest.items() if label in labels}
         for i, label in enumerate(labels):
-            self.proxies.append(self._network.connect(Label.parse(label), policy, partial(self._on_sample, states, i)))
+            if label in self._newest and states is not None:
+                era.ready += states.on_sample(i, self._newest[label], self._network.now_us)
+        for i, label in enumerate(labels):
+            era.proxies.append(self._network.connect(Label.parse(label), policy, partial(self._on_sample, era, i)))
         for label in events:
-            self.proxies.append(self._network.connect(Label.parse(label), Policy(), partial(self._on_event, label)))
-        for proxy in before:
-            proxy.cancel()
+            era.proxies.append(self._network.connect(Label.parse(label), Policy(), partial(self._on_event, label)))
+        self._hand_on(self._network.now_us)
 
-    def _on_sample(self, states: Synchronizer | None, i: int, sample: Sample) -> None:
-        if states is not None and states is self._states:
-            self._take(states.on_sample(i, sample, sample.available_us))
+    def _on_sample(self, era: _Era, i: int, sample: Sample) -> None:
+        if era.states is not None:
+            if era is self._eras[-1]:
+                self._newest[era.labels[i]] = sample
+            era.ready += era.states.on_sample(i, sample, sample.available_us)
+            self._hand_on(sample.available_us)
 
     def _on_event(self, label: str, sample: Sample) -> None:
         """Something happened: it belongs to the first state that is not earlier, or is still to be made."""
         self._happened.append((sample.valid_us, label))
 
-    def _take(self, states: list[State]) -> None:
-        for state in states:
-            oldest_us = state.valid_us - self._lasts_us
-            values: dict[str, Value] = {
-                label: NO_VALUE if origin.valid_us is None or origin.valid_us < oldest_us else value
-                for label, value, origin in zip(self._labels, state.values, state.origins, strict=True)
-            }
-            self._give(state.valid_us, state.available_us, values)
+    def _hand_on(self, now_us: int) -> None:
+        """The states that are ready, in the order of their times: those of an era when the ones before are over."""
+        while self._eras:
+            era = self._eras[0]
+            ready, era.ready = era.ready, []
+            for state in ready:
+                if max(era.begins_us, self._last_us + 1) <= state.valid_us < era.ends_us:
+                    self._take(era, state, now_us)
+            if era.states is None and era.events:
+                self._tick(era, now_us)
+            if len(self._eras) < 2 or not (self._is_over(era) or len(self._eras) > MOST_ERAS):
+                return
+            self._eras.pop(0).cancel()
 
-    def _tick(self, now_us: int) -> None:
+    def _is_over(self, era: _Era) -> bool:
+        if era.states is None:
+            return not era.events or self._tick_us >= era.ends_us
+        sync_us = era.states.sync_us
+        return sync_us is None or sync_us >= era.ends_us
+
+    def _take(self, era: _Era, state: State, now_us: int) -> None:
+        oldest_us = state.valid_us - self._lasts_us
+        values: dict[str, Value] = {
+            label: NO_VALUE if origin.valid_us is None or origin.valid_us < oldest_us else value
+            for label, value, origin in zip(era.labels, state.values, state.origins, strict=True)
+        }
+        self._give(state.valid_us, max(now_us, state.available_us), values)
+
+    def _tick(self, era: _Era, now_us: int) -> None:
         """States of events only are made at their times, when what happened until then has come."""
-        while self._tick_us + self.max_delay_us <= now_us:
+        while self._tick_us + self.max_delay_us <= now_us and self._tick_us < era.ends_us:
             self._give(self._tick_us, now_us, {})
-            self._tick_us += self.period_us
 
     def _give(self, valid_us: int, now_us: int, values: dict[str, Value]) -> None:
+        domains, self._last_us = self._domains_at(valid_us), valid_us
+        self._tick_us = max(self._tick_us, (valid_us // self.period_us + 1) * self.period_us)
         events = {label for at_us, label in self._happened if at_us <= valid_us}
         self._happened = [each for each in self._happened if each[0] > valid_us]
-        for event in self.monitor.on_state(valid_us, now_us, values, domains=self._domains, events=events):
+        for event in self.monitor.on_state(valid_us, now_us, values, domains=domains, events=events):
             self._on_alarm(event)
 
 

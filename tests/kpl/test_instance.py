@@ -395,6 +395,42 @@ def test_a_monitor_over_members_follows_them() -> None:
     assert [event.event for event in running.alarms][:1] == ["opened"]
 
 
+def test_a_member_that_leaves_after_a_violation_does_not_hide_it() -> None:
+    """The state of 100 is made when what c1 brings late is there, and c1 is named no more by then."""
+    running = Running(
+        "source object ids\nstrmgen car_ids = ids\nsource number raw\nsource number late\n"
+        "strmgen v[c0] = raw\nstrmgen v[c1] = late\n"
+        "monitor calm = always forall car in car_ids growing: v[car] < 5 with sample every 100, max delay 90, close after 1"
+    )
+    running.push("ids", ("c0", "c1"), 0)
+    for at_ms in (1, 100):
+        running.push("raw", 1, 1000 * at_ms)
+    running.push("late", 1, 1_000)
+    running.push("ids", ("c0",), 150_000)
+    running.instance.push("late", 100_000, 9, 160_000)
+    for at_ms in range(200, 1000, 100):
+        running.push("raw", 1, 1000 * at_ms)
+    assert [(each.event, each.valid_us) for each in running.alarms] == [("opened", 100_000), ("closed", 200_000)]
+
+
+def test_members_are_those_of_the_time_of_the_state_however_often_they_change() -> None:
+    """A value above the limit alarms if and only if its car is named at its time."""
+    running = Running(
+        "source object ids\nstrmgen car_ids = ids\nsource number fast\nsource number slow\n"
+        "strmgen v[c0] = slow\nstrmgen v[c1] = fast\n"
+        "monitor calm = always forall car in car_ids growing: v[car] < 5 with sample every 100, max delay 250, close after 1"
+    )
+    named = [n % 3 != 1 for n in range(30)]
+    for n, is_named in enumerate(named):
+        running.push("ids", ("c0", "c1") if is_named else ("c0",), 100_000 * n)
+        running.push("slow", 1, 100_000 * n)
+        running.push("fast", 9, 100_000 * n)
+    running.wait(5_000_000)
+    changes = [n for n in range(1, 30) if named[n] != named[n - 1]]
+    found = [(each.event, each.valid_us // 100_000) for each in running.alarms if each.valid_us <= 2_900_000]
+    assert found == [("opened", 0), *(("opened" if named[n] else "closed", n) for n in changes)]
+
+
 @pytest.mark.parametrize(
     "members", [("a", "with"), "x" * 60_000, ("true",), -1, 10**5000, 2.5, ("a", None)], ids=range(7)
 )
