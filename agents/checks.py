@@ -2,21 +2,25 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import islice
 
 from agents.context import Context
 from dyknow import NO_VALUE, US_PER_S, Policy, Sample, State, StateInput, StatePolicy, Subscription, Synchronizer
 from dyknow.errors import Refused
 from federation.acts import Act, Performative
-from federation.contents import CheckFormula, Verdict
+from federation.contents import Because, CheckFormula, Verdict
 from federation.contents.parts import MAX_LIST
 from federation.deadlines import Deadlines
-from kpl import read_formula, unit_vocabulary
-from reasoning import Derivation, Progressing, make_progression, required_labels
+from kpl import print_formula, read_formula, unit_vocabulary
+from reasoning import Derivation, Formula, Progressing, Reason, make_progression, required_labels
 
 PERIOD_US = 100_000
 MAX_DELAY_US = 500_000
 TIMEOUT_S = 10.0
 MOST = 16
+MOST_REASONS = 8
+LONGEST = 1000
+"""Characters of a formula in an answer, so that it fits into one act."""
 
 
 @dataclass(slots=True)
@@ -160,6 +164,7 @@ class Checks:
             verdict=verdict,
             valid_us=check.valid_us if decided else None,
             index=check.states if decided else None,
+            because=tuple(_because(one) for one in check.progression.explain()[:MOST_REASONS]),
             no_value=check.unvalued(check.labels),
             missing=check.unvalued(check.derivation.input_names),
         )
@@ -171,3 +176,21 @@ class Checks:
         for subscription in check.subscriptions:
             subscription.cancel()
         return check
+
+
+def _because(reason: Reason) -> Because:
+    return Because(
+        part=_short(reason.part),
+        holds=reason.holds,
+        samples=dict(islice(reason.samples.items(), MOST_REASONS)),
+        members=dict(reason.binding),
+        within=None if reason.obligation is None else _short(reason.obligation),
+        since_us=reason.since_us,
+        until_us=reason.until_us,
+    )
+
+
+def _short(formula: Formula) -> str:
+    """At most `LONGEST` characters of it."""
+    text = print_formula(formula)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."

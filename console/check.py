@@ -1,9 +1,9 @@
 """`dyknow check`: a formula over a recorded trace, or over the live states of a platform."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from console.command import Call
 from console.errors import DONE, NO, FederationFailed, NothingFound, WrongCall, did_you_mean
@@ -14,12 +14,23 @@ from dyknow.values import NO_VALUE
 
 if TYPE_CHECKING:
     from console.dialogue import Dialogue
-    from reasoning import Reason
 
 MOST_REASONS = 5
 """Of a verdict that people are told; JSON has them all."""
 MOST_LEFT = 12
 """What is left of an undecided formula is told if it is no more obligations than this."""
+
+
+class Why(NamedTuple):
+    """One part of a formula that the deciding state settled; formulas as they are printed."""
+
+    part: str
+    holds: bool
+    samples: Mapping[str, Any]
+    members: Mapping[str, Any]
+    within: str | None
+    since_us: int | None
+    until_us: int | None
 
 
 def check(call: Call, formula: str, *, trace: Path | None, unit: str | None, timeout: str) -> int:
@@ -50,7 +61,19 @@ def _over_trace(call: Call, text: str, path: Path) -> int:
     (verdict, t_ms, index), progression = follow_trace(formula, trace.states, domains)
     rest = remaining(progression) if verdict == "undecided" and progression.kept <= MOST_LEFT else None
     left = None if rest is None else print_formula(rest)
-    code = _told(call, verdict, t_ms, index, reasons=progression.explain(), left=left)
+    reasons = [
+        Why(
+            print_formula(one.part),
+            one.holds,
+            one.samples,
+            dict(one.binding),
+            None if one.obligation is None else print_formula(one.obligation),
+            one.since_us,
+            one.until_us,
+        )
+        for one in progression.explain()
+    ]
+    code = _told(call, verdict, t_ms, index, reasons=reasons, left=left)
     if verdict == "false" and not call.out.json_lines:
         for remark in remarks(formula):
             call.out.note(f"note: {remark.message}: {remark.repair}")
@@ -80,7 +103,11 @@ def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:
         if label not in found.no_value:
             call.out.note(f"note: {label} has not come to platform {unit}.")
     t_ms = None if found.valid_us is None else found.valid_us / 1000
-    return _told(call, found.verdict, t_ms, found.index, is_live=True)
+    reasons = [
+        Why(one.part, one.holds, one.samples, one.members, one.within, one.since_us, one.until_us)
+        for one in found.because
+    ]
+    return _told(call, found.verdict, t_ms, found.index, is_live=True, reasons=reasons)
 
 
 def _failed(dialogue: "Dialogue") -> DyknowError:
@@ -99,7 +126,7 @@ def _told(
     index: int | None,
     *,
     is_live: bool = False,
-    reasons: "Sequence[Reason]" = (),
+    reasons: Sequence[Why] = (),
     left: str | None = None,
 ) -> int:
     if t_ms is not None and t_ms == round(t_ms):
@@ -109,12 +136,13 @@ def _told(
         record["because"] = [_record(one) for one in reasons]
     if left is not None:
         record["left"] = left
+    time = clock_time if is_live else _trace_time
     colour = {"true": "green", "false": "red"}.get(verdict, "yellow")
     when = ""
     if t_ms is not None:
-        shown = clock_time(round(t_ms * 1000)) if is_live else f"t = {t_ms:g} ms"
+        shown = time(round(t_ms * 1000))
         when = f", decided by state {index} ({shown})" if index is not None else f", decided at {shown}"
-    lines = [line for one in reasons[:MOST_REASONS] for line in _lines(one)]
+    lines = [line for one in reasons[:MOST_REASONS] for line in _lines(one, time)]
     if len(reasons) > MOST_REASONS:
         lines.append(f"  and {len(reasons) - MOST_REASONS} more; --json tells them all")
     if left is not None:
@@ -124,37 +152,35 @@ def _told(
     return NO if verdict == "false" else DONE
 
 
-def _lines(reason: "Reason") -> Iterator[str]:
+def _lines(why: Why, time: Callable[[int], str]) -> Iterator[str]:
     """One reason, as people read it."""
-    from kpl import print_formula
+    yield f"  {why.part} is {str(why.holds).lower()}"
+    if why.samples:
+        yield f"    with {', '.join(f'{label} = {_shown(value)}' for label, value in why.samples.items())}"
+    if why.members:
+        yield f"    for {', '.join(f'{variable} = {member}' for variable, member in why.members.items())}"
+    if why.within is not None:
+        yield f"    in {why.within}"
+    if why.since_us is not None:
+        yield f"    since {time(why.since_us)}{'' if why.until_us is None else f', until {time(why.until_us)}'}"
 
-    yield f"  {print_formula(reason.part)} is {str(reason.holds).lower()}"
-    if reason.samples:
-        yield f"    with {', '.join(f'{label} = {_shown(value)}' for label, value in reason.samples.items())}"
-    if reason.binding:
-        yield f"    for {', '.join(f'{variable} = {member}' for variable, member in reason.binding)}"
-    if reason.obligation is not None:
-        since = "" if reason.since_us is None else f"since t = {reason.since_us / 1000:g} ms"
-        until = "" if reason.until_us is None else f", until t = {reason.until_us / 1000:g} ms"
-        yield f"    in {print_formula(reason.obligation)}"
-        if since or until:
-            yield f"    {since}{until}"
+
+def _trace_time(at_us: int) -> str:
+    return f"t = {at_us / 1000:g} ms"
 
 
 def _shown(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _record(reason: "Reason") -> dict[str, Any]:
+def _record(why: Why) -> dict[str, Any]:
     """One reason, as a machine reads it."""
-    from kpl import print_formula
-
     return {
-        "part": print_formula(reason.part),
-        "holds": reason.holds,
-        "samples": {label: None if value is NO_VALUE else value for label, value in reason.samples.items()},
-        "members": dict(reason.binding),
-        "in": None if reason.obligation is None else print_formula(reason.obligation),
-        "since_ms": None if reason.since_us is None else reason.since_us / 1000,
-        "until_ms": None if reason.until_us is None else reason.until_us / 1000,
+        "part": why.part,
+        "holds": why.holds,
+        "samples": {label: None if value is NO_VALUE else value for label, value in why.samples.items()},
+        "members": dict(why.members),
+        "in": why.within,
+        "since_ms": None if why.since_us is None else why.since_us / 1000,
+        "until_ms": None if why.until_us is None else why.until_us / 1000,
     }

@@ -106,11 +106,26 @@ class CheckFormula(Content):
     timeout_s: Period | None = None
 
 
+class Because(Part):
+    """One part of a formula that the deciding state settled: its samples, for which members, and within which temporal
+    part of the formula, since when and until when.
+    """
+
+    part: Formula
+    holds: bool
+    samples: Values = Field(default_factory=dict)
+    members: Values = Field(default_factory=dict)
+    within: Formula | None = None
+    since_us: Instant | None = None
+    until_us: Instant | None = None
+
+
 class Verdict(Content):
     """What a formula came to, and the state that decided it; `no_value` features had none, nor had `missing` inputs."""
 
     verdict: Truth
     valid_us: Instant | None = None
     index: Count | None = None
+    because: Annotated[tuple[Because, ...], Field(max_length=MAX_LIST)] = ()
     no_value: Annotated[tuple[Line, ...], Field(max_length=MAX_LIST)] = ()
     missing: Annotated[tuple[Line, ...], Field(max_length=MAX_LIST)] = ()

@@ -92,6 +92,10 @@ def test_a_formula_is_checked_until_it_is_decided(wire: Wire, node: Platform) ->
     assert question.performatives == [P.AGREE, P.INFORM]
     (said,) = [c for c in question.contents if isinstance(c, Verdict)]
     assert (said.verdict, said.index is not None) == ("false", True)
+    (because,) = said.because
+    assert (because.part, because.holds) == ("altitude[0] > 1000.0", False)
+    assert because.samples.keys() == {"altitude[0]"}
+    assert because.until_us - because.since_us == 2_000_000
     assert node.inquiries.checks._open == {}
 
 
