@@ -9,8 +9,7 @@ from typing import Final, NamedTuple
 
 from dyknow import Label, Policy, Prototype, SourcePrototype, UnitPrototype
 from dyknow.compunits import UnitFunction
-from dyknow.errors import ContentError, DecodeError, SortError, ValueNotAvailable
-from dyknow.instants import print_span
+from dyknow.errors import ContentError, DecodeError, SortError, TooEarly
 from dyknow.processes import Input, OnDemand
 from dyknow.sample import Sample
 from dyknow.sampling import Grid
@@ -229,10 +228,7 @@ class HostedProcess(OnDemand):
     def reach(self, from_us: int | None) -> None:
         earliest_us = self.since_us()
         if from_us is not None and from_us < earliest_us:
-            raise ValueNotAvailable(
-                f"{self._label} is made by {self._host.name} and cannot begin at {from_us} us: the earliest possible "
-                f"time is {earliest_us} us, {print_span(earliest_us - from_us)} later"
-            )
+            raise TooEarly(self._label, from_us, earliest_us, self._host.name)
 
     def _start(self, from_us: int | None) -> None:
         super()._start(from_us)

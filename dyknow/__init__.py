@@ -18,6 +18,7 @@ from dyknow.errors import (
     PolicyError,
     SortError,
     TextError,
+    TooEarly,
     UnknownLabel,
     ValueNotAvailable,
 )
@@ -98,6 +99,7 @@ __all__ = [
     "Subscription",
     "Synchronizer",
     "TextError",
+    "TooEarly",
     "UnitFunction",
     "UnitPrototype",
     "UnknownLabel",

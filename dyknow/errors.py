@@ -9,6 +9,7 @@
   + WrongNumberOfInputs a unit takes another number of streams
   + PolicyNotSupported  a process cannot provide its output so
   + ValueNotAvailable   a generator has no sample that answers the question
+    + TooEarly          a stream cannot begin so far in the past
   + SortError           a value is not of the sort its stream declares
   + UnitError           a computational unit or source that is not found, or does not load
   + TextError           a text of ours (formula, policy, label, duration, act) does not parse or check
@@ -85,6 +86,24 @@ class PolicyNotSupported(DyknowError):
 
 class ValueNotAvailable(DyknowError):
     """The stream holds no sample that answers (thesis 5.3.2)."""
+
+
+class TooEarly(ValueNotAvailable):
+    """A stream cannot begin at `from_us`, but at `earliest_us` at the earliest.
+
+    Attributes:
+        what: the stream, and who makes it if that is another process.
+    """
+
+    def __init__(self, label: object, from_us: int, earliest_us: int, made_by: str = "") -> None:
+        from dyknow.instants import print_span  # it raises errors
+
+        self.from_us, self.earliest_us = from_us, earliest_us
+        self.what = f"{label} is made by {made_by} and" if made_by else f"{label}"
+        later = print_span(earliest_us - from_us)
+        super().__init__(
+            f"{self.what} cannot begin at {from_us} us: the earliest possible time is {earliest_us} us, {later} later"
+        )
 
 
 class SortError(DyknowError):

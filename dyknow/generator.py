@@ -4,9 +4,8 @@ from collections.abc import Callable
 from math import gcd
 from typing import Protocol, TypeAlias
 
-from dyknow.errors import ValueNotAvailable
+from dyknow.errors import TooEarly
 from dyknow.history import History
-from dyknow.instants import print_span
 from dyknow.labels import Label
 from dyknow.policy import Policy
 from dyknow.sample import SURE, Quality, Sample, Value
@@ -27,7 +26,7 @@ class Owner(Protocol):
         """See to it that the history holds what is valid from `from_us` on, None: all that can be had.
 
         Raises:
-            ValueNotAvailable: so much cannot be had; the message says what can.
+            TooEarly: so much cannot be had; the message says what can.
         """
 
     def since_us(self) -> int:
@@ -153,7 +152,7 @@ class Generator:
         """What is valid from `from_us` on and came already, as it came.
 
         Raises:
-            ValueNotAvailable: not all of it is held; the message names the earliest time from which it is.
+            TooEarly: not all of it is held; the message names the earliest time from which it is.
         """
         if self.owner is not None:
             self.owner.reach(from_us)
@@ -161,10 +160,7 @@ class Generator:
         if from_us < starts_us:
             if self.owner is not None:
                 self.owner.on_demand()
-            raise ValueNotAvailable(
-                f"{self.label} cannot begin at {from_us} us: the earliest possible time is {starts_us} us, "
-                f"{print_span(starts_us - from_us)} later"
-            )
+            raise TooEarly(self.label, from_us, starts_us)
         return sorted(self.history.get_between(from_us, 2**80), key=_available_us)
 
     def held(self) -> list[Sample]:

@@ -57,7 +57,7 @@ class Mediation(OnDemand):
     Args:
         domain: the stream that names the members; its newest sample counts from the beginning.
         member: the input of one member.
-        single: with more than one member at a time none is selected.
+        single: with more than one member at a time none is selected, and that is a fault.
     """
 
     def __init__(self, domain: Input, member: Callable[[str], Input], *, single: bool) -> None:
@@ -66,6 +66,7 @@ class Mediation(OnDemand):
         self.members: dict[str, StreamProxy] = {}
         self._past: list[tuple[int, str, Sample]] = []
         self._grid: Grid | None = None
+        self._is_told = False
 
     def inputs(self) -> Sequence[Input]:
         return (self._domain,)
@@ -90,6 +91,10 @@ class Mediation(OnDemand):
         except SortError as wrong:
             self.fault(str(wrong))
             return
+        if self.single and len(members) > 1:
+            self._is_of_several(len(members))
+        elif self.single:
+            self._is_told = False
         if self.single and len(members) != 1:
             members = ()
         staying = set(members)
@@ -103,6 +108,15 @@ class Mediation(OnDemand):
                 self._join(member, sample)
         if self._in_past:
             self._past.sort(key=lambda each: each[:2])
+
+    def _is_of_several(self, named: int) -> None:
+        """None of several can be the one that is selected; told once, until one is named again."""
+        if not self._is_told:
+            self._is_told = True
+            self.fault(
+                f"{self._domain.label} names {named} objects at once, so that none is selected: `select` passes one "
+                "input at a time, `merge` those of all"
+            )
 
     def end(self) -> None:
         members, self.members = self.members, {}

@@ -5,9 +5,8 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from dyknow.compunits import ComputationalUnit
-from dyknow.errors import SortError, ValueNotAvailable, raised
+from dyknow.errors import SortError, TooEarly, raised
 from dyknow.generator import Generator
-from dyknow.instants import print_span
 from dyknow.labels import Label
 from dyknow.policy import Policy
 from dyknow.prototypes import Reading, SourcePrototype, UnitPrototype
@@ -146,14 +145,11 @@ class OnDemand:
         """Begin with the past, from a time on or with all that is held.
 
         Raises:
-            ValueNotAvailable: that is not held any more, or the process began without it.
+            TooEarly: that is not held any more, or the process began without it.
         """
         earliest_us = self.since_us()
         if from_us is not None and from_us < earliest_us:
-            raise ValueNotAvailable(
-                f"{self._label} cannot begin at {from_us} us: the earliest possible time is {earliest_us} us, "
-                f"{print_span(earliest_us - from_us)} later"
-            )
+            raise TooEarly(self._label, from_us, earliest_us)
         if not self._running:
             self._start(earliest_us if from_us is None else from_us)
 

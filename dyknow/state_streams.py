@@ -163,11 +163,17 @@ def state_policy(policy: Policy, inputs: Sequence[Policy]) -> tuple[StatePolicy 
     input, or per change with `any change`. Without `max delay` it is the longest of the inputs'.
 
     Raises:
-        PolicyError: sampled, and nothing says how long to wait for the inputs.
+        PolicyError: sampled, and nothing says how long to wait for the inputs; or what waits for approximations is not
+            sampled, or waits longer for them than for anything (Def. 7.8.5).
     """
     sampled = policy.sample_us is not None or (
         policy.change == "any update" and all(each.sample_us is not None for each in inputs)
     )
+    if not sampled and policy.delay_before_us is not None:
+        raise PolicyError(
+            "`delay before approximation` needs `sample every`: only a sampled state waits for its values",
+            f"with sample every 100, delay before approximation {print_duration(policy.delay_before_us)}",
+        )
     if not sampled:
         return None, "any change" if policy.change == "any change" else "any update"
     delays = [each.max_delay_us for each in inputs]
@@ -178,14 +184,19 @@ def state_policy(policy: Policy, inputs: Sequence[Policy]) -> tuple[StatePolicy 
             "a sampled state needs `max delay`: how long after its valid time it is made with what there is",
             "with sample every 100, max delay 200",
         )
-    if policy.delay_before_us is not None and policy.delay_before_us > max_delay_us:
-        before, longest = print_duration(policy.delay_before_us), print_duration(max_delay_us)
-        raise PolicyError(
-            f"`delay before approximation {before}` and `max delay {longest}` collide: the state is made before it may be approximated",
-            f"delay before approximation {longest}",
-        )
+    check_delay_before(policy.delay_before_us, max_delay_us)
     approximation = policy.approximation if policy.exact or policy.approximation != "none" else "most recent"
     made = StatePolicy(
         policy.sample_us, max_delay_us, policy.delay_before_us, policy.from_us, policy.to_us, approximation
     )
     return made, "sampled"
+
+
+def check_delay_before(delay_before_us: int | None, max_delay_us: int) -> None:
+    """Approximations are used before a state is made with what there is (Def. 7.8.5); raises PolicyError."""
+    if delay_before_us is not None and delay_before_us > max_delay_us:
+        before, longest = print_duration(delay_before_us), print_duration(max_delay_us)
+        raise PolicyError(
+            f"`delay before approximation {before}` and `max delay {longest}` collide: the state is made before it may be approximated",
+            f"delay before approximation {longest}",
+        )

@@ -3,7 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
-from dyknow.errors import TextError, TextErrors
+from dyknow.errors import TextError, TextErrors, TooEarly
+from dyknow.instants import US_PER_MS, print_span
 from kpl.specification import Declaration, Export, Import, MonitorDeclaration, Specification, StreamDeclaration
 
 
@@ -67,3 +68,10 @@ def together(errors: Iterable[TextError], more: Iterable[TextError]) -> list[Tex
             told.add((each.line, each.column, each.message))
             found.append(each)
     return found
+
+
+def too_early(wrong: TooEarly, now_us: int) -> tuple[str, str]:
+    """How long ago is too long ago, and the earliest beginning as it is written."""
+    asked, held = print_span(now_us - wrong.from_us), print_span(now_us - wrong.earliest_us)
+    possible = "it can begin now" if wrong.earliest_us >= now_us else f"the earliest possible time is {held} ago"
+    return f"{wrong.what} cannot begin {asked} ago: {possible}", f"from {-(-wrong.earliest_us // US_PER_MS)}"

@@ -1,7 +1,8 @@
 """Checks of a formula against what there is: names, numbers of objects, sorts, intervals; every error, not the first.
 
 A name resolves to a bound variable, else a constant or object, else a feature without arguments, else it is an error.
-Sorts are `boolean`, `number`, `duration`, `object` and `any` (what is not known fits everywhere). A duration and a
+Sorts are `boolean`, `number`, `duration`, `object`, `record` (a value of several components, which a formula reads by their
+names) and `any` (what is not known fits everywhere). A duration and a
 bare number meet only where the number is a literal: it is milliseconds then.
 """
 
@@ -42,9 +43,10 @@ from reasoning.formulas import (
     Until,
     Variable,
     is_temporal,
+    label_text,
 )
 
-Sort: TypeAlias = Literal["boolean", "number", "duration", "object", "any"]
+Sort: TypeAlias = Literal["boolean", "number", "duration", "object", "record", "any"]
 Constant: TypeAlias = bool | int | float | str | Duration
 _MEASURED: Final = ("number", "duration", "any")
 
@@ -62,19 +64,21 @@ class Vocabulary:
     """What names mean. None for features, objects or domains: all names are taken as they come.
 
     `constants` may hold `self`, the platform's own unit; a text constant stands for an object, a number as a bound of
-    an interval for milliseconds. Features with attributes are named `cars.link`.
+    an interval for milliseconds. Features with attributes are named `cars.link`. `named` are objects beside which there
+    may be others.
     """
 
     features: Mapping[str, FeatureType] | None = None
     objects: Collection[str] | None = None
     domains: Collection[str] | None = None
     constants: Mapping[str, Constant] = field(default_factory=dict)
+    named: Collection[str] = ()
 
 
 def read_formula(text: str, vocabulary: Vocabulary | None = None, file: str = "") -> Formula:
     """Parse and check in one go; raises TextError with everything that is wrong."""
     formula, errors = read_tree(text, file)
-    checker = _Checker(vocabulary or Vocabulary(), text, file)
+    checker = Checker(vocabulary or Vocabulary(), text, file)
     found = checker.resolve(formula)
     raise_all(errors + checker.errors)
     return found
@@ -86,13 +90,15 @@ def check(formula: Formula, vocabulary: Vocabulary, text: str = "", file: str = 
     Raises:
         TextErrors: with every error, in the order of the text.
     """
-    checker = _Checker(vocabulary, text, file)
+    checker = Checker(vocabulary, text, file)
     found = checker.resolve(formula)
     raise_all(checker.errors)
     return found
 
 
-class _Checker:
+class Checker:
+    """Walks one formula; `errors` are what it met. What a feature, an object or a domain is can be looked up elsewhere."""
+
     def __init__(self, vocabulary: Vocabulary, text: str, file: str) -> None:
         self.errors: list[TextError] = []
         self._known, self._text, self._file = vocabulary, text, file
@@ -128,8 +134,18 @@ class _Checker:
         calculated = isinstance(found, Arithmetic | Negate | Abs)
         if calculated or sort not in {"boolean", "any"}:
             named = "a number" if calculated and sort == "any" else _named(sort)
-            self.error(f"a truth value is wanted, this is {named}", node.place, "compare it: ... > 0")
+            self.error(
+                f"a truth value is wanted, this is {named}", node.place, self._part(node, sort) or "compare it: ... > 0"
+            )
         return found
+
+    def _part(self, node: Formula, sort: Sort) -> str:
+        """What may be written for a record."""
+        return self.part_of(node) if sort == "record" and isinstance(node, Feature) else ""
+
+    def part_of(self, feature: Feature) -> str:
+        """A component of a record, as a formula reads it."""
+        return label_text(feature.name, feature.objects, "FIELD")
 
     def _each(self, parts: tuple[Formula, ...]) -> tuple[Formula, ...]:
         return tuple([self.truth(part) for part in parts])
@@ -146,7 +162,7 @@ class _Checker:
             case Feature():
                 return self._name(node)
             case Since(feature):
-                return replace(node, feature=self._feature(feature)[0]), "duration"
+                return replace(node, feature=self.feature(feature)[0]), "duration"
             case Occurred(event):
                 return replace(node, event=replace(event, objects=self._objects(event.objects, event.place))), "boolean"
             case Negate(operand) | Abs(operand):
@@ -166,7 +182,7 @@ class _Checker:
     def _measured(self, node: Formula) -> tuple[Formula, Sort]:
         found, sort = self.term(node)
         if sort not in _MEASURED:
-            self.error(f"a number is wanted, this is {_named(sort)}", node.place)
+            self.error(f"a number is wanted, this is {_named(sort)}", node.place, self._part(node, sort))
             return found, "any"
         return found, sort
 
@@ -189,8 +205,9 @@ class _Checker:
         left, right, first, second = self._meet(left, right, first, second, node.place)
         ordered = node.operator not in {"=", "!="}
         for sort, side in ((first, left), (second, right)):
-            if ordered and sort in {"boolean", "object"}:
-                self.error(f"{_named(sort)} has no order", side.place, "compare with = or !=")
+            if ordered and sort in {"boolean", "object", "record"}:
+                repair = self._part(side, sort) or "compare with = or !="
+                self.error(f"{_named(sort)} has no order", side.place, repair)
                 break
         return replace(node, left=left, right=right)
 
@@ -204,7 +221,9 @@ class _Checker:
             return left, other, first, first
         if first == "number" and (other := self._literal_as(left, second)) is not None:
             return other, right, second, second
-        repair = "give the number a suffix: us ms s min h" if {first, second} == {"number", "duration"} else ""
+        repair = self._part(left, first) or self._part(right, second)
+        if {first, second} == {"number", "duration"}:
+            repair = "give the number a suffix: us ms s min h"
         self.error(f"{_named(first)} meets {_named(second)}", place, repair)
         return left, right, "any", "any"
 
@@ -230,11 +249,11 @@ class _Checker:
             if isinstance(value, Duration):
                 return replace(value, place=node.place), "duration"
             return Const(value, place=node.place), _sort_of(value)
-        if bare and self._known.objects is not None and node.name in self._known.objects:
+        if bare and (node.name in self._known.named or node.name in (self._known.objects or ())):
             return Const(node.name, place=node.place), "object"
-        return self._feature(node)
+        return self.feature(node)
 
-    def _feature(self, node: Feature) -> tuple[Feature, Sort]:
+    def feature(self, node: Feature) -> tuple[Feature, Sort]:
         found = replace(node, objects=self._objects(node.objects, node.place))
         features = self._known.features
         if features is None:
@@ -244,13 +263,14 @@ class _Checker:
         if kind is None:
             return found, self._unknown(node, stem, features)
         if kind.arity is not None and kind.arity != len(node.objects):
-            names = [f"object{i + 1}" for i in range(kind.arity)]
-            self.error(
-                f"{stem} takes {_count(kind.arity)}, here are {len(node.objects)}",
-                node.place,
-                f"{stem}[{', '.join(names)}]" if names else stem,
-            )
+            self.takes(node, stem, kind.arity)
         return found, kind.sort
+
+    def takes(self, node: Feature, stem: str, arity: int) -> None:
+        """It has another number of objects."""
+        names = ", ".join(f"object{i + 1}" for i in range(arity))
+        said = f"{stem} takes {_count(arity)}, here are {len(node.objects)}"
+        self.error(said, node.place, label_text(stem, [names]) if names else stem)
 
     def _unknown(self, node: Feature, stem: str, features: Mapping[str, FeatureType]) -> Sort:
         near = get_close_matches(stem, [*features, *self._known.constants], n=1)

@@ -12,10 +12,11 @@ from dyknow.mediation import Mediation
 from dyknow.network import Process
 from dyknow.processes import Input
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
-from dyknow.state_streams import StateStream, exactly, state_policy
+from dyknow.state_streams import StateStream, check_delay_before, exactly, state_policy
 from kpl.changes import in_text
 from kpl.declared import Declared
 from kpl.definitions import Definitions
+from kpl.formula_monitors import MAX_DELAY_US
 from kpl.listing import print_declaration
 from kpl.specification import (
     ChronicleFile,
@@ -174,7 +175,7 @@ class Compiler:
             case GeneratorDeclaration():
                 self._check_made(declaration, declared)
             case ForEach(variable, domain, body):
-                self._check_period(domain, domain.policy)
+                self._check_policy(domain, domain.policy)
                 self._check_made(body, declared, {variable: variable})
             case UnitDeclaration(sort, name, inputs):
                 unit = self._instance.factory.find(name)
@@ -193,9 +194,16 @@ class Compiler:
                 definitions.check(declaration)
             case MonitorDeclaration():
                 definitions.resolved(declaration.formula, self._instance.unit, text, file)
-                self._check_period(declaration, declaration.policy)
+                self._check_policy(declaration, declaration.policy, of_states=True)
+                max_delay_us = declaration.policy.max_delay_us
+                try:
+                    check_delay_before(
+                        declaration.policy.delay_before_us, MAX_DELAY_US if max_delay_us is None else max_delay_us
+                    )
+                except PolicyError as wrong:
+                    raise located(declaration, str(wrong), wrong.repair) from None
             case StreamDeclaration(_, term) | Export(_, term) | Import(_, _, term):
-                self._check_period(term, term.policy)
+                self._check_policy(term, term.policy)
             case ChronicleFile():
                 self._check_chronicles(declaration)
 
@@ -219,11 +227,19 @@ class Compiler:
         self.making(declaration, declared, members)
         made = declaration.made
         if isinstance(made, States):
-            self._check_period(made, made.policy)
+            self._check_policy(made, made.policy, of_states=True)
         for term in _terms(made):
-            self._check_period(term, term.policy)
+            self._check_policy(term, term.policy)
 
-    def _check_period(self, node: Node, policy: Policy) -> None:
+    def _check_policy(self, node: Node, policy: Policy, *, of_states: bool = False) -> None:
+        """Periods that are kept, and constraints that mean something here (Def. 7.8.4: of states)."""
+        if policy.delay_before_us is not None and not of_states:
+            asked = replace(policy, delay_before_us=None)
+            raise located(
+                node,
+                "`delay before approximation` is a constraint of states, and says nothing of another stream",
+                f"with {asked}" if asked != Policy() else "nothing: leave it out",
+            )
         if self._instance.admission == "longer":
             return
         if policy.sample_us is not None and policy.sample_us < LEAST_PERIOD_US:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-from dyknow.errors import TextError
+from dyknow.errors import TextError, Unmade
 from kpl.listing import print_declaration
 from kpl.specification import Declaration
 from reasoning.formulas import Node
@@ -30,6 +30,11 @@ class Complaints:
 
     def wrong(self, message: str, node: Node, repair: str = "") -> None:
         self.errors.append(self.said(message, node, repair))
+
+    def unmade(self, message: str, node: Node, label: object, meant: str, repair: str = "") -> None:
+        """Something is missing that nothing there is meant by: it may yet come."""
+        told = self.said(message, node, meant or repair or f"strmgen {label} = ..., before it")
+        self.errors.append(told if meant else Unmade(told, str(label)))
 
     def closest(self, name: str, names: Iterable[object]) -> str:
         """What may have been meant; looked for while there are few errors, since it takes its time."""

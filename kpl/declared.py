@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple, TypeVar
 
 from dyknow.labels import Label
+from kpl.formula_monitors import domains_of
 from kpl.specification import (
     ChronicleFile,
     Declaration,
@@ -25,6 +26,7 @@ from kpl.specification import (
     StreamTerm,
     UnitDeclaration,
 )
+from reasoning.formulas import Feature, Variable, walk
 
 SELF = "self"
 NOTHING = frozenset[str]()
@@ -85,7 +87,7 @@ class Declared:
                 self._patterns.setdefault(made.label.feature, {})[key] = made
             else:
                 self._exact.setdefault(made.label, {})[key] = made
-        needs = needs_of(declaration)
+        needs = (*needs_of(declaration), *reads_of(declaration))
         for need in needs:
             self._needing.setdefault(_kept_under(need), {})[key] = declaration, needs
             self._needing.setdefault(stem(need.term.label), {})[key] = declaration, needs
@@ -102,11 +104,15 @@ class Declared:
             _drop(self._features, made.label.feature, key)
             _drop(self._patterns, made.label.feature, key)
             _drop(self._exact, made.label, key)
-        for need in needs_of(declaration):
+        for need in (*needs_of(declaration), *reads_of(declaration)):
             _drop(self._needing, _kept_under(need), key)
             _drop(self._needing, stem(need.term.label), key)
         for used in uses_of(declaration):
             _drop(self._using, used, key)
+
+    def declarations(self) -> Iterator[Declaration]:
+        """All of them, chronicle files left out."""
+        return (each for held in self.named.values() for each in held.values())
 
     def find(self, declaration: Declaration) -> Declaration | None:
         """The one that is held and equal."""
@@ -148,6 +154,8 @@ class Declared:
         for _, name in names_of(declaration):
             if isinstance(declaration, SourceDeclaration | UnitDeclaration):
                 yield from self._using.get(str(name), {}).values()
+        if isinstance(declaration, Define):
+            yield from (each for each, _ in self._needing.get(declaration.feature.name, {}).values())
         made = self.made.get(id(declaration)) or _made(declaration)
         if made is not None:
             feature = stem(made.label)
@@ -195,6 +203,22 @@ def needs_of(declaration: Declaration) -> tuple[Need, ...]:
         case StreamDeclaration(_, term) | Export(_, term):
             return (Need(term, NOTHING),)
     return ()
+
+
+def reads_of(declaration: Declaration) -> tuple[Need, ...]:
+    """The streams that its formula speaks of; a domain is one, too."""
+    if not isinstance(declaration, Define | MonitorDeclaration):
+        return ()
+    features = (node for node in walk(declaration.formula) if isinstance(node, Feature))
+    read = [*map(label_of, features), *((Label(name), NOTHING) for name in domains_of(declaration.formula))]
+    return tuple(Need(StreamTerm(label), variables) for label, variables in read)
+
+
+def label_of(feature: Feature) -> tuple[Label, frozenset[str]]:
+    """The label of a feature in a formula, and which of its objects are variables."""
+    name = f"{feature.name}.{feature.attribute}" if feature.attribute else feature.name
+    variables = frozenset(one.name for one in feature.objects if isinstance(one, Variable))
+    return Label(name, tuple(one if isinstance(one, str) else one.name for one in feature.objects)), variables
 
 
 def uses_of(declaration: Declaration) -> tuple[str, ...]:

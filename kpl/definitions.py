@@ -2,14 +2,18 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields, replace
+from functools import cached_property
 from typing import Any
 
 from dyknow.errors import TextError
+from dyknow.labels import Label
 from kpl.checking import Constant, Vocabulary, check
-from kpl.specification import Declaration, Define
+from kpl.declared import GENERATOR, names_of, needs_of
+from kpl.specification import Declaration, Define, ForEach, MonitorDeclaration
 from reasoning.formulas import (
     LIMIT_NODES,
     Const,
+    Domain,
     Duration,
     Exists,
     Feature,
@@ -35,15 +39,34 @@ class Definitions:
 
     def __init__(self, declarations: Iterable[Declaration]) -> None:
         self._left = LIMIT_EXPANDED
+        self._declarations = tuple(declarations)
         self.constants: dict[str, Constant] = {}
         self.features: dict[tuple[str, int], Define] = {}
-        for each in declarations:
+        for each in self._declarations:
             if isinstance(each, Define):
                 value = _constant(each)
                 if value is None:
                     self.features[each.feature.name, len(each.feature.objects)] = each
                 else:
                     self.constants[each.feature.name] = value
+
+    @cached_property
+    def objects(self) -> frozenset[str]:
+        """The objects that streams are called by, or that sets list; a stream called so itself is that stream."""
+        found, streams = set[str](), set[str]()
+        for each in self._declarations:
+            for need in needs_of(each):
+                found.update(one for one in need.term.label.objects if one not in need.variables)
+            for kind, name in names_of(each):
+                if kind == GENERATOR and isinstance(name, Label):
+                    inside = each.variable if isinstance(each, ForEach) else None
+                    found.update(one for one in name.objects if one != inside)
+                    streams.update(() if name.objects else (name.feature,))
+            if isinstance(each, Define | MonitorDeclaration):
+                domains = [node for node in walk(each.formula) if isinstance(node, Domain)]
+                listed = (one for each in domains for one in (each.base, *each.minus) if isinstance(one, tuple))
+                found.update(one for members in listed for one in members if isinstance(one, str))
+        return frozenset(found - streams)
 
     def check(self, definition: Define) -> None:
         """Raise TextError where a definition is made of itself, whether or not anybody uses it."""
@@ -78,7 +101,7 @@ class Definitions:
             whole = self._expand(formula, ())
         except RecursionError:
             raise TextError("nested too deep for where this is read", file=file, repair="nest less") from None
-        vocabulary = Vocabulary(constants={**self.constants, "self": unit})
+        vocabulary = Vocabulary(constants={**self.constants, "self": unit}, named=self.objects)
         if sum(1 for _ in walk(whole)) > LIMIT_NODES:
             raise too_large()
         return check(whole, vocabulary, text, file)

@@ -5,11 +5,11 @@ from functools import partial
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 from dyknow import Label, Network, Sample, Sort, Value
-from dyknow.errors import DyknowError, TextError, ValueNotAvailable
+from dyknow.errors import DyknowError, TextError, TooEarly
 from dyknow.factory import ProcessFactory
 from dyknow.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.stream_proxy import StreamProxy
-from kpl.changes import as_text_errors, difference, rank, together
+from kpl.changes import as_text_errors, difference, rank, together, too_early
 from kpl.chronicle_streams import ChronicleStreams, recognitions
 from kpl.compiling import MAX_DECLARATIONS, Compiler, located, too_many
 from kpl.declared import Declared, names_of
@@ -18,6 +18,7 @@ from kpl.families import Families
 from kpl.figures import MEANINGS, figure
 from kpl.formula_monitors import FormulaMonitor
 from kpl.introspection import proxies_of
+from kpl.known import Known
 from kpl.parsing import raise_all
 from kpl.parts import Parts
 from kpl.specification import (
@@ -34,7 +35,7 @@ from kpl.specification import (
     StreamTerm,
     UnitDeclaration,
 )
-from kpl.specification_checking import Findings, Known, check_change, check_specification
+from kpl.specification_checking import Findings, check_change, check_specification
 from kpl.surroundings import Federation, Hooks, Undo, nothing
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ class Instance:
         semantic: sorts of the semantic labels there are; None: any.
         prototypes: what sources and units can be made from.
         catalogue: asked for others by name; None: there is none.
+        offered: names of what the catalogue has.
         admission: what becomes of declarations while a governor sees no time for more: they are refused, or their
             sampled streams begin at a longer period.
     """
@@ -77,6 +79,7 @@ class Instance:
         semantic: Mapping[str, str] | None = None,
         prototypes: Iterable[Prototype] = (),
         catalogue: Callable[[str], Prototype | None] = lambda _name: None,
+        offered: Collection[str] = (),
         hooks: Hooks | None = None,
         federation: Federation | None = None,
         admission: Admission = "refuse",
@@ -92,7 +95,7 @@ class Instance:
         self.streams: dict[str, StreamProxy] = {}
         self.monitors: dict[str, FormulaMonitor] = {}
         self.chronicles: dict[str, ChronicleStreams] = {}
-        self._catalogue = catalogue
+        self._catalogue, self._offered = catalogue, offered
         self._sorts, self._semantic, self._federation = sorts or {}, semantic, federation
         self._undo: dict[Declaration, Undo] = {}
         self._backlog: list[tuple[str, Sample]] = []
@@ -249,7 +252,8 @@ class Instance:
             semantic=self._semantic,
             running=running,
             figures=MEANINGS,
-            quantities={name for name, sort in self._sorts.items() if any(each.unit != "text" for each in sort.fields)},
+            values=self._sorts,
+            offered=self._offered,
             unread=unread,
         )
 
@@ -364,8 +368,8 @@ class Instance:
                 lambda linked: self.hooks.on_link(name, linked),
                 from_us=self._past_us(term),
             )
-        except ValueNotAvailable as wrong:
-            raise located(declaration, str(wrong)) from wrong
+        except TooEarly as wrong:
+            raise located(declaration, *too_early(wrong, self.network.now_us)) from wrong
         self.streams[name] = proxy
         self._backlog += [(name, sample) for sample in proxy.take_backlog()]
 

@@ -3,27 +3,19 @@
 Labels of members (`pos[car]` in `for car in ...`, select and merge) stand for all labels that they can become.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
-from dyknow.errors import TextError, Unmade
+from dyknow.errors import TextError
 from dyknow.labels import Label
 from kpl.complaints import Complaints
-from kpl.declared import (
-    CHRONICLE,
-    GENERATOR,
-    MAKER,
-    RECOGNISED,
-    Declared,
-    Made,
-    fit,
-    is_pattern,
-    names_of,
-    needs_of,
-    stem,
-)
+from kpl.declared import CHRONICLE, GENERATOR, MAKER, RECOGNISED, Declared, Made, names_of, needs_of, stem
+from kpl.formula_checking import FormulaChecker
+from kpl.known import ANY, Known, Streams
 from kpl.specification import (
     Declaration,
+    Define,
     Export,
     ForEach,
     FromSource,
@@ -31,49 +23,19 @@ from kpl.specification import (
     Import,
     Link,
     Merge,
+    MonitorDeclaration,
     Refinement,
     Select,
     SourceDeclaration,
-    StateStream,
     StreamTerm,
     UnitDeclaration,
 )
 from kpl.suspicions import suspicions
 from reasoning.formulas import Node
 
-STATE = "state"
 LONGEST_CHAIN = 64
 """Samples flow by plain calls: so many processes may follow one another."""
 WORDS = ("state", "select", "merge", "link")
-ANY = "?"
-"""How the sorts begin that stand for any: a unit that has such and is not declared is told of where it is made."""
-_NONE: Mapping[str, str] = {}
-
-
-class Known(NamedTuple):
-    """What is there beside the specification.
-
-    Attributes:
-        sorts: the names of all sorts; None: any name is a sort.
-        sources: sorts of sources that need no declaration, by name.
-        units: sort and input sorts of computational units that need no declaration, by name.
-        labels: sorts of generators that are there already.
-        semantic: sorts of the ontology's semantic labels, by name; None: any name is one.
-        running: declarations that a running instance holds already.
-        figures: features of one object that an instance says of itself.
-        quantities: sorts whose values are known to name no objects.
-        unread: words of statements that could not be read: nothing called so is missing.
-    """
-
-    sorts: Collection[str] | None = None
-    sources: Mapping[str, str] = _NONE
-    units: Mapping[str, tuple[str, tuple[str, ...]]] = {}
-    labels: Mapping[Label, str] = {}
-    semantic: Mapping[str, str] | None = None
-    running: Collection[Declaration] = ()
-    figures: Collection[str] = ()
-    quantities: Collection[str] = ()
-    unread: Collection[str] = ()
 
 
 class Findings(NamedTuple):
@@ -124,10 +86,11 @@ class _Checker(Complaints):
     def __init__(self, declared: Declared, known: Known, text: str, file: str) -> None:
         super().__init__(text, file)
         self.declared, self.known = declared, known
-        self._sorts: dict[int, str | None] = {}
-        self._known_by_stem: dict[str, list[Label]] = {}
-        for label in known.labels:
-            self._known_by_stem.setdefault(stem(label), []).append(label)
+        self.streams = Streams(declared, known)
+
+    @cached_property
+    def _formulas(self) -> FormulaChecker:
+        return FormulaChecker(self.streams, self)
 
     def check(self, new: Sequence[Declaration], touched: Sequence[Declaration]) -> None:
         """`new` are from the text, the others that are touched run already."""
@@ -139,6 +102,8 @@ class _Checker(Complaints):
                 self._check(each)
             self._check_making(each)
             self._check_inputs(each)
+            if isinstance(each, Define | MonitorDeclaration):
+                self._formulas.look_at(each)
         self.of = None
         self._check_chains(touched, from_text)
 
@@ -160,16 +125,6 @@ class _Checker(Complaints):
             return declaration.name in self.known.units
         return isinstance(declaration, UnitDeclaration) and declaration.name in self.known.sources
 
-    def _source(self, name: str) -> str | None:
-        """The sort of a source."""
-        declared = self.declared.maker(name)
-        return declared.sort if isinstance(declared, SourceDeclaration) else self.known.sources.get(name)
-
-    def _unit_of(self, name: str) -> tuple[str, tuple[str, ...]] | None:
-        """Sorts of a unit and of its inputs."""
-        declared = self.declared.maker(name)
-        return (declared.sort, declared.inputs) if isinstance(declared, UnitDeclaration) else self.known.units.get(name)
-
     # Declarations, one by one
 
     def _check(self, declaration: Declaration) -> None:
@@ -188,7 +143,7 @@ class _Checker(Complaints):
                     )
             case Import(semantic) | Export(semantic):
                 if self.known.semantic is not None and semantic not in self.known.semantic:
-                    some = ", ".join(sorted(self.known.semantic)[:4])
+                    some = ", ".join(sorted(self.known.semantic)[:8])
                     repair = self.closest(semantic, self.known.semantic) or f"one that it has, such as {some}"
                     self.wrong(f"the ontology has no label {semantic}", declaration, repair)
 
@@ -209,10 +164,10 @@ class _Checker(Complaints):
                     )
 
     def _from_source(self, source: str, made: Node) -> None:
-        if self._source(source) is not None or source in self.known.unread:
+        if self.streams.source(source) is not None or source in self.known.unread:
             return
-        declared = self._unit_of(source)
-        sources = (*self.declared.sources(), *self.known.sources)
+        declared = self.streams.unit(source)
+        sources = (*self.declared.sources(), *self.known.sources, *self.known.offered)
         if declared is not None:
             self.wrong(f"{source} is a unit, which takes streams", made, f"{source}({', '.join(declared[1])})")
         elif any(True for _ in self.declared.makers(Label(source))):
@@ -223,13 +178,13 @@ class _Checker(Complaints):
             self.wrong(f"{source} is no source that is declared", made, repair)
 
     def _unit(self, unit: str, arity: int, made: Node) -> None:
-        declared = self._unit_of(unit)
+        declared = self.streams.unit(unit)
         if unit in self.known.unread:
             return
         if declared is None:
-            is_source = self._source(unit) is not None
+            is_source = self.streams.source(unit) is not None
             kind = "a source, which takes no streams" if is_source else "no computational unit that is declared"
-            units = (*self.declared.units(), *self.known.units, *WORDS)
+            units = (*self.declared.units(), *self.known.units, *self.known.offered, *WORDS)
             repair = unit if is_source else self.closest(unit, units)
             sorts = ", ".join(["SORT"] * arity)
             self.wrong(f"{unit} is {kind}", made, repair or f"compunit SORT {unit}({sorts}), before it")
@@ -259,11 +214,11 @@ class _Checker(Complaints):
             self._check_sorts(body.made, self.declared.made[id(declaration)].variables)
 
     def _check_sorts(self, made: Refinement, variables: frozenset[str]) -> None:
-        declared = self._unit_of(made.unit)
+        declared = self.streams.unit(made.unit)
         if declared is None or len(declared[1]) != len(made.inputs):
             return
         for wanted, term in zip(declared[1], made.inputs, strict=True):
-            sort = self._sort_of(term.label, variables, frozenset())
+            sort = self.streams.sort_of(term.label, variables)
             if sort is not None and sort != wanted and not wanted.startswith(ANY):
                 self.wrong(f"{made.unit} takes {wanted} here; {term.label} is {sort}", term, f"a stream of {wanted}")
 
@@ -273,58 +228,27 @@ class _Checker(Complaints):
             return
         if label.feature == RECOGNISED and any((CHRONICLE, name) in self.declared.named for name in label.objects[:1]):
             return
-        if any(True for _ in self.declared.makers(label, variables)) or self._is_known(label, variables):
+        if self.streams.has(label, variables):
+            lacking = self.streams.lacks(label, variables)
+            if lacking is not None:
+                self.wrong(lacking[0], term, lacking[1])
             return
         if stem(label) in self.known.unread:
             return
-        if not label.objects and self._source(label.feature) is not None:
+        if not label.objects and self.streams.source(label.feature) is not None:
             said = f"nothing makes {label}, which is a source: a stream is taken from a generator that is made from it"
             made = next((made.label for made in self.declared.made.values() if _source_of(made) == label.feature), None)
             self.wrong(said, term, str(made or f"strmgen {label}_stream = {label}, before it"))
             return
-        names = (*(made.label for made in self.declared.made.values()), *self.known.labels)
-        meant = self.closest(str(label), names)
-        told = self.said(f"nothing makes {label}", term, meant or f"strmgen {label} = ..., before it")
-        self.errors.append(told if meant else Unmade(told, str(label)))
+        own = self.declared.made.get(id(self.of))
+        names = (*(made.label for made in self.declared.made.values() if made is not own), *self.known.labels)
+        self.unmade(f"nothing makes {label}", term, label, self.closest(str(label), names))
 
     def _names_objects(self, domain: StreamTerm, variables: frozenset[str]) -> None:
         """A stream of members is one of objects, or of sets of them."""
-        sort = self._sort_of(domain.label, variables, frozenset())
-        if sort is not None and sort in self.known.quantities:
-            said = f"the values of {domain.label} are of sort {sort}, and name no objects"
+        said = self.streams.names_no_objects(domain.label, variables)
+        if said:
             self.wrong(said, domain, "a stream of objects, or of sets of them")
-
-    def _is_known(self, label: Label, variables: frozenset[str]) -> bool:
-        if label in self.known.labels and not is_pattern(label, variables):
-            return True
-        return any(fit(label, variables, known, frozenset()) for known in self._known_by_stem.get(stem(label), ()))
-
-    def _sort_of(self, label: Label, variables: frozenset[str], under: frozenset[int]) -> str | None:
-        """None when it is not known, or not one."""
-        for made in self.declared.makers(label, variables):
-            return None if made.label.feature != label.feature or id(made) in under else self._made_sort(made, under)
-        return self.known.labels.get(label)
-
-    def _made_sort(self, made: Made, under: frozenset[int]) -> str | None:
-        if id(made) not in self._sorts:
-            self._sorts[id(made)] = self._found_sort(made, under | {id(made)})
-        return self._sorts[id(made)]
-
-    def _found_sort(self, made: Made, under: frozenset[int]) -> str | None:
-        if isinstance(made.node, Import):
-            return (self.known.semantic or _NONE).get(made.node.semantic)
-        body = made.body
-        match body.made if isinstance(body, GeneratorDeclaration) else None:
-            case FromSource(source):
-                return self._source(source)
-            case Refinement(unit):
-                found = self._unit_of(unit)
-                return None if found is None or found[0].startswith(ANY) else found[0]
-            case StateStream():
-                return STATE
-            case Select(term, variable) | Merge(term, variable):
-                return self._sort_of(term.label, made.variables | {variable}, under)
-        return None
 
     # The whole
 

@@ -4,6 +4,7 @@ from typing import Final
 
 from kpl.mistakes import MISTAKES, Mistake
 
+_NOT_NEGATIVE: Final = "a time or a limit is not negative"
 _STATEMENTS: Final = (
     Mistake(
         "objects stand in brackets after the feature",
@@ -20,16 +21,10 @@ _STATEMENTS: Final = (
         "200ms",
         ("stream a = b with max delay 3 c", "stream a = b with sample every 3 c", "stream a = b with from 3 c"),
     ),
-    Mistake(
-        "a time or a limit is not negative",
-        "max delay 1000",
-        (
-            "stream a = b with max delay -3",
-            "stream a = b with sample every -3",
-            "stream a = b with max deviation -3",
-            "stream a = b with from -3 to 3",
-        ),
-    ),
+    Mistake(_NOT_NEGATIVE, "max delay 1000", ("stream a = b with max delay -3",)),
+    Mistake(_NOT_NEGATIVE, "max deviation 2.0", ("stream a = b with max deviation -3",)),
+    Mistake(_NOT_NEGATIVE, "sample every 200", ("stream a = b with sample every -3",)),
+    Mistake(_NOT_NEGATIVE, "from 300 to 400", ("stream a = b with from -3 to 3", "stream a = b with from 3 to -3")),
     Mistake(
         "a duration ends with `to`",
         "from 300 to 400",

@@ -6,7 +6,7 @@ from dyknow.errors import TextError
 from dyknow.instants import print_duration
 from dyknow.labels import Label
 from kpl.complaints import Complaints
-from kpl.declared import Declared, needs_of, stem, uses_of
+from kpl.declared import Declared, needs_of, reads_of, stem, uses_of
 from kpl.formula_monitors import domains_of
 from kpl.remarks import remarks
 from kpl.specification import (
@@ -23,9 +23,6 @@ from kpl.specification import (
 from reasoning.derivation import FEATURES
 from reasoning.formulas import Feature, Formula, Variable, walk
 
-OF_A_PLATFORM = "units"
-"""The domain that every platform has."""
-
 
 def suspicions(
     every: Sequence[Declaration],
@@ -38,7 +35,7 @@ def suspicions(
     found: list[TextError] = []
     wanted, used, features = set[int](), set[str](), set[str]()
     for each in every:
-        for need in needs_of(each):
+        for need in (*needs_of(each), *reads_of(each)):
             wanted.update(id(one) for one in declared.makers(need.term.label, need.variables))
         used.update(uses_of(each))
         if isinstance(each, Define | MonitorDeclaration):
@@ -61,10 +58,6 @@ def suspicions(
                 found.append(
                     complaints.said(f"{said}, so that its value stays unknown", node, complaints.closest(name, names))
                 )
-            for domain in domains_of(each.formula):
-                if domain not in there and domain != OF_A_PLATFORM:
-                    said = f"nothing here makes {domain}, so that it has no members"
-                    found.append(complaints.said(said, each, complaints.closest(domain, there)))
         if isinstance(each, MonitorDeclaration):
             said_of = remarks(each.formula, lambda feature: _is_raw(feature, declared))
             found += [complaints.said(one.message, one.node, one.repair) for one in said_of]

@@ -244,6 +244,19 @@ def test_figures_3_6_and_3_7_select_follows_the_one_that_is_named() -> None:
     assert [s.value for s in got] == ["a1", "b1"]
 
 
+def test_select_tells_once_that_several_are_named_until_one_is_again() -> None:
+    network, got, faults = network_of_cars(), [], []
+    network.on_fault = lambda label, said: faults.append((label, said))
+    mediate(network, single=True)
+    network.connect(OUT, Policy(), got.append)
+    feed(network, [(IDS, 10, ("a", "b"), 10), (IDS, 20, ("b", "c", "d"), 20), (pos("b"), 25, "b1", 25)])
+    assert [label for label, _ in faults] == [OUT]
+    assert "names 2 objects at once, so that none is selected" in faults[0][1]
+    feed(network, [(IDS, 30, "b", 30), (pos("b"), 35, "b2", 35), (IDS, 40, ("a", "b"), 40)])
+    assert [s.value for s in got] == ["b2"]
+    assert len(faults) == 2
+
+
 def test_merge_has_a_varying_set_of_inputs() -> None:
     network, got = network_of_cars(), []
     mediate(network, single=False)

@@ -178,8 +178,9 @@ def test_a_past_that_cannot_be_served_is_refused_with_its_place_and_all_else_goe
     with pytest.raises(TextErrors, match="earliest possible time"):
         running.change(BASE.replace("stream out = c", "stream out = b") + lines[1])
     assert running.state() == before
-    earliest_us = int(re.search(r"time is (\d+) us", said)[1])  # type: ignore[index]
-    running.add(f"stream past = b with from {earliest_us}us to oo")
+    assert "cannot begin 3.0 s ago" in said
+    earliest = re.search(r"write: (from \d+)$", said)[1]  # type: ignore[index]
+    running.add(f"stream past = b with {earliest} to oo")
     assert running.values("past")
 
 

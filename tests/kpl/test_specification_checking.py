@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 
 from dyknow.labels import Label
-from kpl import parse_specification
-from kpl.specification_checking import Findings, Known, check_specification
+from kpl import Findings, Known, check_specification, parse_specification
 from tests.kpl.specifications import specifications
 from tests.kpl.test_statements import CARS
 
