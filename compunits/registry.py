@@ -178,6 +178,10 @@ class Catalogue:
         """
         return self.find(name) if name in self._own or name in library() or name in self._offered else None
 
+    def is_ours(self, name: str) -> bool:
+        """Whether it is the library's that is found under that name."""
+        return name not in self._own and name in library()
+
     def _unknown(self, name: str) -> UnitError:
         near = get_close_matches(name, self.names, n=3)
         hint = f"did you mean {' or '.join(map(repr, near))}" if near else "give the module that has it"

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import psutil
 
-from console.errors import FederationFailed
+from console.errors import WRONG, FederationFailed, WrongCall
 
 STATE_FILE = "state.json"
 GRACE_S = 5.0
@@ -172,7 +172,8 @@ class Fleet:
         """Hear the platforms until `done` or the time is over; True if done.
 
         Raises:
-            FederationFailed: if one ends meanwhile; its last words are in the message.
+            FederationFailed, WrongCall: if one ends meanwhile, the latter if it could not begin as it was asked to; its
+                last words are in the message.
         """
         until = time.monotonic() + timeout_s
         while True:
@@ -181,7 +182,7 @@ class Fleet:
             if done():
                 return True
             for unit, code in self.ended().items():
-                raise FederationFailed(
+                raise (WrongCall if code == WRONG else FederationFailed)(
                     f"platform {unit} ended with code {code} before it was ready.\n{self.last_words(unit)}"
                 )
             if time.monotonic() > until:

@@ -352,14 +352,14 @@ def instance_of(
     from federation.ontology import default_ontology
     from kpl import Instance
 
-    find = catalogue(modules).offered
+    there = catalogue(modules)
 
     def found(name: str) -> "Prototype | None":
         from dataclasses import replace
 
         from dyknow import SourcePrototype
 
-        prototype = find(name)
+        prototype = there.offered(name)
         if isinstance(prototype, SourcePrototype) and not reads:
             return replace(prototype, read=None)
         return prototype
@@ -371,6 +371,7 @@ def instance_of(
         sorts={ontology[name].sort.name: ontology[name].sort for name in ontology},
         semantic={name: ontology[name].sort.name for name in ontology},
         catalogue=found,
+        offered=there.names,
         hooks=hooks,
     )
 

@@ -36,9 +36,24 @@ def check(call: Call, path: Path, *, units: Sequence[str] = (), unit: str = "0")
     warnings = () if errors else findings.warnings
     for severity, found in (*(("error", one) for one in errors), *(("warning", one) for one in warnings)):
         _say(call, severity, found)
+    _tell_library(call, specification, units)
     if not call.out.json_lines:
         call.out.console.print(_summary(len(specification), len(errors), len(warnings)))
     return NO if errors else DONE
+
+
+def _tell_library(call: Call, specification: "Specification", modules: Sequence[str]) -> None:
+    """Declared units that are looked at as the library's, where somebody may have one of that name."""
+    from compunits import catalogue
+    from kpl.specification import UnitDeclaration
+
+    there = catalogue(modules)
+    names = [each.name for each in specification if isinstance(each, UnitDeclaration) and there.is_ours(each.name)]
+    if names:
+        call.out.note(
+            f"note: {', '.join(names)} {'is' if len(names) == 1 else 'are'} looked at as in the library; for units of "
+            "your own so called give --units MODULE."
+        )
 
 
 def show(call: Call, path: Path) -> int:

@@ -23,7 +23,7 @@ from agents.plans import PlanBook
 from agents.platform import Platform
 from compunits import catalogue
 from dyknow import Policy
-from dyknow.errors import DecodeError, DyknowError, EndpointFailed, RosterError
+from dyknow.errors import DecodeError, DyknowError, EndpointFailed, RosterError, UnitError
 from federation import contents
 from federation.clock import FederationClock
 from federation.codec import decode_description
@@ -43,6 +43,8 @@ from runtime.loop import Node, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
 from runtime.specified import Specified
 
+WRONG, FAILED = 2, 3
+"""How the process ends: what it was given does not work, or what it met."""
 WEIGH_US = 100_000
 ASK_US = 300_000
 ADOPT_US = 2_000_000
@@ -410,7 +412,7 @@ def serve(config: NodeConfig, make_vehicle: MakeVehicle) -> int:
         return process.run()
     except DyknowError as wrong:
         sys.stderr.write(f"platform {config.unit}: {wrong}\n")
-        return 3
+        return WRONG if isinstance(wrong, UnitError) else FAILED
 
 
 def _lifeline(stop: Callable[[], None]) -> None:

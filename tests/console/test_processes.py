@@ -10,8 +10,9 @@ from pathlib import Path
 import psutil
 import pytest
 
-from console.errors import FederationFailed
+from console.errors import FederationFailed, WrongCall
 from console.processes import Fleet, Running, State, end, read_state, run_directory, write_state
+from runtime.config import NodeConfig
 
 SPEAKS = """
 import json, sys, time
@@ -57,6 +58,14 @@ def test_one_that_fails_to_start_is_told_with_its_last_words(fleet: Fleet) -> No
         FederationFailed, match=r"platform 0 ended with code 1(.|\n)*cannot bind 127\.0\.0\.1:1(.|\n)*0\.log"
     ):
         fleet.follow(lambda: False, lambda _unit, _said: None, timeout_s=20)
+
+
+def test_one_that_was_given_what_does_not_work_is_a_wrong_call(fleet: Fleet, tmp_path: Path) -> None:
+    (tmp_path / "units.py").write_text("raise OSError('no camera')\n")
+    config = NodeConfig(unit="3", units=(str(tmp_path / "units.py"),))
+    fleet.start("3", config.model_dump_json())
+    with pytest.raises(WrongCall, match=r"units\.py:1: OSError: no camera"):
+        fleet.follow(lambda: False, lambda _unit, _said: None, timeout_s=30)
 
 
 def test_a_process_whose_id_is_used_again_is_not_ours(tmp_path: Path) -> None:

@@ -96,3 +96,24 @@ def test_a_file_that_is_no_text_or_far_too_long_is_a_wrong_call(dyknow: Run, tmp
         done = dyknow("kpl", "check", str(path))
         assert done.returncode == 2
         assert said in done.stderr
+
+
+def test_a_unit_that_is_called_like_one_of_the_library_is_said_to_be_that_one(dyknow: Run, tmp_path: Path) -> None:
+    text = (
+        "source pos gps\ncompunit speed SpeedEst(pos, pos)\nstrmgen p = gps\nstream a = s\nstrmgen s = SpeedEst(p, p)\n"
+    )
+    spec, own = written(tmp_path, text), tmp_path / "own.py"
+    checked = dyknow("kpl", "check", spec)
+    assert checked.returncode == 1
+    assert "SpeedEst is looked at as in the library" in checked.stderr
+    own.write_text(
+        "from dyknow import computational_unit\n\n"
+        '@computational_unit("speed", "pos", "pos")\nclass SpeedEst:\n    def __call__(self, now_us, one, other):\n        return 1.0\n'
+    )
+    checked = dyknow("kpl", "check", spec, "--units", str(own))
+    assert (checked.returncode, checked.stderr) == (0, "")
+
+
+def test_a_unit_nearly_called_like_one_that_is_offered_is_told_so(dyknow: Run, tmp_path: Path) -> None:
+    spec = written(tmp_path, "source pos gps\nstrmgen p = gps\nstrmgen s = SpedEst(p)\n")
+    assert "write: SpeedEst" in dyknow("kpl", "check", spec).stdout
