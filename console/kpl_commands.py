@@ -20,10 +20,13 @@ Feed = Annotated[
     Path | None, typer.Option(metavar="FILE.jsonl", help="Samples of the specification's sources, one instant a line.")
 ]
 SpecificationFile = Annotated[Path, typer.Argument(metavar="FILE", help="A specification, mission.kpl.")]
+CheckedFile = Annotated[
+    Path, typer.Argument(metavar="FILE", help="A specification, mission.kpl, or chronicles, overtake.chr.")
+]
 
 
 @command(kpl, name="check", example="dyknow kpl check mission.kpl")
-def kpl_check(call: Call, file: SpecificationFile, modules: UnitModules = None) -> int:
+def kpl_check(call: Call, file: CheckedFile, modules: UnitModules = None) -> int:
     """Every error of a specification with its place and repair, and what nobody reaches; exit 1 if there is an error."""
     from console.specifications import check as run
 
@@ -33,7 +36,10 @@ def kpl_check(call: Call, file: SpecificationFile, modules: UnitModules = None) 
 @command(kpl, name="show", example="dyknow kpl show mission.kpl")
 def kpl_show(
     call: Call,
-    file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="A specification, mission.kpl.")] = None,
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="[FILE]", help="A specification, mission.kpl, or chronicles, overtake.chr."),
+    ] = None,
     unit: Annotated[
         str | None, typer.Option(metavar="U", help="Instead of a file: what this running platform holds.")
     ] = None,

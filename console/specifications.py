@@ -1,4 +1,4 @@
-"""`dyknow kpl`: specifications checked and printed back."""
+"""`dyknow kpl`: specifications, and files of chronicles, checked and printed back."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 GraphForm = Literal["kpl", "text", "json", "mermaid", "dot"]
 LONGEST_FILE = 1 << 20
+CHRONICLES = ".chr"
+"""So ends the name of a file of chronicles."""
 
 
 def check(call: Call, path: Path, *, units: Sequence[str] = (), unit: str = "0") -> int:
@@ -25,6 +27,8 @@ def check(call: Call, path: Path, *, units: Sequence[str] = (), unit: str = "0")
     from kpl.governor import speaks
 
     text = read_text(path)
+    if path.suffix == CHRONICLES:
+        return _check_chronicles(call, text, path)
     try:
         specification, errors, unread = read_specification(text, str(path), beside(path))
     except TextError as wrong:
@@ -60,6 +64,8 @@ def show(call: Call, path: Path) -> int:
     """The specification as the instance would print it: one declaration a line."""
     from kpl import parse_specification, print_declaration
 
+    if path.suffix == CHRONICLES:
+        return _show_chronicles(call, path)
     specification: Specification = parse_specification(read_text(path), str(path), beside(path))
     for declaration in specification:
         said = print_declaration(declaration)
@@ -67,6 +73,34 @@ def show(call: Call, path: Path) -> int:
             call.out.line({"line": declaration.place.line, "declaration": said})
         else:
             call.out.plain(f"{said}\n")
+    return DONE
+
+
+def _check_chronicles(call: Call, text: str, path: Path) -> int:
+    from kpl import read_chronicles
+
+    declarations, errors = 0, list[TextError]()
+    try:
+        found, errors = read_chronicles(text, str(path))
+        declarations = len(found.declarations)
+    except TextError as wrong:
+        errors = [wrong]
+    errors = sorted(errors, key=lambda error: (error.line, error.column))
+    for one in errors:
+        _say(call, "error", one)
+    if not call.out.json_lines:
+        call.out.console.print(_summary(declarations, len(errors), 0))
+    return NO if errors else DONE
+
+
+def _show_chronicles(call: Call, path: Path) -> int:
+    from kpl import parse_chronicles, print_chronicles
+
+    found = parse_chronicles(read_text(path), str(path))
+    if call.out.json_lines:
+        call.out.line({"declaration": print_chronicles(found)})
+    else:
+        call.out.plain(print_chronicles(found))
     return DONE
 
 

@@ -118,3 +118,14 @@ def test_files_that_are_not_there_are_named(dyknow: Run, files: tuple[Path, Path
         done = dyknow("chronicle", one, "--events", other)
         assert done.returncode == 2
         assert "cannot be read" in done.stderr
+
+
+def test_chronicles_are_checked_and_shown_like_specifications(dyknow: Run, files: tuple[Path, Path]) -> None:
+    shown = dyknow("kpl", "show", str(files[0]))
+    assert shown.returncode == 0
+    assert "event(behind[?car1, ?car2]:(?, true), t1)" in shown.stdout
+    assert dyknow("kpl", "check", str(files[0])).stdout == "1 declaration, 0 errors, 0 warnings\n"
+    files[0].write_text(OVERTAKE.replace("t2 - t1 in [1, 60s]", "t2 - t1 in [1, 60s)\nt2 == t1"))
+    checked = dyknow("kpl", "check", str(files[0]), "--json")
+    assert checked.returncode == 1
+    assert [json.loads(line)["line"] for line in checked.stdout.splitlines()] == [5, 6]
