@@ -22,7 +22,7 @@ from federation.ontology import Convert
 from federation.wire import LabelEntry
 from kpl import Hooks, Instance, Specification, parse_specification, print_specification
 from kpl.governor import Governor
-from kpl.introspection import drawn, graph_of, origins_of
+from kpl.introspection import drawn, graph_of, maker_of, origins_of
 from kpl.records import Faults, alarm_record, sample_record
 from kpl.specification import Import, MonitorDeclaration, StreamTerm
 from kpl.surroundings import Undo
@@ -286,7 +286,8 @@ class Declared:
     # What happens in the instance
 
     def _on_output(self, name: str, sample: Sample) -> None:
-        self._p.tell(sample_record(name, sample, origins_of(self.instance, name, sample.valid_us)))
+        origins = origins_of(self.instance, name, sample.valid_us)
+        self._p.tell(sample_record(name, sample, origins, maker_of(self.instance, name, sample)))
 
     def _on_link(self, name: str, linked: bool) -> None:
         self._p.tell({"event": "stream", "stream": name, "linked": linked})

@@ -170,10 +170,11 @@ class Run:
 
     def _on_sample(self, name: str, sample: "Sample") -> None:
         self._keep("stream", name, sample)
-        from kpl.introspection import origins_of
+        from kpl.introspection import maker_of, origins_of
         from kpl.records import sample_record
 
-        said = sample_record(name, sample, origins_of(self.instance, name, sample.valid_us))
+        origins = origins_of(self.instance, name, sample.valid_us)
+        said = sample_record(name, sample, origins, maker_of(self.instance, name, sample))
         tell_record(self._call, said, begins_us=self._shown_from_us)
 
     def _on_link(self, name: str, linked: bool) -> None:

@@ -2,6 +2,7 @@
 
 import re
 from bisect import bisect_left
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
@@ -21,6 +22,7 @@ MAX_MEMBERS = 4096
 MAX_NAME = 128
 """Longest name of a member, in characters."""
 EVER = 2**80
+KEPT = 64
 _OBJECT = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(-[A-Za-z0-9_]+)*|[0-9]+")
 
 
@@ -58,12 +60,16 @@ class Mediation(OnDemand):
         domain: the stream that names the members; its newest sample counts from the beginning.
         member: the input of one member.
         single: with more than one member at a time none is selected, and that is a fault.
+
+    Attributes:
+        recent: valid times and values that were passed on last, each with the label of the stream it came from.
     """
 
     def __init__(self, domain: Input, member: Callable[[str], Input], *, single: bool) -> None:
         super().__init__()
         self._domain, self._member, self.single = domain, member, single
         self.members: dict[str, StreamProxy] = {}
+        self.recent: deque[tuple[int, Value, Label]] = deque(maxlen=KEPT)
         self._past: list[tuple[int, str, Sample]] = []
         self._grid: Grid | None = None
         self._is_told = False
@@ -121,6 +127,7 @@ class Mediation(OnDemand):
     def end(self) -> None:
         members, self.members = self.members, {}
         self._past.clear()
+        self.recent.clear()
         for proxy in members.values():
             proxy.cancel()
 
@@ -149,15 +156,16 @@ class Mediation(OnDemand):
         if network is None:
             return
         generator = network.find(wanted.label) if self._in_past else None
+        consumer = partial(self._pass, wanted.label)
         if generator is None:
-            proxy = network.connect(wanted.label, wanted.policy, self._pass)
+            proxy = network.connect(wanted.label, wanted.policy, consumer)
         else:
             begins_us = generator.prepare(EVER_US)
             held = generator.held()
             if begins_us > EVER_US and (not held or held[0].available_us > named.available_us):
                 self._since_us = max(self._since_us, begins_us)
             proxy = network.connect(
-                wanted.label, wanted.policy, self._pass, from_us=begins_us, after_us=named.available_us
+                wanted.label, wanted.policy, consumer, from_us=begins_us, after_us=named.available_us
             )
         self.members[member] = proxy
         self._past += [(sample.available_us, member, sample) for sample in proxy.take_backlog()]
@@ -166,11 +174,18 @@ class Mediation(OnDemand):
     def _replay(self, until_us: int) -> None:
         """Pass on what the members brought in the past before `until_us`."""
         passed = bisect_left(self._past, until_us, key=lambda each: each[0])
-        for _, _, sample in self._past[:passed]:
-            self._pass(sample)
+        for _, member, sample in self._past[:passed]:
+            self._pass(self._member(member).label, sample)
         del self._past[:passed]
 
-    def _pass(self, sample: Sample) -> None:
+    def maker_of(self, sample: Sample) -> Label | None:
+        """From which stream a sample came that was passed on lately; None: it is not known, or approximated."""
+        found = [
+            label for valid_us, value, label in self.recent if (valid_us, value) == (sample.valid_us, sample.value)
+        ]
+        return found[-1] if found else None
+
+    def _pass(self, label: Label, sample: Sample) -> None:
         generator = self._generator
         if generator is None:
             return
@@ -179,6 +194,7 @@ class Mediation(OnDemand):
         except SortError as wrong:
             self.fault(f"a member brings what is not of the sort: {wrong}")
         else:
+            self.recent.append((sample.valid_us, sample.value, label))
             self.emit(sample.valid_us, sample.value, sample.available_us, sample.quality)
 
 

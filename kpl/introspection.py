@@ -166,6 +166,13 @@ def origins_of(instance: "Instance", name: str, valid_us: int) -> dict[str, Orig
     return {} if found is None else dict(zip(labels, found.origins, strict=False))
 
 
+def maker_of(instance: "Instance", name: str, sample: Sample) -> Label | None:
+    """From the stream of which member a sample of a declared stream is, if it is of a select or merge (3.3.4)."""
+    label = instance.streams[name].label if name in instance.streams else None
+    process = instance.network.process(label) if label is not None and instance.network.has(label) else None
+    return process.maker_of(sample) if isinstance(process, Mediation) else None
+
+
 def awaits_us(instance: "Instance") -> int:
     """How long after its valid time a sample may still matter to a declared stream or a monitor that waits for others."""
     network, known = instance.network, dict[Label, int]()

@@ -25,9 +25,13 @@ def sample_json(sample: Sample) -> dict[str, Any]:
     }
 
 
-def sample_record(name: str, sample: Sample, origins: Mapping[str, Origin] = _NONE) -> dict[str, Any]:
-    """A sample of a declared stream; of a state, how each of its values was obtained."""
+def sample_record(
+    name: str, sample: Sample, origins: Mapping[str, Origin] = _NONE, maker: Label | None = None
+) -> dict[str, Any]:
+    """A sample of a declared stream; of a state, how each of its values was obtained, of a merge, of whom it is."""
     said: dict[str, Any] = {"event": "sample", "stream": name, **sample_json(sample)}
+    if maker is not None:
+        said["of"] = str(maker)
     if origins:
         said["origins"] = {label: {"manner": one.manner, "valid_us": one.valid_us} for label, one in origins.items()}
     return said

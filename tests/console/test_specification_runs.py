@@ -112,6 +112,20 @@ def guess(now_us, pos):
     }
 
 
+def test_a_merged_sample_says_of_which_member_it_is(place: Place, lines: Lines) -> None:
+    text = (
+        "source number a\nsource number b\nsource object ids\nstrmgen v[c1] = a\nstrmgen v[c2] = b\nstrmgen who = ids\n"
+        "strmgen merged = merge v[car] for car in who\nstream out = merged\nstream one = v[c1]\n"
+    )
+    feed = '{"t_ms": 0, "ids": ["c1", "c2"]}\n{"t_ms": 100, "a": 1, "b": 2}\n{"t_ms": 200, "b": 1}\n'
+    place.spec, place.feed = place.write("merged.kpl", text), place.write("merged.jsonl", feed)
+    assert place.run() == 0
+    said = [(each["stream"], each["valid_us"], each.get("of")) for each in lines() if each["event"] == "sample"]
+    assert sorted(said, key=str) == [
+        ("one", 100_000, None), ("out", 100_000, "v[c1]"), ("out", 100_000, "v[c2]"), ("out", 200_000, "v[c2]")
+    ]  # fmt: skip
+
+
 def test_for_people_values_are_short_and_no_value_is_said(place: Place, capsys: pytest.CaptureFixture[str]) -> None:
     place.call = Call(place.call.settings, None, Output(json_lines=False))
     place.write("car.jsonl", '{"t_ms": 0, "gps": 0.30000000000000004}\n{"t_ms": 5, "at_ms": 6.04, "gps": null}\n')
