@@ -136,7 +136,10 @@ def test_a_partner_that_dies_is_told_and_its_streams_come_again_when_it_returns(
         ("import heli-position from 0 as pos[me]", "that is this platform"),
         ("import heli-colour from 1 as colour[uav1]", "the ontology has no label heli-colour"),
         (f"monitor {'m' * 65} = always pos.latitude_deg[self] != 1", "at most 64 characters, got 65"),
-        ("monitor m = always (xy_dist[self, self] > 1 and pos.latitude_deg[self] > 1)", "one formula cannot speak of both"),
+        (
+            "monitor m = always (xy_dist[self, self] > 1 and pos.latitude_deg[self] > 1)",
+            "one formula cannot speak of both",
+        ),
     ],
 )
 def test_what_a_federation_cannot_do_is_refused_in_words(pair, line, said):
