@@ -145,20 +145,23 @@ def _strongest(clauses: Clauses) -> Clauses:
 
 
 def _strongest_of_many(clauses: Clauses) -> list[Clause]:
-    """The same where looking at all pairs would take long: what implies a clause is about operators of that clause."""
-    about: dict[object, dict[Clause, None]] = {}
+    """The same where looking at all pairs would take long: what implies a clause is about operators of that clause.
+
+    Each is kept under one of its operators, the greatest, so that the doubt that many share gathers none of them.
+    """
+    about: dict[object, dict[Clause, object]] = {}
     for clause in sorted(clauses, key=len):
-        subjects = {one[0] if isinstance(one, tuple) else one for one in clause}
-        near = {one for subject in subjects for one in about.get(subject, ())}
+        numbers = {one[0] for one in clause if isinstance(one, tuple)}
+        subjects: list[object] = [*numbers, *(one for one in clause if isinstance(one, Block))]
+        near = [one for subject in subjects for one in about.get(subject, ())]
         if any(implies(one, clause) for one in near):
             continue
         for one in near:
             if len(one) == len(clause) and implies(clause, one):
-                for those in about.values():
-                    those.pop(one, None)
-        for subject in subjects:
-            about.setdefault(subject, {})[clause] = None
-    return list(dict.fromkeys(one for those in about.values() for one in those))
+                for subject in subjects:
+                    about.get(subject, {}).pop(one, None)
+        about.setdefault(max(numbers) if numbers else subjects[0], {})[clause] = None
+    return [one for those in about.values() for one in those]
 
 
 def implies(one: Clause, other: Clause) -> bool:

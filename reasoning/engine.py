@@ -220,7 +220,7 @@ class FastProgression:
         except Grows:
             self._plain = Progression(self.formula, self.period_us, self._no_value)
             return
-        self._read = reader(found.atoms, compiler)
+        self._read = reader(found.atoms, Compiler(domains, self._no_value))  # its size is counted by itself
         self._automaton = automaton(found.shape, self.period_us)
         self._state = self._automaton.beginning
         if not self._by_deadlines and self._no_value != "skip" and self._changes is None:

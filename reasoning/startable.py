@@ -47,7 +47,7 @@ def startable(
         except Grows:
             pass
         else:
-            return OnAutomaton(found, compiler, automaton(found.shape, period_us))
+            return OnAutomaton(found, Compiler(domains, no_value), automaton(found.shape, period_us))
     return Plain(compile_operator(formula, domains, period_us, no_value), formula, domains, no_value)
 
 

@@ -180,3 +180,11 @@ def test_a_disjunction_of_many_conjunctions_stays_small(way):
         values = {f"{name}[{one}]": (at + len(one)) % 3 == 0 for one in domains["d"] for name in "st"}
         progression.progress(at * UNIT_US, values, domains)
         assert progression.kept <= 300
+
+
+@pytest.mark.parametrize("way", ["plain", "object", "batch", "deadlines"])
+def test_a_formula_over_nine_thousand_members_is_within_the_limit_whichever_way(way):
+    formula = read_formula("always forall u in uavs: p[u] -> eventually[0, 1s] q[u]")
+    progression = make_progression(formula, UNIT_US, way=way)
+    progression.progress(0, {}, {"uavs": tuple(f"u{at}" for at in range(9_000))})
+    assert progression.verdict == "undecided"
