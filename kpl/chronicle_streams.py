@@ -18,6 +18,7 @@ from heapq import heappop, heappush
 from typing import Final, NamedTuple
 
 from dyknow import NO_VALUE, Inputs, Label, Network, Policy, Sample, Sort, UnitPrototype, Value
+from dyknow.errors import ChronicleError
 from dyknow.instants import US_PER_MS, US_PER_S
 from dyknow.network import FAR_US, Process
 from dyknow.processes import Input, Refinement
@@ -52,6 +53,7 @@ class ChronicleWatch:
 
     Attributes:
         proxies: the streams that are taken.
+        delay_us: how late their samples may come.
         recogniser: what has happened so far; it can be asked for partial instances.
     """
 
@@ -67,7 +69,7 @@ class ChronicleWatch:
         compiled = [compile_chronicle(each, content) for each in content.chronicles.values()]
         self.recogniser = Recogniser(compiled, limits)
         self.proxies: dict[Label, StreamProxy] = {}
-        self._network, self._delay_us = network, delay_us
+        self._network, self.delay_us = network, delay_us
         self._on_recognised, self._on_fault = on_recognised, on_fault
         self._changes: dict[tuple[str, int], list[Pattern]] = {}
         self._messages: dict[tuple[str, int], list[Pattern]] = {}
@@ -89,7 +91,7 @@ class ChronicleWatch:
         first_ms = [self._waiting[0].at_ms] if self._waiting else []
         due_ms = self.recogniser.deadline_ms
         due = min(first_ms if due_ms is None else [*first_ms, due_ms], default=None)
-        return FAR_US if due is None else due * US_PER_MS + self._delay_us
+        return FAR_US if due is None else due * US_PER_MS + self.delay_us
 
     def cancel(self) -> None:
         """Take no more streams."""
@@ -101,7 +103,7 @@ class ChronicleWatch:
 
     def on_time(self, now_us: int) -> None:
         """What waited long enough is told in its order, and the clock is moved."""
-        clock_ms = (now_us - self._delay_us) // US_PER_MS
+        clock_ms = (now_us - self.delay_us) // US_PER_MS
         while self._waiting and self._waiting[0].at_ms <= clock_ms:
             self._tell(heappop(self._waiting), now_us)
         self._bring(self.recogniser.on_time(clock_ms), now_us)
@@ -120,7 +122,7 @@ class ChronicleWatch:
         patterns = (*self._changes.get(key, ()), *self._messages.get(key, ()))
         if label in self.proxies or not any(_can_be(pattern, label) for pattern in patterns):
             return
-        policy = Policy(max_delay_us=self._delay_us)
+        policy = Policy(max_delay_us=self.delay_us)
         consumer, on_link = partial(self._on_sample, label), partial(self._on_link, label)
         self.proxies[label] = self._network.connect(label, policy, consumer, on_link, current=True)
 
@@ -176,6 +178,11 @@ class ChronicleStreams:
             network, content, MAX_DELAY_US if delay_us is None else delay_us, self._push, self._fault
         )
 
+    @property
+    def labels(self) -> tuple[Label, ...]:
+        """The streams of what is recognised."""
+        return tuple(each.label for each in self._out.values())
+
     def cancel(self) -> None:
         """Recognise nothing any more."""
         self.watch.cancel()
@@ -190,6 +197,14 @@ class ChronicleStreams:
         arguments = [found.bindings.get(str(one), NO_VALUE) if isinstance(one, Variable) else one for one in parameters]
         value = tuple(arguments), tuple(found.bindings.items()), tuple(found.instants.items())
         self._out[found.chronicle].push(found.recognised_ms * US_PER_MS, value, now_us)
+
+
+def event_names(content: Chronicles) -> tuple[str, ...]:
+    """Names of the events that the chronicles of a file speak of; none if they cannot be recognised."""
+    try:
+        return tuple(Recogniser.of(content).needed)
+    except ChronicleError:
+        return ()
 
 
 def symbol_of(value: Value) -> str | None:

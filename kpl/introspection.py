@@ -104,6 +104,10 @@ def graph_of(instance: "Instance") -> Graph:
         name = _other_than(generators, "monitor", declared)
         nodes.append(Node(name, "monitor", note=(monitor.monitor.shows, *monitor.awaited())))
         edges += [_edge(str(proxy.label), name, proxy) for proxy in monitor.proxies]
+    for path, chronicles in instance.chronicles.items():
+        nodes.append(Node(path, "chronicles"))
+        edges += [_edge(str(proxy.label), path, proxy) for proxy in chronicles.watch.proxies.values()]
+        edges += [Edge(path, str(label)) for label in chronicles.labels]
     for label, family in instance.families.members.items():
         members = ", ".join(family.members) or "none now"
         nodes.append(Node(str(label), "family", note=(f"members: {members}",)))
@@ -194,7 +198,8 @@ def awaits_us(instance: "Instance") -> int:
         monitor.max_delay_us + max((behind(proxy.label) for proxy in monitor.proxies), default=0)
         for monitor in instance.monitors.values()
     )
-    return max((*map(waited, instance.streams.values()), *monitors), default=0)
+    recognised = max((each.watch.delay_us for each in instance.chronicles.values()), default=0)
+    return recognised + max((*map(waited, instance.streams.values()), *monitors), default=0)
 
 
 def rate_and_delay(history: History) -> tuple[float | None, float | None]:

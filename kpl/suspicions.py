@@ -5,11 +5,13 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from dyknow.errors import TextError
 from dyknow.instants import print_duration
 from dyknow.labels import Label
+from kpl.chronicle_streams import event_names
 from kpl.complaints import Complaints
-from kpl.declared import Declared, needs_of, reads_of, stem, uses_of
+from kpl.declared import CHRONICLE, RECOGNISED, Declared, needs_of, reads_of, stem, uses_of
 from kpl.formula_monitors import domains_of
 from kpl.remarks import remarks
 from kpl.specification import (
+    ChronicleFile,
     Declaration,
     Define,
     ForEach,
@@ -41,8 +43,17 @@ def suspicions(
         if isinstance(each, Define | MonitorDeclaration):
             features |= {node.name for node in walk(each.formula) if isinstance(node, Feature)}
             features.update(domains_of(each.formula))
+        if isinstance(each, ChronicleFile) and each.content is not None:
+            features |= {name.partition(".")[0] for name in event_names(each.content)}
     defined = {each.feature.name for each in every if isinstance(each, Define)}
-    there = {*(stem(made.label) for made in declared.made.values()), *map(stem, known), *figures, *FEATURES, *defined}
+    there = {
+        *(stem(made.label) for made in declared.made.values()),
+        *map(stem, known),
+        *figures,
+        *FEATURES,
+        *defined,
+        RECOGNISED,
+    }
     exact = _Makers(declared, frozenset(known), {*figures, *FEATURES, *defined})
     for each in every:
         made = declared.made.get(id(each))
@@ -111,6 +122,8 @@ class _Makers:
         ):
             return True
         label = Label(feature.name, tuple(map(str, feature.objects)))
+        if label.feature == RECOGNISED:
+            return (CHRONICLE, label.objects[0]) in self._declared.named
         return label in self._known or any(True for _ in self._declared.makers(label))
 
 
