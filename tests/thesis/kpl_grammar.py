@@ -111,7 +111,7 @@ def approximations(draw: st.DrawFn, complete: bool) -> tuple[Words, dict[str, An
     """Definition 4.4.13: `use most recent` only where the rest of the policy is complete."""
     if complete and draw(st.booleans()):
         return ["use", "most", "recent"], {"approximation": "most recent"}
-    return ["no", "approximation"], {"approximation": "none"}
+    return ["no", "approximation"], {"approximation": "none", "exact": True}
 
 
 @st.composite
