@@ -9,7 +9,7 @@ from tests.reasoning.chronicles.definition import Happening, Meaning, in_order
 from tests.reasoning.chronicles.random_chronicles import OBJECTS, VALUES, Maker
 from tests.reasoning.chronicles.test_definition import compare, told
 
-COUNT = 5_000 if os.environ.get("DYKNOW_FULL") else 400
+COUNT = 5_000 if os.environ.get("DYKNOW_FULL") else 200
 HORIZON_MS = 12
 
 
