@@ -47,15 +47,15 @@ def watch(call: Call, file: Path, *, unit: str, seconds: float, delay_s: float |
 
 def _tell(call: Call, unit: str, said: Content) -> bool:
     """Whether it is an instance."""
-    from kpl.chronicle_streams import symbol_of
+    from reasoning.chronicles.changes import symbol
 
     if isinstance(said, Reason):
         call.out.note(f"note: {said.text}")
     if not isinstance(said, Recognised):
         return False
     instants = {name: int(str(at_us)) for name, at_us in said.instants.items()}
-    bindings = {name: symbol_of(symbol) or str(symbol) for name, symbol in said.bindings.items()}
-    words = [f"{name}={symbol}" for name, symbol in bindings.items()]
+    bindings = {name: symbol(found) for name, found in said.bindings.items()}
+    words = [f"{name}={found}" for name, found in bindings.items()]
     words += [f"{name}={clock_time(at_us)}" for name, at_us in instants.items()]
     call.out.say(
         f"{clock_time(said.recognised_us)}  [bold]{verbatim(said.chronicle)}[/bold]  {verbatim(' '.join(words))}",

@@ -25,8 +25,9 @@ from dyknow.processes import Input, Refinement
 from dyknow.stream_proxy import StreamProxy
 from kpl.declared import RECOGNISED
 from kpl.specification import ChronicleFile
+from reasoning.chronicles import ChangeEvents, Instance, Limits, Recogniser, Variable, compile_chronicle
 from reasoning.chronicles import ChronicleFile as Chronicles
-from reasoning.chronicles import Instance, Limits, Recogniser, Variable, compile_chronicle
+from reasoning.chronicles.changes import symbol
 from reasoning.chronicles.compilation import Pattern
 
 SORT: Final = Sort("recognition", is_open=True)
@@ -37,7 +38,7 @@ MAX_FAULTS: Final = 64
 class Event(NamedTuple):
     """A sample that waits for its turn; `number` keeps the order in which samples of one time came."""
 
-    at_ms: int
+    valid_us: int
     number: int
     label: Label
     value: Value
@@ -68,6 +69,7 @@ class ChronicleWatch:
     ) -> None:
         compiled = [compile_chronicle(each, content) for each in content.chronicles.values()]
         self.recogniser = Recogniser(compiled, limits)
+        self._events = ChangeEvents(self.recogniser)
         self.proxies: dict[Label, StreamProxy] = {}
         self._network, self.delay_us = network, delay_us
         self._on_recognised, self._on_fault = on_recognised, on_fault
@@ -78,7 +80,6 @@ class ChronicleWatch:
                 self._changes.setdefault((pattern.name, pattern.arity), []).append(pattern)
             elif pattern.name not in content.chronicles:
                 self._messages.setdefault((pattern.name, pattern.arity), []).append(pattern)
-        self._values: dict[Label, str] = {}
         self._waiting: list[Event] = []
         self._count = 0
         self._told = set[tuple[Label, str]]()
@@ -88,10 +89,10 @@ class ChronicleWatch:
     @property
     def deadline_us(self) -> int:
         """When something waits no more; `FAR_US`: perhaps later."""
-        first_ms = [self._waiting[0].at_ms] if self._waiting else []
-        due_ms = self.recogniser.deadline_ms
-        due = min(first_ms if due_ms is None else [*first_ms, due_ms], default=None)
-        return FAR_US if due is None else due * US_PER_MS + self.delay_us
+        due_us = self._waiting[0].valid_us if self._waiting else FAR_US
+        if self.recogniser.deadline_ms is not None:
+            due_us = min(due_us, self.recogniser.deadline_ms * US_PER_MS)
+        return min(due_us + self.delay_us, FAR_US)
 
     def cancel(self) -> None:
         """Take no more streams."""
@@ -103,10 +104,10 @@ class ChronicleWatch:
 
     def on_time(self, now_us: int) -> None:
         """What waited long enough is told in its order, and the clock is moved."""
-        clock_ms = (now_us - self.delay_us) // US_PER_MS
-        while self._waiting and self._waiting[0].at_ms <= clock_ms:
+        clock_us = now_us - self.delay_us
+        while self._waiting and self._waiting[0].valid_us <= clock_us:
             self._tell(heappop(self._waiting), now_us)
-        self._bring(self.recogniser.on_time(clock_ms), now_us)
+        self._bring(self.recogniser.on_time(clock_us // US_PER_MS), now_us)
 
     # Which streams
 
@@ -129,6 +130,7 @@ class ChronicleWatch:
     def _on_link(self, label: Label, linked: bool) -> None:
         if not linked:
             proxy = self.proxies.pop(label, None)
+            self._events.forget(label)
             if proxy is not None:
                 proxy.cancel()
 
@@ -136,22 +138,17 @@ class ChronicleWatch:
 
     def _on_sample(self, label: Label, sample: Sample) -> None:
         self._count += 1
-        heappush(self._waiting, Event(sample.valid_us // US_PER_MS, self._count, label, sample.value))
+        heappush(self._waiting, Event(sample.valid_us, self._count, label, sample.value))
         self.on_time(sample.available_us)
 
     def _tell(self, event: Event, now_us: int) -> None:
         label, key = event.label, (event.label.feature, len(event.label.objects))
-        if key in self._messages:
-            self._bring(self.recogniser.on_message(event.at_ms, *label), now_us)
+        if key in self._messages and event.value is not NO_VALUE:
+            self._bring(self.recogniser.on_message(event.valid_us // US_PER_MS, *label), now_us)
         if key in self._changes:
-            symbol = symbol_of(event.value)
-            if symbol is None:
+            if event.value is not NO_VALUE and symbol(event.value) is None:
                 self._once(label, f"{event.value!r} is no symbol: what a chronicle speaks of has discrete values")
-                return
-            before = self._values.get(label)
-            if symbol != before:
-                self._values[label] = symbol
-                self._bring(self.recogniser.on_change(event.at_ms, *label, before, symbol), now_us)
+            self._bring(self._events.on_sample(label, event.valid_us, event.value), now_us)
 
     def _bring(self, found: list[Instance], now_us: int) -> None:
         for each in found:
@@ -205,15 +202,6 @@ def event_names(content: Chronicles) -> tuple[str, ...]:
         return tuple(Recogniser.of(content).needed)
     except ChronicleError:
         return ()
-
-
-def symbol_of(value: Value) -> str | None:
-    """How a chronicle writes a value; None if it is none of a discrete fluent."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if value is NO_VALUE:
-        return "no_value"
-    return str(value) if isinstance(value, str | int) else None
 
 
 def _can_be(pattern: Pattern, label: Label) -> bool:
