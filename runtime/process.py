@@ -15,29 +15,24 @@ from dataclasses import replace
 from queue import Empty
 from typing import Any, Protocol
 
-from agents.config import PlatformConfig
 from agents.effects import Event, Halt, HostEffect, InjectFault, Leave, Note, Reported, Tell, Waited
-from agents.interface import Trust
 from agents.own_streams import ESTIMATE
 from agents.plans import PlanBook
 from agents.platform import Platform
-from compunits import catalogue
 from dyknow import Policy
 from dyknow.errors import DecodeError, DyknowError, EndpointFailed, RosterError, UnitError
 from federation import contents
 from federation.clock import FederationClock
 from federation.codec import decode_description
-from federation.ontology import Translation, default_ontology
 from federation.transport import Answered, Ask, Put
-from federation.trust import Roster, Signer, Verifier
 from navigation.vehicle import Command, Report
 from proxies.host_door import HostDoor
 from proxies.journal_file import CLOCK_EPOCH, CLOCK_SPEED
-from proxies.zenoh_config import LOOPBACK, ZenohOptions
 from proxies.zenoh_edge import ZenohEdge
-from reasoning import builtin_profiles, parse_profiles
+from reasoning import builtin_profiles
 from runtime.clock import NodeClock
-from runtime.config import NodeConfig, WireConfig
+from runtime.config import NodeConfig
+from runtime.configured import platform_config, reaches_beyond, wire_options
 from runtime.journal import Journal, Journalled
 from runtime.loop import Node, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
@@ -309,90 +304,6 @@ class _Until:
     def deadline_us(self) -> int:
         due_us = self._node.deadline_us
         return self._ends_us if due_us is None else min(due_us, self._ends_us)
-
-
-def reaches_beyond(wire: WireConfig) -> str:
-    """The first endpoint or interface that is not loopback; empty if there is none."""
-    for endpoint in (*wire.listen, *wire.connect):
-        host = endpoint.partition("/")[2].rpartition(":")[0].strip("[]")
-        if host not in {"localhost", "::1"} and not host.startswith("127."):
-            return endpoint
-    meets = not wire.listen or (wire.discover == "multicast" and not wire.connect)
-    return wire.interface if meets and wire.interface != LOOPBACK else ""
-
-
-def wire_options(config: NodeConfig) -> ZenohOptions:
-    """The session's options; the security file is read here.
-
-    Raises:
-        RosterError: it is not the JSON that `dyknow roster` writes.
-    """
-    wire = config.wire
-    security = None
-    if wire.security is not None:
-        try:
-            security = json.loads(wire.security.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as wrong:
-            raise RosterError(f"{wire.security}: {wrong}; make it anew with `dyknow roster`") from None
-    return ZenohOptions(
-        federation=wire.federation,
-        listen=wire.listen,
-        connect=wire.connect,
-        discover=wire.discover,
-        interface=wire.interface,
-        lease_ms=wire.lease_ms,
-        security=security,
-    )
-
-
-def platform_config(config: NodeConfig, clock: FederationClock, started_us: int, zid: str) -> PlatformConfig:
-    """What the platform is to know, files read.
-
-    Raises:
-        TextError, RosterError: a file is wrong, and where.
-    """
-    ontology = default_ontology()
-    translation = None
-    if config.translation is not None:
-        translation = Translation.parse(ontology, config.translation.read_text("utf-8"), str(config.translation))
-    profiles = dict(builtin_profiles())
-    if config.profiles is not None:
-        profiles |= parse_profiles(config.profiles.read_text("utf-8"), str(config.profiles))
-    return PlatformConfig(
-        unit=config.unit,
-        boot=started_us // 1000,
-        zid=zid,
-        clock=clock,
-        vehicle=config.vehicle.kind != "none",
-        avoidance=config.avoidance,
-        period_us=config.period_ms * 1000,
-        ontology=ontology,
-        translation=translation,
-        profiles=profiles,
-        trust=trust_of(config, started_us),
-        catalogue=catalogue(config.units).offered,
-        admission=config.admit,
-        govern_us=None if config.govern_ms is None else round(config.govern_ms * 1000),
-    )
-
-
-def trust_of(config: NodeConfig, started_us: int) -> Trust | None:
-    """The roster and this platform's key, if the federation has them.
-
-    Raises:
-        RosterError: one is there without the other, or does not read.
-    """
-    if config.trust.roster is None:
-        return None
-    if config.trust.key is None:
-        raise RosterError(f"{config.trust.roster} is a roster, but this platform was given no key: set trust.key")
-    try:
-        roster = Roster.parse(config.trust.roster.read_text("utf-8"))
-        seed = bytes.fromhex(config.trust.key.read_text("ascii").strip())
-    except (OSError, ValueError) as wrong:
-        raise RosterError(f"{config.trust.key}: {wrong}") from None
-    federation = config.wire.federation
-    return Trust(roster, Signer(seed, federation), Verifier(roster, federation, started_us))
 
 
 def serve(config: NodeConfig, make_vehicle: MakeVehicle) -> int:

@@ -14,7 +14,7 @@ from dyknow.errors import DecodeError
 from federation.clock import FederationClock
 from proxies.journal_file import CLOCK_EPOCH, CLOCK_SPEED, Lost, Stepped, read_about, read_journal
 from runtime.config import NodeConfig
-from runtime.process import platform_config
+from runtime.configured import platform_config
 
 
 def recorded_streams(path: Path, units: Sequence[str] = ()) -> dict[str, list[Sample]]:

@@ -6,7 +6,8 @@ import pytest
 
 from dyknow.errors import RosterError
 from runtime.config import NodeConfig, WireConfig
-from runtime.process import Fitted, Process, reaches_beyond
+from runtime.configured import reaches_beyond
+from runtime.process import Fitted, Process
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ from dyknow.errors import DecodeError
 from federation.clock import FederationClock
 from proxies.journal_file import CLOCK_EPOCH, CLOCK_SPEED
 from runtime.config import NodeConfig
+from runtime.configured import platform_config
 from runtime.journal import Journal, Journalled
-from runtime.process import platform_config
 from runtime.recorded_runs import recorded_streams
 
 START_US = 1_700_000_000_000_000
