@@ -236,6 +236,7 @@ class PolicyAdapter:
         self._previous = sample
         found: list[Sample] = []
         period_us, anchor_us = self._period_us, self._anchor_us
+        available_us = max(now_us, sample.available_us)  # not before what it is made of (P4)
         if previous is not None:
             first_us = max(
                 previous.valid_us + 1, self._from_us, now_us - self._max_delay_us, valid_us - CATCH_UP * period_us
@@ -246,7 +247,7 @@ class PolicyAdapter:
                 value = interpolate(previous, sample, grid_us)
                 if value is not NO_VALUE:
                     quality = between(previous, sample, grid_us)
-                    found += self._exact(Sample(now_us, grid_us, value, quality), now_us)
+                    found += self._exact(Sample(available_us, grid_us, value, quality), now_us)
         if (valid_us - anchor_us) % period_us == 0:
             found += self._exact(sample, now_us)
         return found

@@ -47,7 +47,7 @@ def read_chronicles(text: str, file: str = "") -> tuple[ChronicleFile, list[Text
     except TextError as first:
         if len(text) > LIMIT_CHARACTERS or not text.strip():
             raise
-        trees, left, broken = _mended(text, file)
+        trees, left, broken = _mended(text, file, first)
         left = left or [first]
     if not trees and not left:
         raise TextError(CHRONICLE_SPELLING.empty[0], text=text, repair=CHRONICLE_SPELLING.empty[1], file=file)
@@ -56,8 +56,13 @@ def read_chronicles(text: str, file: str = "") -> tuple[ChronicleFile, list[Text
     return ChronicleFile(tuple([each.declaration for each in found])), left + reader.errors
 
 
-def _mended(text: str, file: str) -> "tuple[list[Tree[Token] | Token], list[TextError], frozenset[str]]":
-    """The trees of what is right, an error for each place that leaves the grammar, and the names of what is not whole."""
+def _mended(
+    text: str, file: str, first: TextError
+) -> "tuple[list[Tree[Token] | Token], list[TextError], frozenset[str]]":
+    """The trees of what is right, an error for each place that leaves the grammar, and the names of what is not whole.
+
+    `first` is what is wrong with the text as a whole.
+    """
     trees: list[Tree[Token] | Token] = []
     errors: list[TextError] = []
     names: set[str] = set()
@@ -67,6 +72,8 @@ def _mended(text: str, file: str) -> "tuple[list[Tree[Token] | Token], list[Text
         while piece.strip() and budget > 0 and len(errors) < MAX_ERRORS:
             budget -= len(piece)
             try:
+                if piece == text:
+                    raise first
                 trees += moved(parse_tree(piece, "chronicles", file), start, lines).children
             except TextError as wrong:
                 errors.append(placed(wrong, text, lines))
