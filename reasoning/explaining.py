@@ -1,7 +1,8 @@
 """Why a formula was decided: which part of it, for which members, since when, by which samples.
 
 A formula turns false when every obligation of one clause of what was left has failed, and true when one of each clause
-was met. What the deciding state said of those obligations is followed down to comparisons of single values.
+was met. What the deciding state said of those obligations is followed down to comparisons of single values. Where it
+lies beyond the window of an obligation, it said nothing of it: then that the window is over is the reason.
 """
 
 from collections.abc import Iterator, Mapping
@@ -31,7 +32,8 @@ class Reason(NamedTuple):
     """One part of a formula that the deciding state settled.
 
     Attributes:
-        part: the formula about one state that was true or false there, as written, members put in.
+        part: the formula about one state that was true or false there, as written, members put in; or a temporal one
+            whose window was over there, without samples.
         holds: which of the two.
         obligation: the temporal part of the formula that needed it; None if the formula as a whole did.
         binding: the members for which quantifiers range over it.
@@ -100,9 +102,10 @@ class Explainer:
         if isinstance(one, Block):
             yield from self._clauses(one.clauses, truth)
         elif one[0] != DOUBT:
-            number, _, to_us = one
-            at = self._progressor.node_of(number)
-            yield from self._operand(at, truth, self._within(at, to_us))
+            number, from_us, to_us = one
+            at, now_us = self._progressor.node_of(number), self._moment.valid_us
+            within = self._within(at, to_us)
+            yield from self._operator(at, truth, within, within, is_inside=from_us <= now_us <= to_us)
 
     def _within(self, at: int, to_us: int) -> _Within:
         node, origin = self._apart.shape.nodes[at], self._apart.origins[at]
@@ -110,12 +113,20 @@ class Explainer:
             return _Within(origin.formula)
         return _Within(origin.formula, to_us - node.hi_us, to_us)
 
-    def _operand(self, at: int, truth: bool, within: _Within) -> Iterator[Reason]:
-        """Of a temporal operator: those sides that the state settled the same way, else both."""
+    def _operator(self, at: int, truth: bool, own: _Within, around: _Within, *, is_inside: bool) -> Iterator[Reason]:
+        """Of a temporal operator those sides that the state settled the same way, else both. A state outside of its
+        window settles only what must hold until then; otherwise the window was over, which no sample tells.
+        """
         parts = self._apart.shape.nodes[at].parts
-        settled = [part for part in parts if self._started(part) == (TRUE if truth else FALSE)]
-        for part in settled or parts:
-            yield from self._node(part, truth, within)
+        sides = parts if is_inside else parts[:-1]
+        settled = [part for part in sides if self._started(part) == (TRUE if truth else FALSE)]
+        if is_inside or settled:
+            for part in settled or parts:
+                yield from self._node(part, truth, around)
+        else:
+            origin, now_us = self._apart.origins[at], self._moment.valid_us
+            holds = truth is not origin.negated
+            yield Reason(origin.formula, holds, None, origin.binding, own.since_us, own.until_us, now_us, {})
 
     def _started(self, at: int) -> Clauses:
         return self._progressor.start(self._letter, at)
@@ -137,7 +148,8 @@ class Explainer:
             now_us = self._moment.valid_us
             ends_us = None if node.hi_us is None else now_us + node.hi_us
             inner = _Within(self._apart.origins[at].formula, now_us, ends_us)
-            yield from self._operand(at, truth, inner if within.obligation is None else within)
+            around = inner if within.obligation is None else within
+            yield from self._operator(at, truth, inner, around, is_inside=not node.lo_us)
 
     def _state(self, formula: Formula, truth: bool, binding: Binding, within: _Within) -> Iterator[Reason]:
         """A formula about one state, down to what makes it true or false there."""

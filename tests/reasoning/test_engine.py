@@ -12,9 +12,23 @@ from reasoning.alarms import Watch
 from reasoning.automaton import LIMIT_GAPS
 from reasoning.batch import Batch
 from reasoning.evaluation import Moment
-from reasoning.formulas import Always, Compare, Const, Domain, Eventually, Feature, Forall, Implies, Not, Or, Variable
+from reasoning.formulas import (
+    Always,
+    Compare,
+    Const,
+    Domain,
+    Eventually,
+    Feature,
+    Forall,
+    Implies,
+    Not,
+    Or,
+    Variable,
+    is_temporal,
+)
 from reasoning.progression import compile_operator
 from reasoning.startable import Plain, startable
+from tests.reasoning.oracle import atom
 from tests.reasoning.strategies import UNIT_US, formulas, traces
 
 DOMAINS = {"d": ("a", "b")}
@@ -158,6 +172,27 @@ def test_a_monitor_explains_its_alarm_down_to_the_comparison_that_failed():
     assert {reason.binding for reason in monitor.explanation} == {(("o", "c"),)}
 
 
+@pytest.mark.parametrize(
+    ("text", "verdict", "until_us"),
+    [
+        ("eventually[250, 290] x > 0", "false", 290_000),
+        ("always[250, 290] x < 0", "true", 290_000),
+        ("always[0, 50] x > 0", "true", 50_000),
+        ("not always[250, 290] x < 0", "false", 290_000),
+        ("p -> eventually[250, 290] x > 0", "false", 290_000),
+        ("x > 0 until[250, 290] x > 1", "false", 290_000),
+    ],
+)
+def test_a_window_that_is_over_explains_itself_and_by_no_sample_outside_of_it(text, verdict, until_us):
+    progression = make_progression(read_formula(text))
+    for at in range(4):
+        progression.progress(at * UNIT_US, {"x": 3 if at == 3 else 1, "p": not at})
+    assert progression.verdict == verdict
+    (reason,) = progression.explain()
+    assert is_temporal(reason.part)
+    assert (reason.since_us, reason.until_us, reason.samples) == (0, until_us, {})
+
+
 @given(formulas, traces(gaps=True, missing=True), PERIODS)
 @MODERATE
 def test_whatever_decides_a_formula_is_explained_by_what_the_deciding_state_brought(formula, states, period_us):
@@ -169,6 +204,8 @@ def test_whatever_decides_a_formula_is_explained_by_what_the_deciding_state_brou
     for reason in progression.explain():
         assert reason.valid_us == decided_us
         assert all(brought.get(label, NO_VALUE) == value for label, value in reason.samples.items())
+        if reason.samples:
+            assert atom(reason.part, brought) is reason.holds
 
 
 @pytest.mark.parametrize("way", ["object", "deadlines"])
