@@ -16,7 +16,7 @@ from dyknow.state_streams import StateStream, check_delay_before, exactly, state
 from kpl.changes import in_text
 from kpl.declared import Declared
 from kpl.definitions import Definitions
-from kpl.formula_monitors import MAX_DELAY_US
+from kpl.formula_states import MAX_DELAY_US
 from kpl.listing import print_declaration
 from kpl.specification import (
     ChronicleFile,

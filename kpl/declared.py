@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple, TypeVar
 
 from dyknow.labels import Label
-from kpl.formula_monitors import domains_of
+from kpl.formula_states import domains_of
 from kpl.specification import (
     ChronicleFile,
     Declaration,

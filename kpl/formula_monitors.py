@@ -1,72 +1,23 @@
-"""A monitor over streams of one instance: its states are made of the streams its formula names (7.5, 7.8).
-
-A domain is the value of the generator called like it that is valid at the state's time: `forall car in car_ids: ...`
-ranges over what the stream `car_ids` names then, also if it names others when the state is made, up to `max delay` later.
-"""
+"""A monitor over streams of one instance: its states are made of the streams its formula names (7.5, 7.8)."""
 
 from collections.abc import Callable
-from functools import partial
 
-from dyknow import (
-    NO_VALUE,
-    Label,
-    Network,
-    Policy,
-    Sample,
-    State,
-    StateInput,
-    StatePolicy,
-    Synchronizer,
-    Value,
-    earlier,
-)
-from dyknow.errors import SortError, TextError, UnknownLabel
-from dyknow.instants import US_PER_MS, US_PER_S
-from dyknow.mediation import members_of
-from dyknow.stream_proxy import StreamProxy
+from dyknow import Label, Network, earlier
+from kpl.formula_states import FormulaState, FormulaStates, timing
 from kpl.specification import MonitorDeclaration
 from reasoning import AlarmEvent, Monitor
-from reasoning.formulas import Domain, Exists, Forall, Formula, event_labels, required_labels, walk
-
-PERIOD_US = 100 * US_PER_MS
-MAX_DELAY_US = US_PER_S
-FAR_US = 2**80
-MOST_ERAS = 64
-"""So many changes of the members may await the states before them; of more, states are left out."""
-
-
-class _Era:
-    """The states from one change of the members to the next, which are made of other streams.
-
-    Attributes:
-        states: None: the formula reads no streams but events.
-        ready: states that wait for those of an era before.
-        ends_us: from this valid time on the states are those of the era after.
-    """
-
-    def __init__(
-        self, labels: tuple[str, ...], events: tuple[str, ...], states: Synchronizer | None, begins_us: int
-    ) -> None:
-        self.labels, self.events, self.states = labels, events, states
-        self.begins_us, self.ends_us = begins_us, FAR_US
-        self.ready: list[State] = []
-        self.proxies: list[StreamProxy] = []
-
-    def cancel(self) -> None:
-        for proxy in self.proxies:
-            proxy.cancel()
+from reasoning.formulas import Formula
 
 
 class FormulaMonitor:
-    """Subscribes what the formula reads, and hands every state to a `Monitor`.
-
-    Without `sample every` and `max delay` in the declaration a state is made every 100 ms and waits 1 s for its inputs.
-    A value counts until it is a period and the delay older than the state: what has fallen silent is not known to hold
-    (F5). With `use most recent` it counts until another one comes.
+    """Hands every state of its formula to a `Monitor`.
 
     Args:
         formula: over streams only, without free variables.
         on_alarm: told every opening and closing.
+
+    Attributes:
+        listeners: told every state, too.
     """
 
     def __init__(
@@ -78,216 +29,57 @@ class FormulaMonitor:
         on_alarm: Callable[[AlarmEvent], None],
         since_us: int,
     ) -> None:
-        policy = declaration.policy
-        self.period_us = policy.sample_us or PERIOD_US
-        self.max_delay_us = MAX_DELAY_US if policy.max_delay_us is None else policy.max_delay_us
+        self.listeners: list[Callable[[FormulaState], None]] = []
+        self._network, self._on_alarm = network, on_alarm
+        self._failing: set[str] = set()
+        period_us, max_delay_us = timing(declaration.policy)
         self.monitor = Monitor(
             declaration.name,
             formula,
             (unit,),
-            self.period_us,
-            self.max_delay_us,
+            period_us,
+            max_delay_us,
             declaration.no_value,
             declaration.close_after,
             inputs=(),
             since_us=since_us,
         )
-        self._network, self._formula, self._on_alarm, self._policy = network, formula, on_alarm, policy
-        self._lasts_us = FAR_US if policy.approximation == "most recent" else self.period_us + self.max_delay_us
-        self._domains: dict[str, list[tuple[int, tuple[str, ...]]]] = {name: [] for name in domains_of(formula)}
-        self._eras: list[_Era] = []
-        self._newest: dict[str, Sample] = {}
-        self._last_us = -FAR_US
-        self._happened: list[tuple[int, str]] = []
-        self._tick_us = -(-since_us // self.period_us) * self.period_us
-        self._members: list[StreamProxy] = []
-        self._begun = False
-        self._failing: set[str] = set()
-        try:
-            for name in self._domains:
-                on_members = partial(self._on_members, name)
-                self._members.append(network.connect(Label(name), Policy(), on_members, current=True))
-            self._subscribe(-FAR_US)
-        except TextError:
-            self.cancel()
-            raise
-        self._begun = True
+        self.states = FormulaStates(
+            network, formula, declaration.policy, self._on_state, self._on_domain, since_us=since_us
+        )
         network.step(self)
 
     @property
-    def proxies(self) -> list[StreamProxy]:
-        """The streams its states are made of."""
-        return [proxy for era in self._eras for proxy in era.proxies]
-
-    @property
     def deadline_us(self) -> int | None:
-        if not self._members and not self.proxies:
-            return None
-        due_us = self.monitor.deadline_us
-        for era in self._eras:
-            if era.states is not None:
-                due_us = earlier(due_us, era.states.deadline_us)
-            elif era.events:
-                due_us = earlier(due_us, self._tick_us + self.max_delay_us)
-        return FAR_US if due_us is None else due_us
+        due_us = self.states.deadline_us
+        return None if due_us is None else earlier(due_us, self.monitor.deadline_us)
 
     def on_time(self, now_us: int) -> None:
-        for era in self._eras:
-            if era.states is not None:
-                era.ready += era.states.on_time(now_us)
-        self._hand_on(now_us)
+        self.states.on_time(now_us)
         for event in self.monitor.on_time(now_us):
             self._on_alarm(event)
 
     def cancel(self) -> None:
         """Take no more streams."""
-        for proxy in (*self._members, *self.proxies):
-            proxy.cancel()
-        self._members, self._eras = [], []
+        self.states.cancel()
         self._network.unstep(self)
 
-    def awaited(self) -> tuple[str, ...]:
-        """Why there is no state yet, input by input."""
-        states = self._eras[0].states if self._eras else None
-        return () if states is None else tuple(map(str, states.awaited()))
-
-    def _on_members(self, name: str, sample: Sample) -> None:
-        """Of too many those before stay, and what holds is not known until there are fewer.
-
-        The first that are known count for what was before, too; who is named after a later naming is nobody any more.
-        """
-        known = self._domains[name]
-        before = known.copy()
-        if known and sample.valid_us < known[-1][0]:
-            return
-        begins_us = max([sample.valid_us, *(era.begins_us for era in self._eras)]) if known else -FAR_US
-        try:
-            members = members_of(sample.value)
-            if not known or members != known[-1][1]:
-                known.append((begins_us, members))
-                del known[:-MOST_ERAS]
-            if self._begun and (known != before or not self.proxies):
-                self._subscribe(begins_us)
-        except (SortError, TextError) as wrong:
-            self._domains[name] = before
-            self._fails(name, wrong)
-        else:
-            self._failing.discard(name)
-            self.monitor.mark_present(name, self._network.now_us)
-
-    def _domains_at(self, valid_us: int) -> dict[str, tuple[str, ...]]:
-        """The members at a time; those of before are forgotten, as states come in the order of their times."""
-        for known in self._domains.values():
-            while len(known) > 1 and known[1][0] <= min(valid_us, self._last_us):
-                del known[0]
-        return {
-            name: next((members for at_us, members in reversed(known) if at_us <= valid_us), ())
-            for name, known in self._domains.items()
-        }
-
-    def _fails(self, which: str, wrong: SortError | TextError) -> None:
-        if which in self._failing:
-            return
-        self._failing.add(which)
-        said = wrong.message if isinstance(wrong, TextError) else str(wrong)
-        self._network.on_fault(Label(which), f"monitor {self.monitor.name}: {said}")
-        self.monitor.mark_missing(which, self._network.now_us, "too many")
-
-    def _subscribe(self, begins_us: int) -> None:
-        """Streams of what the formula reads from a valid time on; states before it are still made of those before."""
-        members = self._domains_at(FAR_US)
-        try:
-            labels = required_labels(self._formula, members)
-            events = event_labels(self._formula, members)
-        except UnknownLabel:
-            return
-        last = self._eras[-1] if self._eras else None
-        if last is not None and (labels, events) == (last.labels, last.events) and last.proxies:
-            return
-        policy = Policy(max_delay_us=self.max_delay_us, importance=self._policy.importance)
-        wanted = StatePolicy(
-            self.period_us,
-            self.max_delay_us,
-            self._policy.delay_before_us,
-            self._policy.from_us,
-            self._policy.to_us,
-            "none" if self._policy.exact else "most recent",
+    def _on_state(self, state: FormulaState) -> None:
+        found = self.monitor.on_state(
+            state.valid_us, state.now_us, state.values, domains=state.domains, events=state.events
         )
-        states = (
-            Synchronizer([StateInput(label, policy) for label in labels], wanted, explains=True) if labels else None
-        )
-        era = _Era(labels, events, states, begins_us)
-        if last is not None:
-            last.ends_us = begins_us
-        self._eras.append(era)
-        self._newest = {label: sample for label, sample in self._newest.items() if label in labels}
-        for i, label in enumerate(labels):
-            if label in self._newest and states is not None:
-                era.ready += states.on_sample(i, self._newest[label], self._network.now_us)
-        for i, label in enumerate(labels):
-            era.proxies.append(self._network.connect(Label.parse(label), policy, partial(self._on_sample, era, i)))
-        for label in events:
-            era.proxies.append(self._network.connect(Label.parse(label), Policy(), partial(self._on_event, label)))
-        self._hand_on(self._network.now_us)
-
-    def _on_sample(self, era: _Era, i: int, sample: Sample) -> None:
-        if era.states is not None:
-            if era is self._eras[-1]:
-                self._newest[era.labels[i]] = sample
-            era.ready += era.states.on_sample(i, sample, sample.available_us)
-            self._hand_on(sample.available_us)
-
-    def _on_event(self, label: str, sample: Sample) -> None:
-        """Something happened: it belongs to the first state that is not earlier, or is still to be made."""
-        self._happened.append((sample.valid_us, label))
-
-    def _hand_on(self, now_us: int) -> None:
-        """The states that are ready, in the order of their times: those of an era when the ones before are over."""
-        while self._eras:
-            era = self._eras[0]
-            ready, era.ready = era.ready, []
-            for state in ready:
-                if max(era.begins_us, self._last_us + 1) <= state.valid_us < era.ends_us:
-                    self._take(era, state, now_us)
-            if era.states is None and era.events:
-                self._tick(era, now_us)
-            if len(self._eras) < 2 or not (self._is_over(era) or len(self._eras) > MOST_ERAS):
-                return
-            self._eras.pop(0).cancel()
-
-    def _is_over(self, era: _Era) -> bool:
-        if era.states is None:
-            return not era.events or self._tick_us >= era.ends_us
-        sync_us = era.states.sync_us
-        return sync_us is None or sync_us >= era.ends_us
-
-    def _take(self, era: _Era, state: State, now_us: int) -> None:
-        oldest_us = state.valid_us - self._lasts_us
-        values: dict[str, Value] = {
-            label: NO_VALUE if origin.valid_us is None or origin.valid_us < oldest_us else value
-            for label, value, origin in zip(era.labels, state.values, state.origins, strict=True)
-        }
-        self._give(state.valid_us, max(now_us, state.available_us), values)
-
-    def _tick(self, era: _Era, now_us: int) -> None:
-        """States of events only are made at their times, when what happened until then has come."""
-        while self._tick_us + self.max_delay_us <= now_us and self._tick_us < era.ends_us:
-            self._give(self._tick_us, now_us, {})
-
-    def _give(self, valid_us: int, now_us: int, values: dict[str, Value]) -> None:
-        domains, self._last_us = self._domains_at(valid_us), valid_us
-        self._tick_us = max(self._tick_us, (valid_us // self.period_us + 1) * self.period_us)
-        events = {label for at_us, label in self._happened if at_us <= valid_us}
-        self._happened = [each for each in self._happened if each[0] > valid_us]
-        for event in self.monitor.on_state(valid_us, now_us, values, domains=domains, events=events):
+        for event in found:
             self._on_alarm(event)
+        for listener in tuple(self.listeners):
+            listener(state)
 
-
-def domains_of(formula: Formula) -> tuple[str, ...]:
-    """The named domains over which a formula quantifies."""
-    found: dict[str, None] = {}
-    for node in walk(formula):
-        if isinstance(node, Forall | Exists):
-            domain: Domain = node.domain
-            found.update(dict.fromkeys(one for one in (domain.base, *domain.minus) if isinstance(one, str)))
-    return tuple(found)
+    def _on_domain(self, name: str, wrong: str) -> None:
+        """What is wrong is told once; until it is right again what holds is not known."""
+        now_us = self._network.now_us
+        if not wrong:
+            self._failing.discard(name)
+            self.monitor.mark_present(name, now_us)
+        elif name not in self._failing:
+            self._failing.add(name)
+            self._network.on_fault(Label(name), f"monitor {self.monitor.name}: {wrong}")
+            self.monitor.mark_missing(name, now_us, "too many")

@@ -323,7 +323,7 @@ def listens(specification: Iterable[Declaration]) -> bool:
 
 def _importances(instance: "Instance") -> dict[int, float]:
     """How important each stream is, by its identity: at least as important as what is made of it."""
-    served = [*instance.streams.values(), *(each for one in instance.monitors.values() for each in one.proxies)]
+    served = [*instance.streams.values(), *(each for one in instance.monitors.values() for each in one.states.proxies)]
     taken = {label: [*inputs_taken(instance.network.process(label))] for label in instance.network.labels()}
     found: dict[int, float] = {}
     waiting = [(proxy, 0.0) for proxy in (*served, *(each for inputs in taken.values() for each in inputs))]

@@ -208,38 +208,8 @@ class Instance:
         """A sort by name; unknown ones take any value."""
         return self._sorts.get(name) or Sort(name, is_open=True)
 
-    # How it becomes so
-
-    def _declare(self, gone: Iterable[Declaration], new: Iterable[Declaration]) -> None:
-        for each in gone:
-            self.parts.specified.discard(each)
-        for each in new:
-            self.parts.specified.add(each)
-
-    def _check(
-        self, gone: Sequence[Declaration], new: Sequence[Declaration], wanted: Specification, text: str, file: str
-    ) -> None:
-        """What is said of a change before anything changes."""
-        self._look_up(new)
-        specified = self.parts.specified
-        errors = check_change(specified, gone, new, self._known(self.specification), text, file)
-        raise_all(together(errors, self._compiler.check(new, wanted, specified, text, file)))
-
-    def findings(
-        self,
-        wanted: Specification,
-        running: Collection[Declaration] = (),
-        text: str = "",
-        file: str = "",
-        unread: Collection[str] = (),
-    ) -> Findings:
-        """All that can be said before it runs; `running` does already, nothing called like a word of `unread` is missing."""
-        self._look_up(wanted)
-        found = check_specification(wanted, self._known(running, unread), text, file)
-        more = self._compiler.check(wanted, wanted, Declared(wanted), text, file)
-        return Findings(tuple(together(found.errors, more)), found.warnings)
-
-    def _known(self, running: Collection[Declaration], unread: Collection[str] = ()) -> Known:
+    def known(self, running: Collection[Declaration], unread: Collection[str] = ()) -> Known:
+        """What is there beside what is declared, which `running` is; nothing called like a word of `unread` is missing."""
         prototypes = self.factory.prototypes()
         return Known(
             sources={each.name: each.sort for each in prototypes if isinstance(each, SourcePrototype)},
@@ -256,6 +226,37 @@ class Instance:
             offered=self._offered,
             unread=unread,
         )
+
+    # How it becomes so
+
+    def _declare(self, gone: Iterable[Declaration], new: Iterable[Declaration]) -> None:
+        for each in gone:
+            self.parts.specified.discard(each)
+        for each in new:
+            self.parts.specified.add(each)
+
+    def _check(
+        self, gone: Sequence[Declaration], new: Sequence[Declaration], wanted: Specification, text: str, file: str
+    ) -> None:
+        """What is said of a change before anything changes."""
+        self._look_up(new)
+        specified = self.parts.specified
+        errors = check_change(specified, gone, new, self.known(self.specification), text, file)
+        raise_all(together(errors, self._compiler.check(new, wanted, specified, text, file)))
+
+    def findings(
+        self,
+        wanted: Specification,
+        running: Collection[Declaration] = (),
+        text: str = "",
+        file: str = "",
+        unread: Collection[str] = (),
+    ) -> Findings:
+        """All that can be said before it runs; `running` does already, nothing called like a word of `unread` is missing."""
+        self._look_up(wanted)
+        found = check_specification(wanted, self.known(running, unread), text, file)
+        more = self._compiler.check(wanted, wanted, Declared(wanted), text, file)
+        return Findings(tuple(together(found.errors, more)), found.warnings)
 
     def _is_full(self) -> bool:
         return self.governor is not None and self.governor.full

@@ -18,9 +18,11 @@ from dyknow.state_streams import StateStream
 from dyknow.states import Origin
 from dyknow.stream_proxy import StreamProxy
 from kpl.compiling import Compiler
+from kpl.listing import print_specification
 from kpl.specification import Export, Import
 
 if TYPE_CHECKING:
+    from kpl.formula_monitors import FormulaMonitor
     from kpl.instance import Instance
 
 LAST = 32
@@ -41,6 +43,8 @@ class Node:
         delay_us: mean of available minus valid time.
         held: samples in its history; about `held_bytes` of memory.
         note: what else there is to say, e.g. why there is no state yet.
+        states: of a monitor: the streams that its states are made of, in KPL.
+        counted: of a monitor: states that lacked something or came in no good order, by reason.
     """
 
     name: str
@@ -53,6 +57,8 @@ class Node:
     held: int = 0
     held_bytes: int = 0
     note: tuple[str, ...] = ()
+    states: str = ""
+    counted: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +108,8 @@ def graph_of(instance: "Instance") -> Graph:
         edges.append(_edge(str(proxy.label), name, proxy))
     for declared, monitor in instance.monitors.items():
         name = _other_than(generators, "monitor", declared)
-        nodes.append(Node(name, "monitor", note=(monitor.monitor.shows, *monitor.awaited())))
-        edges += [_edge(str(proxy.label), name, proxy) for proxy in monitor.proxies]
+        nodes.append(_monitor_node(name, declared, monitor))
+        edges += [_edge(str(proxy.label), name, proxy) for proxy in monitor.states.proxies]
     for path, chronicles in instance.chronicles.items():
         nodes.append(Node(path, "chronicles"))
         edges += [_edge(str(proxy.label), path, proxy) for proxy in chronicles.watch.proxies.values()]
@@ -195,7 +201,7 @@ def awaits_us(instance: "Instance") -> int:
         return (proxy.policy.max_delay_us or 0 if approximated else 0) + behind(proxy.label)
 
     monitors = (
-        monitor.max_delay_us + max((behind(proxy.label) for proxy in monitor.proxies), default=0)
+        monitor.states.max_delay_us + max((behind(proxy.label) for proxy in monitor.states.proxies), default=0)
         for monitor in instance.monitors.values()
     )
     recognised = max((each.watch.delay_us for each in instance.chronicles.values()), default=0)
@@ -233,6 +239,12 @@ def _generator_node(network: Network, label: Label, fed_from: str) -> Node:
         held * SAMPLE_BYTES,
         note,
     )
+
+
+def _monitor_node(name: str, declared: str, monitor: "FormulaMonitor") -> Node:
+    states, watched = monitor.states, monitor.monitor
+    text = print_specification(states.declarations(declared))
+    return Node(name, "monitor", note=(watched.shows, *states.awaited()), states=text, counted=dict(watched.counted))
 
 
 def _made_by(process: object) -> str:
@@ -309,7 +321,9 @@ def as_text(graph: Graph) -> str:
         kind = "" if node.name.startswith(f"{node.kind} ") else f"{node.kind} "
         lines.append(f"{kind}{sort}{node.name}{made}{_figures(node)}")
         lines += [f"    <- {edge.source}{_conditions(edge)}" for edge in graph.edges if edge.target == node.name]
-        lines += [f"    {each}" for each in node.note]
+        lines += [f"    {each}" for each in (*node.note, *node.states.splitlines())]
+        if node.counted:
+            lines.append(f"    states {', '.join(f'{reason}: {count}' for reason, count in node.counted.items())}")
     return "".join(f"{line}\n" for line in lines)
 
 

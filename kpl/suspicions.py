@@ -8,7 +8,7 @@ from dyknow.labels import Label
 from kpl.chronicle_streams import event_names
 from kpl.complaints import Complaints
 from kpl.declared import CHRONICLE, RECOGNISED, Declared, needs_of, reads_of, stem, uses_of
-from kpl.formula_monitors import domains_of
+from kpl.formula_states import domains_of
 from kpl.remarks import remarks
 from kpl.specification import (
     ChronicleFile,
@@ -46,15 +46,7 @@ def suspicions(
         if isinstance(each, ChronicleFile) and each.content is not None:
             features |= {name.partition(".")[0] for name in event_names(each.content)}
     defined = {each.feature.name for each in every if isinstance(each, Define)}
-    there = {
-        *(stem(made.label) for made in declared.made.values()),
-        *map(stem, known),
-        *figures,
-        *FEATURES,
-        *defined,
-        RECOGNISED,
-    }
-    exact = _Makers(declared, frozenset(known), {*figures, *FEATURES, *defined})
+    makers = Makers(declared, frozenset(known), {*figures, *FEATURES, *defined})
     for each in every:
         made = declared.made.get(id(each))
         if isinstance(each, SourceDeclaration | UnitDeclaration) and each.name not in used:
@@ -62,13 +54,7 @@ def suspicions(
         if made is not None and id(made) not in wanted and stem(made.label) not in features:
             found.append(complaints.said(f"nobody here asks for {made.label}", each, ""))
         if isinstance(each, Define | MonitorDeclaration):
-            for node in _unread(each.formula, there, exact):
-                said = f"nothing here makes {node.label if node.name in there else node.name}"
-                names = (made.label for made in declared.made.values()) if node.name in there else there
-                name = str(node.label) if node.name in there else node.name
-                found.append(
-                    complaints.said(f"{said}, so that its value stays unknown", node, complaints.closest(name, names))
-                )
+            found += makers.unread(each.formula, complaints)
         if isinstance(each, MonitorDeclaration):
             said_of = remarks(each.formula, lambda feature: _is_raw(feature, declared))
             found += [complaints.said(one.message, one.node, one.repair) for one in said_of]
@@ -110,13 +96,29 @@ def _is_raw(feature: Feature, declared: Declared) -> bool:
     return any(isinstance(body, GeneratorDeclaration) and isinstance(body.made, FromSource) for body in bodies)
 
 
-class _Makers:
-    """Who makes a feature of given objects; what is known by its name alone is made."""
+class Makers:
+    """Who makes a feature of given objects; what is known `by_name` alone is made."""
 
     def __init__(self, declared: Declared, known: frozenset[Label], by_name: Collection[str]) -> None:
         self._declared, self._known, self._by_name = declared, known, by_name
+        of_features = (*(made.label for made in declared.made.values()), *known)
+        self._features = {*map(stem, of_features), *by_name, RECOGNISED}
 
-    def make(self, feature: Feature) -> bool:
+    def unread(self, formula: Formula, complaints: Complaints) -> Iterator[TextError]:
+        """Of features of objects that nothing is called like; names without objects may be more than features."""
+        for node in walk(formula):
+            if not isinstance(node, Feature) or not node.objects:
+                continue
+            if node.name not in self._features:
+                name, names = node.name, [*self._features]
+            elif not self._make(node):
+                name, names = str(node.label), [str(made.label) for made in self._declared.made.values()]
+            else:
+                continue
+            said = f"nothing here makes {name}, so that its value stays unknown"
+            yield complaints.said(said, node, complaints.closest(name, names))
+
+    def _make(self, feature: Feature) -> bool:
         if feature.name in self._by_name or any(
             isinstance(one, Variable) or one in self._by_name for one in feature.objects
         ):
@@ -125,10 +127,3 @@ class _Makers:
         if label.feature == RECOGNISED:
             return (CHRONICLE, label.objects[0]) in self._declared.named
         return label in self._known or any(True for _ in self._declared.makers(label))
-
-
-def _unread(formula: Formula, there: Collection[str], exact: _Makers) -> Iterator[Feature]:
-    """Features of objects that nothing is called like; names without objects may be more than features."""
-    for node in walk(formula):
-        if isinstance(node, Feature) and node.objects and (node.name not in there or not exact.make(node)):
-            yield node

@@ -1,0 +1,306 @@
+"""The states that a formula over streams of one instance is about: what it reads, synchronised (thesis 7.5, 7.8).
+
+A domain is the value of the generator called like it that is valid at the state's time: `forall car in car_ids: ...`
+ranges over what the stream `car_ids` names then, also if it names others when the state is made, up to `max delay` later.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from types import MappingProxyType
+from typing import NamedTuple
+
+from dyknow import (
+    NO_VALUE,
+    Label,
+    Network,
+    Policy,
+    Sample,
+    State,
+    StateInput,
+    StatePolicy,
+    Synchronizer,
+    Value,
+    earlier,
+)
+from dyknow.errors import SortError, TextError, UnknownLabel
+from dyknow.instants import US_PER_MS, US_PER_S
+from dyknow.mediation import members_of
+from dyknow.policy import Approximation
+from dyknow.stream_proxy import StreamProxy
+from kpl.specification import GeneratorDeclaration, Specification, StateStream, StreamDeclaration, StreamTerm
+from reasoning.formulas import Domain, Exists, Forall, Formula, event_labels, required_labels, walk
+
+PERIOD_US = 100 * US_PER_MS
+MAX_DELAY_US = US_PER_S
+FAR_US = 2**80
+MOST_ERAS = 64
+"""So many changes of the members may await the states before them; of more, states are left out."""
+
+
+class FormulaState(NamedTuple):
+    """What a formula says something about: values by label, the members of its domains, and what has happened."""
+
+    valid_us: int
+    now_us: int
+    values: Mapping[str, Value]
+    domains: Mapping[str, tuple[str, ...]]
+    events: frozenset[str]
+
+
+class _Era:
+    """The states from one change of the members to the next, which are made of other streams.
+
+    Attributes:
+        states: None: the formula reads no streams but events.
+        ready: states that wait for those of an era before.
+        ends_us: from this valid time on the states are those of the era after.
+    """
+
+    def __init__(
+        self, labels: tuple[str, ...], events: tuple[str, ...], states: Synchronizer | None, begins_us: int
+    ) -> None:
+        self.labels, self.events, self.states = labels, events, states
+        self.begins_us, self.ends_us = begins_us, FAR_US
+        self.ready: list[State] = []
+        self.proxies: list[StreamProxy] = []
+
+    def cancel(self) -> None:
+        for proxy in self.proxies:
+            proxy.cancel()
+
+
+class FormulaStates:
+    """Subscribes what a formula reads, and makes states of it. Call `on_time` at `deadline_us`.
+
+    Without `sample every` and `max delay` in the policy a state is made every 100 ms and waits 1 s for its inputs.
+    A value counts until it is a period and the delay older than the state: what has fallen silent is not known to hold
+    (F5). With `use most recent` it counts until another one comes.
+
+    Args:
+        formula: over streams only, without free variables.
+        policy: of the states (Def. 7.8.6).
+        on_state: told every state, in the order of their times.
+        on_domain: told what is wrong with the members that a stream names, and "" when they are known.
+        given: members of domains that no stream names.
+        since_us: states of events only begin then.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        formula: Formula,
+        policy: Policy,
+        on_state: Callable[[FormulaState], None],
+        on_domain: Callable[[str, str], None] = lambda _name, _wrong: None,
+        *,
+        given: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
+        since_us: int = 0,
+    ) -> None:
+        self.period_us, self.max_delay_us = timing(policy)
+        self._network, self._formula, self._policy = network, formula, policy
+        self._taken = Policy(max_delay_us=self.max_delay_us, importance=policy.importance)
+        self._on_state, self._on_domain = on_state, on_domain
+        self._lasts_us = FAR_US if policy.approximation == "most recent" else self.period_us + self.max_delay_us
+        named = [name for name in domains_of(formula) if name not in given]
+        self._domains: dict[str, list[tuple[int, tuple[str, ...]]]] = {
+            **{name: [(-FAR_US, tuple(members))] for name, members in given.items()},
+            **{name: [] for name in named},
+        }
+        self._eras: list[_Era] = []
+        self._newest: dict[str, Sample] = {}
+        self._last_us = -FAR_US
+        self._happened: list[tuple[int, str]] = []
+        self._tick_us = -(-since_us // self.period_us) * self.period_us
+        self._members: list[StreamProxy] = []
+        self._begun = False
+        try:
+            for name in named:
+                on_members = partial(self._on_members, name)
+                self._members.append(network.connect(Label(name), Policy(), on_members, current=True))
+            self._subscribe(-FAR_US)
+        except TextError:
+            self.cancel()
+            raise
+        self._begun = True
+
+    @property
+    def proxies(self) -> list[StreamProxy]:
+        """The streams its states are made of."""
+        return [proxy for era in self._eras for proxy in era.proxies]
+
+    @property
+    def deadline_us(self) -> int | None:
+        """None: it takes no streams any more. Far away, and not none, while nothing is due."""
+        if not self._members and not self.proxies:
+            return None
+        due_us: int | None = FAR_US
+        for era in self._eras:
+            if era.states is not None:
+                due_us = earlier(due_us, era.states.deadline_us)
+            elif era.events:
+                due_us = earlier(due_us, self._tick_us + self.max_delay_us)
+        return due_us
+
+    def on_time(self, now_us: int) -> None:
+        """Make the states that are due."""
+        for era in self._eras:
+            if era.states is not None:
+                era.ready += era.states.on_time(now_us)
+        self._hand_on(now_us)
+
+    def cancel(self) -> None:
+        """Take no more streams."""
+        for proxy in (*self._members, *self.proxies):
+            proxy.cancel()
+        self._members, self._eras = [], []
+
+    def declarations(self, name: str) -> Specification:
+        """The streams it takes now, in KPL: `NAME_states` are its states, with other names the domains and events."""
+        era = self._eras[-1] if self._eras else None
+        taken = [StreamTerm(Label.parse(label), self._taken) for label in (() if era is None else era.labels)]
+        policy = replace(self._policy, sample_us=self.period_us, max_delay_us=self.max_delay_us, change="sample")
+        states = [GeneratorDeclaration(Label(f"{name}_states"), StateStream(tuple(taken), policy))] if taken else []
+        events = () if era is None else era.events
+        other = [(f"{name}_{one.label}", one.label) for one in self._members]
+        other += [(f"{name}_event{i}", Label.parse(one)) for i, one in enumerate(events, start=1)]
+        return (*states, *(StreamDeclaration(called, StreamTerm(label)) for called, label in other))
+
+    def awaited(self) -> tuple[str, ...]:
+        """Why there is no state yet, input by input."""
+        states = self._eras[0].states if self._eras else None
+        return () if states is None else tuple(map(str, states.awaited()))
+
+    def _on_members(self, name: str, sample: Sample) -> None:
+        """Of too many those before stay, and what holds is not known until there are fewer.
+
+        The first that are known count for what was before, too; who is named after a later naming is nobody any more.
+        """
+        known = self._domains[name]
+        before = known.copy()
+        if known and sample.valid_us < known[-1][0]:
+            return
+        begins_us = max([sample.valid_us, *(era.begins_us for era in self._eras)]) if known else -FAR_US
+        try:
+            members = members_of(sample.value)
+            if not known or members != known[-1][1]:
+                known.append((begins_us, members))
+                del known[:-MOST_ERAS]
+            if self._begun and (known != before or not self.proxies):
+                self._subscribe(begins_us)
+        except (SortError, TextError) as wrong:
+            self._domains[name] = before
+            self._on_domain(name, wrong.message if isinstance(wrong, TextError) else str(wrong))
+        else:
+            self._on_domain(name, "")
+
+    def _domains_at(self, valid_us: int) -> dict[str, tuple[str, ...]]:
+        """The members at a time; those of before are forgotten, as states come in the order of their times."""
+        for known in self._domains.values():
+            while len(known) > 1 and known[1][0] <= min(valid_us, self._last_us):
+                del known[0]
+        return {
+            name: next((members for at_us, members in reversed(known) if at_us <= valid_us), ())
+            for name, known in self._domains.items()
+        }
+
+    def _subscribe(self, begins_us: int) -> None:
+        """Streams of what the formula reads from a valid time on; states before it are still made of those before."""
+        members = self._domains_at(FAR_US)
+        try:
+            labels = required_labels(self._formula, members)
+            events = event_labels(self._formula, members)
+        except UnknownLabel:
+            return
+        last = self._eras[-1] if self._eras else None
+        if last is not None and (labels, events) == (last.labels, last.events) and last.proxies:
+            return
+        era = _Era(labels, events, self._synchronizer(labels), begins_us)
+        if last is not None:
+            last.ends_us = begins_us
+        self._eras.append(era)
+        self._newest = {label: sample for label, sample in self._newest.items() if label in labels}
+        for i, label in enumerate(labels):
+            if label in self._newest and era.states is not None:
+                era.ready += era.states.on_sample(i, self._newest[label], self._network.now_us)
+        for i, label in enumerate(labels):
+            era.proxies.append(self._network.connect(Label.parse(label), self._taken, partial(self._on_sample, era, i)))
+        for label in events:
+            era.proxies.append(self._network.connect(Label.parse(label), Policy(), partial(self._on_event, label)))
+        self._hand_on(self._network.now_us)
+
+    def _synchronizer(self, labels: tuple[str, ...]) -> Synchronizer | None:
+        if not labels:
+            return None
+        policy = self._policy
+        approximation: Approximation = "none" if policy.exact else "most recent"
+        wanted = StatePolicy(
+            self.period_us, self.max_delay_us, policy.delay_before_us, policy.from_us, policy.to_us, approximation
+        )
+        return Synchronizer([StateInput(label, self._taken) for label in labels], wanted, explains=True)
+
+    def _on_sample(self, era: _Era, i: int, sample: Sample) -> None:
+        if era.states is not None:
+            if era is self._eras[-1]:
+                self._newest[era.labels[i]] = sample
+            era.ready += era.states.on_sample(i, sample, sample.available_us)
+            self._hand_on(sample.available_us)
+
+    def _on_event(self, label: str, sample: Sample) -> None:
+        """Something happened: it belongs to the first state that is not earlier, or is still to be made."""
+        self._happened.append((sample.valid_us, label))
+
+    def _hand_on(self, now_us: int) -> None:
+        """The states that are ready, in the order of their times: those of an era when the ones before are over."""
+        while self._eras:
+            era = self._eras[0]
+            ready, era.ready = era.ready, []
+            for state in ready:
+                if max(era.begins_us, self._last_us + 1) <= state.valid_us < era.ends_us:
+                    self._take(era, state, now_us)
+            if era.states is None and era.events:
+                self._tick(era, now_us)
+            if len(self._eras) < 2 or not (self._is_over(era) or len(self._eras) > MOST_ERAS):
+                return
+            self._eras.pop(0).cancel()
+
+    def _is_over(self, era: _Era) -> bool:
+        if era.states is None:
+            return not era.events or self._tick_us >= era.ends_us
+        sync_us = era.states.sync_us
+        return sync_us is None or sync_us >= era.ends_us
+
+    def _take(self, era: _Era, state: State, now_us: int) -> None:
+        oldest_us = state.valid_us - self._lasts_us
+        values: dict[str, Value] = {
+            label: NO_VALUE if origin.valid_us is None or origin.valid_us < oldest_us else value
+            for label, value, origin in zip(era.labels, state.values, state.origins, strict=True)
+        }
+        self._give(state.valid_us, max(now_us, state.available_us), values)
+
+    def _tick(self, era: _Era, now_us: int) -> None:
+        """States of events only are made at their times, when what happened until then has come."""
+        while self._tick_us + self.max_delay_us <= now_us and self._tick_us < era.ends_us:
+            self._give(self._tick_us, now_us, {})
+
+    def _give(self, valid_us: int, now_us: int, values: dict[str, Value]) -> None:
+        domains, self._last_us = self._domains_at(valid_us), valid_us
+        self._tick_us = max(self._tick_us, (valid_us // self.period_us + 1) * self.period_us)
+        events = frozenset(label for at_us, label in self._happened if at_us <= valid_us)
+        self._happened = [each for each in self._happened if each[0] > valid_us]
+        self._on_state(FormulaState(valid_us, now_us, values, domains, events))
+
+
+def timing(policy: Policy) -> tuple[int, int]:
+    """The period of the states, and how long one waits for its inputs."""
+    return policy.sample_us or PERIOD_US, MAX_DELAY_US if policy.max_delay_us is None else policy.max_delay_us
+
+
+def domains_of(formula: Formula) -> tuple[str, ...]:
+    """The named domains over which a formula quantifies."""
+    found: dict[str, None] = {}
+    for node in walk(formula):
+        if isinstance(node, Forall | Exists):
+            domain: Domain = node.domain
+            found.update(dict.fromkeys(one for one in (domain.base, *domain.minus) if isinstance(one, str)))
+    return tuple(found)
