@@ -30,6 +30,10 @@ ON_ROADS = {
         lambda rng: meeting(rng, too_near=True),
         {("overtake", "a", "b", "e4"), ("passes", "a", "b"), ("oncoming_too_near", "a", "b", "c")},
     ),
+    "somebody comes, too near from the beginning": (
+        lambda rng: meeting(rng, too_near=True, after_s=0.0),
+        {("overtake", "a", "b", "e4"), ("passes", "a", "b"), ("oncoming_too_near", "a", "b", "c")},
+    ),
     "somebody comes, far away": (
         lambda rng: meeting(rng, too_near=False),
         {("overtake", "a", "b", "e4"), ("passes", "a", "b")},
@@ -56,6 +60,28 @@ def test_examples_8_2_1_and_8_2_2_each_way_to_overtake_is_recognised_and_nothing
         rng = Random(seed)
         events = road_events(drives(rng), seed, error_m=rng.uniform(0, 1.5), heading_deg=rng.uniform(0, 360))
         assert {*recognised("overtake", events), *recognised("reckless", events)} == expected
+
+
+@pytest.mark.parametrize(
+    ("close_ms", "by_ms", "is_told"),
+    [
+        (4_000, 6_000, True),
+        (7_000, 9_000, True),
+        (11_000, 12_500, True),
+        (4_000, 4_500, False),
+        (12_500, 14_000, False),
+    ],
+)
+def test_example_8_2_2_whoever_comes_is_too_near_if_close_and_still_ahead_while_a_car_passes(close_ms, by_ms, is_told):
+    """It passes from 5 s to 8 s; the other one comes close, and goes by."""
+    first = {"behind[a, b]": True, "in_front[a, b]": False, "oncoming[a, b]": False}
+    first |= {"behind[a, c]": True, "oncoming[a, c]": True, "close[a, c]": False}
+    later = [(5_000, "behind[a, b]", False), (8_000, "in_front[a, b]", True)]
+    later += [(close_ms, "close[a, c]", True), (by_ms, "behind[a, c]", False), (by_ms + 1_500, "close[a, c]", False)]
+    events = [{"t_ms": 0, "attribute": label, "from": None, "to": value} for label, value in first.items()]
+    events += [{"t_ms": at, "attribute": one, "from": not new, "to": new} for at, one, new in sorted(later)]
+    told = recognised("reckless", [*events, {"t_ms": 20_000}])
+    assert (("oncoming_too_near", "a", "b", "c") in told) is is_told
 
 
 @pytest.mark.parametrize("situation", ON_ROADS)

@@ -142,14 +142,16 @@ def overtaking(rng: Random, side_m: float = OTHER_LANE_M) -> dict[str, Drive]:
     }
 
 
-def meeting(rng: Random, *, too_near: bool) -> dict[str, Drive]:
-    """Car a passes car b, and meets car c: while it is beside b, or six seconds after it is back in its lane."""
+def meeting(rng: Random, *, too_near: bool, after_s: float = 1.0) -> dict[str, Drive]:
+    """Car a passes car b, and meets car c: so long, or up to a second more, after it was level with b, or six seconds
+    after it is back in its lane.
+    """
     drives = overtaking(rng)
     passing = drives["a"]
     back, end = passing[3], passing[-1]
     fast_m_s = end.along_m / end.at_s
     beside_s = (passing[2].at_s + back.at_s) / 2
-    meets_s = beside_s + rng.uniform(1.0, 2.0) if too_near else back.at_s + 8
+    meets_s = beside_s + rng.uniform(after_s, after_s + 1) if too_near else back.at_s + 8
     towards_m_s = rng.uniform(15, 22)
     begin_m = (fast_m_s + towards_m_s) * meets_s
     lane_m = OTHER_LANE_M * (2.5 if too_near else 1.0)
