@@ -14,6 +14,7 @@ from dyknow.values import NO_VALUE
 
 if TYPE_CHECKING:
     from console.dialogue import Dialogue
+    from reasoning import Trace
 
 MOST_REASONS = 5
 """Of a verdict that people are told; JSON has them all."""
@@ -55,6 +56,12 @@ def _over_trace(call: Call, text: str, path: Path) -> int:
     except (OSError, UnicodeDecodeError) as error:
         raise WrongCall(f"--trace: {path} cannot be read ({error}); a trace is a text of JSON lines.") from None
     domains = trace_domains(formula, trace)
+    _note_of(call, trace, str(path))
+    for name in sorted(name for name, members in domains.items() if not members):
+        call.out.note(
+            f"note: {name} has no members in {path}: no label has an object where the formula puts the variable. "
+            f"Known: {', '.join(trace.labels[:8]) or 'no label'}."
+        )
     for label in sorted(str(label) for label in required_labels(formula, domains)):
         if label not in trace.labels:
             call.out.note(f"note: {label} has no value anywhere in {path}.{did_you_mean(label, trace.labels)}")
@@ -78,6 +85,18 @@ def _over_trace(call: Call, text: str, path: Path) -> int:
         for remark in remarks(formula):
             call.out.note(f"note: {remark.message}: {remark.repair}")
     return code
+
+
+def _note_of(call: Call, trace: "Trace", file: str) -> None:
+    """What of a trace was left out."""
+    for counts, said in (
+        (trace.left_out, "states were left out"),
+        (trace.no_numbers, "values are no numbers and count as none"),
+    ):
+        if counts:
+            reasons = ", ".join(f"{count} {reason}" for reason, count in counts.items())
+            first = min(trace.first_lines[reason] for reason in counts)
+            call.out.note(f"note: {said}: {reasons}; the first in {file}:{first}.")
 
 
 def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:

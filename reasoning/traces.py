@@ -2,9 +2,12 @@
 
 One state a line: `{"t_ms": 100, "p": true, "speed[uav1]": 31.2}`; an absent or null feature has no value. A line with
 `message` is an event and belongs to the first state at or after its time; a line with `domains` only names the members
-of domains: `{"domains": {"uavs": ["uav1"]}}`. Reading is pure: lines in, states out.
+of domains from there on: `{"domains": {"uavs": ["uav1"]}}`. States that go back in time, and values that are no numbers,
+are left out and counted. Reading is pure: lines in, states out.
 """
 
+import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
@@ -22,24 +25,42 @@ from reasoning.progression import Verdict
 
 
 class TraceState(NamedTuple):
-    """One state: its time, values by label, and the labels of messages since the state before."""
+    """One state: its time, values by label, the labels of messages since the state before, and the domains that the
+    trace has stated until then.
+    """
 
     valid_us: int
     values: Mapping[str, Value]
     events: tuple[str, ...] = ()
+    domains: Domains = {}  # noqa: RUF012 - nobody writes into it
 
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """States in the order of time; `domains` as the trace states them."""
+    """States in the order of time.
+
+    Attributes:
+        domains: as the trace states them first.
+        left_out: states that are not later than the one before, by reason: `out of order`, `duplicate`.
+        no_numbers: values that count as none: `NaN`, `infinite`.
+        first_lines: where the first of each of these reasons is.
+    """
 
     states: tuple[TraceState, ...]
     domains: Domains = field(default_factory=dict)
+    left_out: Counter[str] = field(default_factory=Counter)
+    no_numbers: Counter[str] = field(default_factory=Counter)
+    first_lines: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Every label that occurs."""
+        """Every label that has a place for a value."""
         return tuple(sorted({label for state in self.states for label in state.values}))
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        """Every label of a message."""
+        return tuple(sorted({label for state in self.states for label in state.events}))
 
 
 Outcome: TypeAlias = tuple[Verdict, float | None, int | None]
@@ -66,8 +87,12 @@ def follow_trace(
 ) -> tuple[Outcome, Progressing]:
     """As `check_trace`, and the formula as the states leave it, which can tell why it was decided and what is left."""
     progression = make_progression(formula, period_us, no_value)
+    stated: Domains = {}
+    known = domains
     for index, state in enumerate(states):
-        progression.progress(state.valid_us, state.values, domains, state.events)
+        if state.domains is not stated:
+            stated, known = state.domains, {**(domains or {}), **state.domains}
+        progression.progress(state.valid_us, state.values, known, state.events)
         if progression.verdict != "undecided":
             t_ms = state.valid_us / US_PER_MS
             return (progression.verdict, int(t_ms) if t_ms == int(t_ms) else t_ms, index), progression
@@ -79,7 +104,7 @@ def trace_domains(formula: Formula, trace: Trace) -> dict[str, tuple[str, ...]]:
     the formula puts the variable.
     """
     found: dict[str, tuple[str, ...]] = {name: tuple(members) for name, members in trace.domains.items()}
-    labels = [Label.parse(label) for label in trace.labels]
+    labels = [Label.parse(label) for label in {*trace.labels, *trace.events}]
     for node in walk(formula):
         if isinstance(node, Forall | Exists):
             named = [one for one in (node.domain.base, *node.domain.minus) if isinstance(one, str)]
@@ -107,35 +132,56 @@ def read_trace(lines: Iterable[str], file: str = "") -> Trace:
     Raises:
         TextError: with the line and the repair, at the first line that is no state.
     """
-    states: list[TraceState] = []
-    domains: dict[str, tuple[str, ...]] = {}
-    events: list[tuple[int, str]] = []
+    found = _Reader()
     for number, line in enumerate(lines, 1):
-        if not line.strip():
-            continue
-        reader = _Line(line, number, file)
-        if "t_ms" not in reader.record and "domains" in reader.record:
-            domains.update(reader.domains())
-            continue
-        valid_us = reader.valid_us()
-        if "message" in reader.record:
-            events.append((valid_us, reader.message()))
-            continue
-        if states and valid_us <= states[-1].valid_us:
-            raise reader.error(
-                "this state is not later than the one before", "sort the lines by t_ms, one state a time"
-            )
-        due = tuple(label for at_us, label in events if at_us <= valid_us)
-        events = [event for event in events if event[0] > valid_us]
-        states.append(TraceState(valid_us, reader.values(), due))
-    return Trace(tuple(states), domains)
+        if line.strip():
+            found.take(_Line(line, number, file), number)
+    return Trace(tuple(found.states), found.first_domains, found.left_out, found.no_numbers, found.first_lines)
+
+
+class _Reader:
+    """What the lines so far have brought."""
+
+    def __init__(self) -> None:
+        self.states: list[TraceState] = []
+        self.first_domains: dict[str, tuple[str, ...]] = {}
+        self.left_out, self.no_numbers = Counter[str](), Counter[str]()
+        self.first_lines: dict[str, int] = {}
+        self._domains: dict[str, tuple[str, ...]] = {}
+        self._events: list[tuple[int, str]] = []
+
+    def take(self, line: "_Line", number: int) -> None:
+        if "t_ms" not in line.record and "domains" in line.record:
+            stated = line.domains()
+            self._domains = {**self._domains, **stated}
+            self.first_domains = {**stated, **self.first_domains}
+            return
+        valid_us = line.valid_us()
+        if "message" in line.record:
+            self._events.append((valid_us, line.message()))
+            return
+        values = line.values()
+        for reason in line.no_numbers:
+            self._count(self.no_numbers, reason, number)
+        last_us = self.states[-1].valid_us if self.states else None
+        if last_us is not None and valid_us <= last_us:
+            self._count(self.left_out, "duplicate" if valid_us == last_us else "out of order", number)
+            return
+        due = tuple(label for at_us, label in self._events if at_us <= valid_us)
+        self._events = [event for event in self._events if event[0] > valid_us]
+        self.states.append(TraceState(valid_us, values, due, self._domains))
+
+    def _count(self, counter: Counter[str], reason: str, number: int) -> None:
+        counter[reason] += 1
+        self.first_lines.setdefault(reason, number)
 
 
 class _Line(JsonLine):
     """One line, checked."""
 
     def __init__(self, line: str, number: int, file: str) -> None:
-        super().__init__(line, number, file, "a state", '{"t_ms": 100, "p": true}')
+        super().__init__(line, number, file, "a state", '{"t_ms": 100, "p": true}', constant=float)
+        self.no_numbers: list[str] = []
 
     def valid_us(self) -> int:
         return round(self.time_ms() * US_PER_MS)
@@ -165,4 +211,7 @@ class _Line(JsonLine):
             return NO_VALUE
         if isinstance(value, list | dict):
             raise self.error(f"{key} is neither a number, a truth value, nor a text", '"speed[uav1]": 31.2')
+        if isinstance(value, float) and not math.isfinite(value):
+            self.no_numbers.append("NaN" if math.isnan(value) else "infinite")
+            return NO_VALUE
         return value

@@ -91,6 +91,22 @@ def test_a_misspelt_feature_is_noted_since_it_has_no_value_anywhere(dyknow: Run,
     assert "Did you mean 'speed[uav1]'" in done.stderr.replace("\n", " ")
 
 
+def test_a_domain_without_members_is_noted_since_nothing_is_checked(dyknow: Run, trace: str) -> None:
+    done = dyknow("check", "always forall u in uavs: sped[u] < 5", "--trace", trace)
+    assert done.returncode == 0
+    assert "note: uavs has no members" in done.stderr
+    assert "Known: p, speed[uav1]." in done.stderr
+
+
+def test_states_out_of_order_and_nan_are_told_and_harm_nothing(dyknow: Run, tmp_path: Path) -> None:
+    path = tmp_path / "flight.jsonl"
+    path.write_text('{"t_ms": 0, "x": 1}\n{"t_ms": 0, "x": 9}\n{"t_ms": 100, "x": NaN}\n{"t_ms": 50, "x": 9}\n')
+    done = dyknow("check", "always x < 5", "--trace", str(path))
+    assert done.returncode == 0
+    assert f"note: states were left out: 1 duplicate, 1 out of order; the first in {path}:2." in done.stderr
+    assert f"note: values are no numbers and count as none: 1 NaN; the first in {path}:3." in done.stderr
+
+
 def test_it_must_be_said_over_what_a_formula_is_checked(dyknow: Run) -> None:
     done = dyknow("check", "always p")
     assert done.returncode == 2
