@@ -70,6 +70,8 @@ class Definitions:
 
     def check(self, definition: Define) -> None:
         """Raise TextError where a definition is made of itself, whether or not anybody uses it."""
+        if id(definition) not in self._endless:
+            return
         path: list[tuple[Define, Iterator[Feature]]] = [(definition, self._uses(definition))]
         seen = {id(definition)}
         while path:
@@ -83,6 +85,24 @@ class Definitions:
             if made_of is not None and id(made_of) not in seen:
                 seen.add(id(made_of))
                 path.append((made_of, self._uses(made_of)))
+
+    @cached_property
+    def _endless(self) -> frozenset[int]:
+        """Definitions (their ids) that come to no end: those made of themselves, and what is made of such."""
+        left: dict[int, int] = {}
+        used_by: dict[int, list[int]] = {}
+        for each in self.features.values():
+            made_of = [found for use in self._uses(each) if (found := self._defined(use)) is not None]
+            left[id(each)] = len(made_of)
+            for one in made_of:
+                used_by.setdefault(id(one), []).append(id(each))
+        ending = [one for one, count in left.items() if not count]
+        for one in ending:
+            for user in used_by.get(one, ()):
+                left[user] -= 1
+                if not left[user]:
+                    ending.append(user)
+        return frozenset(left) - frozenset(ending)
 
     def _uses(self, definition: Define) -> Iterator[Feature]:
         return (node for node in walk(definition.formula) if isinstance(node, Feature))

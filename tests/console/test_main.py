@@ -10,9 +10,7 @@ from tests.console.conftest import Run
 HEAVY = ("zenoh", "pymavlink", "numpy", "scipy", "filterpy", "pydantic", "cryptography")
 COMMANDS = [(info.name or info.callback.__name__,) for info in app.registered_commands if info.callback]
 COMMANDS += [("roster", str(info.name)) for info in roster.registered_commands]
-WANTED = (
-    "up join host down ls query watch delegate tasks cancel alarms monitors acts fault check kpl roster doctor demo"
-)
+WANTED = "up join host down ls query watch delegate tasks cancel alarms monitors acts fault check chronicle kpl roster doctor demo"
 
 
 def test_help_imports_nothing_heavy() -> None:

@@ -23,7 +23,7 @@ HOME = Place(55.7240, 13.4600, 20.0)
 NORTH_DEG = 2e-4  # 22 m
 FULL = pytest.param(1.0, 10.0, marks=pytest.mark.full, id="as written")
 ENOUGH_S = 6.0  # of a few updates half may be lost by chance, and their median says nothing of the rate
-BRIEF = pytest.param(4.0, 1.0, id="brief")
+BRIEF = pytest.param(2.0, 1.0, id="brief")
 
 
 def free_port() -> int:
