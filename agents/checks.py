@@ -1,26 +1,31 @@
 """A formula over a platform's live states, for a person who wants to know now (thesis 7.5). Node clock but for states."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 
 from agents.context import Context
-from dyknow import NO_VALUE, US_PER_S, Policy, Sample, State, StateInput, StatePolicy, Subscription, Synchronizer
-from dyknow.errors import Refused
+from agents.derived_states import DerivedStates, derived_features
+from dyknow import NO_VALUE, US_PER_S, Label, Policy
+from dyknow.errors import ContentError, Refused, TextError
 from federation.acts import Act, Performative
 from federation.contents import Because, CheckFormula, Verdict
 from federation.contents.parts import MAX_LIST
 from federation.deadlines import Deadlines
-from kpl import print_formula, read_formula, unit_vocabulary
-from reasoning import Derivation, Formula, Progressing, Reason, make_progression, required_labels
+from kpl import Instance, print_formula, print_specification
+from kpl.asking import read_over
+from kpl.formula_states import FormulaState, FormulaStates
+from reasoning import Formula, Progressing, Reason, make_progression
 
 PERIOD_US = 100_000
-MAX_DELAY_US = 500_000
+POLICY = Policy(change="sample", sample_us=PERIOD_US, max_delay_us=500_000)
 TIMEOUT_S = 10.0
 MOST = 16
 MOST_REASONS = 8
 LONGEST = 1000
 """Characters of a formula in an answer, so that it fits into one act."""
+LONGEST_STATES = 4000
 
 
 @dataclass(slots=True)
@@ -28,35 +33,27 @@ class Check:
     """One formula being progressed, and for whom."""
 
     act: Act
-    labels: tuple[str, ...]
     progression: Progressing
-    derivation: Derivation
-    synchronizer: Synchronizer
-    domains: dict[str, tuple[str, ...]]
-    subscriptions: list[Subscription]
-    due_us: int
+    made: DerivedStates | FormulaStates
     states: int = 0
     valid_us: int | None = None
     valued: set[str] = field(default_factory=set)
-    """The features and inputs that have had a value."""
+    """The features that have had a value."""
 
-    def progress(self, state: State) -> None:
-        """One more state."""
-        values = self.derivation.values(state.values)
-        self.valued.update(name for name, value in values.items() if value is not NO_VALUE)
-        self.progression.progress(state.valid_us, values, self.domains)
-        self.valid_us = state.valid_us
-
-    def unvalued(self, names: Iterable[str]) -> tuple[str, ...]:
-        """Those of them that never had a value."""
-        return tuple(sorted(name for name in names if name not in self.valued))[:MAX_LIST]
+    def progress(self, state: FormulaState) -> None:
+        """One more state; what was before anything had a value is not known to anybody."""
+        self.valued.update(name for name, value in state.values.items() if value is not NO_VALUE)
+        if state.values and not self.valued:
+            return
+        self.states, self.valid_us = self.states + 1, state.valid_us
+        self.progression.progress(state.valid_us, state.values, state.domains, state.events)
 
 
 class Checks:
-    """The formulas under check on one platform."""
+    """The formulas under check on one platform, over streams of its instance or over what is derived from units."""
 
-    def __init__(self, context: Context) -> None:
-        self._c = context
+    def __init__(self, context: Context, instance: Instance) -> None:
+        self._c, self._instance = context, instance
         self._open: dict[str, Check] = {}
         self._deadlines: Deadlines[str] = Deadlines()
 
@@ -64,75 +61,40 @@ class Checks:
         """`(check-formula ...)`: agree, then inform of the verdict, `undecided` when the time is over.
 
         Raises:
-            TextError: the formula is wrong, and where.
-            UnknownLabel: it speaks of a feature that nothing here gives.
-            Refused: too many formulas are under check, or it is about streams this platform does not have.
+            ContentError: the formula is wrong, and where; or nobody makes a stream that it speaks of.
+            UnknownLabel: nothing here gives what a derived feature is made from.
+            Refused: too many formulas are under check, or it speaks of streams and of derived features.
         """
         conversation = self._c.tasks.check_free(act.conversation_id)
         if conversation in self._open:
             raise Refused(f"conversation {conversation} is about another formula")
         if len(self._open) >= MOST:
             raise Refused(f"{MOST} formulas are under check here already; wait for one to end")
-        formula = read_formula(content.text, unit_vocabulary(self._c.unit))
-        units = (self._c.unit, *self._c.gateway.monitors.members)
-        domains = {"units": units}
-        labels = tuple(str(label) for label in required_labels(formula, domains))
-        derivation = Derivation(labels)
-        policy = Policy(change="sample", sample_us=PERIOD_US, max_delay_us=MAX_DELAY_US)
-        synchronizer = Synchronizer(
-            [StateInput(name, policy) for name in derivation.input_names],
-            StatePolicy(PERIOD_US, MAX_DELAY_US, approximation="none"),
-        )
-        timeout_us = round((content.timeout_s or TIMEOUT_S) * US_PER_S)
-        for label, unit in derivation.inputs:
-            self._c.gateway.local(label, unit)
-        check = Check(
-            act,
-            labels,
-            make_progression(formula, PERIOD_US),
-            derivation,
-            synchronizer,
-            domains,
-            [],
-            now_us + timeout_us,
-        )
-        check.subscriptions = [self._subscribe(conversation, check, at) for at in range(len(derivation.inputs))]
-        self._open[conversation] = check
+        try:
+            formula = read_over(self._instance, content.text)
+        except TextError as wrong:
+            raise ContentError(str(wrong)) from None
+        made = self._states_of(formula, partial(self._on_state, conversation))
+        self._open[conversation] = Check(act, make_progression(formula, PERIOD_US), made)
+        self._c.gateway.network.step(made)
         self._c.desk.answer(act, Performative.AGREE, None, now_us)
-        self._schedule(conversation, check)
+        self._deadlines.set(conversation, now_us + round((content.timeout_s or TIMEOUT_S) * US_PER_S))
 
-    def _subscribe(self, conversation: str, check: Check, at: int) -> Subscription:
-        label, unit = check.derivation.inputs[at]
-        wanted = Policy(change="sample", sample_us=PERIOD_US, from_us=0, max_delay_us=MAX_DELAY_US)
-        local = self._c.gateway.local(label, unit)
-        to_semantic = self._c.gateway.translation.to_semantic(label)
-        name = check.derivation.input_names[at]
+    def _states_of(self, formula: Formula, on_state: Callable[[FormulaState], None]) -> DerivedStates | FormulaStates:
+        gateway = self._c.gateway
+        network, domains = gateway.network, {"units": (self._c.unit, *gateway.monitors.members)}
+        if derived_features(self._instance, formula, "the formula"):
+            return DerivedStates(gateway, formula, POLICY, domains, on_state)
+        given = {name: members for name, members in domains.items() if not network.has(Label(name))}
+        return FormulaStates(network, formula, POLICY, on_state, given=given, since_us=network.now_us)
 
-        def on_sample(sample: Sample) -> None:
-            given = sample._replace(value=to_semantic(sample.value))
-            if given.value is not NO_VALUE:
-                check.valued.add(name)
-            self._progress(
-                conversation, check, check.synchronizer.on_sample(at, given, sample.available_us), sample.available_us
-            )
-
-        return self._c.gateway.network.subscribe(local, wanted, on_sample)
-
-    def _progress(self, conversation: str, check: Check, states: list[State], now_us: int) -> None:
-        for state in states:
-            check.progress(state)
-            if check.progression.verdict != "undecided":
-                self._end(conversation, self._c.clock.wall_us(now_us))
-                return
-            check.states += 1
-        self._schedule(conversation, check)
-
-    def _schedule(self, conversation: str, check: Check) -> None:
-        due_us = check.due_us
-        states_us = check.synchronizer.deadline_us
-        if states_us is not None:
-            due_us = min(due_us, self._c.clock.wall_us(states_us))
-        self._deadlines.set(conversation, due_us)
+    def _on_state(self, conversation: str, state: FormulaState) -> None:
+        check = self._open.get(conversation)
+        if check is None:
+            return
+        check.progress(state)
+        if check.progression.verdict != "undecided":
+            self._end(conversation, self._c.clock.wall_us(state.now_us))
 
     def cancel(self, conversation: str, by: str) -> bool:
         """Whoever asked does not want to know any more; whether there was such a check."""
@@ -148,34 +110,35 @@ class Checks:
 
     def on_time(self, now_us: int) -> None:
         for conversation in self._deadlines.pop_due(now_us):
-            check = self._open.get(conversation)
-            if check is None:
-                continue
-            federation_us = self._c.clock.federation_us(now_us)
-            self._progress(conversation, check, check.synchronizer.on_time(federation_us), federation_us)
-            if now_us >= check.due_us and conversation in self._open:
+            if conversation in self._open:
                 self._end(conversation, now_us)
 
     def _end(self, conversation: str, now_us: int) -> None:
-        check = self._drop(conversation)
-        verdict = check.progression.verdict
+        check = self._open[conversation]
+        verdict, made = check.progression.verdict, check.made
         decided = verdict != "undecided"
+        silent, text = made.silent, print_specification(made.declarations("check"))
         said = Verdict(
             verdict=verdict,
             valid_us=check.valid_us if decided else None,
-            index=check.states if decided else None,
+            index=check.states - 1 if decided else None,
             because=tuple(_because(one) for one in check.progression.explain()[:MOST_REASONS]),
-            no_value=check.unvalued(check.labels),
-            missing=check.unvalued(check.derivation.input_names),
+            no_value=_some(name for name in made.labels if name not in check.valued),
+            missing=_some(silent),
+            states=text if len(text) <= LONGEST_STATES else "",
         )
+        self._drop(conversation)
         self._c.desk.answer(check.act, Performative.INFORM, said, now_us)
 
-    def _drop(self, conversation: str) -> Check:
+    def _drop(self, conversation: str) -> None:
         check = self._open.pop(conversation)
         self._deadlines.set(conversation, None)
-        for subscription in check.subscriptions:
-            subscription.cancel()
-        return check
+        self._c.gateway.network.unstep(check.made)
+        check.made.cancel()
+
+
+def _some(names: Iterable[str]) -> tuple[str, ...]:
+    return tuple(sorted(names))[:MAX_LIST]
 
 
 def _because(reason: Reason) -> Because:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
+from agents.derived_states import derived_features
 from agents.effects import HostEvent, Specify
 from agents.host_desk import HostDesk
 from agents.plans import MonitorPlan
@@ -28,8 +29,7 @@ from kpl.specification import Import, MonitorDeclaration, StreamTerm
 from kpl.surroundings import Undo
 from kpl.suspicions import grid_warnings
 from reasoning import AlarmEvent, Monitor
-from reasoning.derivation import FEATURES
-from reasoning.formulas import Feature, Formula, split_growing, walk
+from reasoning.formulas import Formula, split_growing
 from reasoning.profiles import Profile
 
 if TYPE_CHECKING:
@@ -242,15 +242,9 @@ class Declared:
         """Monitor a formula over units; None if it is not over what is derived from their streams."""
         if len(declaration.name) > LONGEST_NAME:
             raise Refused(f"a monitor's name has at most {LONGEST_NAME} characters, got {len(declaration.name)}")
-        features = {node.name for node in walk(formula) if isinstance(node, Feature)}
-        if not features & FEATURES.keys():
+        features = derived_features(self.instance, formula, f"monitor {declaration.name}")
+        if not features:
             return None
-        if features - FEATURES.keys():
-            raise Refused(
-                f"monitor {declaration.name}: {', '.join(sorted(features - FEATURES.keys()))} are streams of this "
-                f"instance, {', '.join(sorted(features & FEATURES.keys()))} are derived from the streams of several "
-                "units; one formula cannot speak of both"
-            )
         policy = declaration.policy
         profile = Profile(
             declaration.name,

@@ -4,13 +4,14 @@ from agents.checks import Checks
 from agents.context import Context
 from agents.recognitions import Recognitions
 from dyknow import earlier
+from kpl import Instance
 
 
 class Inquiries:
     """All of one platform."""
 
-    def __init__(self, context: Context) -> None:
-        self.checks, self.recognitions = Checks(context), Recognitions(context)
+    def __init__(self, context: Context, instance: Instance) -> None:
+        self.checks, self.recognitions = Checks(context, instance), Recognitions(context)
 
     @property
     def deadline_us(self) -> int | None:

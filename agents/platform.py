@@ -76,7 +76,7 @@ class Platform:
         self._hold_agents(config)
         parts = (self.clocks, self.interface, self.importer, self.exports, self.coordination, self.membership)
         own = () if self.own is None else (self.own,)
-        self.timetable = Timetable(
+        self.timetable: Timetable = Timetable(
             config.clock,
             (*parts, self.supply, self.inquiries, self.federation.rousing, self.declared.desk),
             (self.monitors, self.network, *own),
@@ -164,9 +164,9 @@ class Platform:
         self.giving_way = GivingWay(self.context)
         self.supply = Supply(self.context)
         self.bulletin = Bulletin(self.context, self.account, lambda: self.declared.monitors)
-        self.inquiries = Inquiries(self.context)
         self.membership = Membership(self)
         self.declared = Declared(self)
+        self.inquiries = Inquiries(self.context, self.declared.instance)
         self.gateway.imported = lambda: self.declared.imported
         self.interface.handlers.update(handlers_of(self))
         self.interface.on_cancel = self.membership.on_cancel

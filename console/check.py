@@ -103,10 +103,9 @@ def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:
     from console.client import connected
     from federation.acts import Performative
     from federation.contents import CheckFormula, Verdict
-    from federation.keys import unit as unit_name
-    from kpl import read_formula, unit_vocabulary
+    from kpl import parse_formula
 
-    read_formula(text, unit_vocabulary(unit_name(unit)))
+    parse_formula(text)
     with connected(call) as client:
         client.chosen(unit)
         content = CheckFormula(text=text, timeout_s=timeout_s)
@@ -126,7 +125,7 @@ def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:
         Why(one.part, one.holds, one.samples, one.members, one.within, one.since_us, one.until_us)
         for one in found.because
     ]
-    return _told(call, found.verdict, t_ms, found.index, is_live=True, reasons=reasons)
+    return _told(call, found.verdict, t_ms, found.index, is_live=True, reasons=reasons, states=found.states)
 
 
 def _failed(dialogue: "Dialogue") -> DyknowError:
@@ -147,6 +146,7 @@ def _told(
     is_live: bool = False,
     reasons: Sequence[Why] = (),
     left: str | None = None,
+    states: str = "",
 ) -> int:
     if t_ms is not None and t_ms == round(t_ms):
         t_ms = round(t_ms)
@@ -155,6 +155,8 @@ def _told(
         record["because"] = [_record(one) for one in reasons]
     if left is not None:
         record["left"] = left
+    if states:
+        record["states"] = states
     time = clock_time if is_live else _trace_time
     colour = {"true": "green", "false": "red"}.get(verdict, "yellow")
     when = ""

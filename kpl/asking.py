@@ -4,7 +4,9 @@ from typing import TYPE_CHECKING
 
 from kpl.changes import together
 from kpl.complaints import Complaints
+from kpl.declared import Made
 from kpl.definitions import Definitions
+from kpl.known import Streams
 from kpl.parsing import parse_formula, raise_all
 from kpl.specification import MonitorDeclaration
 from kpl.specification_checking import check_change
@@ -16,9 +18,23 @@ if TYPE_CHECKING:
     from kpl.instance import Instance
 
 
-def features_of(formula: Formula) -> frozenset[str]:
-    """The names of the features it speaks of."""
-    return frozenset(node.name for node in walk(formula) if isinstance(node, Feature))
+def features_of(instance: "Instance", formula: Formula) -> tuple[frozenset[str], frozenset[str]]:
+    """Which features a formula speaks of: those derived from streams of units, and streams of the instance.
+
+    A stream may be called like a derived feature; it is meant, unless its values are records, which nothing compares.
+    """
+    features = [node for node in walk(formula) if isinstance(node, Feature)]
+    derived = _derived(Streams(instance.parts.specified, instance.known(instance.specification)))
+    own = frozenset(each.name for each in features if each.attribute is not None or each.name not in derived)
+    return frozenset(each.name for each in features) - own, own
+
+
+def _derived(streams: Streams) -> frozenset[str]:
+    def is_value(made: Made) -> bool:
+        record = streams.record(made.label, made.variables)
+        return record is None or not record.fields
+
+    return frozenset(name for name in FEATURES if not any(map(is_value, streams.declared.of_feature(name))))
 
 
 def read_over(instance: "Instance", text: str) -> Formula:
@@ -30,7 +46,12 @@ def read_over(instance: "Instance", text: str) -> Formula:
     """
     asked, known = MonitorDeclaration(text, parse_formula(text)), instance.known(instance.specification)
     declared, definitions = instance.parts.specified, Definitions(instance.specification)
-    by_name = {*known.figures, *FEATURES, *(name for name, _ in definitions.features), *definitions.constants}
+    by_name = {
+        *known.figures,
+        *_derived(Streams(declared, known)),
+        *(name for name, _ in definitions.features),
+        *definitions.constants,
+    }
     declared.add(asked)
     try:
         errors = check_change(declared, (), (asked,), known, text)

@@ -4,7 +4,7 @@ A domain is the value of the generator called like it that is valid at the state
 ranges over what the stream `car_ids` names then, also if it names others when the state is made, up to `max delay` later.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
@@ -130,6 +130,17 @@ class FormulaStates:
         return [proxy for era in self._eras for proxy in era.proxies]
 
     @property
+    def labels(self) -> tuple[str, ...]:
+        """What its states have a value of now."""
+        return self._eras[-1].labels if self._eras else ()
+
+    @property
+    def silent(self) -> tuple[str, ...]:
+        """The streams, of domains too, that have brought nothing yet."""
+        domains = (name for name, known in self._domains.items() if not known)
+        return (*domains, *(label for label in self.labels if label not in self._newest))
+
+    @property
     def deadline_us(self) -> int | None:
         """None: it takes no streams any more. Far away, and not none, while nothing is due."""
         if not self._members and not self.proxies:
@@ -157,11 +168,9 @@ class FormulaStates:
 
     def declarations(self, name: str) -> Specification:
         """The streams it takes now, in KPL: `NAME_states` are its states, with other names the domains and events."""
-        era = self._eras[-1] if self._eras else None
-        taken = [StreamTerm(Label.parse(label), self._taken) for label in (() if era is None else era.labels)]
+        events = self._eras[-1].events if self._eras else ()
         policy = replace(self._policy, sample_us=self.period_us, max_delay_us=self.max_delay_us, change="sample")
-        states = [GeneratorDeclaration(Label(f"{name}_states"), StateStream(tuple(taken), policy))] if taken else []
-        events = () if era is None else era.events
+        states = states_of(name, map(Label.parse, self.labels), self._taken, policy)
         other = [(f"{name}_{one.label}", one.label) for one in self._members]
         other += [(f"{name}_event{i}", Label.parse(one)) for i, one in enumerate(events, start=1)]
         return (*states, *(StreamDeclaration(called, StreamTerm(label)) for called, label in other))
@@ -289,6 +298,12 @@ class FormulaStates:
         events = frozenset(label for at_us, label in self._happened if at_us <= valid_us)
         self._happened = [each for each in self._happened if each[0] > valid_us]
         self._on_state(FormulaState(valid_us, now_us, values, domains, events))
+
+
+def states_of(name: str, labels: Iterable[Label], taken: Policy, policy: Policy) -> Specification:
+    """The declaration of states called `NAME_states`, each input with the policy `taken`; none of no inputs."""
+    terms = tuple(StreamTerm(label, taken) for label in labels)
+    return (GeneratorDeclaration(Label(f"{name}_states"), StateStream(terms, policy)),) if terms else ()
 
 
 def timing(policy: Policy) -> tuple[int, int]:

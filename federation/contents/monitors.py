@@ -13,6 +13,7 @@ from federation.contents.parts import (
     Line,
     Part,
     Period,
+    Prose,
     Seconds,
     Truth,
     Unit,
@@ -121,7 +122,10 @@ class Because(Part):
 
 
 class Verdict(Content):
-    """What a formula came to, and the state that decided it; `no_value` features had none, nor had `missing` inputs."""
+    """What a formula came to, and the state that decided it; `no_value` features had none, nor had `missing` inputs.
+
+    `states` says in KPL what its states were made of; nothing where that is very long.
+    """
 
     verdict: Truth
     valid_us: Instant | None = None
@@ -129,3 +133,4 @@ class Verdict(Content):
     because: Annotated[tuple[Because, ...], Field(max_length=MAX_LIST)] = ()
     no_value: Annotated[tuple[Line, ...], Field(max_length=MAX_LIST)] = ()
     missing: Annotated[tuple[Line, ...], Field(max_length=MAX_LIST)] = ()
+    states: Prose = ""
