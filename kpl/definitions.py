@@ -91,14 +91,14 @@ class Definitions:
         """Definitions (their ids) that come to no end: those made of themselves, and what is made of such."""
         left: dict[int, int] = {}
         used_by: dict[int, list[int]] = {}
-        for each in self.features.values():
-            made_of = [found for use in self._uses(each) if (found := self._defined(use)) is not None]
-            left[id(each)] = len(made_of)
+        for definition in self.features.values():
+            made_of = [id(found) for use in self._uses(definition) if (found := self._defined(use)) is not None]
+            left[id(definition)] = len(made_of)
             for one in made_of:
-                used_by.setdefault(id(one), []).append(id(each))
+                used_by.setdefault(one, []).append(id(definition))
         ending = [one for one, count in left.items() if not count]
-        for one in ending:
-            for user in used_by.get(one, ()):
+        for each in ending:
+            for user in used_by.get(each, ()):
                 left[user] -= 1
                 if not left[user]:
                     ending.append(user)
