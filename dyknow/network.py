@@ -304,6 +304,11 @@ class Network:
         """Link it as soon as a generator carries its label."""
         self._waiting.setdefault(proxy.label, []).append(proxy)
 
+    def recall(self, label: Label) -> None:
+        """What `resolve` makes can be made from now on: whoever waits for it is served."""
+        if label in self._waiting:
+            self.find(label)
+
     def forget(self, proxy: StreamProxy) -> None:
         """It waits no more."""
         waiting = self._waiting.get(proxy.label)

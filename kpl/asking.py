@@ -4,14 +4,12 @@ from typing import TYPE_CHECKING
 
 from kpl.changes import together
 from kpl.complaints import Complaints
-from kpl.declared import Made
 from kpl.definitions import Definitions
 from kpl.known import Streams
 from kpl.parsing import parse_formula, raise_all
 from kpl.specification import MonitorDeclaration
 from kpl.specification_checking import check_change
 from kpl.suspicions import Makers
-from reasoning.derivation import FEATURES
 from reasoning.formulas import Feature, Formula, walk
 
 if TYPE_CHECKING:
@@ -24,17 +22,9 @@ def features_of(instance: "Instance", formula: Formula) -> tuple[frozenset[str],
     A stream may be called like a derived feature; it is meant, unless its values are records, which nothing compares.
     """
     features = [node for node in walk(formula) if isinstance(node, Feature)]
-    derived = _derived(Streams(instance.parts.specified, instance.known(instance.specification)))
+    derived = Streams(instance.parts.specified, instance.known(instance.specification)).derived
     own = frozenset(each.name for each in features if each.attribute is not None or each.name not in derived)
     return frozenset(each.name for each in features) - own, own
-
-
-def _derived(streams: Streams) -> frozenset[str]:
-    def is_value(made: Made) -> bool:
-        record = streams.record(made.label, made.variables)
-        return record is None or not record.fields
-
-    return frozenset(name for name in FEATURES if not any(map(is_value, streams.declared.of_feature(name))))
 
 
 def read_over(instance: "Instance", text: str) -> Formula:
@@ -48,7 +38,7 @@ def read_over(instance: "Instance", text: str) -> Formula:
     declared, definitions = instance.parts.specified, Definitions(instance.specification)
     by_name = {
         *known.figures,
-        *_derived(Streams(declared, known)),
+        *Streams(declared, known).derived,
         *(name for name, _ in definitions.features),
         *definitions.constants,
     }

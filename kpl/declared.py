@@ -32,6 +32,8 @@ SELF = "self"
 NOTHING = frozenset[str]()
 MAKER, GENERATOR, CHRONICLE = "a source or a unit", "a generator", "a chronicle"
 RECOGNISED = "chronicle"
+MARGIN = "margin"
+MONITOR = "a monitor"
 """Of what is recognised: `chronicle[overtake]`."""
 Name = tuple[str, object]
 """What it is a name of, and the name."""
@@ -156,6 +158,8 @@ class Declared:
                 yield from self._using.get(str(name), {}).values()
         if isinstance(declaration, Define):
             yield from (each for each, _ in self._needing.get(declaration.feature.name, {}).values())
+        if isinstance(declaration, MonitorDeclaration):
+            yield from (each for each, _ in self._needing.get(Label(MARGIN, (declaration.name,)), {}).values())
         made = self.made.get(id(declaration)) or _made(declaration)
         if made is not None:
             feature = stem(made.label)
@@ -185,7 +189,7 @@ def names_of(declaration: Declaration) -> tuple[Name, ...]:
         case Export(semantic):
             return (("an export", semantic),)
         case MonitorDeclaration(name):
-            return (("a monitor", name),)
+            return ((MONITOR, name),)
         case ChronicleFile(content=content) if content is not None:
             return tuple((CHRONICLE, name) for name in content.chronicles)
         case Define(feature):

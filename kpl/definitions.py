@@ -51,6 +51,11 @@ class Definitions:
                     self.constants[each.feature.name] = value
 
     @cached_property
+    def monitors(self) -> tuple[MonitorDeclaration, ...]:
+        """The monitors of the same specification."""
+        return tuple(each for each in self._declarations if isinstance(each, MonitorDeclaration))
+
+    @cached_property
     def objects(self) -> frozenset[str]:
         """The objects that streams are called by, or that sets list; a stream called so itself is that stream."""
         found, streams = set[str](), set[str]()

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Final
 from dyknow import NO_VALUE, Label, Sample, Sort, Value
 from dyknow.instants import US_PER_MS
 from dyknow.processes import Input, OnDemand
+from kpl.declared import MARGIN
 from kpl.introspection import LAST, SAMPLE_BYTES, rate_and_delay
+from kpl.margins import Margin, has_margins
 
 if TYPE_CHECKING:
     from dyknow import Generator
@@ -24,6 +26,7 @@ MEANINGS: Final[Mapping[str, str]] = {
     "stream_rate": "samples per second, of the last samples",
     "stream_drops": "samples that a declared stream's policy has dropped, all in all",
     "stream_memory": "bytes of the history, about",
+    MARGIN: "of a monitor: by how much values would have to change for its formula to be violated, or kept",
 }
 SORT: Final = Sort("figure")
 
@@ -32,6 +35,9 @@ def figure(instance: "Instance", label: Label) -> "tuple[Sort, Process] | None":
     """The process of a figure; None if the label is none."""
     if label.feature not in MEANINGS or len(label.objects) != 1:
         return None
+    if label.feature == MARGIN:
+        monitor = instance.monitors.get(label.objects[0])
+        return None if monitor is None or not has_margins(monitor.monitor.formula) else (SORT, Margin(monitor))
     return SORT, Figure(instance, label)
 
 

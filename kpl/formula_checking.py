@@ -11,7 +11,7 @@ from dyknow.errors import TextError
 from dyknow.labels import Label
 from kpl.checking import Checker, Sort, Vocabulary
 from kpl.complaints import Complaints
-from kpl.declared import SELF, label_of
+from kpl.declared import MARGIN, SELF, label_of
 from kpl.definitions import Definitions
 from kpl.known import Streams
 from kpl.specification import Define, MonitorDeclaration
@@ -34,7 +34,9 @@ from reasoning.formulas import (
     Place,
     Until,
     label_text,
+    walk,
 )
+from reasoning.margins import check_windows
 
 OF_A_PLATFORM: Final = "units"
 """The domain that every platform has."""
@@ -104,6 +106,31 @@ class FormulaChecker(Checker):
         if not self._is_quiet:
             self._complaints.unmade(message, Node(place=place), label, meant, repair)
 
+    def margin(self, name: str, node: Node) -> None:
+        """How far a monitor is from violation is known of formulas over streams whose windows end."""
+        monitors = [each for each in self._definitions.monitors if each.name == name]
+        if not monitors:
+            names = (each.name for each in self._definitions.monitors)
+            near = self._complaints.closest(name, names)
+            self._wrong(f"no monitor is called {name}", node, f"{MARGIN}[{near}]" if near else f"monitor {name} = ...")
+            return
+        try:
+            formula = self._definitions.resolved(monitors[0].formula, SELF)
+        except TextError:
+            return  # that is told where it is declared
+        derived = {one.name for one in walk(formula) if isinstance(one, Feature)} & self._streams.derived
+        if derived:
+            said = f"{name} is over what is derived from units ({', '.join(sorted(derived))}), which has no margins"
+            self._wrong(said, node, "a monitor over streams of this instance")
+        try:
+            check_windows(formula)
+        except TextError as wrong:
+            self._wrong(f"{name} has no margins: {wrong.message}", node, wrong.repair)
+
+    def _wrong(self, message: str, node: Node, repair: str) -> None:
+        if not self._is_quiet:
+            self._complaints.wrong(message, node, repair)
+
     # What a feature is
 
     def _sort(self, node: Feature, label: Label, variables: frozenset[str]) -> Sort:
@@ -114,6 +141,8 @@ class FormulaChecker(Checker):
         if node.attribute is None and (node.name, arity) in self._definitions.features:
             return self._sort_of_definition(node.name, arity)
         if node.name in streams.known.figures:
+            if node.name == MARGIN and arity == 1 and not variables:
+                self.margin(label.objects[0], node)
             return self._taken(node, 1, "number")
         if streams.has(label, variables):
             return self._sort_of_stream(node, label, variables)

@@ -12,7 +12,7 @@ from dyknow.stream_proxy import StreamProxy
 from kpl.changes import as_text_errors, difference, rank, together, too_early
 from kpl.chronicle_streams import ChronicleStreams, recognitions
 from kpl.compiling import MAX_DECLARATIONS, Compiler, located, too_many
-from kpl.declared import Declared, names_of
+from kpl.declared import MARGIN, Declared, names_of
 from kpl.definitions import Definitions
 from kpl.families import Families
 from kpl.figures import MEANINGS, figure
@@ -395,9 +395,13 @@ class Instance:
             self.network.now_us,
         )
         self.monitors[declaration.name] = monitor
+        margin = Label(MARGIN, (declaration.name,))
+        self.network.recall(margin)
 
         def end() -> None:
             self.monitors.pop(declaration.name, None)
+            if self.network.has(margin):
+                self.network.remove(margin)
             monitor.cancel()
 
         return end

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from difflib import get_close_matches
+from functools import cached_property
 from typing import Final, NamedTuple
 
 from dyknow.labels import Label
@@ -20,6 +21,7 @@ from kpl.specification import (
     StateStream,
     UnitDeclaration,
 )
+from reasoning.derivation import FEATURES
 
 STATE: Final = "state"
 ANY: Final = "?"
@@ -64,6 +66,16 @@ class Streams:
         self._known_by_stem: dict[str, list[Label]] = {}
         for label in known.labels:
             self._known_by_stem.setdefault(stem(label), []).append(label)
+
+    @cached_property
+    def derived(self) -> frozenset[str]:
+        """The features that are derived in a federation, without those that streams of values here are called like."""
+
+        def is_value(made: Made) -> bool:
+            record = self.record(made.label, made.variables)
+            return record is None or not record.fields
+
+        return frozenset(name for name in FEATURES if not any(map(is_value, self.declared.of_feature(name))))
 
     def source(self, name: str) -> str | None:
         """The sort of a source."""

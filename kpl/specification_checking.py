@@ -10,7 +10,7 @@ from typing import NamedTuple
 from dyknow.errors import TextError
 from dyknow.labels import Label
 from kpl.complaints import Complaints
-from kpl.declared import CHRONICLE, GENERATOR, MAKER, RECOGNISED, Declared, Made, names_of, needs_of, stem
+from kpl.declared import CHRONICLE, GENERATOR, MAKER, MARGIN, RECOGNISED, Declared, Made, names_of, needs_of, stem
 from kpl.formula_checking import FormulaChecker
 from kpl.known import ANY, Known, Streams
 from kpl.specification import (
@@ -225,6 +225,8 @@ class _Checker(Complaints):
     def _present(self, term: StreamTerm, variables: frozenset[str]) -> None:
         label = term.label
         if label.feature in self.known.figures and len(label.objects) == 1:
+            if label.feature == MARGIN and label.objects[0] not in variables:
+                self._formulas.margin(label.objects[0], term)
             return
         if label.feature == RECOGNISED and any((CHRONICLE, name) in self.declared.named for name in label.objects[:1]):
             return

@@ -34,6 +34,7 @@ from reasoning.formulas import (
     domain_members,
     instantiate,
     is_temporal,
+    walk,
 )
 from reasoning.progression import Changes
 
@@ -62,8 +63,8 @@ class Margins:
     """
 
     def __init__(self, formula: Formula, domains: Domains | None = None, period_us: int | None = None) -> None:
-        if isinstance(formula, Always) and formula.lo_us == 0 and formula.hi_us is None:
-            formula = formula.operand
+        check_windows(formula)
+        formula = _repeated(formula)
         self._changes = Changes(formula)
         self._times = _Times(period_us)
         self._root = _Maker(Compiler(domains), self._times).make(formula)
@@ -73,6 +74,25 @@ class Margins:
         changed_us = self._changes.after(valid_us, values)
         self._times.add(valid_us)
         return self._root.on_moment(Moment(valid_us, values, MappingProxyType({}), events, changed_us))
+
+
+def check_windows(formula: Formula) -> None:
+    """Raise TextError if a formula has no margins: a window in it has no end."""
+    for node in walk(_repeated(formula)):
+        if isinstance(node, Always | Eventually | Until) and not isinstance(node.hi_us, int):
+            raise TextError.at(
+                node.place,
+                "a margin needs windows that end; only the outermost always may have none",
+                repair="an interval, as in eventually[0, 5s]",
+            )
+        if isinstance(node, Compare) and is_temporal(node):
+            raise TextError.at(node.place, "a temporal operator stands inside a comparison")
+
+
+def _repeated(formula: Formula) -> Formula:
+    """What an `always` without end demands of every state, which margins are about."""
+    is_always = isinstance(formula, Always) and formula.lo_us == 0 and formula.hi_us is None
+    return formula.operand if isinstance(formula, Always) and is_always else formula
 
 
 class _Times:
@@ -214,8 +234,6 @@ class _Maker:
                 return self._window(formula, operand)
             case Until():
                 return self._window(formula, formula.right, formula.left)
-        if is_temporal(formula):
-            raise TextError("a temporal operator stands inside a comparison", line=formula.place.line)
         return _State(self._distance(formula))
 
     def _all(self, parts: list[Formula]) -> _Node:
@@ -225,15 +243,10 @@ class _Maker:
         return _Together([self.make(part) for part in parts], max) if parts else _State(lambda _moment: -inf)
 
     def _window(self, node: Always | Eventually | Until, right: Formula, left: Formula | None = None) -> _Node:
-        if not isinstance(node.lo_us, int) or not isinstance(node.hi_us, int):
-            raise TextError(
-                "a margin needs windows that end; only the outermost always may have none",
-                line=node.place.line,
-                column=node.place.column,
-                repair="give it an interval, as in eventually[0, 5s]",
-            )
         first = _State(lambda _moment: inf) if left is None else self.make(left)
         second = self.make(right)
+        assert isinstance(node.lo_us, int)  # noqa: S101  (windows have been checked)
+        assert isinstance(node.hi_us, int)  # noqa: S101
         return _Windowed((first, second), node.lo_us, node.hi_us, self._times)
 
     def _distance(self, formula: Formula) -> Distance:

@@ -81,3 +81,25 @@ def test_chronicles_are_recognised_in_the_live_streams_of_a_platform(dyknow: Dyk
     watched = dyknow.run("chronicle", str(chronicles), "--unit", "0", "--timeout", "3s", "--max-delay", "200ms")
     assert {(each["bindings"]["?from"], each["bindings"]["?to"]) for each in watched} == {("l1", "l2"), ("l2", "l1")}
     assert all(each["instants"]["t2"] - each["instants"]["t1"] == 250 for each in watched)
+
+
+def test_a_formula_is_checked_over_the_live_streams_of_a_specification(dyknow: Dyknow, tmp_path: Path) -> None:
+    units, spec = tmp_path / "cars.py", tmp_path / "cars.kpl"
+    units.write_text(CAR, encoding="utf-8")
+    spec.write_text(
+        'source link links\nstrmgen link[a] = links\ndefine crossing[c] = link[c] = "no_link"\n'
+        "monitor driving = always not crossing[a] with sample every 50, max delay 100\n",
+        encoding="utf-8",
+    )
+    joined = dyknow.start("join", "--unit", "0", "--spec", str(spec), "--units", str(units), "--json")
+    assert next(line for line in lines(joined) if line.get("event") == "alarm-opened")
+    [told] = dyknow.run("check", "eventually crossing[a]", "--unit", "0")
+    assert (told["verdict"], told["because"][0]["samples"]) == ("true", {"link[a]": "no_link"})
+    assert told["states"].startswith("strmgen check_states = state(link[a] with max delay 500) with sample every 100")
+    [told] = dyknow.run("check", "always not crossing[a]", "--unit", "0", code=1)
+    assert told["verdict"] == "false"
+    _, err = dyknow.raw("check", "always not crosing[a]", "--unit", "0", code=2)
+    assert "write: crossing" in err
+    [graph] = dyknow.run("kpl", "graph", "--unit", "0")
+    states = next(node["states"] for node in graph["nodes"] if node["name"] == "driving")
+    assert states.startswith("strmgen driving_states = state(link[a] with max delay 100) with sample every 50")
