@@ -321,6 +321,49 @@ def test_nothing_is_asked_for_or_computed_elsewhere_that_nobody_takes():
     assert not other.network.process(Label("pos", ("1",))).running
 
 
+def test_each_monitor_of_an_imported_stream_has_its_own_rate_and_the_last_one_ends_it_on_both_platforms():
+    imports = "".join(
+        f"import heli-position from 1 as {name}[uav1] with sample every {period}, max delay 1000\n"
+        for name, period in (("pos", "100"), ("slow", "1s"))
+    )
+    fast = "monitor fast = always pos.latitude_deg[uav1] < 90 with sample every 100\n"
+    less = "monitor less = always pos.latitude_deg[uav1] < 90 with sample every 500\n"
+    rare = "monitor rare = always slow.latitude_deg[uav1] < 90 with sample every 1s\n"
+    pair = Pair(imports + fast + less + rare, text_of("uav1.kpl"))
+    platform, other = pair.world.platform("0"), pair.world.platform("1")
+
+    def rates(*names):
+        """Seconds between states, of each monitor."""
+        times = {name: [] for name in names}
+        for name in names:
+            listeners = platform.declared.instance.monitors[name].listeners
+            listeners.append(lambda state, into=times[name]: into.append(state.valid_us))
+        pair.world.run_for(6)
+        return [{(b - a) / 1e6 for a, b in pairwise(times[name])} for name in names]
+
+    def asked():
+        return {period_us for _, period_us, _ in platform.gateway.needs().get("1", ())}
+
+    pair.world.run_for(2)
+    assert rates("fast", "less", "rare") == [{0.1}, {0.5}, {1.0}]
+    assert asked() == {100_000, 1_000_000}
+    assert len(other.exports.streams()) == 2
+    pair.specify("0", imports + less + rare)
+    assert rates("less", "rare") == [{0.5}, {1.0}]
+    assert asked() == {100_000, 1_000_000}
+    pair.specify("0", imports + rare)
+    assert rates("rare") == [{1.0}]
+    assert asked() == {1_000_000}
+    assert len(other.exports.streams()) == 1
+    assert other.network.process(Label("pos", ("1",))).running
+    pair.specify("0", imports)
+    pair.world.run_for(3)
+    assert asked() == set()
+    assert not other.exports.streams()
+    assert not other.network.process(Label("pos", ("1",))).running
+    assert not platform.network.process(Label("pos", ("uav1",))).running
+
+
 @source("position")
 def camera(now_us):
     """Where the red car is, ten times a second, while somebody wants to know."""
