@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from agents.account import Account, Entry
 from agents.alarm_book import Subscriber
 from agents.context import Context
+from agents.derived_states import derived_declaration
 from dyknow import NoValue, Value, as_json
 from federation.acts import Act, AgentName, Performative
 from federation.contents import (
@@ -37,19 +38,22 @@ from federation.directory import (
 )
 from federation.liveness import SUSPECT_US, PlatformAppeared, PlatformGone, PlatformReturned, PlatformSuspected
 from federation.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone
+from kpl import print_specification
 from kpl.complaints import shortened
+from kpl.formula_monitors import FormulaMonitor
 from reasoning import AlarmEvent, Monitor
 
 P = Performative
 T = TypeVar("T")
 ALARMS_A_PAGE = 100
 ACTS_A_PAGE = 25
-MONITORS_A_PAGE = 100
+MONITORS_A_PAGE = 40
 IMPORTS_A_PAGE = 200
 MISSED_US = 60_000_000
 """How long a platform that fell silent (stands still, or is cut off) is named when somebody asks who is there."""
 TEXT = 2000
 LONGEST_LABEL = 256
+LONGEST_STATES = 1000
 MOST_VALUES = 256
 
 
@@ -83,7 +87,7 @@ class Bulletin:
         specified: the monitors of its specification over streams of its own.
     """
 
-    def __init__(self, context: Context, account: Account, specified: Callable[[], Iterable[Monitor]]) -> None:
+    def __init__(self, context: Context, account: Account, specified: Callable[[], Iterable[FormulaMonitor]]) -> None:
         self._c, self._account, self._specified = context, account, specified
         self._followers: dict[Subscriber, Act] = {}
         self._watchers: dict[Subscriber, Act] = {}
@@ -103,26 +107,31 @@ class Bulletin:
             self._c.desk.answer(act, P.INFORM, ActList(acts=tuple(page), more=more), now_us)
 
     def on_monitors(self, act: Act, _content: Content, now_us: int) -> None:
+        gateway = self._c.gateway
         of_plans = (
-            (named.plan.name, instance.monitor)
-            for named in self._c.gateway.monitors.named.values()
-            for instance in named.instances.values()
+            (named.plan.name, each.monitor, derived_declaration(named.plan, each.maker, gateway.translation))
+            for named in gateway.monitors.named.values()
+            for each in named.instances.values()
         )
-        found = [
-            MonitorEntry(
-                by=self._c.unit,
-                name=name,
-                units=monitor.key,
-                verdict=monitor.verdict,
-                inputs=monitor.inputs,
-                shows=monitor.shows,
-                since_us=monitor.inputs_since_us,
-                which=tuple(shortened(name) for name in monitor.missing_inputs[:MAX_LIST]),
-            )
-            for name, monitor in (*of_plans, *((each.name, each) for each in self._specified()))
-        ]
+        specified = ((each.monitor.name, each.monitor, each.states) for each in self._specified())
+        own = ((name, monitor, states.declarations(name)) for name, monitor, states in specified)
+        found = [self._monitor(name, monitor, print_specification(said)) for name, monitor, said in (*of_plans, *own)]
         for page, more in _pages(found, MONITORS_A_PAGE):
             self._c.desk.answer(act, P.INFORM, MonitorList(monitors=tuple(page), more=more), now_us)
+
+    def _monitor(self, name: str, monitor: Monitor, states: str) -> MonitorEntry:
+        return MonitorEntry(
+            by=self._c.unit,
+            name=name,
+            units=monitor.key,
+            verdict=monitor.verdict,
+            inputs=monitor.inputs,
+            shows=monitor.shows,
+            since_us=monitor.inputs_since_us,
+            which=tuple(shortened(name) for name in monitor.missing_inputs[:MAX_LIST]),
+            states=states if len(states) <= LONGEST_STATES else "",
+            counted=dict(monitor.counted),
+        )
 
     def on_import_list(self, act: Act, _content: Content, now_us: int) -> None:
         """Which streams come in, and what became of their samples: gaps show here."""

@@ -28,7 +28,7 @@ from kpl.records import Faults, alarm_record, sample_record
 from kpl.specification import Import, MonitorDeclaration, StreamTerm
 from kpl.surroundings import Undo
 from kpl.suspicions import grid_warnings
-from reasoning import AlarmEvent, Monitor
+from reasoning import AlarmEvent
 from reasoning.formulas import Formula, split_growing
 from reasoning.profiles import Profile
 
@@ -185,11 +185,6 @@ class Declared:
         is_owing = self._p.is_owing
         self._p.emit(told)
         return is_owing
-
-    @property
-    def monitors(self) -> Iterable[Monitor]:
-        """Those over streams of this instance."""
-        return [each.monitor for each in self.instance.monitors.values()]
 
     def entries(self) -> Iterable[LabelEntry]:
         """The semantic labels that are exported."""

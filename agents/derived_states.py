@@ -1,13 +1,14 @@
 """The states that a formula over derived features is about: distances, altitudes, ... out of the units' streams (9.4.2)."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 
 from agents.gateway import Gateway
-from dyknow import NO_VALUE, Policy, Sample, State, StateInput, StatePolicy, Subscription, Synchronizer, earlier
+from agents.plans import MonitorPlan, StateMaker
+from dyknow import NO_VALUE, Label, Policy, Sample, State, StateInput, StatePolicy, Subscription, Synchronizer, earlier
 from dyknow.errors import Refused
-from federation.ontology import Convert
+from federation.ontology import Convert, Translation
 from kpl import Instance, Specification
 from kpl.asking import features_of
 from kpl.formula_states import FAR_US, FormulaState, states_of
@@ -72,7 +73,7 @@ class DerivedStates:
 
     def declarations(self, name: str) -> Specification:
         """Their state stream in KPL, called `NAME_states`, of the local streams."""
-        return states_of(name, self._local, self._policy, replace(self._policy, from_us=None, exact=True))
+        return _states(name, self._local, self._policy)
 
     def _on_sample(self, i: int, to_semantic: Convert, sample: Sample) -> None:
         given = sample._replace(value=to_semantic(sample.value))
@@ -84,6 +85,17 @@ class DerivedStates:
         for state in states:
             values = self._derivation.values(state.values)
             self._on_state(FormulaState(state.valid_us, now_us, values, self._domains, frozenset()))
+
+
+def derived_declaration(plan: MonitorPlan, maker: StateMaker, translation: Translation) -> Specification:
+    """What the states of one instance of a plan are made of, in KPL, of the local streams."""
+    labels = [translation.local_label(label, unit) for label, unit in maker.inputs]
+    policy = Policy(change="sample", sample_us=plan.period_us, from_us=0, max_delay_us=plan.max_delay_us)
+    return _states(plan.name, labels, policy)
+
+
+def _states(name: str, labels: Iterable[Label], taken: Policy) -> Specification:
+    return states_of(name, labels, taken, replace(taken, from_us=None, exact=True))
 
 
 def derived_features(instance: Instance, formula: Formula, what: str) -> frozenset[str]:

@@ -163,9 +163,9 @@ class Platform:
         self.coordination = Coordination(self.context, plans, self.federation)
         self.giving_way = GivingWay(self.context)
         self.supply = Supply(self.context)
-        self.bulletin = Bulletin(self.context, self.account, lambda: self.declared.monitors)
-        self.membership = Membership(self)
         self.declared = Declared(self)
+        self.bulletin = Bulletin(self.context, self.account, self.declared.instance.monitors.values)
+        self.membership = Membership(self)
         self.inquiries = Inquiries(self.context, self.declared.instance)
         self.gateway.imported = lambda: self.declared.imported
         self.interface.handlers.update(handlers_of(self))

@@ -159,6 +159,8 @@ def _monitor_json(monitor: Monitor) -> dict[str, Any]:
         "shows": monitor.shows,
         "since_us": monitor.since_us,
         "which": list(monitor.which),
+        "states": monitor.states,
+        "counted": dict(monitor.counted),
     }
 
 

@@ -58,7 +58,10 @@ class Monitors(Content):
 
 
 class Monitor(Part):
-    """One monitor: its verdict, and the state of its inputs (`which` are not fresh, since when)."""
+    """One monitor: its verdict, and the state of its inputs (`which` are not fresh, since when).
+
+    `states` says in KPL what its states are made of, unless that is long, `counted` how many lacked something, and what.
+    """
 
     by: Unit
     name: Word
@@ -69,6 +72,8 @@ class Monitor(Part):
     since_us: Instant | None = None
     which: Annotated[tuple[Line, ...], Field(max_length=MAX_LIST)] = ()
     task: Conversation | None = None
+    states: Line = ""
+    counted: Values = Field(default_factory=dict)
 
 
 class MonitorList(Content):

@@ -13,7 +13,7 @@ from compunits import catalogue
 from dyknow import Label, Quality, Sample, SourcePrototype, computational_unit, prototypes_in, source
 from federation.acts import Performative
 from federation.contents import AlarmList, Monitors, Query
-from kpl import print_specification
+from kpl import parse_specification, print_specification
 from sim_uavs.world import World
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -82,6 +82,15 @@ def test_a_declared_monitor_over_units_opens_and_closes_alarms(pair):
     assert {each["monitor"] for each in opened} == {"apart"}
     assert opened[0]["units"] == ["0", "1"]
     assert 5_000_000 < opened[1]["valid_us"] - opened[0]["valid_us"] < 7_000_000, "they meet twice a lap"
+
+
+def test_a_monitor_over_units_says_what_its_states_are_made_of(pair):
+    pair.world.run_for(3)
+    ((apart,), _) = listed_and_told(pair)
+    assert parse_specification(apart.states)
+    assert apart.states.startswith("strmgen apart_states = state(")
+    assert "from 0 to oo" in apart.states
+    assert apart.counted.keys() <= {"missing", "out of order", "duplicate", "NaN"}
 
 
 def test_what_is_taken_back_is_offered_asked_for_and_monitored_no_more(pair):
@@ -259,6 +268,10 @@ def test_a_monitor_over_streams_of_its_own_is_listed_like_those_over_units():
     monitors, alarms = listed_and_told(pair)
     assert [(each.name, each.shows, each.inputs) for each in monitors] == [("low", "alarm", "fresh")]
     assert [(each.monitor, list(each.values)) for each in alarms] == [("low", ["level[0]"])]
+    assert monitors[0].states.startswith(
+        "strmgen low_states = state(level[0] with max delay 1000) with sample every 100"
+    )
+    assert monitors[0].counted == {}
 
 
 def test_an_alarm_with_more_than_can_be_told_is_told_as_far_as_it_can():
