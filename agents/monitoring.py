@@ -315,13 +315,12 @@ class Monitors:
                 subscription.cancel()
 
     def _take(self, named: Named, states: list[SharedState[str]], now_us: int) -> None:
-        for member, valid_us, shared_and_own in states:
+        for member, valid_us, state in states:
             instance = named.instances.get(member)
             if instance is None:
                 continue  # what an alarm before it led to has ended it
-            monitor = instance.monitor
-            values, lacks = instance.maker.values(shared_and_own)
-            for event in monitor.on_state(valid_us, now_us, values, lacks=lacks):
+            monitor, maker = instance.monitor, instance.maker
+            for event in monitor.on_state(valid_us, now_us, maker.values(state), lacks=maker.lacks(state)):
                 self._on_alarm(event)
             if named.wake(monitor):
                 self._hasten()

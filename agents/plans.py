@@ -1,9 +1,8 @@
 """From the name of a monitor to what it takes: formula, inputs, period (thesis 9.4.2: the formula is local knowledge)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from dyknow import Value
 from dyknow.errors import DyknowError, Refused
 from dyknow.instants import print_duration
 from kpl import profile_formula
@@ -57,26 +56,20 @@ class StateMaker:
     """Turns synchronised states into the values one instance's formula speaks of.
 
     Attributes:
+        values, lacks: see `Derivation`; a state brings the values of `shared`, then those of `own`.
         shared: inputs that this platform brings, the same for all instances of the plan.
-        own: the other inputs, in the order in which they follow the shared ones in a state.
+        own: the other inputs.
     """
 
-    __slots__ = ("_derivation", "_order", "formula", "input_names", "inputs", "own", "shared")
+    __slots__ = ("formula", "input_names", "inputs", "lacks", "own", "shared", "values")
 
     def __init__(self, plan: MonitorPlan, member: str, unit: str) -> None:
         self.formula = plan.formula if plan.variable is None else instantiate(plan.formula, plan.variable, member)
-        self._derivation = Derivation(required_labels(self.formula), plan.profile.vertical, plan.profile.fence)
-        self.inputs = self._derivation.inputs
-        self.input_names = self._derivation.input_names
+        derivation = Derivation(required_labels(self.formula), plan.profile.vertical, plan.profile.fence, first=unit)
+        self.inputs, self.input_names = derivation.inputs, derivation.input_names
         self.shared = tuple(each for each in self.inputs if each.unit == unit)
-        self.own = tuple(each for each in self.inputs if each.unit != unit)
-        arriving = (*self.shared, *self.own)
-        self._order = tuple(arriving.index(each) for each in self.inputs)
-
-    def values(self, state: Sequence[Value]) -> tuple[dict[str, Value], tuple[str, ...]]:
-        """Values by label, and the names of the inputs that lack one."""
-        inputs = [state[at] for at in self._order]
-        return self._derivation.values(inputs), self._derivation.lacks(inputs)
+        self.own = self.inputs[len(self.shared) :]
+        self.values, self.lacks = derivation.values, derivation.lacks
 
 
 class PlanBook:

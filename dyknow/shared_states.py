@@ -16,6 +16,7 @@ from dyknow.states import CATCH_UP
 from dyknow.values import NO_VALUE
 
 _NEVER_US = 2**80
+_new = tuple.__new__  # makes a NamedTuple in half the time
 
 K = TypeVar("K", bound=Hashable)
 
@@ -152,7 +153,7 @@ class SharedSynchronizer(Generic[K]):
     def on_own(self, strand: Strand[K], i: int, sample: Sample, now_us: int) -> list[SharedState[K]]:
         """A sample of input `i` of one stream became available at `now_us`; the states that are ready by it."""
         found: list[SharedState[K]] = []
-        if not self._is_near(sample, now_us):
+        if sample.valid_us > now_us + self._lead_us and not self._is_near(sample, now_us):
             return found
         if strand.sync_us == _NEVER_US:
             self._begin(strand, sample, now_us)
@@ -211,15 +212,14 @@ class SharedSynchronizer(Generic[K]):
     def _settle(self, strand: Strand[K], clock_us: int, found: list[SharedState[K]]) -> None:
         """Put out what is ready when every timer up to `clock_us` has gone off."""
         side, sync_us, due_us = strand.side, strand.sync_us, clock_us - self._max_delay_us
-        while sync_us <= due_us or (side.known_us >= sync_us and self._is_known(strand, sync_us)):
-            found.append(SharedState(strand.key, sync_us, self._values(strand, sync_us)))
+        known_us = min(side.known_us, self._shared.known_us)
+        while sync_us <= due_us or (sync_us <= known_us and (sync_us > strand.hidden_us or self._has_seen(strand))):
+            found.append(_new(SharedState, (strand.key, sync_us, self._values(strand, sync_us))))
             sync_us = strand.sync_us = sync_us + self._period_us
 
-    def _is_known(self, strand: Strand[K], sync_us: int) -> bool:
-        """Whether all shared inputs are known up to `sync_us`, by samples that are for this strand."""
+    def _has_seen(self, strand: Strand[K]) -> bool:
+        """Whether each shared input has brought a sample for this strand."""
         shared = self._shared
-        if shared.known_us < sync_us or sync_us > strand.hidden_us:
-            return shared.known_us >= sync_us
         return all(last_us > blind_us for last_us, blind_us in zip(shared.latest_us, strand.blind_us, strict=True))
 
     def _values(self, strand: Strand[K], sync_us: int) -> list[Value]:

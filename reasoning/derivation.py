@@ -91,12 +91,15 @@ class Derivation:
         labels: the features, e.g. `reasoning.required_labels(formula)`; those that are not derived are left alone.
         vertical: `heli-altitude`, or `heli-height` to compare heights above different homes.
         fence: corners (latitude, longitude) in degrees, for `fence_margin`.
+        first: the inputs of this unit stand before the others.
 
     Raises:
         UnknownLabel: if a label is not derivable.
     """
 
-    def __init__(self, labels: Iterable[str], vertical: str = ALTITUDE, fence: Sequence[Sequence[float]] = ()) -> None:
+    def __init__(
+        self, labels: Iterable[str], vertical: str = ALTITUDE, fence: Sequence[Sequence[float]] = (), first: str = ""
+    ) -> None:
         wanted: dict[tuple[str, ...], dict[str, str]] = {}
         for text in labels:
             label = Label.parse(text)
@@ -107,7 +110,7 @@ class Derivation:
         found: dict[Input, None] = {}
         for units, names in wanted.items():
             found.update({Input(each, unit): None for each in needed_labels(names, vertical) for unit in units})
-        self.inputs: tuple[Input, ...] = tuple(sorted(found))
+        self.inputs: tuple[Input, ...] = tuple(sorted(found, key=lambda each: (each.unit != first, each)))
         index = {each: at for at, each in enumerate(self.inputs)}
         self._groups: list[_Pair | _Single] = [
             (
@@ -137,10 +140,8 @@ class Derivation:
         return tuple(str(one) for one, value in zip(self.inputs, inputs, strict=True) if value is NO_VALUE)
 
 
-def _number(value: Value) -> float | None:
+def _number(value: Value) -> float:
     """A simple value, or a record of one field."""
-    if value is NO_VALUE:
-        return None
     return float(value[0] if isinstance(value, tuple) else value)
 
 
@@ -149,17 +150,17 @@ def _at(at: int | None, inputs: Sequence[Value]) -> Value:
 
 
 class _Pair:
-    """Features of two units."""
+    """Features of two units. All it needs is looked up here: there are states by the thousand each second."""
 
     def __init__(self, units: tuple[str, ...], names: dict[str, str], index: dict[Input, int], vertical: str) -> None:
         self._names = tuple(names.items())
         self._in_space = "dist_3d" in names
         self._moving = bool({"cpa_time", "cpa_xy", "cpa_z"} & set(names))
         self._closing = bool({"hmd", "closing_xy"} & set(names))
-        own, other = units
-        self._positions = index.get(Input(POSITION, own)), index.get(Input(POSITION, other))
-        self._verticals = index.get(Input(vertical, own)), index.get(Input(vertical, other))
-        self._velocities = index.get(Input(VELOCITY, own)), index.get(Input(VELOCITY, other))
+        self._positions, self._verticals, self._velocities = (
+            (index[Input(label, units[0])], index[Input(label, units[1])]) if Input(label, units[0]) in index else None
+            for label in (POSITION, vertical, VELOCITY)
+        )
 
     def put(self, inputs: Sequence[Value], found: dict[str, Value]) -> None:
         values = self._values(inputs)
@@ -170,41 +171,34 @@ class _Pair:
     def _values(self, inputs: Sequence[Value]) -> dict[str, float]:
         """Those that are wanted and can be had, and their parts."""
         values: dict[str, float] = {}
-        down_m = self._down_m(inputs)
-        if down_m is not None:
-            values["z_dist"] = abs(down_m)
-        one, other = self._positions
-        if one is None or other is None or inputs[one] is NO_VALUE or inputs[other] is NO_VALUE:
+        down_m: float | None = None
+        if self._verticals is not None:
+            low, high = inputs[self._verticals[0]], inputs[self._verticals[1]]
+            if low is not NO_VALUE and high is not NO_VALUE:
+                down_m = _number(low) - _number(high)
+                values["z_dist"] = abs(down_m)
+        if self._positions is None:
             return values
-        offset = north_m, east_m = offset_m(inputs[one], inputs[other])
+        here, there = inputs[self._positions[0]], inputs[self._positions[1]]
+        if here is NO_VALUE or there is NO_VALUE:
+            return values
+        north_m, east_m = offset_m(here, there)
         xy_m = values["xy_dist"] = sqrt(north_m * north_m + east_m * east_m)
-        if down_m is not None and self._in_space:
+        if self._in_space and down_m is not None:
             values["dist_3d"] = sqrt(xy_m * xy_m + down_m * down_m)
-        if self._moving or self._closing:
-            self._add_motion(values, offset, down_m, inputs)
-        return values
-
-    def _down_m(self, inputs: Sequence[Value]) -> float | None:
-        one, other = self._verticals
-        if one is None or other is None:
-            return None
-        low, high = _number(inputs[one]), _number(inputs[other])
-        return None if low is None or high is None else low - high
-
-    def _add_motion(
-        self, values: dict[str, float], offset: tuple[float, float], down_m: float | None, inputs: Sequence[Value]
-    ) -> None:
-        u, v = (_at(at, inputs) for at in self._velocities)
+        if self._velocities is None:
+            return values
+        u, v = inputs[self._velocities[0]], inputs[self._velocities[1]]
         if u is NO_VALUE or v is NO_VALUE:
-            return
-        north_m, east_m = offset
+            return values
         velocity = v[0] - u[0], v[1] - u[1], v[2] - u[2]
-        if down_m is not None and self._moving:
+        if self._moving and down_m is not None:
             time_s, values["cpa_xy"], values["cpa_z"] = closest_approach((north_m, east_m, down_m), velocity)
             values["cpa_time"] = time_s * US_PER_S
         if self._closing:
-            values["hmd"] = horizontal_miss_m(offset, velocity)
+            values["hmd"] = horizontal_miss_m((north_m, east_m), velocity)
             values["closing_xy"] = -(north_m * velocity[0] + east_m * velocity[1])
+        return values
 
 
 class _Single:
@@ -231,7 +225,8 @@ class _Single:
 
     def _value(self, name: str, inputs: Sequence[Value]) -> float | None:
         if name in self._simple:
-            return _number(inputs[self._simple[name]])
+            value = inputs[self._simple[name]]
+            return None if value is NO_VALUE else _number(value)
         if name == "speed":
             velocity = _at(self._velocity, inputs)
             return None if velocity is NO_VALUE else hypot(velocity[0], velocity[1])

@@ -151,16 +151,24 @@ class Monitor:
             self.counted["missing"] += 1
             if any(value != value for value in map(values.get, lacks)):  # noqa: PLR0124 - a NaN differs from itself
                 self.counted["NaN"] += 1
-        self._inputs.on_state(valid_us, now_us, lacks)
-        if self._inputs.marked:
+        inputs = self._inputs
+        inputs.on_state(valid_us, now_us, lacks)
+        if inputs.marked:
             values = {}
         if self.no_value == "skip" and lacking(self._labels, values):
             found = None
         else:
             changed_us = self._changes.after(valid_us, values)
-            found = self._take(_new(Moment, (valid_us, values, domains, events, changed_us)))
-            self._doubtful = self._watch is not None and self._watch.doubtful and not lacks
-        self.on_time(now_us)
+            watch = self._watch
+            if watch is None:
+                watch = self._watch = self._activate(domains)
+            found = watch.on_moment(_new(Moment, (valid_us, values, domains, events, changed_us)))
+            self._doubtful = watch.doubtful and not lacks
+            if inputs.state != "fresh" and isinstance(watch, Watch):
+                watch.forget_clean()
+        due_us = inputs.deadline_us
+        if due_us is not None and now_us >= due_us:
+            self.on_time(now_us)
         return [self._event(found, now_us)] if found else []
 
     def _read_domains(self, domains: Domains) -> None:
@@ -168,15 +176,6 @@ class Monitor:
         seen = {name: tuple(members) for name, members in domains.items()}
         if seen != self._seen:
             self._seen, self._labels = seen, required_labels(self.formula, seen)
-
-    def _take(self, moment: Moment) -> Change | None:
-        watch = self._watch
-        if watch is None:
-            watch = self._watch = self._activate(moment.domains)
-        change = watch.on_moment(moment)
-        if self._inputs.state != "fresh" and isinstance(watch, Watch):
-            watch.forget_clean()
-        return change
 
     def _activate(self, domains: Domains) -> "Watch | _Once":
         formula = self.formula
