@@ -320,7 +320,8 @@ class Monitors:
             if instance is None:
                 continue  # what an alarm before it led to has ended it
             monitor, maker = instance.monitor, instance.maker
-            for event in monitor.on_state(valid_us, now_us, maker.values(state), lacks=maker.lacks(state)):
-                self._on_alarm(event)
+            if not (maker.is_clear(state) and monitor.on_clear(valid_us, now_us)):
+                for event in monitor.on_state(valid_us, now_us, maker.values(state), lacks=maker.lacks(state)):
+                    self._on_alarm(event)
             if named.wake(monitor):
                 self._hasten()

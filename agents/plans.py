@@ -1,12 +1,13 @@
 """From the name of a monitor to what it takes: formula, inputs, period (thesis 9.4.2: the formula is local knowledge)."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from dyknow import Value
 from dyknow.errors import DyknowError, Refused
 from dyknow.instants import print_duration
 from kpl import profile_formula
-from reasoning import Derivation, Formula, instantiate, required_labels, split_growing
+from reasoning import Derivation, Formula, clearance, instantiate, required_labels, split_growing
 from reasoning.profiles import Profile
 
 DEFAULT_TASK = ("proximity", "proximity-warn")
@@ -59,9 +60,10 @@ class StateMaker:
         values, lacks: see `Derivation`; a state brings the values of `shared`, then those of `own`.
         shared: inputs that this platform brings, the same for all instances of the plan.
         own: the other inputs.
+        is_clear: whether a state is complete and its formula surely holds in it; quicker than `values`.
     """
 
-    __slots__ = ("formula", "input_names", "inputs", "lacks", "own", "shared", "values")
+    __slots__ = ("formula", "input_names", "inputs", "is_clear", "lacks", "own", "shared", "values")
 
     def __init__(self, plan: MonitorPlan, member: str, unit: str) -> None:
         self.formula = plan.formula if plan.variable is None else instantiate(plan.formula, plan.variable, member)
@@ -70,6 +72,12 @@ class StateMaker:
         self.shared = tuple(each for each in self.inputs if each.unit == unit)
         self.own = self.inputs[len(self.shared) :]
         self.values, self.lacks = derivation.values, derivation.lacks
+        clear = clearance(self.formula)
+        self.is_clear = _never if clear is None else derivation.beyond(clear)
+
+
+def _never(_state: Sequence[Value]) -> bool:
+    return False
 
 
 class PlanBook:

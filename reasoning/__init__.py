@@ -1,4 +1,5 @@
 from reasoning.alarms import AlarmEvent
+from reasoning.clearance import Clearance, clearance
 from reasoning.derivation import FEATURES, Derivation, DerivedFeature, Input, needed_labels
 from reasoning.engine import Progressing, Way, make_progression
 from reasoning.evaluation import NoValuePolicy
@@ -17,6 +18,7 @@ __all__ = [
     "FEATURES",
     "AlarmEvent",
     "Approach",
+    "Clearance",
     "Derivation",
     "DerivedFeature",
     "Domain",
@@ -39,6 +41,7 @@ __all__ = [
     "Way",
     "builtin_profiles",
     "check_trace",
+    "clearance",
     "closest_approach",
     "domain_members",
     "fence_margin_m",

@@ -65,6 +65,11 @@ class Watch:
         self._first: _Run | None = None
         self._blamed: tuple[Any, Any, Moment] | None = None
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether a state in which phi holds at once could change something."""
+        return self.open or self._rest is not True
+
     def explain(self) -> tuple[Reason, ...]:
         """Why the alarm opened last; worked out when asked."""
         return () if self._blamed is None else self._phi.explain(*self._blamed)

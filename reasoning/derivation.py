@@ -5,8 +5,9 @@ values of such a state into values by label. What lacks an input is `NO_VALUE`. 
 in formulas.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import hypot, isfinite, sqrt
 from typing import Final, Literal, NamedTuple, TypeAlias
 
@@ -15,7 +16,8 @@ from dyknow.instants import US_PER_S
 from dyknow.labels import Label
 from dyknow.sample import Value
 from dyknow.values import NO_VALUE
-from reasoning.proximity import closest_approach, fence_margin_m, horizontal_miss_m, offset_m
+from reasoning.clearance import FAR_M, Clearance
+from reasoning.proximity import are_beyond, closest_approach, fence_margin_m, horizontal_miss_m, offset_m
 
 POSITION: Final = "heli-position"
 ALTITUDE: Final = "heli-altitude"
@@ -133,6 +135,17 @@ class Derivation:
             group.put(inputs, found)
         return found
 
+    def beyond(self, clear: Clearance) -> Callable[[Sequence[Value]], bool]:
+        """What tells of a state, faster than its values, that it lacks nothing and its pair is so far apart.
+
+        Raises:
+            UnknownLabel: these are not features of one pair.
+        """
+        (group,) = self._groups
+        if not isinstance(group, _Pair):
+            raise UnknownLabel(str(self.inputs[0]), tuple(name for name, one in FEATURES.items() if one.arity == 2))
+        return partial(group.is_beyond, *clear)
+
     def lacks(self, inputs: Sequence[Value]) -> tuple[str, ...]:
         """Names of the inputs without a value, for `Monitor.on_state(lacks=...)`."""
         if NO_VALUE not in inputs:
@@ -161,6 +174,21 @@ class _Pair:
             (index[Input(label, units[0])], index[Input(label, units[1])]) if Input(label, units[0]) in index else None
             for label in (POSITION, vertical, VELOCITY)
         )
+
+    def is_beyond(self, radius_m: float, horizon_s: float, inputs: Sequence[Value]) -> bool:
+        """Whether no input lacks, every feature is a number, and the pair is farther apart; false where in doubt."""
+        if NO_VALUE in inputs or self._positions is None:
+            return False
+        here, there = inputs[self._positions[0]], inputs[self._positions[1]]
+        if self._verticals is not None:
+            down_m = _number(inputs[self._verticals[0]]) - _number(inputs[self._verticals[1]])
+            if not -FAR_M < down_m < FAR_M:
+                return False
+        if self._velocities is not None:
+            u, v = inputs[self._velocities[0]], inputs[self._velocities[1]]
+            north_m_s, east_m_s, down_m_s = v[0] - u[0], v[1] - u[1], v[2] - u[2]
+            radius_m += horizon_s * sqrt(north_m_s * north_m_s + east_m_s * east_m_s + down_m_s * down_m_s)
+        return are_beyond(here, there, radius_m)
 
     def put(self, inputs: Sequence[Value], found: dict[str, Value]) -> None:
         values = self._values(inputs)

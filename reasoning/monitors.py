@@ -171,6 +171,21 @@ class Monitor:
             self.on_time(now_us)
         return [self._event(found, now_us)] if found else []
 
+    def on_clear(self, valid_us: int, now_us: int) -> bool:
+        """Take a complete state in which phi of `always phi`, about one state, is known to hold.
+
+        Does what `on_state` would with it, if that is nothing but noting that it came; false: call `on_state`.
+        """
+        watch, inputs, last_us = self._watch, self._inputs, self._valid_us
+        if last_us is None or valid_us <= last_us or inputs.marked or not isinstance(watch, Watch) or watch.is_busy:
+            return False
+        self._valid_us, self._doubtful = valid_us, False
+        inputs.on_state(valid_us, now_us, ())
+        due_us = inputs.deadline_us
+        if due_us is not None and now_us >= due_us:
+            self.on_time(now_us)
+        return True
+
     def _read_domains(self, domains: Domains) -> None:
         """Quantifiers that grow need other labels when a domain has changed."""
         seen = {name: tuple(members) for name, members in domains.items()}

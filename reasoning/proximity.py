@@ -12,6 +12,8 @@ from typing import Final, NamedTuple
 _A_M: Final = 6_378_137.0
 _E2: Final = 6.694_379_990_141_316e-3
 _RADIANS: Final = math.pi / 180.0
+_LEAST_M_DEG: Final = 110_000.0
+"""No degree of latitude is shorter: 110 574 m at the equator."""
 _SLOWEST: Final = 1e-12
 """Squared relative speed, m^2/s^2, below which two courses are equal."""
 
@@ -30,6 +32,17 @@ def offset_m(first: Sequence[float], second: Sequence[float]) -> tuple[float, fl
         dlon_deg = math.remainder(dlon_deg, 360.0)
     north_m = n_m * (1.0 - _E2) / w2 * ((second[0] - first[0]) * _RADIANS)
     return north_m, n_m * math.cos(lat_rad) * (dlon_deg * _RADIANS)
+
+
+def are_beyond(first: Sequence[float], second: Sequence[float], radius_m: float) -> bool:
+    """Whether two positions are surely farther apart than `radius_m`, and no farther than is a number of metres."""
+    apart_deg = second[0] - first[0]
+    if -180.0 < apart_deg < 180.0 and -720.0 < second[1] - first[1] < 720.0:
+        if apart_deg * _LEAST_M_DEG > radius_m or -apart_deg * _LEAST_M_DEG > radius_m:
+            return True
+        north_m, east_m = offset_m(first, second)
+        return north_m * north_m + east_m * east_m > radius_m * radius_m
+    return False
 
 
 _new = tuple.__new__  # makes a NamedTuple in half the time
