@@ -23,13 +23,13 @@ def offset_m(first: Sequence[float], second: Sequence[float]) -> tuple[float, fl
 
     north = M dlat, east = N cos(lat) dlon, with M = a (1 - e2) / w^3, N = a / w, w = sqrt(1 - e2 sin^2 lat).
     """
-    lat_rad = (first[0] + second[0]) / 2 * _RADIANS
+    lat_rad = (first[0] / 2 + second[0] / 2) * _RADIANS
     sine = math.sin(lat_rad)
     w2 = 1.0 - _E2 * sine * sine
     n_m = _A_M / math.sqrt(w2)
     dlon_deg = second[1] - first[1]
     if dlon_deg > 180.0 or dlon_deg < -180.0:
-        dlon_deg = math.remainder(dlon_deg, 360.0)
+        dlon_deg = math.remainder(math.remainder(second[1], 360.0) - math.remainder(first[1], 360.0), 360.0)
     north_m = n_m * (1.0 - _E2) / w2 * ((second[0] - first[0]) * _RADIANS)
     return north_m, n_m * math.cos(lat_rad) * (dlon_deg * _RADIANS)
 

@@ -93,3 +93,12 @@ def test_the_margin_does_not_depend_on_where_the_polygon_begins_or_turns(lat, lo
     assert margin_m > 0
     assert fence_margin_m((lat, lon), SQUARE[2:] + SQUARE[:2]) == pytest.approx(margin_m)
     assert fence_margin_m((lat, lon), SQUARE[::-1]) == pytest.approx(margin_m)
+
+
+def test_absurd_positions_harm_nothing():
+    for first, second in [
+        ((1e308, 15.0), (1e308, 15.0)),
+        ((58.0, 1e308), (58.0, -1e308)),
+        ((58.0, -190.0), (58.0, 170.0)),
+    ]:
+        assert all(map(math.isfinite, offset_m(first, second)))
