@@ -45,7 +45,7 @@ from reasoning import AlarmEvent, Monitor
 
 P = Performative
 T = TypeVar("T")
-ALARMS_A_PAGE = 100
+ALARMS_A_PAGE = 50
 ACTS_A_PAGE = 25
 MONITORS_A_PAGE = 40
 IMPORTS_A_PAGE = 200
@@ -68,6 +68,7 @@ def alarm_content(event: AlarmEvent, by: str) -> Alarm:
         valid_us=event.valid_us,
         detected_us=event.detected_us,
         values=_told(event.values),
+        samples=_told(event.samples_us),
     )
 
 

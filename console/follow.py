@@ -120,6 +120,7 @@ def alarm_json(alarm: Alarm) -> dict[str, Any]:
         "valid_us": alarm.valid_us,
         "detected_us": alarm.detected_us,
         "values": values,
+        "samples": {name.replace(", ", ","): valid_us for name, valid_us in alarm.samples.items()},
     }
 
 

@@ -66,7 +66,12 @@ class FormulaMonitor:
 
     def _on_state(self, state: FormulaState) -> None:
         found = self.monitor.on_state(
-            state.valid_us, state.now_us, state.values, domains=state.domains, events=state.events
+            state.valid_us,
+            state.now_us,
+            state.values,
+            domains=state.domains,
+            events=state.events,
+            samples_us=state.samples_us,
         )
         for event in found:
             self._on_alarm(event)

@@ -39,13 +39,17 @@ MOST_ERAS = 64
 
 
 class FormulaState(NamedTuple):
-    """What a formula says something about: values by label, the members of its domains, and what has happened."""
+    """What a formula says something about: values by label, the members of its domains, and what has happened.
+
+    `samples_us`: valid time of the sample that each value is, or was made of; None: that of the state.
+    """
 
     valid_us: int
     now_us: int
     values: Mapping[str, Value]
     domains: Mapping[str, tuple[str, ...]]
     events: frozenset[str]
+    samples_us: Mapping[str, int] | None = None
 
 
 class _Era:
@@ -285,19 +289,24 @@ class FormulaStates:
             label: NO_VALUE if origin.valid_us is None or origin.valid_us < oldest_us else value
             for label, value, origin in zip(era.labels, state.values, state.origins, strict=True)
         }
-        self._give(state.valid_us, max(now_us, state.available_us), values)
+        samples_us = {
+            label: origin.valid_us
+            for label, origin in zip(era.labels, state.origins, strict=True)
+            if origin.valid_us is not None and values[label] is not NO_VALUE
+        }
+        self._give(state.valid_us, max(now_us, state.available_us), values, samples_us)
 
     def _tick(self, era: _Era, now_us: int) -> None:
         """States of events only are made at their times, when what happened until then has come."""
         while self._tick_us + self.max_delay_us <= now_us and self._tick_us < era.ends_us:
-            self._give(self._tick_us, now_us, {})
+            self._give(self._tick_us, now_us, {}, {})
 
-    def _give(self, valid_us: int, now_us: int, values: dict[str, Value]) -> None:
+    def _give(self, valid_us: int, now_us: int, values: dict[str, Value], samples_us: dict[str, int]) -> None:
         domains, self._last_us = self._domains_at(valid_us), valid_us
         self._tick_us = max(self._tick_us, (valid_us // self.period_us + 1) * self.period_us)
         events = frozenset(label for at_us, label in self._happened if at_us <= valid_us)
         self._happened = [each for each in self._happened if each[0] > valid_us]
-        self._on_state(FormulaState(valid_us, now_us, values, domains, events))
+        self._on_state(FormulaState(valid_us, now_us, values, domains, events, samples_us))
 
 
 def states_of(name: str, labels: Iterable[Label], taken: Policy, policy: Policy) -> Specification:

@@ -47,6 +47,7 @@ def alarm_record(event: AlarmEvent) -> dict[str, Any]:
         "valid_us": event.valid_us,
         "detected_us": event.detected_us,
         "values": {label: as_json(value) for label, value in event.values.items()},
+        "samples": dict(event.samples_us),
     }
 
 

@@ -7,6 +7,7 @@ open, since which state satisfied phi first matters then.
 
 from collections import deque
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, Final, Literal, NamedTuple
 
 from dyknow.sample import Value
@@ -22,7 +23,8 @@ LONGEST_WAIT: Final = 10_000
 class AlarmEvent(NamedTuple):
     """An alarm opened or closed. Opening and closing share the id.
 
-    `valid_us` is the state that violated, or the first that was clean again; `detected_us` when this node knew.
+    `valid_us` is the state that violated, or the first that was clean again; `detected_us` when this node knew;
+    `samples_us` the valid time of each sample that this state was made of, by input.
     """
 
     id: str
@@ -32,14 +34,24 @@ class AlarmEvent(NamedTuple):
     valid_us: int
     detected_us: int
     values: Mapping[str, Value]
+    samples_us: Mapping[str, int] = MappingProxyType({})
 
 
 class Change(NamedTuple):
-    """An alarm should open or close, for the state at `valid_us` with these values."""
+    """An alarm should open or close, for the state at `valid_us` with these values.
+
+    `samples_us` as in `AlarmEvent`; None: every input brought a sample valid at `valid_us`.
+    """
 
     opens: bool
     valid_us: int
     values: Mapping[str, Value]
+    samples_us: Mapping[str, int] | None
+
+
+def opening(moment: Moment, samples_us: Mapping[str, int] | None) -> Change:
+    """An alarm should open for this state."""
+    return Change(opens=True, valid_us=moment.valid_us, values=moment.values, samples_us=samples_us)
 
 
 class _Run(NamedTuple):
@@ -49,6 +61,7 @@ class _Run(NamedTuple):
     first_us: int
     states: int
     values: Mapping[str, Value]
+    samples_us: Mapping[str, int] | None
 
 
 class Watch:
@@ -74,8 +87,8 @@ class Watch:
         """Why the alarm opened last; worked out when asked."""
         return () if self._blamed is None else self._phi.explain(*self._blamed)
 
-    def on_moment(self, moment: Moment) -> Change | None:
-        """Take one state; `doubtful` tells whether phi is undecided in it for good."""
+    def on_moment(self, moment: Moment, samples_us: Mapping[str, int] | None = None) -> Change | None:
+        """Take one state, made of such samples; `doubtful` tells whether phi is undecided in it for good."""
         reading, rest = self._read(moment), self._rest
         before = rest
         if rest is not True and is_pending(rest):
@@ -85,15 +98,15 @@ class Watch:
         if not self.open and (found is False or rest is False):
             self._blamed = None if found is False else before, reading, moment
         if found is False:
-            return self._violated(moment)
+            return self._violated(moment, samples_us)
         if not self.open:
             if found is not True and found is not None:
                 rest = self._rest = self._phi.conjoin((rest, found))
-            return self._violated(moment) if rest is False else None
+            return self._violated(moment, samples_us) if rest is False else None
         self._step_runs(reading)
-        self._append(_Run(found, moment.valid_us, 1, moment.values))
+        self._append(_Run(found, moment.valid_us, 1, moment.values, samples_us))
         if rest is False or any(run.residual is False for run in self._runs):
-            return self._violated(moment)
+            return self._violated(moment, samples_us)
         return self._settle()
 
     def forget_clean(self) -> None:
@@ -103,12 +116,12 @@ class Watch:
         self._runs.clear()
         self._clean, self._first = 0, None
 
-    def _violated(self, moment: Moment) -> Change | None:
+    def _violated(self, moment: Moment, samples_us: Mapping[str, int] | None) -> Change | None:
         was_open, self.open = self.open, True
         self._rest = True
         self._runs.clear()
         self._clean, self._first = 0, None
-        return None if was_open else Change(opens=True, valid_us=moment.valid_us, values=moment.values)
+        return None if was_open else opening(moment, samples_us)
 
     def _step_runs(self, reading: Any) -> None:
         waiting, self._runs = self._runs, deque()
@@ -139,5 +152,5 @@ class Watch:
                 first = self._first
                 self.open = False
                 self.forget_clean()
-                return Change(opens=False, valid_us=first.first_us, values=first.values)
+                return Change(opens=False, valid_us=first.first_us, values=first.values, samples_us=first.samples_us)
         return None

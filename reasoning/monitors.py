@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Literal, TypeAlias
 
 from dyknow.sample import Value
-from reasoning.alarms import AlarmEvent, Change, Watch
+from reasoning.alarms import AlarmEvent, Change, Watch, opening
 from reasoning.engine import Progressing, make_progression
 from reasoning.evaluation import Moment, NoValuePolicy
 from reasoning.explaining import Reason
@@ -127,6 +127,7 @@ class Monitor:
         lacks: tuple[str, ...] | None = None,
         domains: Domains | None = None,
         events: Collection[str] = (),
+        samples_us: Mapping[str, int] | None = None,
     ) -> list[AlarmEvent]:
         """Take one state.
 
@@ -137,6 +138,8 @@ class Monitor:
             lacks: names of inputs without a value; by default the formula's labels without one.
             domains: as they are now, for quantifiers; by default those of the constructor.
             events: labels of what happened.
+            samples_us: valid times of the samples it was made of, by input; by default that of the state, of all inputs
+                that do not lack.
         """
         if self._valid_us is not None and valid_us <= self._valid_us:
             self.counted["duplicate" if valid_us == self._valid_us else "out of order"] += 1
@@ -162,7 +165,9 @@ class Monitor:
             watch = self._watch
             if watch is None:
                 watch = self._watch = self._activate(domains)
-            found = watch.on_moment(_new(Moment, (valid_us, values, domains, events, changed_us)))
+            if samples_us is None and lacks:
+                samples_us = {name: valid_us for name in inputs.names if name not in lacks}
+            found = watch.on_moment(_new(Moment, (valid_us, values, domains, events, changed_us)), samples_us)
             self._doubtful = watch.doubtful and not lacks
             if inputs.state != "fresh" and isinstance(watch, Watch):
                 watch.forget_clean()
@@ -229,7 +234,10 @@ class Monitor:
         lacks = lacking(self._labels, change.values)
         values = {label: change.values[label] for label in self._labels if label not in lacks}
         event: Literal["opened", "closed"] = "opened" if change.opens else "closed"
-        return AlarmEvent(alarm_id, event, self.name, self.key, change.valid_us, now_us, values)
+        samples_us = change.samples_us
+        if samples_us is None:
+            samples_us = dict.fromkeys(self._inputs.names, change.valid_us)
+        return AlarmEvent(alarm_id, event, self.name, self.key, change.valid_us, now_us, values, samples_us)
 
 
 class _Once:
@@ -243,14 +251,14 @@ class _Once:
     def explain(self) -> tuple[Reason, ...]:
         return self.progression.explain()
 
-    def on_moment(self, moment: Moment) -> Change | None:
+    def on_moment(self, moment: Moment, samples_us: Mapping[str, int] | None = None) -> Change | None:
         one = self.progression
         before: str = one.verdict
         if before == "false":
             return None
         one.progress(moment.valid_us, moment.values, moment.domains, moment.events)
         self.doubtful = one.is_doubtful
-        return Change(opens=True, valid_us=moment.valid_us, values=moment.values) if one.verdict == "false" else None
+        return opening(moment, samples_us) if one.verdict == "false" else None
 
 
 def _verdict(watch: Watch | _Once) -> Verdict:

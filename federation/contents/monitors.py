@@ -86,7 +86,10 @@ class Alarms(Content):
 
 
 class Alarm(Content):
-    """An alarm opened or closed: raised by a monitor of `by`, about `units`, for the state valid at `valid_us`."""
+    """An alarm opened or closed: raised by a monitor of `by`, about `units`, for the state valid at `valid_us`.
+
+    `samples`: valid times of the samples that this state was made of, by input, in microseconds.
+    """
 
     id: Line
     event: Literal["opened", "closed"]
@@ -96,6 +99,7 @@ class Alarm(Content):
     valid_us: Instant
     detected_us: Instant
     values: Values = Field(default_factory=dict)
+    samples: Values = Field(default_factory=dict)
 
 
 class AlarmList(Content):

@@ -126,3 +126,25 @@ def test_the_alarms_are_those_of_a_monitor_for_each_pair_by_itself(seed: int, sp
         monitor = ours.named[pair.monitor.name].instances[pair.other].monitor
         for name in ("verdict", "shows", "inputs", "inputs_since_us", "counted"):
             assert getattr(monitor, name) == getattr(pair.monitor, name), name
+
+
+def test_an_alarm_names_the_valid_time_of_every_sample_of_its_state() -> None:
+    network, told = Network(history=64), list[AlarmEvent]()
+    for unit in (UNIT, "1"):
+        for name in LABELS:
+            network.add_source(Label(name, (unit,)), default_ontology()[name].sort, 64)
+    ours = Monitors(UNIT, network, lambda name, of: (Label(name, (of,)), lambda value: value), told.append)
+    ours.join("1", 0)
+    ours.create(PlanBook(UNIT, builtin_profiles()).named("proximity"), "test", 0)
+    for number, metres in enumerate((300, 300, 5, 300, 300)):
+        at_us = number * PERIOD_US
+        for unit, north_m in ((UNIT, 0), ("1", metres)):
+            network.push(Label("heli-position", (unit,)), at_us, (58.4 + north_m / 111_320, 15.5), at_us + 5)
+            network.push(Label("heli-altitude", (unit,)), at_us, (50.0,), at_us + 9)
+    names = {f"{name}[{unit}]" for name in LABELS[:2] for unit in (UNIT, "1")}
+    assert [(each.event, each.valid_us, each.samples_us) for each in told] == [
+        ("opened", 200_000, dict.fromkeys(names, 200_000)),
+        ("closed", 300_000, dict.fromkeys(names, 300_000)),
+    ]
+    assert told[0].units == (UNIT, "1")
+    assert set(told[0].values) == {f"xy_dist[{UNIT}, 1]", f"z_dist[{UNIT}, 1]"}

@@ -264,3 +264,12 @@ def test_states_out_of_order_doubled_missing_or_without_a_number_are_counted_and
         assert one.on_state(at * PERIOD_US, 6 * PERIOD_US, given) == []
     assert one.counted == {"out of order": 1, "duplicate": 1, "missing": 3, "NaN": 1}
     assert (one.shows, one.verdict) == ("ok", "undecided")
+
+
+def test_an_alarm_names_the_samples_of_its_state_and_no_others() -> None:
+    one = Monitor("m", Always(Compare(">=", Feature("a"), Const(1))), (), 10, 20, inputs=("a", "b"))
+    (opened,) = one.on_state(10, 12, {"a": 0}, lacks=("b",))
+    assert opened.samples_us == {"a": 10}
+    assert one.on_state(20, 22, {"a": 2}, samples_us={"a": 17, "b": 20}) == []
+    (closed,) = one.on_state(30, 32, {"a": 2}, lacks=())
+    assert (closed.valid_us, closed.samples_us) == (20, {"a": 17, "b": 20})
