@@ -29,6 +29,8 @@ from reasoning.clauses import (
 from reasoning.progression import Verdict
 from reasoning.shapes import Part, Shape
 
+LIMIT_LEFT: Final = 100_000
+"""So many obligations may be left of one formula: always and eventually in turn, nested without a bound, know no end."""
 LIMIT_STATES: Final = 4096
 """An automaton keeps no more states than this; beyond, what is left is worked out anew at each state."""
 LIMIT_TRANSITIONS: Final = 8 * LIMIT_STATES
@@ -105,7 +107,7 @@ class Progressor:
         return self._window((self._numbers[at], node.lo_us or OPEN, ends_us), letter, 0, 0)
 
     def step(self, clauses: Clauses, letter: Letter, now_us: int, base_us: int) -> Clauses:
-        """What is left after one more state.
+        """What is left after one more state; of more than `LIMIT_LEFT` obligations nothing will be known.
 
         Args:
             clauses: windows relative to some instant.
@@ -113,6 +115,10 @@ class Progressor:
             now_us: its time, relative to the same instant.
             base_us: what the windows of the result are to be relative to, likewise.
         """
+        found = self._step(clauses, letter, now_us, base_us)
+        return found if size(found) <= LIMIT_LEFT else UNKNOWN
+
+    def _step(self, clauses: Clauses, letter: Letter, now_us: int, base_us: int) -> Clauses:
         left: dict[Any, Clauses] = {}
         for clause in clauses:
             for one in clause:
@@ -127,7 +133,7 @@ class Progressor:
     def after(self, one: Obligation | Block, letter: Letter, now_us: int, base_us: int) -> Clauses:
         """What is left of one obligation or block after one more state, as `step`."""
         if isinstance(one, Block):
-            return self.step(one.clauses, letter, now_us, base_us)
+            return self._step(one.clauses, letter, now_us, base_us)
         return UNKNOWN if one[0] == DOUBT else self._window(one, letter, now_us, base_us)
 
     def _window(self, one: Obligation, letter: Letter, now_us: int, base_us: int) -> Clauses:

@@ -149,3 +149,11 @@ def test_mutated_formulas_are_read_or_refused_and_what_is_read_survives_any_stat
         except DyknowError as error:
             assert str(error), text
     assert read > 50
+
+
+@pytest.mark.parametrize("way", ["object", "batch", "deadlines"])
+@pytest.mark.parametrize("depth", [4, 12, 60])
+def test_operators_in_turn_nested_without_a_bound_are_bounded_work_and_decide_nothing(way, depth):
+    states = [{"a": at % 2 * 5} for at in range(60)]
+    progression = progressed(read_formula("always eventually " * depth + "a > 3"), way, states)
+    assert progression.verdict == "undecided"
