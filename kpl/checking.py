@@ -15,6 +15,7 @@ from dyknow.errors import TextError
 from kpl.numbers import number_time_us
 from kpl.parsing import raise_all, read_tree
 from reasoning.formulas import (
+    LIMIT_TEMPORAL,
     TEMPORAL,
     Abs,
     Always,
@@ -42,8 +43,10 @@ from reasoning.formulas import (
     Since,
     Until,
     Variable,
+    deepest_temporal,
     is_temporal,
     label_text,
+    too_deep,
 )
 
 Sort: TypeAlias = Literal["boolean", "number", "duration", "object", "record", "any"]
@@ -108,6 +111,9 @@ class Checker:
 
     def resolve(self, formula: Formula) -> Formula:
         """The whole formula; the errors met are in `errors`."""
+        depth, place = deepest_temporal(formula)
+        if depth > LIMIT_TEMPORAL:
+            self.error(too_deep(depth), place, "say it with fewer of them")
         try:
             return self.truth(formula)
         except RecursionError:

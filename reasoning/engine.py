@@ -8,7 +8,7 @@
 All ways give the same verdict at the same state:
 
 * `plain`: `Progression`, which keeps residuals as they come; the reference, and the way of formulas in which a growing
-  quantifier stands over a temporal body.
+  quantifier stands over a temporal body, or more than `LIMIT_CLAUSES` temporal operators inside one another.
 * `object`: one formula at a time on an automaton that all formulas of its shape share (`automaton.py`).
 * `batch`: many instances of one formula as arrays on the same automaton (`batch.py`); here one instance, or one per
   member of the quantifier it begins with.

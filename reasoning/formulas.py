@@ -14,6 +14,8 @@ from dyknow.errors import TextError, UnknownLabel
 
 LIMIT_NODES: Final = 50_000
 """A formula that expands to more nodes than this over its domains is refused."""
+LIMIT_TEMPORAL: Final = 6
+"""So many temporal operators may stand inside one another: what is left of a formula grows steeply with them."""
 
 
 class Place(NamedTuple):
@@ -268,6 +270,23 @@ def walk(formula: Any) -> Iterator[Any]:
 def is_temporal(formula: Formula) -> bool:
     """Whether more than one state can matter."""
     return any(isinstance(node, TEMPORAL) for node in walk(formula))
+
+
+def deepest_temporal(formula: Formula) -> tuple[int, Place]:
+    """How many temporal operators stand inside one another, and where the innermost of them is."""
+    deepest, waiting = (0, Place()), [(formula, 0)]
+    while waiting:
+        node, depth = waiting.pop()
+        if isinstance(node, TEMPORAL):
+            depth += 1
+            deepest = max(deepest, (depth, node.place), key=lambda one: one[0])
+        waiting.extend((child, depth) for child in children(node))
+    return deepest
+
+
+def too_deep(depth: int) -> str:
+    """What is wrong with a formula of that depth, more than `LIMIT_TEMPORAL`."""
+    return f"{depth} temporal operators stand inside one another, {LIMIT_TEMPORAL} are allowed"
 
 
 def instantiate(body: Formula, variable: str, member: Object) -> Formula:

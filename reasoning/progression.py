@@ -18,6 +18,7 @@ from dyknow.sample import Value
 from dyknow.values import NO_VALUE
 from reasoning.evaluation import Compiler, Moment, NoValuePolicy, Test, is_missing
 from reasoning.formulas import (
+    LIMIT_TEMPORAL,
     Always,
     And,
     Bound,
@@ -32,10 +33,12 @@ from reasoning.formulas import (
     Or,
     Since,
     Until,
+    deepest_temporal,
     domain_members,
     instantiate,
     is_temporal,
     required_labels,
+    too_deep,
     walk,
 )
 from reasoning.residuals import (
@@ -153,7 +156,15 @@ class Changes:
 def compile_operator(
     formula: Formula, domains: Domains, period_us: int | None = None, no_value: NoValuePolicy = "undecided"
 ) -> Operator:
-    """The formula as something that starts at any state; one without temporal operators becomes an `Atom`."""
+    """The formula as something that starts at any state; one without temporal operators becomes an `Atom`.
+
+    Raises:
+        TextError: if it expands beyond all limits, or nests more than `LIMIT_TEMPORAL` temporal operators.
+        UnknownLabel: if a quantifier ranges over a domain that `domains` lacks.
+    """
+    depth, place = deepest_temporal(formula)
+    if depth > LIMIT_TEMPORAL:
+        raise TextError.at(place, too_deep(depth), repair="say it with fewer of them")
     return _Builder(Compiler(domains, no_value), period_us).build(formula)
 
 

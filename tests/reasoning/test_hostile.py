@@ -9,6 +9,7 @@ import pytest
 from dyknow.errors import DyknowError, TextError
 from kpl import read_formula
 from reasoning import make_progression
+from reasoning.formulas import Always
 
 FULL = bool(os.environ.get("DYKNOW_FULL"))
 WAYS = ("plain", "object", "batch", "deadlines")
@@ -72,6 +73,36 @@ def test_texts_too_deep_too_large_or_too_long_are_refused_in_short_words(text, s
         assert not said
         for way in WAYS:
             progressed(formula, way, [{"x": 1.0}] * 3)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    "text",
+    [
+        "always eventually " * 3 + "p",
+        "always[0, 1s] eventually[0, 1s] " * 3 + "p",
+        "eventually[0, 300] always[0, 1s] " * 3 + "p",
+        "eventually[0, 1s] eventually eventually[0, 1s] always always[0, 1s] always[200, 800] p",
+        "p until (not p until[0, 500] (always eventually[0, 1s] (p until (always[0, 1s] p))))",
+        "always eventually always[0, 1s] eventually[0, 300] always p",
+    ],
+)
+def test_temporal_operators_deep_inside_one_another_are_bounded_work(text, way):
+    rng = random.Random(text)
+    progression = progressed(read_formula(text), way, [{"p": rng.random() < 0.7} for _ in range(25)])
+    assert progression.kept < 50_000
+
+
+def test_more_temporal_operators_inside_one_another_are_refused():
+    text = "always eventually " * 60 + "p"
+    with pytest.raises(TextError, match=r"120 temporal operators stand inside one another, 6 are allowed"):
+        read_formula(text)
+    deep = read_formula("p")
+    for _ in range(7):
+        deep = Always(deep)
+    for way in WAYS:
+        with pytest.raises(TextError, match="7 temporal operators stand inside one another"):
+            progressed(deep, way, [{"p": True}])
 
 
 OBJECTS = 10_000 if FULL else 1_000
