@@ -55,16 +55,17 @@ def _over_trace(call: Call, text: str, path: Path) -> int:
             trace = read_trace(lines, str(path))
     except (OSError, UnicodeDecodeError) as error:
         raise WrongCall(f"--trace: {path} cannot be read ({error}); a trace is a text of JSON lines.") from None
-    domains = trace_domains(formula, trace)
+    domains, labels = trace_domains(formula, trace), trace.labels
+    known = frozenset(labels)
     _note_of(call, trace, str(path))
     for name in sorted(name for name, members in domains.items() if not members):
         call.out.note(
             f"note: {name} has no members in {path}: no label has an object where the formula puts the variable. "
-            f"Known: {', '.join(trace.labels[:8]) or 'no label'}."
+            f"Known: {', '.join(labels[:8]) or 'no label'}."
         )
     for label in sorted(str(label) for label in required_labels(formula, domains)):
-        if label not in trace.labels:
-            call.out.note(f"note: {label} has no value anywhere in {path}.{did_you_mean(label, trace.labels)}")
+        if label not in known:
+            call.out.note(f"note: {label} has no value anywhere in {path}.{did_you_mean(label, labels)}")
     (verdict, t_ms, index), progression = follow_trace(formula, trace.states, domains)
     rest = remaining(progression) if verdict == "undecided" and progression.kept <= MOST_LEFT else None
     left = None if rest is None else print_formula(rest)

@@ -98,6 +98,13 @@ def test_a_domain_without_members_is_noted_since_nothing_is_checked(dyknow: Run,
     assert "Known: p, speed[uav1]." in done.stderr
 
 
+def test_a_formula_over_thousands_of_members_is_bounded_work(dyknow: Run, tmp_path: Path) -> None:
+    path = tmp_path / "flight.jsonl"
+    path.write_text(json.dumps({"t_ms": 0} | {f"s[m{number}]": 1 for number in range(10_000)}) + "\n")
+    done = dyknow("check", "always forall u in us: s[u] < 5", "--trace", str(path), "--json")
+    assert json.loads(done.stdout)["verdict"] == "undecided"
+
+
 def test_states_out_of_order_and_nan_are_told_and_harm_nothing(dyknow: Run, tmp_path: Path) -> None:
     path = tmp_path / "flight.jsonl"
     path.write_text('{"t_ms": 0, "x": 1}\n{"t_ms": 0, "x": 9}\n{"t_ms": 100, "x": NaN}\n{"t_ms": 50, "x": 9}\n')
