@@ -14,7 +14,7 @@ from federation.ontology import default_ontology
 from reasoning import AlarmEvent, builtin_profiles
 
 TITLE = "50 UAVs, 1225 pairs, 10 Hz, one process: percent of a core, from pushed samples to alarms"
-BARS = (Limit("core_percent", 50.0, ours="proximity"),)
+BARS = tuple(Limit("core_percent", 50.0, ours=side) for side in ("proximity", "proximity, proximity-warn"))
 UNITS = tuple(map(str, range(50)))
 PERIOD_US, DELAY_US = 100_000, 20_000
 LABELS = ("heli-position", "heli-altitude", "heli-velocity")
