@@ -264,7 +264,7 @@ class _Growing:
 
 @dataclass(frozen=True, slots=True)
 class _Grown:
-    """A growing quantifier under way: what is left of each member it has met."""
+    """A growing quantifier under way: what is left of each member it has met. Doubt leaves with the member it is about."""
 
     operator: _Growing
     residuals: tuple[tuple[str, Residual], ...]
@@ -283,7 +283,7 @@ class _Grown:
                 after[member] = left if left is None or left is True or left is False else left.step(moment)
         whole = (conjoin if self.operator.universal else disjoin)(after.values())
         dominated = whole is (not self.operator.universal)
-        if dominated or (after and not any(is_pending(one) for one in after.values())):
+        if dominated or (after and whole is not None and not any(is_pending(one) for one in after.values())):
             return whole
         return _Grown(self.operator, tuple(after.items()))
 

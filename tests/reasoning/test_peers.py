@@ -140,9 +140,15 @@ def names(formula):
 
 
 def is_answered_at_the_horizon(formula):
-    """Online, rtamt 0.4.10 answers later where there is an until, or where one atom stands in two places."""
+    """Online, rtamt 0.4.10 answers later where there is an until, one atom stands in two places, or horizons differ."""
     found = names(formula)
-    return "until" not in found and all(found.count(atom) <= 1 for atom in ATOMS)
+    return "until" not in found and all(found.count(atom) <= 1 for atom in ATOMS) and is_even(formula)
+
+
+def is_even(formula):
+    """Whether what an operator joins is decided at one time."""
+    horizons = {part.horizon for part in formula.parts}
+    return len(horizons) <= 1 and all(map(is_even, formula.parts))
 
 
 def specified(formula):
