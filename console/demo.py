@@ -17,10 +17,12 @@ from console.processes import Fleet, interruptible, run_directory
 from console.query import value_text
 from console.separation import ALTITUDE, POSITION, Separation
 from console.up import Gathering, ended, gathered, planned
-from federation.acts import Performative, parse_act
+from dyknow.errors import TextError
+from federation.acts import Act, Performative, parse_act
 from federation.codec import WireSample
 from federation.contents import (
     ActList,
+    ActLog,
     Alarm,
     Alarms,
     CreateMulticast,
@@ -189,7 +191,7 @@ class Demo:
         for dialogue in client.ask(list(PAIR), ActList(), P.QUERY_REF, _ANSWER_S):
             logs = [log for said in dialogue.results if isinstance(said, ActList) for log in said.acts or ()]
             for log in logs:
-                act = parse_act(log.act) if log.act else None
+                act = _act_of(log)
                 if act is not None and act.content is not None and act.content.head == "avoid":
                     proposed[act.conversation_id or ""] = str(act.content.arguments["climber"])
                 elif act is not None and act.performative is P.AGREE:
@@ -244,6 +246,14 @@ class Demo:
         if left:
             raise FederationFailed(f"{left} tasks and monitors are still set up")
         return "the task and all it set up are taken down", {}
+
+
+def _act_of(log: ActLog) -> Act | None:
+    """The act that was noted; none if it is noted only in part, since it is long."""
+    try:
+        return parse_act(log.act) if log.act else None
+    except TextError:
+        return None
 
 
 def _field(reading: Reading, name: str) -> float:
