@@ -183,8 +183,16 @@ def test_mutated_formulas_are_read_or_refused_and_what_is_read_survives_any_stat
 
 
 @pytest.mark.parametrize("way", ["object", "batch", "deadlines"])
-@pytest.mark.parametrize("depth", [4, 12, 60])
-def test_operators_in_turn_nested_without_a_bound_are_bounded_work_and_decide_nothing(way, depth):
+@pytest.mark.parametrize(
+    "text", ["eventually " + "always eventually " * 2 + "a > 3", "always eventually " * 2 + "a > 3"]
+)
+def test_operators_in_turn_inside_one_another_are_bounded_work_and_decide_nothing(way, text):
     states = [{"a": at % 2 * 5} for at in range(60)]
-    progression = progressed(read_formula("always eventually " * depth + "a > 3"), way, states)
+    progression = progressed(read_formula(text), way, states)
     assert progression.verdict == "undecided"
+
+
+@pytest.mark.parametrize("depth", [4, 12, 60])
+def test_operators_in_turn_too_deep_inside_one_another_are_refused(depth):
+    with pytest.raises(TextError, match="temporal operators"):
+        read_formula("always eventually " * depth + "a > 3")
