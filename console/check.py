@@ -6,14 +6,12 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from console.command import Call
-from console.errors import DONE, NO, FederationFailed, NothingFound, WrongCall, did_you_mean
+from console.errors import DONE, NO, WrongCall, did_you_mean
 from console.instants import SHORTEST_US, clock_time, duration_us
 from console.output import verbatim
-from dyknow.errors import DyknowError
 from dyknow.values import NO_VALUE
 
 if TYPE_CHECKING:
-    from console.dialogue import Dialogue
     from reasoning import Trace
 
 MOST_REASONS = 5
@@ -102,6 +100,7 @@ def _note_of(call: Call, trace: "Trace", file: str) -> None:
 
 def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:
     from console.client import connected
+    from console.dialogue import failure_of
     from federation.acts import Performative
     from federation.contents import CheckFormula, Verdict
     from kpl import parse_formula
@@ -115,7 +114,7 @@ def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:
             client.wait_for(lambda: bool(dialogue.trouble or dialogue.results), timeout_s + 3.0)
         found = next((said for said in dialogue.results if isinstance(said, Verdict)), None)
         if found is None:
-            raise _failed(dialogue)
+            raise failure_of(dialogue, "no verdict came in time")
     for label in found.no_value:
         call.out.note(f"note: {label} has no value on platform {unit}.")
     for label in found.missing:
@@ -127,15 +126,6 @@ def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:
         for one in found.because
     ]
     return _told(call, found.verdict, t_ms, found.index, is_live=True, reasons=reasons, states=found.states)
-
-
-def _failed(dialogue: "Dialogue") -> DyknowError:
-    """What an answer without a verdict means, as for any other task."""
-    answers = {act.performative.value for act, _ in dialogue.said}
-    words = f"platform {dialogue.unit}: {dialogue.trouble or 'no verdict came in time'}"
-    if "not-understood" in answers:
-        return WrongCall(words)
-    return NothingFound(words) if "refuse" in answers else FederationFailed(words)
 
 
 def _told(

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+from console.errors import FederationFailed, NothingFound, WrongCall
+from dyknow.errors import DyknowError
 from federation.acts import Act, Performative
 from federation.contents import ActList, AlarmList, Content, ImportList, Monitors, Query, Reason
 from federation.directory import Entry
@@ -42,6 +44,15 @@ class Dialogue:
                 words = content.text if isinstance(content, Reason) else str(act.performative)
                 return f"{act.performative}: {words}"
         return self.failed
+
+
+def failure_of(dialogue: Dialogue, otherwise: str) -> DyknowError:
+    """What a conversation without the result that was asked for means; `otherwise` where nobody said why."""
+    answers = {act.performative for act, _ in dialogue.said}
+    words = f"platform {dialogue.unit}: {dialogue.trouble or otherwise}"
+    if P.NOT_UNDERSTOOD in answers:
+        return WrongCall(words)
+    return NothingFound(words) if P.REFUSE in answers else FederationFailed(words)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,11 +6,10 @@ from pathlib import Path
 from console.chronicle import chronicles_of
 from console.client import connected
 from console.command import Call
-from console.dialogue import Dialogue
-from console.errors import DONE, NO, FederationFailed, NothingFound, WrongCall
+from console.dialogue import failure_of
+from console.errors import DONE, NO, WrongCall
 from console.instants import clock_time
 from console.output import unit_json, verbatim
-from dyknow.errors import DyknowError
 from federation.acts import Performative
 from federation.contents import Content, Reason, Recognise, Recognised
 from federation.contents.chronicles import LONGEST
@@ -39,7 +38,7 @@ def watch(call: Call, file: Path, *, unit: str, seconds: float, delay_s: float |
             heard += len(new)
             count += sum(_tell(call, unit, said) for said in new)
         if dialogue.trouble is not None:
-            raise _failed(dialogue)
+            raise failure_of(dialogue, "the watch ended")
     if not count:
         call.out.note(f"nothing was recognised on platform {unit} within {seconds:g} s.")
     return DONE if count else NO
@@ -70,11 +69,3 @@ def _tell(call: Call, unit: str, said: Content) -> bool:
 
 def _ms(at_us: int) -> int:
     return at_us // 1000
-
-
-def _failed(dialogue: Dialogue) -> DyknowError:
-    answers = {act.performative for act, _ in dialogue.said}
-    words = f"platform {dialogue.unit}: {dialogue.trouble}"
-    if Performative.NOT_UNDERSTOOD in answers:
-        return WrongCall(words)
-    return NothingFound(words) if Performative.REFUSE in answers else FederationFailed(words)

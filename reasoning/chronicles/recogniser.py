@@ -103,15 +103,16 @@ class Recogniser:
         Raises:
             ChronicleError: a name is not declared, or a chronicle cannot be recognised (`compile_chronicle`).
         """
-        todo, compiled = list(file.chronicles if names is None else names), dict[str, Compiled]()
-        while todo:
-            name = todo.pop(0)
+        wanted, compiled = list(file.chronicles if names is None else names), dict[str, Compiled]()
+        for name in wanted:  # which grows by what these stand on
             if name not in file.chronicles:
                 known = ", ".join(file.chronicles) or "none"
                 raise ChronicleError(f"no chronicle is called {name}; declared: {known}")
             if name not in compiled:
                 compiled[name] = compile_chronicle(file.chronicles[name], file, max_age_ms)
-                todo += [one.name for one in compiled[name].patterns if not one.change and one.name in file.chronicles]
+                wanted += [
+                    one.name for one in compiled[name].patterns if not one.change and one.name in file.chronicles
+                ]
         return cls(compiled.values(), limits)
 
     def _refuse_circles(self) -> None:
