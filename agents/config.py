@@ -4,13 +4,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from agents.interface import Trust
-from agents.limits import ACTS_BURST, ACTS_PER_S
-from agents.pilot import FlightLimits, FlightPlan
+from agents.admission.limits import ACTS_BURST, ACTS_PER_S
+from agents.flight.pilot import FlightLimits, FlightPlan
+from agents.part import Part
 from dyknow import Prototype
-from federation.clock import FederationClock
-from federation.directory import Kind
-from federation.ontology import Ontology, Translation, default_ontology
+from federation.members.clock import FederationClock
+from federation.members.directory import Kind
+from federation.security.trust import Trust
+from federation.sharing.ontology import Ontology, Translation, default_ontology
 from reasoning import Profile, builtin_profiles
 
 
@@ -29,7 +30,8 @@ class PlatformConfig:
         catalogue: what its specification can make sources and units from, by name.
         monotonic_offset_us: its node clock minus the monotonic clock of the machine, which hosts have, too.
         admission: what becomes of declarations that there is no time for.
-        govern_us: while delays are longer than this the least important streams suffer; None: nobody governs.
+        extensions: classes of parts that it has besides its own; see `agents.extensions`.
+        govern_us: while delays are longer than this the least important streams suffer; None: no governor.
     """
 
     unit: str
@@ -50,6 +52,7 @@ class PlatformConfig:
     trust: Trust | None = None
     catalogue: Callable[[str], Prototype | None] = lambda _name: None
     monotonic_offset_us: int = 0
+    extensions: tuple[type[Part], ...] = ()
     govern_us: int | None = None
     admission: Literal["refuse", "longer"] = "refuse"
     acts_per_s: float = ACTS_PER_S

@@ -3,25 +3,26 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeAlias
 
+from dyknow import SURE, Quality
 from federation.transport import WireEffect, WireEvent
 from navigation.vehicle import Command, Report
 
 
 class Reported(NamedTuple):
-    """The vehicle said something; it came to this node at `at_us`, and is available once the node takes it (node clock)."""
+    """A report of the vehicle; it came to this node at `at_us`, and is available once the node takes it (node clock)."""
 
     at_us: int
     report: Report
 
 
-class Leave(NamedTuple):
-    """The person who runs this platform wants it out of the federation."""
+class LeaveRequested(NamedTuple):
+    """The operator of this platform wants it out of the federation."""
 
     at_us: int
 
 
 class Specify(NamedTuple):
-    """The person who runs this platform gives it a specification, in place of the one it has.
+    """The operator of this platform gives it a specification, in place of the one it has.
 
     `named` has the files that it names: path and text.
     """
@@ -39,6 +40,7 @@ class Fed(NamedTuple):
     source: str
     valid_us: int
     value: Any
+    quality: Quality = SURE
 
 
 class Waited(NamedTuple):
@@ -71,7 +73,7 @@ class HostLeft(NamedTuple):
 
 
 HostEvent: TypeAlias = HostCame | HostSaid | HostLeft
-Event: TypeAlias = WireEvent | Reported | Leave | Specify | Fed | Waited | HostEvent
+Event: TypeAlias = WireEvent | Reported | LeaveRequested | Specify | Fed | Waited | HostEvent
 
 
 class InjectFault(NamedTuple):
@@ -90,7 +92,7 @@ class Note(NamedTuple):
 
 
 class Tell(NamedTuple):
-    """What the platform's specification brings forth: samples of its streams, who makes them, alarms."""
+    """Output of the platform's specification: samples of its streams, their producers, alarms."""
 
     record: Mapping[str, Any]
 
@@ -109,7 +111,7 @@ class TakeHost(NamedTuple):
 
 
 class DropHost(NamedTuple):
-    """End the connection, when everything has been said."""
+    """End the connection, when everything has been sent."""
 
     host: int
 
@@ -118,7 +120,7 @@ HostEffect: TypeAlias = TellHost | TakeHost | DropHost
 
 
 class Halt(NamedTuple):
-    """This platform cannot go on in the federation, and why."""
+    """This platform cannot continue in the federation, and why."""
 
     reason: str
 

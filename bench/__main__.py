@@ -1,6 +1,8 @@
 """`python -m bench [ROW ...]`: measure rows against their peers, print the table, keep the JSON.
 
-A row is a module of this package (b01, b02, ...); `callbacks` and `express` measure what the edge chose between. Nothing here is a timed test: a bar that is not met is said so.
+A row is a module of one of the drawers here (b01, b02, ...); `callbacks` and `express` measure what the edge chose
+between. `--against DIR` measures rows of this tree and of another checkout in turn. A bar that is not met is reported;
+nothing here is a timed test.
 """
 
 import argparse
@@ -12,9 +14,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, cast
 
+from bench.against import compared
 from bench.compare import interleave, judge, medians
 from bench.machine import machine
 from bench.rows import Options, Row
+from bench.turn import module_of
 
 _HERE = Path(__file__).parent
 _WIDEST = 8
@@ -22,11 +26,11 @@ _WIDEST = 8
 
 
 def rows() -> list[str]:
-    return sorted(path.stem for path in _HERE.glob("b[0-9][0-9].py"))
+    return sorted(path.stem for path in _HERE.glob("*/b[0-9][0-9].py"))
 
 
 def measured(name: str, options: Options) -> dict[str, Any]:
-    row = cast("Row", import_module(f"bench.{name}"))
+    row = cast("Row", import_module(module_of(_HERE, name)))
     print(f"{name}  {row.TITLE}", flush=True)
     with row.sides(options) as sides:
         found = interleave({side: run for side, run in sides.items() if options.wants(side)}, options.rounds)
@@ -67,20 +71,24 @@ def _table(lines: list[str], columns: list[str], cells: dict[tuple[str, str], st
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m bench", description=__doc__.partition("\n")[0])
     parser.add_argument("rows", nargs="*", metavar="ROW", help=f"of {', '.join(rows())}; default: all")
-    parser.add_argument("--rounds", type=int, default=15, help="rounds of every side (15)")
+    parser.add_argument("--rounds", type=int, default=15, help="rounds of every side, or turns of every tree (15)")
     parser.add_argument("--effort", type=float, default=1.0, help="length of a round as a multiple of the usual")
     parser.add_argument("--side", action="append", default=[], help="measure this side only; repeatable")
     parser.add_argument("--out", type=Path, default=_HERE / "results", help="directory for the JSON")
+    parser.add_argument("--against", type=Path, metavar="DIR", help="measure a checkout in DIR as well, A B A B")
     asked = parser.parse_args()
     options = Options(asked.rounds, asked.effort, frozenset(asked.side))
     report = {
         "taken": datetime.now(UTC).isoformat(timespec="seconds"),
         "machine": machine(),
         "options": {**asdict(options), "sides": sorted(options.sides)},
-        "rows": [measured(name, options) for name in asked.rows or rows()],
+        "rows": [
+            compared(name, asked.against, options) if asked.against else measured(name, options)
+            for name in asked.rows or rows()
+        ],
     }
     asked.out.mkdir(parents=True, exist_ok=True)
-    names = "-".join(row["row"] for row in report["rows"]) if asked.rows else "all"
+    names = "-".join([*asked.rows, *(["against"] if asked.against else [])]) or "all"
     path = asked.out / f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{names}.json"
     path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     print(f"kept in {path}")

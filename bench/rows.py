@@ -64,6 +64,8 @@ class Row(Protocol):
     BARS: tuple[Bar, ...]
     QUIET: tuple[str, ...]
     """Sides that are kept but not printed; a module need not have it."""
+    COMPARED: tuple[str, ...]
+    """What two trees are compared by, where the bars' own figures are slopes or counts; need not be there either."""
 
     @staticmethod
     def sides(options: Options) -> AbstractContextManager[Mapping[str, Side]]:

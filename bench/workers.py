@@ -1,6 +1,6 @@
 """A process of its own for one side of a measurement: an object here whose methods are called there.
 
-with Worker("bench.raw:Receiver", {"federation": "b01"}) as receiver:
+with Worker("bench.wire.raw:Receiver", {"federation": "b01"}) as receiver:
     receiver.call("ready")
     receiver.begin("collect", count=1000)
     ...

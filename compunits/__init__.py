@@ -1,3 +1,5 @@
+"""Computational units ready to use: distances, filters, conversions, relations. KPL specifications name them."""
+
 from compunits.conversions import CONVERSIONS, Conversion, conversion
 from compunits.intersection import CovarianceIntersection, Intersection, intersect
 from compunits.kalman import KalmanConstant, KalmanMoving, KalmanPosition, KalmanVelocity

@@ -60,7 +60,7 @@ class Conversion:
 
 
 def conversion(name: str, scale: float, offset: float = 0.0, *sorts: str) -> UnitPrototype:
-    """A conversion of your own; `sorts` are those of the output and the input, any if they are not said."""
+    """A conversion of your own; `sorts` are those of the output and the input, any if they are not given."""
     return variant(Conversion, name, *sorts, scale=scale, offset=offset)
 
 

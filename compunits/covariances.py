@@ -12,7 +12,7 @@ _ASYMMETRY = 1e-6
 
 
 def covariance_in(quality: Quality, count: int) -> Matrix | None:
-    """The covariance of `count` numbers; None unless it is said, finite, symmetric and positive definite."""
+    """The covariance of `count` numbers; None unless it is given, finite, symmetric and positive definite."""
     try:
         matrix = np.array(quality.covariance, dtype=np.float64)
         if matrix.shape != (count, count) or not np.isfinite(matrix).all():

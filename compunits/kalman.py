@@ -2,7 +2,7 @@
 
 A measurement is weighed by the covariance its sample carries; where it carries none, by `deviation`. Where a sample has
 no value the estimate is predicted to its time, for at most `silence_s` beyond the last measurement; after that there is
-no value, and the next measurement begins anew. Samples that are late give nothing. Each axis has white noise of its own:
+no value, and the next measurement restarts it. Samples that are late give nothing. Each axis has white noise of its own:
 
     constant: x' = x + w,                 Q = q dt
     moving:   x' = x + v dt, v' = v + w,  Q = q [[dt^3 / 3, dt^2 / 2], [dt^2 / 2, dt]]
@@ -203,7 +203,7 @@ class _Level:
         return self.axes.step(sample.valid_us, measured, scale @ degrees @ scale)
 
     def position(self) -> tuple[Numbers, Matrix]:
-        """(latitude, longitude) in degrees and their covariance in degrees squared, once `step` said there are."""
+        """(latitude, longitude) in degrees and their covariance in degrees squared, once `step` returned True."""
         assert self._frame is not None  # noqa: S101 - there is one from the first position on
         north_m, east_m = self.axes.mean[:2].tolist()
         latitude_deg, longitude_deg, _ = self._frame.from_ned(north_m, east_m, 0.0)

@@ -152,7 +152,7 @@ def _rate(seconds: float, then: float, now: float) -> float:
 class TrackEst:
     """Which way it moves, from successive positions: "the derivative of the position" (thesis 8.7.5), in degrees.
 
-    It is told whenever it has moved on by `metres`: what stands still or wavers gives nothing new.
+    It is given whenever it has moved by `metres`: what stands still or wavers gives nothing new.
     """
 
     def __init__(self, metres: float = 0.5) -> None:

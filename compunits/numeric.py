@@ -46,7 +46,7 @@ def is_sound(value: Value, depth: int = _DEEPEST) -> bool:
 def numeric(*counts: int) -> Callable[[Guarded], Guarded]:
     """Call a function or method with the numbers of its last arguments: a float where `counts` says 1, else a tuple.
 
-    `NO_VALUE` where an argument is not so many finite numbers, or the result is not finite or not defined.
+    `NO_VALUE` where an argument is not that number of finite numbers, or the result is not finite or not defined.
     """
 
     def guard(function: Guarded) -> Guarded:

@@ -23,7 +23,7 @@ from typing import Any, Final
 
 from compunits import conversions, intersection, kalman, motion, relations, smoothing
 from dyknow import Prototype, prototypes_in
-from dyknow.errors import UnitError
+from dyknow.model.errors import UnitError
 
 GROUP: Final = "dyknow.units"
 MAX_CAUSE: Final = 500
@@ -149,7 +149,7 @@ class Catalogue:
         """The source or computational unit of that name.
 
         Raises:
-            UnitError: nobody offers it, more than one does, or it does not load.
+            UnitError: no module offers it, more than one does, or it does not load.
         """
         if name in self._own:
             return self._own[name][0]
@@ -171,7 +171,7 @@ class Catalogue:
         return self._loaded[name]
 
     def offered(self, name: str) -> Prototype | None:
-        """The same; None if nobody offers it.
+        """The same; None if no module offers it.
 
         Raises:
             UnitError: more than one does, or it does not load.

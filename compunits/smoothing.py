@@ -54,7 +54,7 @@ class MovingAverage:
 
     Args:
         seconds: those with a valid time in ]t - seconds, t].
-        samples: the last so many of them; if neither is said, the last 5. At most 10 000 are remembered.
+        samples: number of the newest samples; if neither is given, 5. At most 10 000 are remembered.
     """
 
     def __init__(self, seconds: float | None = None, samples: int | None = None) -> None:

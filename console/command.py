@@ -2,78 +2,121 @@
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import wraps
+from importlib import import_module
 from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
 import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
 
 from console.errors import DONE, INTERRUPTED, exit_code
-from console.output import Output
-from dyknow.errors import DyknowError
+from console.output.output import Output
+from dyknow.model.errors import DyknowError
 
 if TYPE_CHECKING:
-    from console.federations import FederationFile
-    from console.settings import Settings
+    from runtime.configuration.settings import Settings
 
 PANEL = "Federation and output"
 
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """What every command is given: its options from all their sources, and where to put its words."""
+    """What every command is given: its options from all their sources, and where its output goes."""
 
     settings: "Settings"
-    file: "FederationFile | None"
     out: Output
 
 
-Command: TypeAlias = Callable[..., int]
+F = TypeVar("F", bound=Callable[..., int])
+CommandTable: TypeAlias = Mapping[str, tuple[str, str]]
+"""CommandGroup by name (`kpl check` is `check` of the group `kpl`): `module:function`, or "" of a group, and a summary."""
+_EXAMPLES: dict[Callable[..., int], str] = {}
+
+
+def command(*, example: str) -> Callable[[F], F]:
+    """Declare `function(call, own options...) -> exit code` as a command; its docstring is the help.
+
+    An option that `runtime.configuration.settings.Settings` also knows takes its value from there when no flag gives it.
+    """
+
+    def declare(function: F) -> F:
+        _EXAMPLES[function] = example
+        return function
+
+    return declare
+
+
+class CommandGroup(TyperGroup):
+    """A group whose commands are imported when they are called; until then a summary stands for each."""
+
+    def __init__(self, *, table: CommandTable, **options: Any) -> None:
+        super().__init__(**options)
+        self.table: dict[str, tuple[str, str]] = {}
+        self.register(table)
+
+    def register(self, table: CommandTable) -> None:
+        """Add commands; those that are there already stay as they are."""
+        self.table = {**table, **self.table}
+        for name, (where, summary) in table.items():
+            if " " not in name and name not in self.commands:
+                self.commands[name] = TyperCommand(name, help=summary) if where else self._group(name, summary)
+
+    def _group(self, name: str, summary: str) -> "CommandGroup":
+        table = {key.removeprefix(f"{name} "): entry for key, entry in self.table.items() if key.startswith(f"{name} ")}
+        return CommandGroup(table=table, name=name, help=summary, no_args_is_help=True, rich_markup_mode="rich")
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that is called, imported."""
+        name, found, rest = super().resolve_command(ctx, args)
+        where = self.table[name][0] if name in self.table else ""
+        return name, loaded(where, str(name)) if where else found, rest
+
+
+def loaded(where: str, name: str) -> Any:
+    """The command that `module:function` declares, with the options of every command added."""
+    module, _, attribute = where.partition(":")
+    function: Callable[..., int] = getattr(import_module(module), attribute)
+    own = list(signature(function, eval_str=True).parameters.values())[1:]
+
+    def run(context: typer.Context, **given: Any) -> None:
+        raise typer.Exit(_carried_out(function, context, given, [parameter.name for parameter in own]))
+
+    parameters = [_CONTEXT, *(p.replace(kind=Parameter.KEYWORD_ONLY) for p in (*own, *_COMMON))]
+    run.__doc__ = function.__doc__
+    run.__signature__ = signature(run).replace(parameters=parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    single = typer.Typer(add_completion=False, rich_markup_mode="rich")
+    single.command(name, epilog=f"Example: [cyan]{_EXAMPLES[function]}[/cyan]")(run)
+    return get_command(single)
+
+
+def _option(*names: str, metavar: str | None = None, help: str) -> Any:  # noqa: A002  (as typer calls it)
+    """One of the options of every command."""
+    return typer.Option(*names, metavar=metavar, help=help, rich_help_panel=PANEL)
+
+
+_LISTEN = "Listen here, e.g. tcp/127.0.0.1:7447 (repeatable)."
+_CONNECT = "Connect to this endpoint (repeatable); no multicast then."
+_NAME = "Which federation: commands and platforms of one name never see another's."
+_INTERFACE = "Network interface of multicast; lo: nothing leaves the machine."
+_JSON = "One JSON object a line on standard output, nothing else."
+_EXTENSION = "A module with commands, or parts of platforms (repeatable)."
 
 
 def _common(
-    federation: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME|FILE.toml",
-            help="Which federation: commands and platforms of one name never see another's.",
-            rich_help_panel=PANEL,
-        ),
-    ] = "default",
-    listen: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="ENDPOINT", help="Listen here, e.g. tcp/127.0.0.1:7447 (repeatable).", rich_help_panel=PANEL
-        ),
-    ] = None,
-    connect: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="ENDPOINT", help="Connect to this endpoint (repeatable); no multicast then.", rich_help_panel=PANEL
-        ),
-    ] = None,
-    discover: Annotated[
-        str, typer.Option(metavar="multicast|none", help="How processes find each other.", rich_help_panel=PANEL)
-    ] = "multicast",
-    interface: Annotated[
-        str,
-        typer.Option(
-            metavar="IF", help="Network interface of multicast; lo: nothing leaves the machine.", rich_help_panel=PANEL
-        ),
-    ] = "lo",
-    roster: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Roster with which acts are signed.", rich_help_panel=PANEL)
-    ] = None,
-    json_lines: Annotated[
-        bool,
-        typer.Option("--json", help="One JSON object a line on standard output, nothing else.", rich_help_panel=PANEL),
-    ] = False,
-    config: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="Options from a file.", rich_help_panel=PANEL)
-    ] = None,
+    federation: Annotated[str, _option(metavar="NAME|FILE.toml", help=_NAME)] = "default",
+    listen: Annotated[list[str] | None, _option(metavar="ENDPOINT", help=_LISTEN)] = None,
+    connect: Annotated[list[str] | None, _option(metavar="ENDPOINT", help=_CONNECT)] = None,
+    discover: Annotated[str, _option(metavar="multicast|none", help="How processes find each other.")] = "multicast",
+    interface: Annotated[str, _option(metavar="IF", help=_INTERFACE)] = "lo",
+    roster: Annotated[Path | None, _option(metavar="FILE", help="Roster with which acts are signed.")] = None,
+    json_lines: Annotated[bool, _option("--json", help=_JSON)] = False,
+    extensions: Annotated[list[str] | None, _option("--extension", metavar="MODULE", help=_EXTENSION)] = None,
+    config: Annotated[Path | None, _option(metavar="FILE.toml", help="Options from a file.")] = None,
 ) -> None:
     """The options of every command; only its signature is used."""
 
@@ -82,53 +125,39 @@ _COMMON = list(signature(_common).parameters.values())
 _CONTEXT = Parameter("context", Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context)
 
 
-def command(app: typer.Typer, *, example: str, name: str | None = None) -> Callable[[Command], Command]:
-    """Declare `function(call, own options...) -> exit code` as a command of `app`, with the common options added.
-
-    An own option that `console.settings.Settings` also knows takes its value from there when no flag gives it.
-    """
-
-    def register(function: Command) -> Command:
-        own = list(signature(function).parameters.values())[1:]
-
-        @wraps(function)
-        def run(context: typer.Context, **given: Any) -> None:
-            raise typer.Exit(_carried_out(function, context, given, [parameter.name for parameter in own]))
-
-        parameters = [_CONTEXT, *(p.replace(kind=Parameter.KEYWORD_ONLY) for p in (*own, *_COMMON))]
-        run.__signature__ = signature(run).replace(parameters=parameters)  # type: ignore[attr-defined]
-        run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-        app.command(name, epilog=f"Example: [cyan]{example}[/cyan]", no_args_is_help=False)(run)
-        return function
-
-    return register
-
-
-def _carried_out(function: Command, context: typer.Context, given: dict[str, Any], own: list[str]) -> int:
+def _carried_out(function: Callable[..., int], context: typer.Context, given: dict[str, Any], own: list[str]) -> int:
     """Run the command; its errors become a sentence on standard error and an exit code."""
-    from console.settings import Settings, load
+    from runtime.configuration.settings import Settings, load
 
     config = given.pop("config")
     flags = {name: value for name, value in given.items() if _flagged(context, name) and name in Settings.model_fields}
     try:
-        settings, file = load(flags, config)
+        settings = load(flags, config)
+        if settings.extensions:
+            search_working_directory()
         chosen = {name: given[name] for name in own}
         for name in own:
             if name in Settings.model_fields and (value := getattr(settings, name)) is not None:
                 chosen[name] = value
-        return function(Call(settings, file, Output(json_lines=settings.json_lines)), **chosen)
+        return function(Call(settings, Output(json_lines=settings.json_lines)), **chosen)
     except DyknowError as error:
         sys.stderr.write(f"{context.command_path}: {error}\n")
         return exit_code(error)
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:
-        # Whoever read our lines has seen enough (`dyknow alarms --follow | head`); nothing is left to be flushed.
+        # The reader of our lines has closed its end (`dyknow alarms --follow | head`); nothing is left to be flushed.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
 
 
+def search_working_directory() -> None:
+    """Have modules in the working directory found, as the processes of platforms find them."""
+    if (folder := str(Path.cwd())) not in sys.path:
+        sys.path.insert(0, folder)
+
+
 def _flagged(context: typer.Context, name: str) -> bool:
-    """Whether the person gave this option on the command line."""
+    """Whether this option was given on the command line."""
     source = context.get_parameter_source(name)
     return source is not None and source.name == "COMMANDLINE"

@@ -1,97 +1,128 @@
-from dyknow.adapters import (
-    Accept,
-    any_change,
-    any_order,
-    any_update,
-    duration,
-    max_delay,
-    monotone_order,
-    on_grid,
-    restrict,
-    sample_every,
-    strict_order,
-)
-from dyknow.compunits import ComputationalUnit, UnitFunction, latest_valid_us, of_values, quality_of
-from dyknow.errors import (
+"""Fluent streams: labels, samples, policies, stream generators, states; and the way into a federation.
+
+A program in a federation needs two functions (docs/python.md has a page on them):
+
+* `with dyknow.connect() as fed` asks a federation: `fed.query`, `fed.watch`, `fed.alarms`, `fed.delegate`, `fed.ls`;
+  `async with dyknow.connect() as fed` is the same for an event loop;
+* `with dyknow.join("7") as me` adds a platform of one's own: `me.push`, `me.declare`, `me.export`, `me.monitor`.
+
+`help(dyknow.FederationClient)` and `help(dyknow.OwnPlatform)` have every method, with its arguments and errors. The other
+names below are the local instance: labels, samples, policies, sources, computational units and their network.
+
+What all of it raises is one tree, `dyknow.DyknowError`, drawn in `dyknow.model.errors`. Instants and durations are integer
+microseconds, `_us`; texts may be given instead, `"-5s"` or `"200ms"`.
+"""
+
+import typing
+
+from dyknow.model.errors import (
+    ChronicleError,
     DyknowError,
+    FederationFailed,
     LabelAlreadyExists,
+    NameRefused,
+    NothingFound,
     PolicyError,
+    PolicyNotSupported,
+    PrototypeExists,
+    Refused,
+    RosterError,
+    SessionFailed,
     SortError,
+    SpecificationFailed,
     TextError,
+    TextErrors,
     TooEarly,
+    UnitError,
     UnknownLabel,
+    UnknownPrototype,
     ValueNotAvailable,
+    WrongCall,
+    WrongNumberOfInputs,
 )
-from dyknow.generator import Consumer, Generator, Subscription
-from dyknow.history import History
-from dyknow.instants import US_PER_MS, US_PER_S, earlier, parse_duration, print_duration, print_span
-from dyknow.join import (
+from dyknow.model.instants import US_PER_MS, US_PER_S, earlier, parse_duration, print_duration, print_span
+from dyknow.model.labels import Label
+from dyknow.model.sample import SURE, Quality, Sample, Value, converted, converted_quality
+from dyknow.model.values import NO_VALUE, Field, NoValue, Sort, as_json, of_json
+from dyknow.network.computational_unit import (
+    ComputationalUnit,
     Inputs,
-    Join,
-    available,
-    available_times,
-    join,
-    last_available,
-    last_valid_before,
-    most_recent_at,
-    previous,
-    valid_before,
+    UnitFunction,
+    of_values,
 )
-from dyknow.labels import Label
-from dyknow.network import Network
-from dyknow.policy import Approximation, Change, Order, Policy
-from dyknow.prototypes import (
+from dyknow.network.generator import Generator, Subscription
+from dyknow.network.history import History
+from dyknow.network.network import Network
+from dyknow.network.prototypes import (
     Prototype,
     Reading,
     SourcePrototype,
     UnitPrototype,
     computational_unit,
-    of_samples,
     prototypes_in,
     source,
     value_unit,
     variant,
 )
-from dyknow.sample import SURE, Quality, Sample, Value, converted, converted_quality
-from dyknow.sampling import PolicyAdapter, interpolate
-from dyknow.shared_states import SharedState, SharedSynchronizer, Strand
-from dyknow.states import Category, State, StateInput, StatePolicy, Synchronizer
-from dyknow.values import NO_VALUE, Field, NoValue, Sort, as_json, of_json
+from dyknow.policies.policy import Policy
+from dyknow.policies.sampling import PolicyAdapter
+from dyknow.states.shared import SharedState, SharedSynchronizer, Strand
+from dyknow.states.synchronization import State, StateInput, StatePolicy, Synchronizer
+
+if typing.TYPE_CHECKING:
+    from dyknow.library import (
+        AsyncFederationClient,
+        FederationClient,
+        Feed,
+        OwnPlatform,
+        QueryResult,
+        UnitSample,
+        connect,
+        join,
+    )
 
 __all__ = [
     "NO_VALUE",
     "SURE",
     "US_PER_MS",
     "US_PER_S",
-    "Accept",
-    "Approximation",
-    "Category",
-    "Change",
+    "AsyncFederationClient",
+    "ChronicleError",
     "ComputationalUnit",
-    "Consumer",
     "DyknowError",
+    "FederationClient",
+    "FederationFailed",
+    "Feed",
     "Field",
     "Generator",
     "History",
     "Inputs",
-    "Join",
     "Label",
     "LabelAlreadyExists",
+    "NameRefused",
     "Network",
     "NoValue",
-    "Order",
+    "NothingFound",
+    "OwnPlatform",
     "Policy",
     "PolicyAdapter",
     "PolicyError",
+    "PolicyNotSupported",
     "Prototype",
+    "PrototypeExists",
     "Quality",
+    "QueryResult",
     "Reading",
+    "Refused",
+    "RosterError",
     "Sample",
+    "SessionFailed",
     "SharedState",
     "SharedSynchronizer",
     "Sort",
     "SortError",
     "SourcePrototype",
+    "SpecificationFailed",
     "State",
     "StateInput",
     "StatePolicy",
@@ -99,46 +130,42 @@ __all__ = [
     "Subscription",
     "Synchronizer",
     "TextError",
+    "TextErrors",
     "TooEarly",
+    "UnitError",
     "UnitFunction",
     "UnitPrototype",
+    "UnitSample",
     "UnknownLabel",
+    "UnknownPrototype",
     "Value",
     "ValueNotAvailable",
-    "any_change",
-    "any_order",
-    "any_update",
+    "WrongCall",
+    "WrongNumberOfInputs",
     "as_json",
-    "available",
-    "available_times",
     "computational_unit",
+    "connect",
     "converted",
     "converted_quality",
-    "duration",
     "earlier",
-    "interpolate",
     "join",
-    "last_available",
-    "last_valid_before",
-    "latest_valid_us",
-    "max_delay",
-    "monotone_order",
-    "most_recent_at",
     "of_json",
-    "of_samples",
     "of_values",
-    "on_grid",
     "parse_duration",
-    "previous",
     "print_duration",
     "print_span",
     "prototypes_in",
-    "quality_of",
-    "restrict",
-    "sample_every",
     "source",
-    "strict_order",
-    "valid_before",
     "value_unit",
     "variant",
 ]
+
+
+def __getattr__(name: str) -> typing.Any:
+    from dyknow.library import loaded
+
+    return loaded(name)
+
+
+def __dir__() -> list[str]:
+    return __all__

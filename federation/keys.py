@@ -7,9 +7,8 @@ The sender is a chunk of the key at a fixed place, so that access control can bi
     @df/v1/<zid>/<unit>/L/<label>/<type hash>/<period us>  token: a semantic label it exports
     <unit>/df                                              queryable: its description
     hb/<unit>                                              its heartbeat
-    acl/<receiver>/<sender>/<agent>                        a speech act; receiver `all` is everybody
-    x/<owner>/<label>/<policy hash>                        a stream for everybody who asked for that policy
-    to/<receiver>/<owner>/<label>/<contract>               a stream for one receiver
+    acl/<receiver>/<sender>/<agent>                        a speech act; receiver `all` is every platform
+    x/<owner>/<label>/<policy hash>                        a stream for all that requested that policy
     q/<owner>/<label>                                      queryable: the history of a stream
     time/<unit>                                            queryable: clock ping
 
@@ -22,13 +21,13 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias
 
-from dyknow.errors import NameRefused
+from dyknow.model.errors import NameRefused
 
 EVERYBODY = "all"
 """The receiver of a broadcast act. No unit is called so."""
 
 _MAX_KEY = 320  # the longest key the builders below can make is shorter
-_RESERVED = frozenset({"acl", "all", "df", "hb", "q", "time", "to", "x"})  # the scheme's own words
+_RESERVED = frozenset({"acl", "all", "df", "hb", "q", "time", "x"})  # the scheme's own words
 
 _UNIT = re.compile(r"(?=.{1,32}\Z)(0|[1-9][0-9]*|[a-z][a-z0-9_]*(-[a-z0-9_]+)*)")
 _LABEL = re.compile(r"(?=.{1,64}\Z)[a-z][a-z0-9]*(-[a-z0-9]+)*")
@@ -100,13 +99,6 @@ class StreamKey(NamedTuple):
     policy_hash: str
 
 
-class UnicastKey(NamedTuple):
-    receiver: str
-    owner: str
-    label: str
-    contract: str
-
-
 class HistoryKey(NamedTuple):
     owner: str
     label: str
@@ -157,7 +149,6 @@ class LabelToken(NamedTuple):
 Key: TypeAlias = (
     ActKey
     | StreamKey
-    | UnicastKey
     | HistoryKey
     | DescribeKey
     | HeartbeatKey
@@ -194,10 +185,6 @@ def stream(owner: str, semantic_label: str, policy_hash: str) -> str:
 def stream_expr(semantic_label: str, policy_hash: str) -> str:
     """The same stream of every owner."""
     return f"x/*/{label(semantic_label)}/{_hash(policy_hash)}"
-
-
-def unicast(receiver: str, owner: str, semantic_label: str, contract: str) -> str:
-    return f"to/{unit(receiver)}/{unit(owner)}/{label(semantic_label)}/{conversation(contract)}"
 
 
 def history(owner: str, semantic_label: str) -> str:
@@ -241,7 +228,6 @@ _Build: TypeAlias = Callable[..., str]
 _SCHEME: dict[tuple[str, int], tuple[Callable[..., Key], _Build]] = {
     ("acl", 4): (ActKey, act),
     ("x", 4): (StreamKey, stream),
-    ("to", 5): (UnicastKey, unicast),
     ("q", 3): (HistoryKey, history),
     ("hb", 2): (HeartbeatKey, heartbeat),
     ("time", 2): (ClockKey, clock),

@@ -129,13 +129,13 @@ class Answer(NamedTuple):
 
 
 class AnswerEnd(NamedTuple):
-    """Free the question; without it the asker waits for its full timeout."""
+    """Free the question; without it the requester waits for its full timeout."""
 
     ask: int
 
 
 class Reopen(NamedTuple):
-    """The session is deaf to somebody whom others hear: close it, open a new one and declare everything again."""
+    """The session is deaf to a peer that others hear: close it, open a new one and declare everything again."""
 
     why: str
 

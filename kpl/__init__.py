@@ -1,17 +1,19 @@
-from kpl.checking import Constant, FeatureType, Vocabulary, check, read_formula
-from kpl.chronicle_printing import print_chronicles
-from kpl.chronicles import parse_chronicles, read_chronicles
-from kpl.instance import ConfigurationEntry, Instance
-from kpl.known import Known
-from kpl.listing import print_declaration, print_specification
-from kpl.parsing import parse_formula
-from kpl.printing import print_formula
-from kpl.profiles import profile_formula, unit_vocabulary
-from kpl.remarks import Remark, remarks
-from kpl.specification import Declaration, Specification
-from kpl.specification_checking import Findings, check_specification
-from kpl.statements import Reading, parse_specification, read_specification
-from kpl.surroundings import Federation, Hooks
+"""KPL, the thesis' knowledge processing language: reading, checking and running specifications."""
+
+from kpl.checking.formulas import Constant, FeatureType, Vocabulary, check, read_formula
+from kpl.checking.known_streams import Known
+from kpl.checking.lint import Remark, remarks
+from kpl.checking.profiles import profile_formula, unit_vocabulary
+from kpl.checking.specifications import Findings, check_specification
+from kpl.running.instance import ConfigurationEntry, Instance
+from kpl.running.ports import Federation, Hooks
+from kpl.syntax.chronicle_printing import print_chronicles
+from kpl.syntax.chronicles import parse_chronicles, read_chronicles
+from kpl.syntax.listing import print_declaration, print_specification
+from kpl.syntax.parsing import parse_formula
+from kpl.syntax.printing import print_formula
+from kpl.syntax.specification import Declaration, Specification
+from kpl.syntax.statements import ReadSpecification, parse_specification, read_specification
 
 __all__ = [
     "ConfigurationEntry",
@@ -23,7 +25,7 @@ __all__ = [
     "Hooks",
     "Instance",
     "Known",
-    "Reading",
+    "ReadSpecification",
     "Remark",
     "Specification",
     "Vocabulary",

@@ -1,6 +1,6 @@
 """What a position source can get wrong, seen from its reports alone.
 
-Each check answers with a reason (a short phrase shown to people and counted) or None.
+Each check answers with a reason (a short phrase shown to users and counted) or None.
 """
 
 import math
@@ -23,16 +23,16 @@ VELOCITY_JUMP = "velocity jump"
 _LOWEST_M, _HIGHEST_M = -500.0, 100_000.0
 
 
-class Limits(NamedTuple):
+class PlausibleLimits(NamedTuple):
     """What is believed of a vehicle.
 
     Attributes:
         speed_m_s: faster than this nothing moves.
         gate: largest normalised innovation squared; for three axes 30 is passed by all but one true fix in a million.
         allowance_m: by how much sources may honestly disagree beyond what they state (two fixes of one autopilot do).
-        reacquire: so many consecutive positions that agree with each other, and not with us, are the truth,
-        reacquire_us: if they go on for so long. A glitch of a receiver is over by then.
-        frozen_moving: so many equal positions from a source that moves are a frozen source.
+        reacquire: number of consecutive positions that agree with each other, and not with us, and are then the truth,
+        reacquire_us: if they continue for so long. A glitch of a receiver is over by then.
+        frozen_moving: number of equal positions from a source that moves are a frozen source.
         frozen_still: the same for a source that stands, if its noise had shown in every report before.
         ahead_us: a report from further in the future is refused.
     """
@@ -72,14 +72,14 @@ class FrozenSource:
     """Notices that one source repeats itself.
 
     While the vehicle moves, positions repeat at most by rounding. While it stands, only a source whose noise showed
-    in nearly every report it sent standing is expected to go on showing it: one that rounds coarsely, or that has no
+    in nearly every report it sent standing is expected to continue to show it: one that rounds coarsely, or that has no
     noise, is not accused.
     """
 
     _MOVING_M_S = 0.5
     _LIVELY = 0.9
 
-    def __init__(self, limits: Limits) -> None:
+    def __init__(self, limits: PlausibleLimits) -> None:
         self._limits = limits
         self._last: tuple[float, float, float | None] | None = None
         self._equal = 0

@@ -3,31 +3,22 @@
 What a vehicle sends is weighed by the accuracy it states; where a message states none, by `Accuracy`. A grid point g
 (a multiple of the period since the epoch) is put out by predicting to it what was known: when a position valid at g or
 later has come, at the latest `wait_us` after g. No grid point lies further than a short horizon beyond the last good
-position: after silence nothing is invented, and the points that were missed stay missed.
+position: after silence nothing is invented, and points of the grid without a report stay empty.
 
 The outcome depends on the reports and their available times alone, not on when timers happen to fire: a timer that is
-due before a report is carried out before it. `run_filter` gives offline what a node gave live.
+due before a report is carried out before it.
 """
 
 import math
 from collections import Counter
-from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
-from dyknow.sample import Sample
-from navigation import faults
-from navigation.faults import Candidate, FrozenSource, Limits
+from dyknow.model.sample import Sample
+from navigation import faults, vehicle
+from navigation.faults import Candidate, FrozenSource, PlausibleLimits
 from navigation.geodesy import LocalFrame
 from navigation.inertial import InertialInput
-from navigation.motion import Measurement, Motion, State, kalman_filter
-from navigation.vehicle import (
-    AccelerationReport,
-    AttitudeReport,
-    LocalPositionReport,
-    PositionReport,
-    Report,
-    VelocityReport,
-)
+from navigation.motion import Measurement, Motion, MotionState, kalman_filter
 
 _REANCHOR_M = 2_000.0
 _VELOCITY_ALLOWANCE_M_S = 3.0
@@ -90,13 +81,13 @@ class PositionFilter:
         wait_us: int | None = None,
         horizon_us: int = 1_000_000,
         accuracy: Accuracy | None = None,
-        limits: Limits | None = None,
+        limits: PlausibleLimits | None = None,
     ) -> None:
         if period_us <= 0:
             raise ValueError(f"the period of the position filter must be positive, got {period_us} us")
         self._period_us, self._horizon_us = period_us, horizon_us
         self._wait_us = period_us // 2 if wait_us is None else wait_us
-        self._accuracy, self._limits = accuracy or Accuracy(), limits or Limits()
+        self._accuracy, self._limits = accuracy or Accuracy(), limits or PlausibleLimits()
         self.health = Health("stale", faults.NO_POSITION, 0)
         self.rejected: Counter[str] = Counter()
         self._kalman = kalman_filter()
@@ -120,17 +111,17 @@ class PositionFilter:
             return None
         return min(self._next_us, self._end_us) + self._wait_us
 
-    def on_report(self, report: Report, now_us: int) -> list[Sample]:
+    def on_report(self, report: vehicle.Report, now_us: int) -> list[Sample]:
         """Take in a report that became available at `now_us`; the samples that are due by it."""
         found = self._until(now_us - 1)
         match report:
-            case PositionReport():
+            case vehicle.PositionReport():
                 found += self._on_position(report, now_us)
-            case VelocityReport() | LocalPositionReport():
+            case vehicle.VelocityReport() | vehicle.LocalPositionReport():
                 self._on_velocity(report, now_us)
-            case AttitudeReport():
+            case vehicle.AttitudeReport():
                 self._inertial.on_attitude(report)
-            case AccelerationReport():
+            case vehicle.AccelerationReport():
                 self._inertial.on_acceleration(report)
             case _:
                 pass
@@ -169,13 +160,13 @@ class PositionFilter:
             self._next_us += self._period_us
         return found
 
-    def _estimate(self, state: State) -> Estimate:
+    def _estimate(self, state: MotionState) -> Estimate:
         frame = self._frame
         assert frame is not None  # noqa: S101 - set together with the motion
         n, e, d, vn, ve, vd = state.mean.tolist()
         return Estimate(*frame.from_ned(n, e, d), vn, ve, vd, *state.covariance.diagonal().tolist())
 
-    def _on_position(self, report: PositionReport, now_us: int) -> list[Sample]:
+    def _on_position(self, report: vehicle.PositionReport, now_us: int) -> list[Sample]:
         reason = faults.implausible_position(report)
         if reason is None and report.valid_us > now_us + self._limits.ahead_us:
             reason = faults.AHEAD
@@ -200,13 +191,13 @@ class PositionFilter:
             motion.fuse(measured)
         return self._accepted(report, now_us)
 
-    def _begins(self, report: PositionReport, measured: Measurement, motion: Motion) -> bool:
+    def _begins(self, report: vehicle.PositionReport, measured: Measurement, motion: Motion) -> bool:
         """Nothing of the past helps: the first altitude, or a long silence after which the place is still credible."""
         first_altitude = self._altitude_us == 0 and report.altitude_m is not None
         long_silent = report.valid_us > self._position_us + _LONGEST_SILENCE_US
         return (first_altitude or long_silent) and self._reachable(measured, motion)
 
-    def _accepted(self, report: PositionReport, now_us: int) -> list[Sample]:
+    def _accepted(self, report: vehicle.PositionReport, now_us: int) -> list[Sample]:
         self._candidate, self._reason = None, faults.SILENT
         interval_us = min(report.valid_us - self._position_us, self._horizon_us)
         if interval_us > 0 and self._position_us:
@@ -224,7 +215,7 @@ class PositionFilter:
         self._reanchor()
         return found
 
-    def _measured(self, report: PositionReport) -> Measurement:
+    def _measured(self, report: vehicle.PositionReport) -> Measurement:
         """In the local frame. Without an altitude the frame's own stands in, and only the level rows are used."""
         frame = self._frame
         assert frame is not None  # noqa: S101 - set together with the motion
@@ -237,7 +228,7 @@ class PositionFilter:
             return Measurement(report.valid_us, "level", (north, east), (level, level))
         return Measurement(report.valid_us, "position", (north, east, down), (level, level, steep))
 
-    def _start(self, report: PositionReport) -> None:
+    def _start(self, report: vehicle.PositionReport) -> None:
         self._frame = LocalFrame(report.latitude_deg, report.longitude_deg, report.altitude_m or 0.0)
         densities = (self._accuracy.density, self._accuracy.density_inertial)
         self._motion = Motion(self._measured(report), self._kalman, self._inertial.mean, densities)
@@ -265,7 +256,7 @@ class PositionFilter:
         spread = math.sqrt(float(latest.covariance[0, 0]) + measured.variances[0])
         return moved <= self._limits.speed_m_s * seconds + 5 * spread + 3 * self._limits.allowance_m
 
-    def _on_disagreement(self, report: PositionReport, reason: str, now_us: int) -> list[Sample]:
+    def _on_disagreement(self, report: vehicle.PositionReport, reason: str, now_us: int) -> list[Sample]:
         """Refuse it; but positions that keep agreeing with each other are where the vehicle is."""
         self._refuse(reason)
         last = self._candidate
@@ -279,7 +270,7 @@ class PositionFilter:
         self._start(report)
         return self._accepted(report, now_us)
 
-    def _follows(self, report: PositionReport, last: PositionReport) -> bool:
+    def _follows(self, report: vehicle.PositionReport, last: vehicle.PositionReport) -> bool:
         if report.valid_us <= last.valid_us:
             return False
         frame = LocalFrame(last.latitude_deg, last.longitude_deg, 0.0)
@@ -288,7 +279,7 @@ class PositionFilter:
         spread = (report.horizontal_sd_m or self._accuracy.position_m) + self._limits.allowance_m
         return math.hypot(north, east) <= self._limits.speed_m_s * seconds + 5 * spread
 
-    def _on_velocity(self, report: VelocityReport | LocalPositionReport, now_us: int) -> None:
+    def _on_velocity(self, report: vehicle.VelocityReport | vehicle.LocalPositionReport, now_us: int) -> None:
         motion = self._motion
         reason = faults.implausible_velocity(report, self._limits.speed_m_s)
         if reason is None and report.valid_us > now_us + self._limits.ahead_us:
@@ -296,7 +287,7 @@ class PositionFilter:
         if reason is not None:
             self.rejected[reason] += 1
             return
-        stated = report.sd_m_s if isinstance(report, VelocityReport) else None
+        stated = report.sd_m_s if isinstance(report, vehicle.VelocityReport) else None
         variance = max(stated or self._accuracy.velocity_m_s, 0.01) ** 2
         level = (report.north_m_s, report.east_m_s)
         values = level if report.down_m_s is None else (*level, report.down_m_s)
@@ -317,7 +308,7 @@ class PositionFilter:
         motion.fuse(measured)
 
     def _believed_speed(self, valid_us: int) -> float:
-        """What the vehicle says of its speed, else what the positions said before."""
+        """What the vehicle says of its speed, else what the positions showed before."""
         if self._velocity is not None and abs(valid_us - self._velocity.valid_us) <= self._horizon_us:
             return math.hypot(*self._velocity.values[:2])
         return 0.0 if self._motion is None else math.hypot(*self._motion.latest.mean[3:5].tolist())
@@ -334,26 +325,3 @@ class PositionFilter:
         north, east, down = motion.latest.mean[:3].tolist()
         self._frame = LocalFrame(*frame.from_ned(north, east, down))
         motion.move_origin((north, east, down))
-
-
-def run_filter(
-    reports: Iterable[tuple[Report, int]],
-    period_us: int,
-    *,
-    until_us: int | None = None,
-    filtered: PositionFilter | None = None,
-) -> list[Sample]:
-    """What a `PositionFilter` puts out for `reports`, each with the time at which it was available, in that order.
-
-    Timers fire exactly when they are due, after the reports of the same instant. The last ones fire up to `until_us`,
-    or all of them if None.
-    """
-    unit = filtered or PositionFilter(period_us)
-    found: list[Sample] = []
-    for report, available_us in reports:
-        while (due_us := unit.deadline_us) is not None and due_us < available_us:
-            found += unit.on_time(due_us)
-        found += unit.on_report(report, available_us)
-    while (due_us := unit.deadline_us) is not None and (until_us is None or due_us <= until_us):
-        found += unit.on_time(due_us)
-    return found

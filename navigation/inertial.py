@@ -18,7 +18,7 @@ _LARGEST_M_S2 = 200.0
 class InertialInput:
     """Mean acceleration between two instants, where the sensors report often enough to mean it.
 
-    A single sample of a vibrating airframe says nothing about the mean, so fewer than three samples in 0.3 s, or no
+    A single sample of a vibrating airframe is no measure of the mean, so fewer than three samples in 0.3 s, or no
     attitude within 0.3 s, count as none.
     """
 

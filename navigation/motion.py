@@ -1,4 +1,4 @@
-"""Position and velocity of one vehicle as a Kalman filter that can be asked about the recent past.
+"""Position and velocity of one vehicle as a Kalman filter that answers for the recent past.
 
 State x = (north, east, down, v_north, v_east, v_down), metres and metres per second in a `LocalFrame`.
 Between measurements the acceleration is what the inertial sensors say, plus white noise of density q [m^2/s^3]:
@@ -41,7 +41,7 @@ class Measurement(NamedTuple):
     variances: tuple[float, ...]
 
 
-class State(NamedTuple):
+class MotionState(NamedTuple):
     """Mean (6,) and covariance (6, 6) at one instant."""
 
     valid_us: int
@@ -58,7 +58,7 @@ class _Steps(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    state: State
+    state: MotionState
     measurement: Measurement | None
 
 
@@ -84,14 +84,14 @@ class Motion:
     ) -> None:
         self._filter = kalman
         self._acceleration, self._densities = acceleration, densities
-        self._foreseen: tuple[State, State, tuple[float, float, float] | None] | None = None
+        self._foreseen: tuple[MotionState, MotionState, tuple[float, float, float] | None] | None = None
         mean = np.zeros(6)
         mean[: len(start.values)] = start.values
         variances = [*start.variances, *[1e6] * (3 - len(start.variances)), *[_UNKNOWN_SPEED_VARIANCE] * 3]
-        self._kept: deque[_Kept] = deque([_Kept(State(start.valid_us, mean, np.diag(variances)), None)])
+        self._kept: deque[_Kept] = deque([_Kept(MotionState(start.valid_us, mean, np.diag(variances)), None)])
 
     @property
-    def latest(self) -> State:
+    def latest(self) -> MotionState:
         return self._kept[-1].state
 
     @property
@@ -99,7 +99,7 @@ class Motion:
         """A measurement from before this instant can no longer be fused."""
         return self._kept[0].state.valid_us
 
-    def at(self, valid_us: int) -> State:
+    def at(self, valid_us: int) -> MotionState:
         """The state predicted to an instant from what was known up to it. ValueError before `oldest_us`."""
         for kept in reversed(self._kept):
             if kept.state.valid_us <= valid_us:
@@ -126,9 +126,9 @@ class Motion:
         valid_us, mean, covariance = self.latest
         moved = mean.copy()
         moved[:3] -= shift_m
-        self._kept = deque([_Kept(State(valid_us, moved, covariance), None)])
+        self._kept = deque([_Kept(MotionState(valid_us, moved, covariance), None)])
 
-    def _predicted(self, state: State, valid_us: int) -> State:
+    def _predicted(self, state: MotionState, valid_us: int) -> MotionState:
         if valid_us == state.valid_us:
             return state
         measured = self._acceleration(state.valid_us, valid_us)
@@ -142,15 +142,15 @@ class Motion:
             kalman.predict(F=steps.transition, Q=steps.noise)
         else:
             kalman.predict(u=np.array(measured), B=steps.push, F=steps.transition, Q=steps.noise)
-        foreseen = State(valid_us, kalman.x, kalman.P)
+        foreseen = MotionState(valid_us, kalman.x, kalman.P)
         self._foreseen = state, foreseen, measured
         return foreseen
 
-    def _updated(self, state: State, measurement: Measurement) -> State:
+    def _updated(self, state: MotionState, measurement: Measurement) -> MotionState:
         kalman = self._filter
         kalman.x, kalman.P = state.mean, state.covariance
         kalman.update(np.array(measurement.values), R=_diagonal(measurement.variances), H=_MATRICES[measurement.kind])
-        return State(state.valid_us, kalman.x, kalman.P)
+        return MotionState(state.valid_us, kalman.x, kalman.P)
 
 
 @lru_cache(maxsize=256)

@@ -135,11 +135,11 @@ class SetGuided(NamedTuple):
     """Ask for the mode in which the vehicle takes positions (ArduPilot GUIDED, PX4 HOLD/OFFBOARD family)."""
 
 
-class TakeOff(NamedTuple):
+class TakeOffOrder(NamedTuple):
     height_m: float
 
 
-class GoTo(NamedTuple):
+class GoToOrder(NamedTuple):
     """Fly to a point; altitude above mean sea level; speed None leaves the vehicle's own."""
 
     latitude_deg: float
@@ -148,19 +148,19 @@ class GoTo(NamedTuple):
     speed_m_s: float | None = None
 
 
-class Hold(NamedTuple):
+class HoldOrder(NamedTuple):
     """Stop and stay."""
 
 
-class Land(NamedTuple):
+class LandOrder(NamedTuple):
     pass
 
 
-class ReturnHome(NamedTuple):
+class ReturnHomeOrder(NamedTuple):
     pass
 
 
-Order: TypeAlias = Arm | SetGuided | TakeOff | GoTo | Hold | Land | ReturnHome
+Order: TypeAlias = Arm | SetGuided | TakeOffOrder | GoToOrder | HoldOrder | LandOrder | ReturnHomeOrder
 
 
 class Command(NamedTuple):

@@ -1,18 +1,28 @@
-from reasoning.alarms import AlarmEvent
-from reasoning.clearance import Clearance, clearance
-from reasoning.derivation import FEATURES, Derivation, DerivedFeature, Input, needed_labels
-from reasoning.engine import Progressing, Way, make_progression
-from reasoning.evaluation import NoValuePolicy
-from reasoning.explaining import Reason
-from reasoning.formulas import Domain, Formula, domain_members, instantiate, label_text, required_labels, split_growing
-from reasoning.inputs import Freshness
-from reasoning.margins import Margin, Margins
-from reasoning.monitors import Monitor, Shown
-from reasoning.profiles import Profile, builtin_profiles, parse_profiles
-from reasoning.progression import Progression, Verdict
-from reasoning.proximity import Approach, closest_approach, fence_margin_m, offset_m
-from reasoning.remaining import remaining
-from reasoning.traces import Outcome, Trace, TraceState, check_trace, follow_trace, read_trace, trace_domains
+"""Formulas and chronicles over states of streams: progression, monitoring, recognition."""
+
+from reasoning.features.clearance import Clearance, clearance
+from reasoning.features.derivation import FEATURES, Derivation, DerivedFeature, FeatureInput, needed_labels
+from reasoning.features.proximity import Approach, closest_approach, fence_margin_m, offset_m
+from reasoning.formulas.evaluation import NoValuePolicy
+from reasoning.formulas.tree import (
+    Domain,
+    Formula,
+    domain_members,
+    instantiate,
+    label_text,
+    required_labels,
+    split_growing,
+)
+from reasoning.monitoring.alarms import AlarmEvent
+from reasoning.monitoring.inputs import Freshness
+from reasoning.monitoring.margins import Margin, Margins
+from reasoning.monitoring.monitors import Monitor, Shown
+from reasoning.monitoring.profiles import Profile, builtin_profiles, parse_profiles
+from reasoning.monitoring.traces import Outcome, Trace, TraceState, follow_trace, read_trace, trace_domains
+from reasoning.progression.automaton import Verdict
+from reasoning.progression.engine import Progressing, Way, make_progression
+from reasoning.progression.explaining import Explanation
+from reasoning.progression.remaining import remaining
 
 __all__ = [
     "FEATURES",
@@ -22,9 +32,10 @@ __all__ = [
     "Derivation",
     "DerivedFeature",
     "Domain",
+    "Explanation",
+    "FeatureInput",
     "Formula",
     "Freshness",
-    "Input",
     "Margin",
     "Margins",
     "Monitor",
@@ -32,15 +43,12 @@ __all__ = [
     "Outcome",
     "Profile",
     "Progressing",
-    "Progression",
-    "Reason",
     "Shown",
     "Trace",
     "TraceState",
     "Verdict",
     "Way",
     "builtin_profiles",
-    "check_trace",
     "clearance",
     "closest_approach",
     "domain_members",

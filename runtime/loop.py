@@ -15,13 +15,13 @@ BATCH = 64
 """How many events may go before timers are looked at: at 50 us each that is one sleep of 3 ms at most."""
 
 
-class Mailbox(Protocol[E_co]):
+class EventSource(Protocol[E_co]):
     """Bounded by conflation; `get` raises queue.Empty when `timeout` seconds pass without an event."""
 
     def get(self, timeout: float | None) -> E_co: ...
 
 
-class Node(Protocol[E_contra, F_co]):
+class SteppedNode(Protocol[E_contra, F_co]):
     """A value that is stepped. `deadline_us` is the next instant at which `on_time` has work."""
 
     @property
@@ -38,14 +38,22 @@ def leave_alone_what_is_loaded() -> None:
     gc.freeze()
 
 
-def step(node: Node[E, F], mailbox: Mailbox[E], now_us: Callable[[], int], perform: Callable[[F], None]) -> None:
-    """Wait for the next event or deadline, then act: inputs first, timers even when events never pause.
+def step(
+    node: SteppedNode[E, F],
+    mailbox: EventSource[E],
+    now_us: Callable[[], int],
+    perform: Callable[[F], None],
+    timeout_s: float | None = None,
+) -> None:
+    """Wait for the next event or deadline, at most `timeout_s`; then act: inputs first, timers even under load.
 
     `now_us` and deadlines are the node clock, which runs as fast as the waiting. Events that wait already are taken in
     one go, at most `BATCH`; the effects of one event are performed before the next is looked at.
     """
     due_us = node.deadline_us
-    wait_s = None if due_us is None else max(0, due_us - now_us()) / 1e6
+    wait_s = timeout_s if due_us is None else max(0, due_us - now_us()) / 1e6
+    if timeout_s is not None and wait_s is not None and timeout_s < wait_s:
+        wait_s = timeout_s
     try:
         for _ in range(BATCH):
             for effect in node.on_event(mailbox.get(wait_s), now_us()):
@@ -57,15 +65,3 @@ def step(node: Node[E, F], mailbox: Mailbox[E], now_us: Callable[[], int], perfo
     if due_us is not None and due_us <= now_us():
         for effect in node.on_time(now_us()):
             perform(effect)
-
-
-def run(
-    node: Node[E, F],
-    mailbox: Mailbox[E],
-    now_us: Callable[[], int],
-    perform: Callable[[F], None],
-    going: Callable[[], bool],
-) -> None:
-    """Step while `going()`. Whoever makes it false also posts an event, or a quiet node would sleep on."""
-    while going():
-        step(node, mailbox, now_us, perform)

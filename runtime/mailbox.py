@@ -1,8 +1,8 @@
 """Where edges leave events for the node thread: many threads post, one takes, and a poster is never blocked.
 
-Bounded by conflation. Every event belongs to a lane, and a lane holds so many of them; when it is full, either its
+Bounded by conflation. Every event belongs to a lane, and a lane has a limit; when it is full, either its
 oldest event gives way (the newest counts, or numbers recover what is lost) or the new one is refused (its sender was to
-wait). What is lost is counted and told to the node as `Conflated`.
+wait). What is lost is counted and reported to the node as `Conflated`.
 
 A stream key keeps 512 samples, a heartbeat key its newest, a sender 64 acts, a token its last 16 changes, a question
 1024 answers, a queryable 64 questions, a kind of vehicle report its newest 256. When `LIMIT` events wait in all,
@@ -45,7 +45,7 @@ FAILURES = Rule(16, gives_way=False)
 REPORTS = Rule(256, gives_way=True)
 ENDS = Rule(sys.maxsize, gives_way=False)
 
-_ARRIVALS = {"x": SAMPLES, "to": SAMPLES, "hb": NEWEST}
+_ARRIVALS = {"x": SAMPLES, "hb": NEWEST}
 
 
 class _Lane:

@@ -1,6 +1,6 @@
 """One platform, one process: edges post into the mailbox, one thread steps the platform and performs its effects.
 
-What the process says goes to standard output as JSON lines: `joined`, `directory` (whom it has found), `note`, `ended`.
+What the process says goes to standard output as JSON lines: `joined`, `directory` (the peers it has found), `note`, `ended`.
 """
 
 import contextlib
@@ -12,61 +12,46 @@ import sys
 import threading
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from queue import Empty
-from typing import Any, Protocol
+from typing import Any
 
-from agents.effects import Event, Halt, HostEffect, InjectFault, Leave, Note, Reported, Tell, Waited
-from agents.own_streams import ESTIMATE
-from agents.plans import PlanBook
+from agents.directory.directory import DirectoryAgent
+from agents.effects import Event, Halt, HostEffect, InjectFault, LeaveRequested, Note, Reported, Tell, Waited
+from agents.flight.flight import FlightAgent
+from agents.flight.vehicle_streams import ESTIMATE
+from agents.monitoring.monitor_plans import PlanBook
 from agents.platform import Platform
 from dyknow import Policy
-from dyknow.errors import DecodeError, DyknowError, EndpointFailed, RosterError, UnitError
-from federation import contents
-from federation.clock import FederationClock
-from federation.codec import decode_description
+from dyknow.model.errors import DecodeError, DyknowError, EndpointFailed, RosterError, UnitError
+from federation.members.clock import FederationClock
+from federation.messages import contents
+from federation.messages.codec import decode_description
 from federation.transport import Answered, Ask, Put
 from navigation.vehicle import Command, Report
-from proxies.host_door import HostDoor
-from proxies.journal_file import CLOCK_EPOCH, CLOCK_SPEED
-from proxies.zenoh_edge import ZenohEdge
+from proxies.hosts.listener import HostDoor
+from proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED
+from proxies.zenoh.edge import ZenohEdge
 from reasoning import builtin_profiles
 from runtime.clock import NodeClock
-from runtime.config import NodeConfig
-from runtime.configured import platform_config, reaches_beyond, wire_options
-from runtime.journal import Journal, Journalled
-from runtime.loop import Node, leave_alone_what_is_loaded, step
+from runtime.configuration.config import NodeConfig
+from runtime.configuration.resolved import platform_config
+from runtime.configuration.session import reaches_beyond, wire_options
+from runtime.journal.journal import Journal, Journalled
+from runtime.loop import SteppedNode, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
 from runtime.specified import Specified
+from runtime.vehicles import Vehicle, VehiclePorts
 
 WRONG, FAILED = 2, 3
 """How the process ends: what it was given does not work, or what it met."""
 WEIGH_US = 100_000
 ASK_US = 300_000
 ADOPT_US = 2_000_000
-"""How often a process that joins a faster federation asks for its epoch, and how long it waits to be told."""
+"""How often a process that joins a faster federation asks for its epoch, and how long it waits for the answer."""
 
 
-class VehicleEdge(Protocol):
-    """What a platform flies: started with the process, stopped with it."""
-
-    def start(self) -> None: ...
-    def stop(self) -> None: ...
-    def command(self, command: Command) -> None: ...
-    def inject(self, fault: InjectFault) -> None: ...
-
-
-MakeVehicle = Callable[[NodeConfig, FederationClock, NodeClock, Callable[[Report], None], Callable[[], None]], "Fitted"]
-"""(configuration, federation clock, node clock, post a report, the vehicle ended) -> the vehicle and what it is."""
-
-
-class Fitted:
-    """A vehicle and what the platform is to know of it beforehand."""
-
-    def __init__(self, edge: VehicleEdge | None, changes: dict[str, Any]) -> None:
-        self.edge, self.changes = edge, changes
-
-
-class Process:
+class PlatformProcess:
     """A platform running for real.
 
     Args:
@@ -75,20 +60,27 @@ class Process:
         say: takes one JSON object for standard output.
     """
 
-    def __init__(self, config: NodeConfig, make_vehicle: MakeVehicle, say: Callable[[dict[str, Any]], None]) -> None:
+    def __init__(
+        self,
+        config: NodeConfig,
+        make_vehicle: Callable[[VehiclePorts], Vehicle],
+        say: Callable[[dict[str, Any]], None],
+    ) -> None:
         self.config, self._say = config, say
         self.clock = NodeClock(config.clock.skew_us)
         self.mailbox = Mailbox(self.clock.now_us)
-        self._going = True
+        self._going, self._is_open = True, False
         self._code = 0
+        self._platform: Platform
+        self._node: SteppedNode[Event, Any]
         self._journal: Journal | None = None
-        self._edge = ZenohEdge(wire_options(config), self.mailbox.post, self.clock.now_us)
+        self._edge = ZenohEdge(wire_options(config.wire), self.mailbox.post, self.clock.now_us)
         self._make_vehicle = make_vehicle
         epoch_us = config.clock.epoch_us
         self._federation_clock = FederationClock(
             self.clock.now_us() if epoch_us is None else epoch_us, config.clock.speed
         )
-        self._vehicle: VehicleEdge | None = None
+        self._vehicle = Vehicle()
         self._specified: Specified | None = None
         self._door = None if config.hosts is None else HostDoor(config.hosts, self.mailbox.post, self.clock.now_us)
         self._told: tuple[str, ...] = ()
@@ -98,66 +90,99 @@ class Process:
         """Join, step until stopped, leave; the exit code.
 
         Raises:
-            RosterError: the federation has no roster and would reach beyond loopback, which nobody allowed.
+            RosterError: the federation has no roster and would reach beyond loopback, which was not allowed.
+        """
+        try:
+            self.open()
+            leave_alone_what_is_loaded()
+            while self.is_running:
+                self.step()
+            self.leave()
+        finally:
+            self.close()
+        return self._code
+
+    def open(self) -> None:
+        """Join: the session, the vehicle, the specification.
+
+        Raises:
+            RosterError: the federation has no roster and would reach beyond loopback, which is not allowed.
+            SessionFailed: the session does not open.
         """
         self._insist_on_trust()
         contents.prepare()
         PlanBook(self.config.unit, builtin_profiles()).prepare()
         self._edge.open()
-        try:
-            chosen = self.config.clock
-            if chosen.speed != 1.0 and (chosen.epoch_us is None or chosen.yields):
-                self._adopt_epoch()
-            self._specified = self._specification()
-            fitted = self._make_vehicle(self.config, self._federation_clock, self.clock, self._reported, self.stop)
-            self._vehicle = fitted.edge
-            self._serve(fitted)
-        finally:
-            if self._specified is not None:
-                self._specified.stop()
-            if self._vehicle is not None:
-                self._vehicle.stop()
-            if self._door is not None:
-                self._door.close()
-            self._edge.close()
-            if self._journal is not None:
-                self._journal.close()
-        return self._code
+        self._is_open = True
+        chosen = self.config.clock
+        if chosen.speed != 1.0 and (chosen.epoch_us is None or chosen.yields):
+            self._adopt_epoch()
+        self._specified = self._specification()
+        self._vehicle = self._make_vehicle(
+            VehiclePorts(self.config, self._federation_clock, self.clock, self._reported, self.stop)
+        )
+        self._join()
 
-    def _serve(self, fitted: "Fitted") -> None:
+    def _join(self) -> None:
         started_us = self.clock.now_us()
-        platform = Platform(
+        platform = self._platform = Platform(
             replace(
                 platform_config(self.config, self._federation_clock, started_us, self._edge.zid),
                 monotonic_offset_us=self.clock.monotonic_offset_us,
-                **fitted.changes,
+                **self._vehicle.settings,
             ),
             started_us,
         )
         self._perform_all(platform.start(self.clock.now_us()))
         self._let_hosts_in()
-        labels = [] if platform.own is None else [entry.label for entry in platform.own.entries()]
-        self._say({"event": "joined", "unit": self.config.unit, "labels": labels, "at_us": self.clock.now_us()})
-        if self._vehicle is not None:
-            self._vehicle.start()
+        labels = [entry.label for part in _flights(platform) for entry in part.labels()]
+        self._tell("joined", labels=labels)
+        self._vehicle.start()
         if self._specified is not None:
             self._specified.start()
-        ends_us = None if self.config.duration_s is None else started_us + round(self.config.duration_s * 1e6)
-        node = self._journalled(platform)
-        if ends_us is not None:
-            node = _Until(node, ends_us)
-        leave_alone_what_is_loaded()
-        while self._going:
-            step(node, self.mailbox, self.clock.now_us, self._perform)
-            self._tell_directory(platform)
-            self._tell_waiting()
-            if ends_us is not None and self.clock.now_us() >= ends_us:
-                break
-        self._perform_all(platform.on_event(Leave(self.clock.now_us()), self.clock.now_us()))
-        self._say({"event": "ended", "unit": self.config.unit, "at_us": self.clock.now_us()})
+        self._node = self._journalled(platform)
+        if self.config.duration_s is not None:
+            end = threading.Timer(self.config.duration_s, self.stop)
+            end.daemon = True
+            end.start()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is between `open` and `close`."""
+        return self._is_open
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it was not stopped."""
+        return self._going
+
+    def step(self, timeout_s: float | None = None) -> None:
+        """Wait for the next event or deadline, at most `timeout_s`, and act on it."""
+        step(self._node, self.mailbox, self.clock.now_us, self._perform, timeout_s)
+        self._tell_directory(self._platform)
+        self._tell_waiting()
+
+    def leave(self) -> None:
+        """Leave the federation."""
+        self._perform_all(self._platform.on_event(LeaveRequested(self.clock.now_us()), self.clock.now_us()))
+        self._tell("ended")
+
+    def close(self) -> None:
+        """Close all that `open` opened, however far it came."""
+        if not self._is_open:
+            return
+        self._is_open = False
+        if self._specified is not None:
+            self._specified.stop()
+        self._vehicle.stop()
+        if self._door is not None:
+            self._door.close()
+        self._edge.close()
+        if self._journal is not None:
+            self._journal.close()
 
     def _let_hosts_in(self) -> None:
-        """A platform goes on without hosts, too."""
+        """Open the door for hosts; a platform runs without them, too."""
         try:
             if self._door is not None:
                 self._door.open()
@@ -173,7 +198,7 @@ class Process:
             config.spec, config.feed, self.mailbox.post, self._note, self.clock.now_us, clock.federation_us
         )
 
-    def _journalled(self, platform: Platform) -> Node[Event, Any]:
+    def _journalled(self, platform: Platform) -> SteppedNode[Event, Any]:
         """The platform, or the platform with its journal: events, timers, and what was estimated."""
         if self.config.journal is None:
             return platform
@@ -186,9 +211,10 @@ class Process:
                 CLOCK_SPEED: str(clock.speed),
             },
         )
-        if platform.own is not None:
-            label, fields = str(platform.own.estimate), [field.name for field in ESTIMATE.fields]
-            platform.network.subscribe(platform.own.estimate, Policy(), lambda s: journal.on_sample(label, fields, s))
+        for flight in _flights(platform):
+            estimate, fields = flight.streams.estimate, [field.name for field in ESTIMATE.fields]
+            on_sample = partial(journal.on_sample, str(estimate), fields)
+            platform.ports.network.subscribe(estimate, Policy(), on_sample)
         return Journalled(platform, journal)
 
     def _insist_on_trust(self) -> None:
@@ -197,7 +223,7 @@ class Process:
         beyond = reaches_beyond(self.config.wire)
         if beyond and not (self.config.wire.open or os.environ.get("DYKNOW_OPEN") == "1"):
             raise RosterError(
-                f"{beyond} lies beyond loopback, and this federation has no roster: anybody there could command it. "
+                f"{beyond} lies beyond loopback, and this federation has no roster: every host there could command it. "
                 "Make one with `dyknow roster init`, or set DYKNOW_OPEN=1 to allow it all the same"
             )
         self._note(
@@ -207,7 +233,7 @@ class Process:
     def _adopt_epoch(self) -> None:
         """Take over the epoch of a federation that is there and runs at our speed, so that all clocks agree.
 
-        A session that has just been opened may not have met anybody yet: the question is asked until it is answered.
+        A session that has just been opened may not have met any peer yet: the question is repeated until it is answered.
         """
         until_us = self.clock.now_us() + ADOPT_US
         again_us = 0
@@ -222,10 +248,14 @@ class Process:
                     self._federation_clock = FederationClock(found.clock_epoch_us, found.clock_speed)
                     return
 
+    def federation_us(self) -> int:
+        """Federation time."""
+        return self._federation_clock.federation_us(self.clock.now_us())
+
     def stop(self) -> None:
         """End the process; from any thread, or a signal."""
         self._going = False
-        self.mailbox.post(Leave(self.clock.now_us()))
+        self.mailbox.post(LeaveRequested(self.clock.now_us()))
 
     def _reported(self, report: Report) -> None:
         self.mailbox.post(Reported(self.clock.now_us(), report))
@@ -238,10 +268,8 @@ class Process:
         kind = type(effect)
         if kind is Put:
             self._edge.perform(effect)
-        elif kind is Command:
-            self._order(effect)
-        elif kind is InjectFault:
-            self._inject(effect)
+        elif kind is Command or kind is InjectFault:
+            self._fly(effect)
         elif kind is Note:
             self._note(effect.text)
         elif isinstance(effect, HostEffect):
@@ -250,34 +278,31 @@ class Process:
         elif kind is Tell:
             self._say({**effect.record, "unit": self.config.unit})
         elif kind is Halt:
-            self._say(
-                {"event": "halted", "unit": self.config.unit, "reason": effect.reason, "at_us": self.clock.now_us()}
-            )
+            self._tell("halted", reason=effect.reason)
             sys.stderr.write(f"{effect.reason}\n")
             self._code = 3
             self._going = False
         else:
             self._edge.perform(effect)
 
-    def _inject(self, fault: InjectFault) -> None:
+    def _fly(self, effect: Command | InjectFault) -> None:
+        """Command the vehicle, or make it fail; what it refuses is noted."""
         try:
-            if self._vehicle is not None:
-                self._vehicle.inject(fault)
+            if isinstance(effect, Command):
+                self._vehicle.command(effect)
+            else:
+                self._vehicle.inject(effect)
         except DyknowError as wrong:
             self._note(str(wrong))
 
-    def _order(self, command: Command) -> None:
-        try:
-            if self._vehicle is not None:
-                self._vehicle.command(command)
-        except DyknowError as wrong:
-            self._note(str(wrong))
+    def _tell(self, event: str, **more: Any) -> None:
+        self._say({"event": event, "unit": self.config.unit, **more, "at_us": self.clock.now_us()})
 
     def _note(self, text: str) -> None:
-        self._say({"event": "note", "unit": self.config.unit, "text": text, "at_us": self.clock.now_us()})
+        self._tell("note", text=text)
 
     def _tell_waiting(self) -> None:
-        """The governor is told how busy this process is."""
+        """Report to the governor how busy this process is."""
         now_us = self.clock.now_us()
         if self.config.govern_ms is not None and now_us >= self._weighed_us + WEIGH_US:
             self._weighed_us = now_us
@@ -285,28 +310,18 @@ class Process:
 
     def _tell_directory(self, platform: Platform) -> None:
         """Say whom this platform has found, whenever that changed."""
-        found = platform.membership.found
+        found = platform.part(DirectoryAgent).members
         if found != self._told:
             self._told = found
-            self._say(
-                {"event": "directory", "unit": self.config.unit, "units": list(found), "at_us": self.clock.now_us()}
-            )
+            self._tell("directory", units=list(found))
 
 
-class _Until:
-    """A node that is looked at again when its time is over, at the latest."""
-
-    def __init__(self, node: Node[Event, Any], ends_us: int) -> None:
-        self._node, self._ends_us = node, ends_us
-        self.on_event, self.on_time = node.on_event, node.on_time
-
-    @property
-    def deadline_us(self) -> int:
-        due_us = self._node.deadline_us
-        return self._ends_us if due_us is None else min(due_us, self._ends_us)
+def _flights(platform: Platform) -> list[FlightAgent]:
+    """The part that flies, if there is a vehicle."""
+    return [part for part in platform.parts if isinstance(part, FlightAgent)]
 
 
-def serve(config: NodeConfig, make_vehicle: MakeVehicle) -> int:
+def serve(config: NodeConfig, make_vehicle: Callable[[VehiclePorts], Vehicle]) -> int:
     """Run one platform until a signal, its duration, or the end of the process that started it."""
 
     def say(said: dict[str, Any]) -> None:
@@ -315,7 +330,7 @@ def serve(config: NodeConfig, make_vehicle: MakeVehicle) -> int:
             sys.stdout.flush()
 
     try:
-        process = Process(config, make_vehicle, say)
+        process = PlatformProcess(config, make_vehicle, say)
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda _number, _frame: process.stop())
         if stat.S_ISFIFO(os.fstat(0).st_mode):

@@ -7,13 +7,13 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from agents.declared import read
 from agents.effects import Fed, Specify
-from dyknow.errors import DyknowError, SpecificationFailed
+from agents.specification.specification_part import read
+from dyknow.model.errors import DyknowError, SpecificationFailed
 from kpl import parse_specification
-from proxies.named_files import beside
-from proxies.sample_file import FedSample, read_feed
-from proxies.watched_file import WatchedFile
+from proxies.recordings.named_files import beside
+from proxies.recordings.sample_file import FedSample, read_feed
+from proxies.recordings.watched_file import WatchedFile
 
 LOOK_S = 0.5
 
@@ -23,7 +23,7 @@ class Specified:
 
     Args:
         post: takes events for the node.
-        note: takes words for people.
+        note: takes notes for the user.
         now_us: the node clock; `federation_us` of it is what the feed's times count from the start in.
 
     Raises:
@@ -82,7 +82,7 @@ class Specified:
             try:
                 given = self._read()
             except SpecificationFailed as wrong:
-                self._note(f"the specification is not taken; what ran goes on:\n{wrong}")
+                self._note(f"specification rejected; the previous one keeps running:\n{wrong}")
             else:
                 self._post(given)
 

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from dyknow import SURE, Approximation, Label, Policy, Quality, Sample
-from dyknow.labels import RESERVED
+from dyknow import SURE, Label, Policy, Quality, Sample
+from dyknow.model.labels import RESERVED
+from dyknow.policies.policy import Approximation
 
 Test = TypeVar("Test", bound=Callable[..., None])
 _Found = TypeVar("_Found")

@@ -1,71 +1,82 @@
 """Chronicles: complex events described by events and times between them, recognised online (thesis 8.2-8.4)."""
 
-from reasoning.chronicles.changes import ChangeEvents, symbol
-from reasoning.chronicles.compilation import Compiled, compile_chronicle
-from reasoning.chronicles.domains import Combination, Complement, Domain, Named, Symbols, SymbolSet, symbol_set
-from reasoning.chronicles.expectation import Partial
-from reasoning.chronicles.matching import Instance, Limits
-from reasoning.chronicles.model import (
+from reasoning.chronicles.definition.compilation import Compiled, compile_chronicle
+from reasoning.chronicles.definition.domains import (
+    Combination,
+    Complement,
+    Domain,
+    NamedDomain,
+    Symbols,
+    SymbolSet,
+    symbol_set,
+)
+from reasoning.chronicles.definition.model import (
     ANY,
     VALUE,
-    And,
     Attribute,
     Choice,
     Chronicle,
     ChronicleFile,
+    ChronicleVariable,
+    Conjunction,
     Constraint,
     Declaration,
+    Disjunction,
     DomainDefinition,
     Equal,
     Event,
     EventType,
     Iff,
-    Implies,
+    Implication,
     Inclusion,
     Instants,
-    Member,
+    MemberOf,
     Message,
     NamedConstraint,
+    Negation,
     NoEvent,
-    Not,
     Occurs,
-    Or,
     Parameter,
     Predicate,
     Statement,
     Use,
-    Variable,
     Variables,
 )
-from reasoning.chronicles.recogniser import Recogniser
-from reasoning.chronicles.stores import MINUS_INFINITY
-from reasoning.chronicles.times import (
+from reasoning.chronicles.definition.times import (
     ComplexConstraint,
     ConstraintUse,
     Distance,
     Interval,
-    Order,
     TimeConstraint,
+    TimeOrder,
     TimePoint,
 )
+from reasoning.chronicles.recognition.changes import ChangeEvents, symbol
+from reasoning.chronicles.recognition.expectation import Partial
+from reasoning.chronicles.recognition.matching import ChronicleInstance, RecognitionLimits
+from reasoning.chronicles.recognition.recogniser import Recogniser
+from reasoning.chronicles.recognition.stores import MINUS_INFINITY
 
 __all__ = [
     "ANY",
     "MINUS_INFINITY",
     "VALUE",
-    "And",
     "Attribute",
     "ChangeEvents",
     "Choice",
     "Chronicle",
     "ChronicleFile",
+    "ChronicleInstance",
+    "ChronicleVariable",
     "Combination",
     "Compiled",
     "Complement",
     "ComplexConstraint",
+    "Conjunction",
     "Constraint",
     "ConstraintUse",
     "Declaration",
+    "Disjunction",
     "Distance",
     "Domain",
     "DomainDefinition",
@@ -73,32 +84,29 @@ __all__ = [
     "Event",
     "EventType",
     "Iff",
-    "Implies",
+    "Implication",
     "Inclusion",
-    "Instance",
     "Instants",
     "Interval",
-    "Limits",
-    "Member",
+    "MemberOf",
     "Message",
-    "Named",
     "NamedConstraint",
+    "NamedDomain",
+    "Negation",
     "NoEvent",
-    "Not",
     "Occurs",
-    "Or",
-    "Order",
     "Parameter",
     "Partial",
     "Predicate",
     "Recogniser",
+    "RecognitionLimits",
     "Statement",
     "SymbolSet",
     "Symbols",
     "TimeConstraint",
+    "TimeOrder",
     "TimePoint",
     "Use",
-    "Variable",
     "Variables",
     "compile_chronicle",
     "symbol",

@@ -4,13 +4,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from agents.effects import DropHost, HostCame, HostEffect, HostLeft, HostSaid, TellHost
-from agents.host_desk import HostDesk
-from agents.knowledge_host import KnowledgeHost, Read, Rest
-from agents.outbox import Outbox
+from agents.hosts.host_desk import HostDesk
+from agents.hosts.knowledge_host import KnowledgeHost, Read
+from agents.hosts.outbox import Outbox
 from dyknow import Label, Network, Prototype, Sample, SourcePrototype
-from federation.clock import FederationClock
-from federation.host_codec import decode_from_platform
-from federation.hosting import Refuse, Welcome
+from federation.hosts.codec import decode_from_platform
+from federation.hosts.messages import End, Refuse, Welcome
+from federation.members.clock import FederationClock
 from kpl import Hooks, Instance, parse_specification
 
 
@@ -45,7 +45,7 @@ class Guest:
                         self.refused.append(reason)
                     case Read(process, source):
                         self.read[process] = source
-                    case Rest(process):
+                    case End(process):
                         self.read.pop(process, None)
                     case _ if hasattr(step, "said"):
                         self.outbox.put(step)
@@ -147,8 +147,8 @@ class Site:
             self.settle()
 
     def beat(self, guest: Guest) -> None:
-        from federation.host_codec import encode
-        from federation.hosting import Beat
+        from federation.hosts.codec import encode
+        from federation.hosts.messages import Beat
 
         self.desk.on_event(HostSaid(self.now_us, guest.number, encode(Beat(0))), self.now_us)
         self.settle()

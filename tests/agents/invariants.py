@@ -2,15 +2,14 @@
 
 from agents.platform import Platform
 from federation import keys
-from federation.protocols import Phase
-from federation.receipts import RECEIPT_AGENT
+from federation.messages.protocols import Phase
+from federation.messages.receipts import RECEIPT_AGENT
 from tests.agents.wire import Wire
 
 
 def check(wire: Wire) -> None:
     """Assert the invariants of every platform of the wire."""
     for platform in (node.platform for node in wire.nodes.values() if not node.frozen):
-        _every_head_has_a_handler(platform)
         _nothing_is_open_beyond_its_time(platform, wire.now_us)
         _whoever_waits_has_a_conversation(platform)
         _subscriptions_are_what_is_imported(wire, platform)
@@ -22,38 +21,31 @@ def check(wire: Wire) -> None:
             assert wire.nodes[platform.unit].commands == [], "without control nothing is commanded"
 
 
-def _every_head_has_a_handler(platform: Platform) -> None:
-    for offer in platform.services.offers:
-        assert offer.acts.keys() <= platform.interface.handlers.keys(), (
-            f"{offer.service.service} understands more than it does"
-        )
-
-
 def _nothing_is_open_beyond_its_time(platform: Platform, now_us: int) -> None:
-    for found in platform.interface.conversations.conversations():
+    for found in platform.ports.agent.conversations.conversations():
         assert found.due_us is None or found.due_us >= now_us, f"{found.opening} is open beyond its reply-by"
         assert found.phase is not Phase.ASKED or found.due_us is not None
 
 
 def _whoever_waits_has_a_conversation(platform: Platform) -> None:
-    ours = {found.opening.conversation_id for found in platform.interface.conversations.conversations() if found.ours}
-    assert set(platform.interface._waiting) <= ours
-    assert platform.interface._local == {}
+    ours = {found.opening.conversation_id for found in platform.ports.agent.conversations.conversations() if found.ours}
+    assert set(platform.ports.agent.acts._pending) <= ours
+    assert platform.ports.agent._local == {}
 
 
 def _subscriptions_are_what_is_imported(wire: Wire, platform: Platform) -> None:
-    imported = {keys.stream_expr(label, policy) for _, label, policy in platform.importer.imports}
+    imported = {keys.stream_expr(label, policy) for _, label, policy in platform.ports.gateway.importer.imports.streams}
     listened = {expr for expr in wire.nodes[platform.unit].subscriptions if expr.startswith("x/")}
     assert listened == imported
 
 
 def _subscriptions_in_the_instance_have_a_reason(platform: Platform) -> None:
     """Exports and monitors subscribe locally, and nothing is left over when they end."""
-    assert len(platform.gateway.exporter._subscriptions) == len(platform.exports.streams())
-    taps = platform.monitors._taps
+    assert len(platform.ports.gateway.exporter._subscriptions) == len(platform.ports.gateway.exporter.exports.streams())
+    taps = platform.ports.monitors._taps
     used = {
         id(tap)
-        for named in platform.monitors.named.values()
+        for named in platform.ports.monitors.named.values()
         for fed in (named, *named.instances.values())
         for tap, _ in fed.taps
     }
@@ -61,8 +53,8 @@ def _subscriptions_in_the_instance_have_a_reason(platform: Platform) -> None:
 
 
 def _monitors_have_owners(platform: Platform) -> None:
-    asked = {task.conversation for task in platform.tasks.all()} | set(platform.coordination.led)
-    for name, named in platform.monitors.named.items():
+    asked = {task.conversation for task in platform.ports.tasks.all()} | set(platform.ports.tasks.coordinated)
+    for name, named in platform.ports.monitors.named.items():
         assert named.owners, f"nobody wants {name}"
         assert named.owners <= asked, f"{name} is kept for a task that is not there"
 
@@ -70,12 +62,12 @@ def _monitors_have_owners(platform: Platform) -> None:
 def _the_account_is_what_crossed(wire: Wire, platform: Platform) -> None:
     """Every act that left is accounted for, and every act that arrived."""
     left = {(act.boot, act.seq) for act in wire.acts(sender=platform.unit) if act.boot == platform.config.boot}
-    noted = [e for e in platform.account.entries if e.direction == "out" and e.act is not None]
-    if platform.account._number <= (platform.account.entries.maxlen or 0):
+    noted = [e for e in platform.ports.agent.audit_log.entries if e.direction == "out" and e.act is not None]
+    if platform.ports.agent.audit_log._number <= (platform.ports.agent.audit_log.entries.maxlen or 0):
         assert {(e.act.boot, e.act.seq) for e in noted if e.act is not None} == left
-        assert sum(n for (way, _), n in platform.account.counts.items() if way == "out") == len(noted)
-        arrived = sum(n for (way, _), n in platform.account.counts.items() if way == "in")
-        assert arrived == sum(e.direction == "in" for e in platform.account.entries)
+        assert sum(n for (way, _), n in platform.ports.agent.audit_log.counts.items() if way == "out") == len(noted)
+        arrived = sum(n for (way, _), n in platform.ports.agent.audit_log.counts.items() if way == "in")
+        assert arrived == sum(e.direction == "in" for e in platform.ports.agent.audit_log.entries)
     assert not any(
         isinstance(key := keys.parse_key(crossed.put.key), keys.ActKey)
         and key.agent != RECEIPT_AGENT

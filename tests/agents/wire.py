@@ -10,10 +10,10 @@ from agents.config import PlatformConfig
 from agents.effects import Effect, Event, Halt, Note, Reported
 from agents.platform import Platform
 from federation import keys
-from federation.acts import Act, Performative
-from federation.codec import decode_act
-from federation.contents import Content
-from federation.receipts import RECEIPT_AGENT
+from federation.messages.acts import Act, Performative
+from federation.messages.codec import decode_act
+from federation.messages.contents import Content
+from federation.messages.receipts import RECEIPT_AGENT
 from federation.transport import (
     Answer,
     Answered,
@@ -166,7 +166,7 @@ class Wire:
         def on_silence(why: str, _now_us: int) -> None:
             question.why_silent = why
 
-        question.conversation = asker.interface.delegate(
+        question.conversation = asker.ports.agent.delegate(
             unit, content, self.now_us,
             performative=performative, on_reply=on_reply, on_silence=on_silence, reply_within_us=within_us,
         )  # fmt: skip
@@ -180,12 +180,12 @@ class Wire:
         return question
 
     def cancel(self, by: str, unit: str, conversation: str) -> None:
-        self.nodes[by].platform.interface.cancel(unit, conversation, self.now_us)
+        self.nodes[by].platform.ports.agent.cancel(unit, conversation, self.now_us)
         self.settle(by)
 
     def settle(self, unit: str) -> None:
         """Send what a platform has to say after it was stepped by hand."""
-        self.perform(unit, self.nodes[unit].platform._done())
+        self.perform(unit, self.nodes[unit].platform.settle())
 
     def inject(self, key: str, payload: bytes) -> None:
         """Somebody who is no platform puts bytes on a key."""

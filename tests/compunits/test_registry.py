@@ -10,7 +10,7 @@ import pytest
 
 from compunits import Catalogue, SpeedEst, catalogue, library, load_module, prototypes_of
 from dyknow import SourcePrototype, UnitPrototype, value_unit, variant
-from dyknow.errors import UnitError
+from dyknow.model.errors import UnitError
 from tests.compunits.units import prototype, value_of
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from compunits import library
 from dyknow import Field, Network, Sort
-from dyknow.errors import TextErrors
+from dyknow.model.errors import TextErrors
 from kpl import Hooks, Instance, parse_specification
 from tests.compunits.test_motion import HERE, moved
 
@@ -64,7 +64,7 @@ def test_a_unit_for_any_sort_has_the_sorts_it_is_declared_with() -> None:
 
 
 def test_a_unit_for_any_sort_that_is_not_declared_is_told_with_the_repair() -> None:
-    with pytest.raises(TextErrors, match=r"say of which\n(.*\n)*.*write: compunit sort MovingAverage\(sort\)"):
+    with pytest.raises(TextErrors, match=r"name its sorts\n(.*\n)*.*write: compunit sort MovingAverage\(sort\)"):
         running(
             """
             source position gps

@@ -1,17 +1,17 @@
 import json
 import os
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from console import client
+from console.centre import client
 from console.command import Call
-from console.output import Output
-from console.settings import Settings
+from console.output.output import Output
+from runtime.configuration.settings import Settings
+from tests import command
 from tests.console.world import World
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -25,17 +25,14 @@ def dyknow(tmp_path: Path) -> Run:
     def run(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
         kept = {name: value for name, value in os.environ.items() if not name.startswith("DYKNOW_")}
         environment = {**kept, "COLUMNS": "80", "TERM": "dumb", "XDG_RUNTIME_DIR": str(tmp_path), **variables}
-        return subprocess.run(
-            [sys.executable, "-c", "from console.main import main; main()", *arguments],
-            capture_output=True, text=True, env=environment, timeout=60, check=False,
-        )  # fmt: skip
+        return command.run(arguments, environment)
 
     return run
 
 
 @pytest.fixture
 def call() -> Call:
-    return Call(Settings(federation="test", dyknow_json=True), None, Output(json_lines=True))
+    return Call(Settings(federation="test", json_lines=True), Output(json_lines=True))
 
 
 @pytest.fixture

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from console import client
+from console.centre import client
 from console.command import Call
-from console.errors import DONE, NO, NothingFound, WrongCall
-from dyknow.errors import DyknowError
+from console.errors import DONE, NO
+from dyknow.model.errors import DyknowError, NothingFound, WrongCall
 from navigation.vehicle import BatteryReport
 from tests.console.world import START_US, World
 
@@ -17,7 +17,7 @@ Lines = Callable[[], list[dict[str, Any]]]
 
 
 def test_ls_shows_platforms_with_services_labels_ages_and_clock(world: World, call: Call, lines: Lines) -> None:
-    from console.ls import ls
+    from console.commands.members.ls import ls
 
     assert ls(call, all_kinds=False) == DONE
     shown = lines()
@@ -32,7 +32,7 @@ def test_ls_shows_platforms_with_services_labels_ages_and_clock(world: World, ca
 
 
 def test_ls_tells_since_when_each_platform_lives_whoever_asks(world: World, call: Call, lines: Lines) -> None:
-    from console.ls import ls
+    from console.commands.members.ls import ls
 
     for _ in range(2):
         assert ls(call, all_kinds=True) == DONE
@@ -44,7 +44,7 @@ def test_ls_tells_since_when_each_platform_lives_whoever_asks(world: World, call
 
 
 def test_ls_finds_nobody_in_an_empty_federation(call: Call, lines: Lines, monkeypatch: pytest.MonkeyPatch) -> None:
-    from console.ls import ls
+    from console.commands.members.ls import ls
 
     monkeypatch.setattr(client, "_surroundings", lambda _call: World().surroundings())
     assert ls(call, all_kinds=False) == NO
@@ -52,7 +52,7 @@ def test_ls_finds_nobody_in_an_empty_federation(call: Call, lines: Lines, monkey
 
 
 def _query(call: Call, **given: Any) -> int:
-    from console.query import query
+    from console.commands.members.query import query
 
     options: dict[str, Any] = {
         "unit": None,
@@ -104,7 +104,7 @@ def test_a_frozen_platform_is_named_and_the_others_answers_are_there(world: Worl
 def test_a_platform_that_froze_out_of_a_newcomers_reach_is_named_and_listed(
     world: World, call: Call, lines: Lines
 ) -> None:
-    from console.ls import ls
+    from console.commands.members.ls import ls
 
     world.freeze("1")
     world.platforms["1"][1].tokens.clear()  # a frozen process takes up no session with who comes now
@@ -116,7 +116,7 @@ def test_a_platform_that_froze_out_of_a_newcomers_reach_is_named_and_listed(
 
 
 def test_a_platform_that_crashed_is_neither_named_nor_listed(world: World, call: Call, lines: Lines) -> None:
-    from console.ls import ls
+    from console.commands.members.ls import ls
 
     world.kill("1")
     world.run(0.5)
@@ -158,7 +158,7 @@ def test_times_in_the_wrong_order_are_a_wrong_call(world: World, call: Call) -> 
 
 
 def test_watch_prints_a_federated_stream_and_takes_it_down(world: World, call: Call, lines: Lines) -> None:
-    from console.watch import watch
+    from console.commands.members.watch import watch
 
     assert watch(call, "heli-position", unit=None, every="200ms", max_delay="1s", count=9) == DONE
     shown = lines()
@@ -168,19 +168,19 @@ def test_watch_prints_a_federated_stream_and_takes_it_down(world: World, call: C
         times = [entry["valid_us"] for entry in shown if entry["unit"] == unit]
         assert all(later - earlier == 200_000 for earlier, later in pairwise(times))
     world.run(1.0)
-    assert not any(platform.tasks.all() for platform, _ in world.platforms.values())
+    assert not any(platform.ports.tasks.all() for platform, _ in world.platforms.values())
 
 
 @pytest.mark.parametrize("given", [{"every": "0s"}, {"max_delay": "0s"}, {"every": "5"}])
 def test_a_stream_needs_a_period_and_a_delay(call: Call, given: dict[str, str]) -> None:
-    from console.watch import watch
+    from console.commands.members.watch import watch
 
     with pytest.raises(WrongCall, match=r"^--(every|max-delay): .*(too short|say 5ms or 5s)"):
         watch(call, "heli-position", unit=None, count=1, **{"every": "200ms", "max_delay": "1s", **given})
 
 
 def test_a_stream_of_an_unknown_label_is_answered_with_the_nearest_known(world: World, call: Call) -> None:
-    from console.watch import watch
+    from console.commands.members.watch import watch
 
     with pytest.raises(NothingFound, match="Did you mean 'heli-position'"):
         watch(call, "heli-positio", unit=None, every="200ms", max_delay="1s", count=1)
@@ -198,14 +198,14 @@ def test_a_span_without_samples_is_told(world: World, call: Call, lines: Lines) 
     ("kind", "said"), [("explode", "gps-loss"), ("clock=5", "say 5ms or 5s"), ("nan=1", "write nan")]
 )
 def test_a_fault_that_there_is_not_is_a_wrong_call(call: Call, kind: str, said: str) -> None:
-    from console.delegate import fault
+    from console.commands.members.delegate import fault
 
     with pytest.raises(WrongCall, match=f"^KIND: .*{said}"):
         fault(call, "0", kind, None)
 
 
 def _delegated(call: Call, lines: Lines) -> str:
-    from console.delegate import delegate
+    from console.commands.members.delegate import delegate
 
     assert delegate(call, "monitor-proximity", [], to="0", wait=False) == DONE
     said = lines()
@@ -217,8 +217,8 @@ def _delegated(call: Call, lines: Lines) -> str:
 def test_a_delegated_task_lives_on_is_listed_and_is_cancelled_by_another_command(
     world: World, call: Call, lines: Lines
 ) -> None:
-    from console.delegate import cancel, tasks
-    from console.follow import monitors
+    from console.commands.members.delegate import cancel, tasks
+    from console.commands.members.follow import monitors
 
     conversation = _delegated(call, lines)
     world.run(3.0)
@@ -239,7 +239,7 @@ def test_a_delegated_task_lives_on_is_listed_and_is_cancelled_by_another_command
 
 
 def test_an_unknown_task_and_an_unknown_conversation_are_told(world: World, call: Call) -> None:
-    from console.delegate import cancel, delegate
+    from console.commands.members.delegate import cancel, delegate
 
     with pytest.raises(WrongCall, match="Did you mean 'monitor-proximity'"):
         delegate(call, "monitor-proximty", [], to=None, wait=False)
@@ -248,14 +248,14 @@ def test_an_unknown_task_and_an_unknown_conversation_are_told(world: World, call
 
 
 def test_a_task_for_one_platform_needs_its_name(world: World, call: Call) -> None:
-    from console.delegate import delegate
+    from console.commands.members.delegate import delegate
 
     with pytest.raises(WrongCall, match="there are 0, 1, 2"):
         delegate(call, "hold", [], to=None, wait=False)
 
 
 def test_a_refusal_is_an_answer_of_no(world: World, call: Call, lines: Lines) -> None:
-    from console.delegate import delegate
+    from console.commands.members.delegate import delegate
 
     pairs = ["semantic-labels=max-speed", "sample-period=1s", "delay=1s", "to-units=0"]
     assert delegate(call, "create-multicast", pairs, to="1", wait=True) == NO
@@ -265,7 +265,7 @@ def test_a_refusal_is_an_answer_of_no(world: World, call: Call, lines: Lines) ->
 def test_alarms_are_told_as_they_happen_and_remembered(
     monkeypatch: pytest.MonkeyPatch, call: Call, lines: Lines
 ) -> None:
-    from console.follow import alarms
+    from console.commands.members.follow import alarms
 
     world = World()
     world.add("0", -60.0, 0.0, 5.0)
@@ -287,7 +287,7 @@ def test_alarms_are_told_as_they_happen_and_remembered(
 
 
 def test_acts_are_told_in_s_expressions(world: World, call: Call, lines: Lines) -> None:
-    from console.follow import acts
+    from console.commands.members.follow import acts
 
     _delegated(call, lines)
     assert acts(call, follow=False) == DONE
@@ -297,7 +297,7 @@ def test_acts_are_told_in_s_expressions(world: World, call: Call, lines: Lines) 
 
 
 def test_a_fault_reaches_the_simulated_vehicle(world: World, call: Call, lines: Lines) -> None:
-    from console.delegate import fault
+    from console.commands.members.delegate import fault
 
     assert fault(call, "1", "packet-loss=30", "5s") == DONE
     [told] = lines()
@@ -308,7 +308,7 @@ def test_a_fault_reaches_the_simulated_vehicle(world: World, call: Call, lines: 
 
 
 def test_a_formula_is_checked_over_live_states(world: World, call: Call, lines: Lines) -> None:
-    from console.check import check
+    from console.commands.texts.check import check
 
     assert check(call, "always height[self] < 20", trace=None, unit="0", timeout="3s") == NO
     [told] = lines()
@@ -319,10 +319,23 @@ def test_a_formula_is_checked_over_live_states(world: World, call: Call, lines: 
     assert told["states"].startswith("strmgen check_states = state(heli-height[0] with sample every 100")
 
 
+def test_one_formula_is_checked_over_a_derived_feature_and_a_stream_of_the_platform(
+    world: World, call: Call, lines: Lines
+) -> None:
+    from console.commands.texts.check import check
+
+    text = "always (height[self] < 20 or heli-altitude.altitude_m[0] < 0)"
+    assert check(call, text, trace=None, unit="0", timeout="3s") == NO
+    [told] = lines()
+    assert told["verdict"] == "false"
+    samples = {label for reason in told["because"] for label in reason["samples"]}
+    assert samples == {"height[0]", "heli-altitude.altitude_m[0]"}
+
+
 def test_a_formula_about_what_never_had_a_value_is_noted(
     monkeypatch: pytest.MonkeyPatch, call: Call, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.check import check
+    from console.commands.texts.check import check
 
     world = World()
     world.lacking.add(BatteryReport)
@@ -338,7 +351,7 @@ def test_a_formula_about_what_never_had_a_value_is_noted(
 
 @pytest.mark.parametrize("formula", ["always sped[self] < 3", "always speed[self, 1] < 3", "always speed[self] <"])
 def test_a_mistake_in_a_formula_about_a_platform_is_a_wrong_call(world: World, call: Call, formula: str) -> None:
-    from console.check import check
+    from console.commands.texts.check import check
     from console.errors import WRONG, exit_code
 
     with pytest.raises(DyknowError) as told:
@@ -350,8 +363,8 @@ def test_a_mistake_in_a_formula_about_a_platform_is_a_wrong_call(world: World, c
 def test_a_federation_with_a_faster_clock_is_understood(
     monkeypatch: pytest.MonkeyPatch, call: Call, lines: Lines
 ) -> None:
-    from console.ls import ls
-    from federation.clock import FederationClock
+    from console.commands.members.ls import ls
+    from federation.members.clock import FederationClock
 
     world = World(FederationClock(START_US - 5_000_000, 10.0))
     world.add("0", 0.0, 0.0)

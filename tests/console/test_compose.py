@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from console.federations import read_federation
+from runtime.configuration.settings import load
 
 COMPOSE = Path(__file__).resolve().parents[2] / "compose"
 FILES = sorted(COMPOSE.glob("*.toml"))
@@ -16,12 +16,12 @@ STACK = COMPOSE / "docker-compose.yml"
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 def test_a_federations_file_reads_and_is_named_after_itself(path: Path) -> None:
-    assert read_federation(path).name == path.stem
+    assert load({"federation": str(path)}, None).federation == path.stem
 
 
 def test_the_stack_has_one_service_per_uav_a_router_and_the_command_centre() -> None:
     services = yaml.safe_load(STACK.read_text())["services"]
-    units = read_federation(COMPOSE / "docker.toml").units
+    units = load({"federation": str(COMPOSE / "docker.toml")}, None).units
     assert set(services) == {"router", "command-centre", *(f"uav{number}" for number in range(units or 0))}
 
 

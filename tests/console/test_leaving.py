@@ -3,9 +3,10 @@
 import pytest
 
 from console.command import Call
-from console.delegate import delegate
-from console.errors import DONE, FederationFailed, NothingFound, WrongCall
-from console.ls import ls
+from console.commands.members.delegate import delegate
+from console.commands.members.ls import ls
+from console.errors import DONE
+from dyknow.model.errors import FederationFailed, NothingFound, WrongCall
 from tests.console.conftest import Lines
 from tests.console.world import World
 

@@ -1,15 +1,15 @@
 import json
 import subprocess
 import sys
+from importlib import import_module
 
 import pytest
 
-from console.main import app, roster
+from console.main import COMMANDS
 from tests.console.conftest import Run
 
 HEAVY = ("zenoh", "pymavlink", "numpy", "scipy", "filterpy", "pydantic", "cryptography")
-COMMANDS = [(info.name or info.callback.__name__,) for info in app.registered_commands if info.callback]
-COMMANDS += [("roster", str(info.name)) for info in roster.registered_commands]
+CALLED = [tuple(name.split()) for name, (where, _summary) in COMMANDS.items() if where]
 WANTED = "up join host down ls query watch delegate tasks cancel alarms monitors acts fault check chronicle kpl roster doctor demo"
 
 
@@ -31,12 +31,21 @@ def test_the_help_lists_the_commands_that_work_and_no_others(dyknow: Run) -> Non
     assert set(shown) == set(WANTED.split())
 
 
-@pytest.mark.parametrize("name", COMMANDS, ids=" ".join)
+@pytest.mark.parametrize("name", CALLED, ids=" ".join)
 def test_every_command_has_help_with_an_example_that_fits_80_columns(dyknow: Run, name: tuple[str, ...]) -> None:
     done = dyknow(*name, "--help")
     assert done.returncode == 0
     assert f"Example: dyknow {' '.join(name)}" in done.stdout
     assert all(len(line) <= 80 for line in done.stdout.splitlines())
+
+
+def test_the_summary_of_a_command_begins_as_its_help_does() -> None:
+    """Two sentences about one thing, of which the list in the help cannot import the longer one."""
+    for name, (where, summary) in COMMANDS.items():
+        if where:
+            module, _, function = where.partition(":")
+            first = str(getattr(import_module(module), function).__doc__).split()[:2]
+            assert summary.split()[:2] == first, name
 
 
 def test_an_unknown_command_is_a_wrong_call_with_a_suggestion(dyknow: Run) -> None:
@@ -81,7 +90,7 @@ def test_the_shell_completes_commands_scenarios_tasks_and_faults(dyknow: Run, wo
 
 
 def test_the_names_in_the_help_are_those_there_are(dyknow: Run) -> None:
-    from sim_uavs.scenarios import NAMES
+    from sim_uavs.dynamics.scenarios import NAMES
 
     shown = " ".join(dyknow("up", "--help").stdout.replace("│", " ").split())
     assert all(name in shown for name in NAMES)

@@ -3,8 +3,9 @@
 import pytest
 
 from console.command import Call
-from console.errors import DONE, FederationFailed
-from console.watch import watch
+from console.commands.members.watch import watch
+from console.errors import DONE
+from dyknow.model.errors import FederationFailed
 from navigation.vehicle import PositionReport
 from tests.console.world import World
 
@@ -18,7 +19,7 @@ def test_a_stream_that_falls_silent_is_told_once_with_the_age_of_its_newest_samp
     assert watch(call, "heli-position", unit="0", every="200ms", max_delay="1s", count=3) == DONE
     out, err = capsys.readouterr()
     assert len(out.splitlines()) == 3
-    assert err.count("nothing comes from platform 0: its newest sample is") == 1
+    assert err.count("no sample from platform 0: its newest sample is") == 1
 
 
 def test_a_stream_whose_samples_are_all_too_late_is_told_with_how_late_they_are(

@@ -10,9 +10,8 @@ from typing import Any
 from agents.config import PlatformConfig
 from agents.effects import Halt, InjectFault, Reported
 from agents.platform import Platform
-from console.client import Surroundings
 from federation import keys
-from federation.clock import FederationClock
+from federation.members.clock import FederationClock
 from federation.transport import (
     Answer,
     Answered,
@@ -32,6 +31,7 @@ from federation.transport import (
 )
 from navigation.geodesy import LocalFrame
 from navigation.vehicle import BatteryReport, HomeReport, PositionReport, StatusReport, VelocityReport
+from runtime.client import Surroundings
 
 START_US = 1_800_000_000_000_000
 HOP_US = 200

@@ -2,8 +2,10 @@
 
 from hypothesis import strategies as st
 
-from dyknow import NO_VALUE, Label, Network, Policy, Sample, Sort, UnitPrototype, latest_valid_us, of_values
-from dyknow.processes import Input, OnDemand, Refinement
+from dyknow import NO_VALUE, Label, Network, Policy, Sample, Sort, UnitPrototype, of_values
+from dyknow.network.computational_unit import latest_valid_us
+from dyknow.network.process import Input
+from dyknow.network.processes import OnDemand, RefinementProcess
 from tests.strategies import rows
 
 ANY = Sort("any", is_open=True)
@@ -89,7 +91,7 @@ def feed(network, events):
 
 
 def refine(network, at, prototype, inputs):
-    process = Refinement(prototype, [Input(label(i), policy) for i, policy in inputs])
+    process = RefinementProcess(prototype, [Input(label(i), policy) for i, policy in inputs])
     network.add_process(label(at), ANY, process)
     return process
 

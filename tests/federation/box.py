@@ -7,9 +7,10 @@ from itertools import count
 from random import Random
 
 from federation import keys
-from federation.codec import decode_heartbeat
-from federation.directory import Directory, DirectoryEvent
-from federation.offers import Service, Visibility
+from federation.members.directory import DirectoryEvent, DirectoryFacilitator
+from federation.members.offers import Service, Visibility
+from federation.messages.codec import decode_heartbeat
+from federation.messages.descriptions import LabelEntry
 from federation.transport import (
     Answer,
     Answered,
@@ -22,7 +23,6 @@ from federation.transport import (
     Reopen,
     UndeclareToken,
 )
-from federation.wire import LabelEntry
 
 FEDERATION = Service("dyknow-federation", "federation", Visibility.PROTECTED)
 ALARMS = Service("alarms", "alarms", Visibility.PUBLIC)
@@ -35,7 +35,7 @@ ALTITUDE = LabelEntry(label="heli-altitude", sort="altitude", type_hash="1a1b2c3
 class Node:
     """One platform: its directory, what it was told, and its session on the wire."""
 
-    directory: Directory
+    directory: DirectoryFacilitator
     events: list[tuple[int, DirectoryEvent]] = field(default_factory=list)
     tokens: set[str] = field(default_factory=set)
     reopened: list[int] = field(default_factory=list)
@@ -63,7 +63,7 @@ class Box:
     def join(
         self, unit: str, services: Iterable[Service] = (FEDERATION,), labels: Iterable[LabelEntry] = (POSITION,)
     ) -> Node:
-        directory = Directory(unit, next(self._boots), "uav", self.now_us)
+        directory = DirectoryFacilitator(unit, next(self._boots), "uav", self.now_us)
         node = self.nodes[unit] = Node(directory)
         directory.declare(services, labels, self.now_us)
         self._perform(unit, node, directory.start(self.now_us))

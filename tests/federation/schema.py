@@ -9,7 +9,7 @@ from typing import Any
 LOWER = frozenset("abcdefghijklmnopqrstuvwxyz")
 DIGITS = frozenset("0123456789")
 HEX = DIGITS | frozenset("abcdef")
-SCHEME = {"acl", "all", "df", "hb", "q", "time", "to", "x"}
+SCHEME = {"acl", "all", "df", "hb", "q", "time", "x"}
 PERFORMATIVES = {
     "accept-proposal",
     "agree",

@@ -9,8 +9,9 @@ from typing import Any
 import psutil
 import pytest
 
-from dyknow.errors import ContentError, DecodeError
-from federation import codec, contents, keys, unpacking
+from dyknow.model.errors import ContentError, DecodeError
+from federation import keys
+from federation.messages import codec, contents, unpacking
 from tests.federation import schema
 from tests.federation.mutants import HOSTILE_NAMES, NASTY, encode, mutate_bytes, mutate_tree
 
@@ -272,7 +273,6 @@ def test_a_name_becomes_part_of_a_key_only_if_the_key_means_it(name: str) -> Non
     for check, is_valid, build in [
         (keys.unit, schema.unit, keys.heartbeat),
         (keys.label, schema.label, lambda found: keys.stream("0", found, "ab12cd34")),
-        (keys.conversation, schema.identifier, lambda found: keys.unicast("0", "1", "battery", found)),
     ]:
         if is_valid(name):
             assert check(name) == name

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dyknow.errors import NameRefused
+from dyknow.model.errors import NameRefused
 from federation import keys
 from tests.federation import schema
 
@@ -20,7 +20,6 @@ CONVERSATIONS = st.from_regex(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,20}", fullmatch=True
 KEYS = st.one_of(
     st.builds(keys.act, UNITS | st.just("all"), UNITS, LABELS),
     st.builds(keys.stream, UNITS, LABELS, HASHES),
-    st.builds(keys.unicast, UNITS, UNITS, LABELS, CONVERSATIONS),
     st.builds(keys.history, UNITS, LABELS),
     st.builds(keys.describe, UNITS),
     st.builds(keys.heartbeat, UNITS),
@@ -32,7 +31,6 @@ KEYS = st.one_of(
 BUILDERS = {
     keys.ActKey: keys.act,
     keys.StreamKey: keys.stream,
-    keys.UnicastKey: keys.unicast,
     keys.HistoryKey: keys.history,
     keys.DescribeKey: keys.describe,
     keys.HeartbeatKey: keys.heartbeat,
@@ -41,7 +39,7 @@ BUILDERS = {
     keys.ServiceToken: keys.token_service,
     keys.LabelToken: keys.token_label,
 }
-EXPRESSIONS = ["acl/{}/**", "x/*/{}/**", "hb/*", "@df/v1/**", "q/**", "time/*", "*/df", "to/{}/**", "**", "acl/all/**"]
+EXPRESSIONS = ["acl/{}/**", "x/*/{}/**", "hb/*", "@df/v1/**", "q/**", "time/*", "*/df", "**", "acl/all/**"]
 
 
 @given(KEYS)
@@ -64,7 +62,7 @@ def test_any_text_is_a_key_only_if_a_builder_makes_it(text: str) -> None:
 
 @given(KEYS)
 def test_a_received_key_has_one_meaning(key: str) -> None:
-    purposes = [keys.HEARTBEATS, keys.TOKENS, "acl/**", "x/**", "q/**", "to/**", "time/*", "*/df"]
+    purposes = [keys.HEARTBEATS, keys.TOKENS, "acl/**", "x/**", "q/**", "time/*", "*/df"]
     assert sum(keys.matches(expr, key) for expr in purposes) == 1
 
 
@@ -83,7 +81,7 @@ def test_names_are_refused_or_kept_as_they_are(name: str) -> None:
 
 
 def test_the_words_of_the_scheme_name_no_unit() -> None:
-    for word in ["acl", "all", "df", "hb", "q", "time", "to", "x"]:
+    for word in ["acl", "all", "df", "hb", "q", "time", "x"]:
         with pytest.raises(NameRefused, match="another"):
             keys.unit(word)
 

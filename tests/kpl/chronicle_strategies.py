@@ -2,33 +2,41 @@
 
 from hypothesis import strategies as st
 
-from reasoning.chronicles.domains import Combination, Complement, Named, Symbols
-from reasoning.chronicles.model import (
-    And,
+from reasoning.chronicles.definition.domains import Combination, Complement, NamedDomain, Symbols
+from reasoning.chronicles.definition.model import (
     Attribute,
     Choice,
     Chronicle,
     ChronicleFile,
+    ChronicleVariable,
+    Conjunction,
+    Disjunction,
     DomainDefinition,
     Equal,
     Event,
     EventType,
     Iff,
-    Implies,
+    Implication,
     Inclusion,
     Instants,
-    Member,
+    MemberOf,
     Message,
     NamedConstraint,
+    Negation,
     NoEvent,
-    Not,
     Occurs,
-    Or,
     Use,
-    Variable,
     Variables,
 )
-from reasoning.chronicles.times import ZERO, ComplexConstraint, ConstraintUse, Distance, Interval, Order, TimePoint
+from reasoning.chronicles.definition.times import (
+    ZERO,
+    ComplexConstraint,
+    ConstraintUse,
+    Distance,
+    Interval,
+    TimeOrder,
+    TimePoint,
+)
 
 SYMBOLS = ["a", "car_1", "X9", "time", "_", "true", "no_link", "end", "value", "state", "oo_"]
 names = st.sampled_from(SYMBOLS)
@@ -36,8 +44,8 @@ labels = names | st.sampled_from(["heli-position", "car_relations.behind", "cars
 symbols = labels.filter(lambda name: "." not in name) | st.sampled_from(
     ["0", "42", "-7", "1.5", "two words", "?x", "", "in", "5ms"]
 )
-named_variables = st.builds(Variable, names, star=st.booleans())
-variables = named_variables | st.builds(Variable, star=st.booleans())
+named_variables = st.builds(ChronicleVariable, names, star=st.booleans())
+variables = named_variables | st.builds(ChronicleVariable, star=st.booleans())
 parameters = variables | symbols
 arguments = st.lists(parameters, max_size=3).map(tuple)
 milliseconds = st.integers(-(10**12), 10**12) | st.sampled_from([0, 1, -1, 2**53, -(2**53)])
@@ -60,7 +68,7 @@ def orders(draw):
         st.lists(points, min_size=count + 1, max_size=count + 1),
         st.lists(operators, min_size=count, max_size=count),
     )
-    return Order(tuple(draw(some)), tuple(draw(between)))
+    return TimeOrder(tuple(draw(some)), tuple(draw(between)))
 
 
 @st.composite
@@ -71,28 +79,28 @@ def distances(draw):
 
 timings = orders() | distances() | st.builds(ConstraintUse, names, st.lists(points, max_size=3).map(tuple))
 domains = st.recursive(
-    st.builds(Named, names) | st.builds(Symbols, st.lists(symbols, max_size=3).map(tuple)),
+    st.builds(NamedDomain, names) | st.builds(Symbols, st.lists(symbols, max_size=3).map(tuple)),
     lambda inner: st.builds(Complement, inner) | st.builds(Combination, st.sampled_from(["|", "&", "-"]), inner, inner),
     max_leaves=4,
 )
 _atoms = (
-    st.builds(Member, named_variables, domains, st.booleans())
+    st.builds(MemberOf, named_variables, domains, st.booleans())
     | st.builds(Equal, named_variables, parameters, st.booleans())
     | st.builds(Use, names, arguments)
 )
 _inner = st.recursive(
     _atoms,
     lambda inner: (
-        st.builds(Not, inner)
+        st.builds(Negation, inner)
         | st.lists(inner, min_size=2, max_size=3)
         .map(tuple)
-        .flatmap(lambda some: st.sampled_from([And(some), Or(some)]))
+        .flatmap(lambda some: st.sampled_from([Conjunction(some), Disjunction(some)]))
     ),
     max_leaves=4,
 )
 conditions = (
     _inner
-    | st.builds(Implies, _inner, _inner)
+    | st.builds(Implication, _inner, _inner)
     | st.builds(Iff, _inner, _inner)
     | st.builds(Choice, _inner, _inner, _inner)
 )

@@ -4,10 +4,10 @@ from dataclasses import fields, is_dataclass, replace
 
 from hypothesis import strategies as st
 
-from dyknow.labels import Label
-from dyknow.policy import Policy
-from kpl.specification import (
-    ChronicleFile,
+from dyknow.model.labels import Label
+from dyknow.policies.policy import Policy
+from kpl.syntax.specification import (
+    ChronicleDeclaration,
     Define,
     Export,
     ForEach,
@@ -25,7 +25,7 @@ from kpl.specification import (
     StreamTerm,
     UnitDeclaration,
 )
-from reasoning.formulas import Domain, Feature, Variable
+from reasoning.formulas.tree import Domain, Feature, Variable
 from tests.kpl.strategies import formulas, names, numbered
 
 TYPED_ONLY = ["link", "state", "select", "merge"]
@@ -122,6 +122,6 @@ declarations = (
         st.sampled_from(["undecided", "skip", "true", "false"]),
         st.integers(1, 9),
     )
-    | st.builds(ChronicleFile, st.sampled_from(["overtake.chr", "a b/c.chr", ""]))
+    | st.builds(ChronicleDeclaration, st.sampled_from(["overtake.chr", "a b/c.chr", ""]))
 )
 specifications = st.lists(declarations, max_size=6).map(tuple)

@@ -2,7 +2,7 @@
 
 from hypothesis import strategies as st
 
-from reasoning.formulas import (
+from reasoning.formulas.tree import (
     Abs,
     Always,
     And,

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.live.command import Dyknow
+from tests.live.command_line.command import Dyknow
 
 
 @pytest.fixture

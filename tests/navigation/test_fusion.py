@@ -9,10 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navigation import faults
-from navigation.fusion import Accuracy, PositionFilter, run_filter
+from navigation.fusion import Accuracy, PositionFilter
 from navigation.motion import Measurement, Motion, kalman_filter
 from navigation.vehicle import PositionReport, VelocityReport
 from tests.navigation.flights import HOME, START_US, position_at, straight, wandering
+from tests.navigation.offline import run_filter
 
 PERIOD_US = 100_000
 

@@ -10,8 +10,8 @@ from itertools import pairwise
 from math import isnan
 from typing import Any, NamedTuple
 
-from dyknow.values import NO_VALUE
-from reasoning.formulas import (
+from dyknow.model.values import NO_VALUE
+from reasoning.formulas.tree import (
     Abs,
     Always,
     And,

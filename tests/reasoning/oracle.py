@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from reasoning.formulas import (
+from reasoning.formulas.tree import (
     Always,
     And,
     Compare,

@@ -7,7 +7,7 @@ period, with some left out, or at any times; values are missing, NaN or of anoth
 from hypothesis import strategies as st
 
 from kpl import FeatureType, Vocabulary
-from reasoning.formulas import Duration
+from reasoning.formulas.tree import Duration
 from tests.reasoning.meaning import State
 
 MS = 1_000

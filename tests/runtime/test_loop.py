@@ -1,7 +1,7 @@
 from dataclasses import dataclass, field
 from queue import Empty
 
-from runtime.loop import BATCH, run, step
+from runtime.loop import BATCH, step
 from tests.fakes import FakeClock
 
 
@@ -76,7 +76,9 @@ def test_an_effect_is_performed_before_the_next_event_is_taken() -> None:
     assert left[:2] == [1, 0]
 
 
-def test_run_goes_on_until_it_is_told_not_to() -> None:
+def test_steps_without_events_are_the_deadlines_in_order() -> None:
     clock, done = FakeClock(), list[str]()
-    run(Metronome(), Waiting(clock), clock.now_us, done.append, lambda: len(done) < 5)
+    node = Metronome()
+    while len(done) < 5:
+        step(node, Waiting(clock), clock.now_us, done.append)
     assert done == [f"beat at {100 * n}" for n in range(1, 6)]

@@ -4,10 +4,11 @@ from typing import Any
 
 import pytest
 
-from dyknow.errors import RosterError
-from runtime.config import NodeConfig, WireConfig
-from runtime.configured import reaches_beyond
-from runtime.process import Fitted, Process
+from dyknow.model.errors import RosterError
+from runtime.configuration.config import NodeConfig, WireConfig
+from runtime.configuration.session import reaches_beyond
+from runtime.process import PlatformProcess
+from runtime.vehicles import Vehicle
 
 
 @pytest.mark.parametrize(
@@ -30,7 +31,7 @@ def test_an_open_federation_is_refused_beyond_loopback_with_a_remedy(monkeypatch
     monkeypatch.delenv("DYKNOW_OPEN", raising=False)
     said: list[dict[str, Any]] = []
     config = NodeConfig(unit="0", wire=WireConfig(listen=("tcp/0.0.0.0:7447",)))
-    process = Process(config, lambda *_: Fitted(None, {}), said.append)
+    process = PlatformProcess(config, lambda _ports: Vehicle(), said.append)
     with pytest.raises(RosterError, match="dyknow roster init"):
         process.run()
     assert said == []

@@ -8,9 +8,10 @@ from collections.abc import Iterable, Sequence
 from math import cos, hypot, radians, sin, sqrt
 from typing import Any, NamedTuple
 
+from agents.monitoring.alarm_log import AlarmLog
 from dyknow import NO_VALUE, Sample
-from sim_uavs.vehicles import Truth
-from sim_uavs.world import World
+from sim_uavs.dynamics.vehicles import TrueState
+from sim_uavs.world.world import World
 from tests.sim_uavs.worlds import Watched
 
 PERIOD_US = 100_000
@@ -102,10 +103,10 @@ MONITORS = {"proximity": violates_proximity, "proximity-warn": violates_warning}
 def arrived(watched: Watched, label: str, unit: str) -> list[Sample]:
     """Every sample of a label of a unit that got into that platform's instance, in the order in which it did."""
     platform = watched.platform
-    local = platform.gateway.translation.local_label(label, unit)
-    if not platform.network.has(local):
+    local = platform.ports.gateway.translation.local_label(label, unit)
+    if not platform.ports.network.has(local):
         return []
-    held = platform.network.generator(local).history.get_between(-(2**62), 2**62)
+    held = platform.ports.network.generator(local).history.get_between(-(2**62), 2**62)
     return sorted(held, key=lambda sample: sample.available_us)
 
 
@@ -232,7 +233,7 @@ def unalarmed(watched: Watched, end_us: int) -> list[str]:
 def _events(watched: Watched, span: Span) -> list[Any]:
     return [
         event
-        for event in watched.platform.alarms.events
+        for event in watched.platform.part(AlarmLog).events
         if event.monitor == span.monitor
         and event.units[1:] == (span.other,)
         and span.from_us <= event.detected_us <= span.to_us
@@ -276,7 +277,7 @@ def truly_violated(world: World, one: str, other: str, margin_m: float) -> list[
     return spells
 
 
-def _too_close(p: Truth, q: Truth, margin_m: float) -> bool:
+def _too_close(p: TrueState, q: TrueState, margin_m: float) -> bool:
     xy = hypot(*level_offset_m((p.latitude_deg, p.longitude_deg), (q.latitude_deg, q.longitude_deg)))
     return xy < 15.0 - margin_m and abs(p.altitude_m - q.altitude_m) < 10.0 - margin_m
 

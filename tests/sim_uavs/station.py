@@ -2,12 +2,13 @@
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from sim_uavs.autopilot import Autopilot
-from sim_uavs.faults import parse_fault
-from sim_uavs.settings import Place, VehicleConfig
+from sim_uavs.autopilot.autopilot import Autopilot
+from sim_uavs.dynamics.faults import parse_fault
+from sim_uavs.dynamics.settings import HomePlace, VehicleConfig
+from tests.sim_uavs.truth import true_motion
 
 START_US = 1_700_000_000_000_000
-HOME = Place(55.7240, 13.4600, 20.0)
+HOME = HomePlace(55.7240, 13.4600, 20.0)
 NAN = float("nan")
 ME = ("127.0.0.1", 14550)
 
@@ -82,7 +83,7 @@ class Station:
 
     @property
     def truth(self):
-        return self.vehicle.truth()
+        return true_motion(self.vehicle)
 
     @property
     def height_m(self) -> float:

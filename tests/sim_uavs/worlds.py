@@ -6,19 +6,21 @@ from random import Random
 from typing import Any
 
 from agents.config import PlatformConfig
-from agents.pilot import FlightPlan
+from agents.flight.pilot import FlightPlan
+from agents.monitoring.alarm_log import AlarmLog
 from agents.platform import Platform
-from federation.acts import Act, AgentName, Performative
-from federation.contents import Alarm, Cancel
+from federation.messages.acts import Act, AgentName, Performative
+from federation.messages.contents import Alarm, Cancel
 from navigation.geodesy import LocalFrame
-from sim_uavs.dynamics import Vector
-from sim_uavs.plans import plan_of
-from sim_uavs.routes import through
-from sim_uavs.scenarios import ORIGIN, scenario
-from sim_uavs.settings import Place, VehicleConfig
-from sim_uavs.vehicles import SimulatedVehicle
-from sim_uavs.world import World
-from sim_uavs.world_units import Dialogue, Node
+from sim_uavs.dynamics.flight_plans import plan_of
+from sim_uavs.dynamics.quadcopter import Vector
+from sim_uavs.dynamics.routes import through
+from sim_uavs.dynamics.scenarios import ORIGIN, scenario
+from sim_uavs.dynamics.settings import HomePlace, VehicleConfig
+from sim_uavs.dynamics.vehicles import SimulatedVehicle
+from sim_uavs.world.units import WorldDialogue, WorldNode
+from sim_uavs.world.wire import Wire
+from sim_uavs.world.world import World
 
 FRAME = LocalFrame(*ORIGIN)
 PLAN_US = 5_000_000
@@ -41,13 +43,13 @@ class WatchedWorld(World):
         self.watched: dict[str, list[Watched]] = {}
         super().__init__(seed, **options)
 
-    def _boot(self, node: Node) -> None:
+    def _boot(self, node: WorldNode) -> None:
         super()._boot(node)
         unit, platform = node.config.unit, node.platform
         assert platform is not None
         watched = Watched(platform, self.now_us)
         self.watched.setdefault(unit, []).append(watched)
-        monitors, calls = platform.monitors, watched.calls
+        monitors, calls = platform.ports.monitors, watched.calls
         create, remove, join, doubt, leave = (
             monitors.create,
             monitors.remove,
@@ -113,7 +115,7 @@ def crowd(seed: int, count: int = 3, *, avoidance: bool = True, **options: Any) 
         ]
         route = through(FRAME, points, random.uniform(4.0, 8.0), loop=True)
         start = route.waypoints[0]
-        home = Place(start.latitude_deg, start.longitude_deg, ORIGIN.altitude_m)
+        home = HomePlace(start.latitude_deg, start.longitude_deg, ORIGIN.altitude_m)
         airborne_m = start.altitude_m - ORIGIN.altitude_m
         flown = VehicleConfig(number + 1, home, airborne_m=airborne_m, seed=seed)
         vehicle = SimulatedVehicle(flown, world.now_us, phase_us=world.random.randrange(100_000))
@@ -137,7 +139,7 @@ def place(found: Any) -> tuple[float, float, float]:
     return FRAME.to_ned(found.latitude_deg, found.longitude_deg, found.altitude_m)
 
 
-def alarms(dialogue: Dialogue, monitor: str, event: str = "opened") -> list[Alarm]:
+def alarms(dialogue: WorldDialogue, monitor: str, event: str = "opened") -> list[Alarm]:
     """What the delegator was told of one monitor."""
     return [told for told in dialogue.contents(Alarm) if (told.monitor, told.event) == (monitor, event)]
 
@@ -147,7 +149,7 @@ def raised(world: World, unit: str, monitor: str, event: str = "opened") -> list
     return [
         found
         for platform in world.nodes[unit].lives
-        for found in platform.alarms.events
+        for found in platform.part(AlarmLog).events
         if (found.monitor, found.event) == (monitor, event)
     ]
 
@@ -158,8 +160,8 @@ def cancel_task(world: World, by: str, unit: str, conversation: str) -> None:
     def send(platform: Platform, now_us: int) -> None:
         me, it = AgentName("interface", by), AgentName("interface", unit)
         act = Act(Performative.CANCEL, me, it, Cancel().expr(), conversation_id=conversation)
-        desk = platform.interface
-        desk._handle(desk.conversations.send(act, now_us)[1], now_us)
+        desk = platform.ports.agent
+        desk.acts._handle(desk.conversations.send(act, now_us)[1], now_us)
 
     world.call(by, send)
 
@@ -169,10 +171,25 @@ def leaders(world: World) -> list[str]:
     return [
         unit
         for unit, node in world.nodes.items()
-        if node.platform is not None and any(led.leader == unit for led in node.platform.coordination.led.values())
+        if node.platform is not None
+        and any(led.leader == unit for led in node.platform.ports.tasks.coordinated.values())
     ]
 
 
 def is_down(platform: Platform) -> bool:
     """Whether nothing that a task set up stands on it."""
-    return not (platform.monitors.named or platform.tasks.all() or platform.exports.streams())
+    return not (
+        platform.ports.monitors.named or platform.ports.tasks.all() or platform.ports.gateway.exporter.exports.streams()
+    )
+
+
+def kept_by(wire: Wire) -> dict[str, int]:
+    """How much a wire keeps, to find leaks: sessions, transports, declared tokens, open questions."""
+    sessions = [*wire._sessions.values(), *wire._dying.values()]
+    transports = {id(t): t for session in sessions for t in session.transports.values()}.values()
+    return {
+        "sessions": len(sessions),
+        "transports": len(transports),
+        "told": sum(len(direction.told) for t in transports for direction in (t.there, t.back)),
+        "questions": len(wire._questions),
+    }

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).parent
-TEXT = "\n".join(path.read_text(encoding="utf-8") for path in sorted(HERE.glob("test_*.py")))
+TEXT = "\n".join(path.read_text(encoding="utf-8") for path in sorted(HERE.rglob("test_*.py")))
 EXAMPLES = {"4_3": 11, "4_4": 14, "4_5": 6, "7_8": 3}  # chapters 3 and 5 have figures, and no numbered example
 DEFINITIONS = {"4_3": 16, "4_4": 15, "4_5": 12, "7_8": 6}
 NOTATION = {"4_3_1", "4_3_4", "4_5_1", "4_5_2", "4_5_3", "7_8_1", "7_8_2", "7_8_3"}

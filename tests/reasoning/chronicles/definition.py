@@ -1,4 +1,4 @@
-"""What chronicles mean, transcribed from thesis 8.3 and from the statement in reasoning/chronicles/model.py: slow, and
+"""What chronicles mean, transcribed from thesis 8.3 and from the statement in reasoning/chronicles/definition/model.py: slow, and
 nothing of the engine is used. Every assignment of symbols to variables and of times to instants is tried.
 """
 
@@ -7,17 +7,17 @@ from itertools import product
 from typing import Any, NamedTuple
 
 from reasoning.chronicles import MINUS_INFINITY
-from reasoning.chronicles.model import (
+from reasoning.chronicles.definition.model import (
+    ChronicleVariable,
     Event,
     Inclusion,
     Instants,
-    Member,
+    MemberOf,
     NoEvent,
     Occurs,
-    Variable,
     Variables,
 )
-from reasoning.chronicles.times import ConstraintUse, Distance, Order, TimePoint
+from reasoning.chronicles.definition.times import ConstraintUse, Distance, TimeOrder, TimePoint
 from tests.reasoning.chronicles.truth import truth, variables_of
 
 
@@ -146,9 +146,9 @@ class Meaning:
                 return set(names)
             case Variables(some, domain):
                 if domain is not None:
-                    self.conditions += [(Member(one, domain), variables, prefix) for one in some]
+                    self.conditions += [(MemberOf(one, domain), variables, prefix) for one in some]
                 return set()
-            case Order() | Distance() | ConstraintUse():
+            case TimeOrder() | Distance() | ConstraintUse():
                 return self._timing(statement, prefix, given)
             case Inclusion():
                 return self._part(statement, prefix, variables, given)
@@ -157,7 +157,7 @@ class Meaning:
 
     def _timing(self, statement, prefix, given):
         match statement:
-            case Order(points, operators):
+            case TimeOrder(points, operators):
                 found = [self._point(one, prefix, given) for one in points]
                 for left, operator, right in zip(found, operators, found[1:], strict=False):
                     self._compare(left, operator, right)
@@ -183,7 +183,7 @@ class Meaning:
         theirs = {
             str(mine): self._parameter(one, prefix, variables)
             for mine, one in zip(inner.parameters, part.arguments, strict=True)
-            if one != Variable()
+            if one != ChronicleVariable()
         }
         points = {}
         for at, (label, point) in enumerate(part.points):
@@ -196,7 +196,7 @@ class Meaning:
         """A symbol, or the name of a variable in the whole; a mere ? or * stays."""
         if isinstance(one, str) or not one.name:
             return one
-        return variables.get(str(one), Variable(prefix + one.name, star=one.star))
+        return variables.get(str(one), ChronicleVariable(prefix + one.name, star=one.star))
 
     def _need(self, least, most, type_, begin, end, prefix, variables):
         parameters = tuple(self._parameter(one, prefix, variables) for one in type_.parameters)
@@ -212,7 +212,7 @@ class Meaning:
     def named(self, condition, variables, prefix):
         """The variables of a condition, in the names of the whole."""
         found = [self._parameter(one, prefix, variables) for one in variables_of(condition, self.file)]
-        return {str(one) for one in found if isinstance(one, Variable)}
+        return {str(one) for one in found if isinstance(one, ChronicleVariable)}
 
     def holds(self, condition, variables, prefix, symbols):
         def value(one):
@@ -400,4 +400,4 @@ def recognised(file, happenings, until_ms, max_age_ms=None):
 
 
 def _is_question(one):
-    return isinstance(one, Variable) and bool(one.name) and not one.star
+    return isinstance(one, ChronicleVariable) and bool(one.name) and not one.star

@@ -3,35 +3,49 @@
 from random import Random
 
 from reasoning.chronicles import MINUS_INFINITY
-from reasoning.chronicles.domains import Complement, Named, Symbols
-from reasoning.chronicles.model import (
+from reasoning.chronicles.definition.domains import Complement, NamedDomain, Symbols
+from reasoning.chronicles.definition.model import (
     Attribute,
     Choice,
     Chronicle,
     ChronicleFile,
+    ChronicleVariable,
+    Disjunction,
     DomainDefinition,
     Equal,
     Event,
     EventType,
-    Implies,
+    Implication,
     Inclusion,
     Instants,
-    Member,
+    MemberOf,
     NamedConstraint,
+    Negation,
     NoEvent,
-    Not,
     Occurs,
-    Or,
     Use,
-    Variable,
     Variables,
 )
-from reasoning.chronicles.times import ZERO, ComplexConstraint, ConstraintUse, Distance, Interval, Order, TimePoint
+from reasoning.chronicles.definition.times import (
+    ZERO,
+    ComplexConstraint,
+    ConstraintUse,
+    Distance,
+    Interval,
+    TimeOrder,
+    TimePoint,
+)
 from tests.reasoning.chronicles.definition import Happening
 
 OBJECTS = ("p", "q")
 VALUES = ("u", "v")
-X, Y, Z, STAR, ANY = Variable("x"), Variable("y"), Variable("z"), Variable("w", star=True), Variable()
+X, Y, Z, STAR, ANY = (
+    ChronicleVariable("x"),
+    ChronicleVariable("y"),
+    ChronicleVariable("z"),
+    ChronicleVariable("w", star=True),
+    ChronicleVariable(),
+)
 
 
 class Maker:
@@ -51,12 +65,14 @@ class Maker:
             ComplexConstraint(
                 "soon",
                 ("a", "b"),
-                (Order((TimePoint("a"), TimePoint("b")), ("<=",)), Distance("b", "a", Interval(None, 4))),
+                (TimeOrder((TimePoint("a"), TimePoint("b")), ("<=",)), Distance("b", "a", Interval(None, 4))),
             ),
         ]
         if self.chance(0.2):
             inside = (
-                Member(Variable("value"), Complement(Symbols(("v",)))) if self.chance(0.5) else Member(X, Named("Some"))
+                MemberOf(ChronicleVariable("value"), Complement(Symbols(("v",))))
+                if self.chance(0.5)
+                else MemberOf(X, NamedDomain("Some"))
             )
             declarations.append(Attribute("a", (X,), (inside,)))
         inner = None
@@ -119,9 +135,9 @@ class Maker:
         operator = self.rng.choice(["<", "<=", "<=", "=", ">", ">="])
         match self.rng.randrange(9):
             case 0 | 1 | 2:
-                return Order((first, second), (operator,))
+                return TimeOrder((first, second), (operator,))
             case 3:
-                return Order((first, second, third), ("<=", operator))
+                return TimeOrder((first, second, third), ("<=", operator))
             case 4 | 5:
                 low = self.rng.randint(-3, 3)
                 to, from_ = self.rng.sample(self.names, 2)
@@ -143,9 +159,9 @@ class Maker:
         atoms = [
             Equal(one, other, same=self.chance(0.3)),
             Equal(one, symbol, same=self.chance(0.5)),
-            Member(
+            MemberOf(
                 one,
-                self.rng.choice([Named("Some"), Symbols(("q", "v")), Complement(Symbols((symbol,)))]),
+                self.rng.choice([NamedDomain("Some"), Symbols(("q", "v")), Complement(Symbols((symbol,)))]),
                 self.chance(0.7),
             ),
             Use("differ", (one, other)),
@@ -156,13 +172,13 @@ class Maker:
             first,
             first,
             first,
-            Not(first),
-            Or((first, second)),
-            Implies(first, second),
+            Negation(first),
+            Disjunction((first, second)),
+            Implication(first, second),
             Choice(first, second, third),
         ]
         if self.chance(0.15):
-            return Variables((one,), Named("Some"))
+            return Variables((one,), NamedDomain("Some"))
         return self.rng.choice(made)
 
     def happenings(self):

@@ -3,8 +3,8 @@
 import os
 from itertools import chain, combinations, product
 
-from dyknow.errors import ChronicleError
-from reasoning.chronicles import Variable
+from dyknow.model.errors import ChronicleError
+from reasoning.chronicles import ChronicleVariable
 from tests.reasoning.chronicles.definition import Happening, Meaning, in_order
 from tests.reasoning.chronicles.random_chronicles import OBJECTS, VALUES, Maker
 from tests.reasoning.chronicles.test_definition import compare, told
@@ -64,7 +64,7 @@ def has_room(meaning) -> bool:
     kind could pass is taken as open until its interval has passed, all the same.
     """
     wild = [
-        any(isinstance(one, Variable) and str(one) not in meaning.bound for one in need.parameters)
+        any(isinstance(one, ChronicleVariable) and str(one) not in meaning.bound for one in need.parameters)
         for need in meaning.needs
     ]
     return not meaning.file.attributes and all(

@@ -3,9 +3,9 @@
 import pytest
 
 from dyknow import Label
-from dyknow.errors import TextError
+from dyknow.model.errors import TextError
 from reasoning.chronicles import MINUS_INFINITY
-from reasoning.chronicles.events import RecordedEvent, read_events
+from reasoning.chronicles.recognition.events import RecordedEvent, read_events
 
 
 def test_changes_messages_and_the_clock_are_read() -> None:

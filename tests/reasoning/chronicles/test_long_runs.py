@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from bench.traffic import Change, changes, overtake, turns
-from kpl.chronicles import parse_chronicles
+from bench.formulas.traffic import Change, changes, overtake, turns
+from kpl.syntax.chronicles import parse_chronicles
 from reasoning.chronicles import ChronicleFile, Recogniser
-from tests.thesis.test_chronicles import BEHIND_THEN_IN_FRONT, LEFT_TURN, PREDICTED
+from tests.thesis.reasoning.test_chronicles import BEHIND_THEN_IN_FRONT, LEFT_TURN, PREDICTED
 
 CARS = 50
 SIZES = [pytest.param(20_000, id="fiftieth"), pytest.param(1_000_000, id="bar", marks=pytest.mark.full)]

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dyknow.errors import ChronicleError
-from reasoning.chronicles.network import UNBOUNDED, Difference, TemporalNetwork, chained, minimal_network
+from dyknow.model.errors import ChronicleError
+from reasoning.chronicles.definition.network import UNBOUNDED, Difference, TemporalNetwork, chained, minimal_network
 
 SIZE = 5
 INSTANTS = st.integers(0, SIZE - 1)

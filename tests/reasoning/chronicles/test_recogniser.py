@@ -9,30 +9,30 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.traffic import Change, changes, overtake, turns
+from bench.formulas.traffic import Change, changes, overtake, turns
 from dyknow import NO_VALUE, Label
-from dyknow.errors import ChronicleError
-from kpl.chronicles import parse_chronicles
+from dyknow.model.errors import ChronicleError
+from kpl.syntax.chronicles import parse_chronicles
 from reasoning.chronicles import (
     ChangeEvents,
     Chronicle,
     ChronicleFile,
+    ChronicleInstance,
+    ChronicleVariable,
     Equal,
     Event,
     EventType,
     Inclusion,
-    Instance,
-    Limits,
     NamedConstraint,
+    Negation,
     NoEvent,
-    Not,
     Parameter,
     Recogniser,
+    RecognitionLimits,
     TimePoint,
     Use,
-    Variable,
 )
-from tests.thesis.test_chronicles import BEHIND_THEN_IN_FRONT, LEFT_TURN, PREDICTED
+from tests.thesis.reasoning.test_chronicles import BEHIND_THEN_IN_FRONT, LEFT_TURN, PREDICTED
 
 AB = "chronicle c[?x] { event(a[?x], t1) event(b[?x], t2) t2 - t1 in [0, 1000] }"
 
@@ -40,7 +40,7 @@ AB = "chronicle c[?x] { event(a[?x], t1) event(b[?x], t2) t2 - t1 in [0, 1000] }
 parsed = cache(parse_chronicles)
 
 
-def recogniser(text: str, limits: Limits | None = None) -> Recogniser:
+def recogniser(text: str, limits: RecognitionLimits | None = None) -> Recogniser:
     return Recogniser.of(parsed(text), limits=limits)
 
 
@@ -142,11 +142,11 @@ def test_without_a_bound_the_engine_says_what_it_would_remember_for_ever() -> No
 @pytest.mark.parametrize(
     ("limits", "reason"),
     [
-        (Limits(events_of_one_binding=50), "events of one binding"),
-        (Limits(found_at_once=10), "instances found by one event"),
+        (RecognitionLimits(events_of_one_binding=50), "events of one binding"),
+        (RecognitionLimits(found_at_once=10), "instances found by one event"),
     ],
 )
-def test_what_a_limit_cuts_off_is_told_as_incomplete(limits: Limits, reason: str) -> None:
+def test_what_a_limit_cuts_off_is_told_as_incomplete(limits: RecognitionLimits, reason: str) -> None:
     engine = recogniser("chronicle c { event(a, t1) event(b, t2) t1 <= t2 }", limits)
     for at_ms in range(200):
         engine.on_message(at_ms, "a", ())
@@ -156,7 +156,9 @@ def test_what_a_limit_cuts_off_is_told_as_incomplete(limits: Limits, reason: str
 
 
 def test_what_waits_is_bounded() -> None:
-    engine = recogniser("chronicle c { event(a, t1) noevent(b, (t1, t2)) t2 - t1 in [1000, 1000] }", Limits(waiting=10))
+    engine = recogniser(
+        "chronicle c { event(a, t1) noevent(b, (t1, t2)) t2 - t1 in [1000, 1000] }", RecognitionLimits(waiting=10)
+    )
     for at_ms in range(100):
         engine.on_message(at_ms, "a", ())
     assert engine.live <= 40
@@ -166,15 +168,15 @@ def test_what_waits_is_bounded() -> None:
 
 def test_all_that_is_remembered_is_bounded() -> None:
     text = "chronicle c[?x] { event(a[?x], t1) event(b[?x], t2) t1 <= t2 }"
-    engine = recogniser(text, Limits(events=1000))
+    engine = recogniser(text, RecognitionLimits(events=1000))
     for at_ms in range(30_000):
         engine.on_message(at_ms, "a", (f"k{at_ms}",))
     assert engine.live <= 1000 + 8192 + 1
     assert engine.incomplete["c"]["events"] > 0
 
 
-def feed(engine: Recogniser, events: Iterable[Change], every: int = 500) -> tuple[list[Instance], list[int]]:
-    told: list[Instance] = []
+def feed(engine: Recogniser, events: Iterable[Change], every: int = 500) -> tuple[list[ChronicleInstance], list[int]]:
+    told: list[ChronicleInstance] = []
     live = []
     for number, event in enumerate(events):
         told += engine.on_change(*event)
@@ -208,7 +210,7 @@ def test_forgetting_loses_nothing() -> None:
     file, events = overtake(), list(changes(4, 1_200, seed=3, roads=2))
     lazy, _ = feed(Recogniser.of(file), events)
     eager = Recogniser.of(file)
-    told: list[Instance] = []
+    told: list[ChronicleInstance] = []
     for number, event in enumerate(events):
         told += eager.on_change(*event)
         if not number % 5:
@@ -278,10 +280,10 @@ def test_what_a_chronicle_listens_to_can_be_asked() -> None:
     assert recogniser(AB).messages == {("a", 1), ("b", 1)}
 
 
-X: tuple[Parameter, ...] = (Variable("x"),)
+X: tuple[Parameter, ...] = (ChronicleVariable("x"),)
 DOUBLING = ChronicleFile(
     (
-        NamedConstraint("k0", X, (Equal(Variable("x"), "a"),)),
+        NamedConstraint("k0", X, (Equal(ChronicleVariable("x"), "a"),)),
         *(NamedConstraint(f"k{n}", X, (Use(f"k{n - 1}", X),) * 2) for n in range(1, 60)),
         Chronicle("c", (), (), (Event(EventType("e", X), TimePoint("t")), Use("k59", X))),
     )
@@ -294,7 +296,7 @@ DEEP = ChronicleFile(
             (),
             (
                 Event(EventType("e", X), TimePoint("t")),
-                reduce(lambda c, _: Not(c), range(10_000), Equal(Variable("x"), "a")),
+                reduce(lambda c, _: Negation(c), range(10_000), Equal(ChronicleVariable("x"), "a")),
             ),
         ),
     )

@@ -1,22 +1,33 @@
 """Constraints on variables and domains, read as thesis 8.3.1 and 8.3.5 say."""
 
-from reasoning.chronicles.domains import Combination, Complement, Named, Symbols
-from reasoning.chronicles.model import And, Choice, Equal, Iff, Implies, Member, Not, Or, Use, Variable
+from reasoning.chronicles.definition.domains import Combination, Complement, NamedDomain, Symbols
+from reasoning.chronicles.definition.model import (
+    Choice,
+    ChronicleVariable,
+    Conjunction,
+    Disjunction,
+    Equal,
+    Iff,
+    Implication,
+    MemberOf,
+    Negation,
+    Use,
+)
 
 
 def variables_of(condition, file):
     match condition:
-        case Member(variable, _):
+        case MemberOf(variable, _):
             return [variable]
         case Equal(variable, other):
-            return [variable, *([other] if isinstance(other, Variable) else [])]
+            return [variable, *([other] if isinstance(other, ChronicleVariable) else [])]
         case Use(_, arguments):
-            return [one for one in arguments if isinstance(one, Variable)]
-        case Not(operand):
+            return [one for one in arguments if isinstance(one, ChronicleVariable)]
+        case Negation(operand):
             return variables_of(operand, file)
-        case And(operands) | Or(operands):
+        case Conjunction(operands) | Disjunction(operands):
             return [one for each in operands for one in variables_of(each, file)]
-        case Implies(left, right) | Iff(left, right):
+        case Implication(left, right) | Iff(left, right):
             return variables_of(left, file) + variables_of(right, file)
     return [
         one for each in (condition.condition, condition.then, condition.otherwise) for one in variables_of(each, file)
@@ -26,17 +37,17 @@ def variables_of(condition, file):
 def truth(condition, value, file):
     """Whether a condition holds where `value` gives the symbol of a parameter."""
     match condition:
-        case Member(variable, domain, inside):
+        case MemberOf(variable, domain, inside):
             return is_in(value(variable), domain, file) == inside
         case Equal(variable, other, same):
             return (value(variable) == value(other)) == same
-        case Not(operand):
+        case Negation(operand):
             return not truth(operand, value, file)
-        case And(operands):
+        case Conjunction(operands):
             return all(truth(one, value, file) for one in operands)
-        case Or(operands):
+        case Disjunction(operands):
             return any(truth(one, value, file) for one in operands)
-        case Implies(left, right):
+        case Implication(left, right):
             return not truth(left, value, file) or truth(right, value, file)
         case Iff(left, right):
             return truth(left, value, file) == truth(right, value, file)
@@ -54,7 +65,7 @@ def is_in(symbol, domain, file):
     match domain:
         case Symbols(symbols):
             return symbol in symbols
-        case Named(name):
+        case NamedDomain(name):
             return is_in(symbol, file.domains[name], file)
         case Complement(inner):
             return not is_in(symbol, inner, file)

@@ -1,0 +1,217 @@
+"""Which acts are let in: limits, services, visibility and roles, from the table of actions (thesis 9.3.2).
+
+A public service answers any agent on any platform. A protected one answers agents of its own platform, and others only
+through the Interface Agent. A private one answers agents of its own platform only. Times are the node clock.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+from agents.actions import Action, Role, ServiceTable
+from agents.admission.limits import ActLimits
+from agents.effects import Effect
+from agents.interface import InterfaceAgent
+from agents.part import Followed, Part, PeerChange
+from dyknow.model import errors
+from federation import keys
+from federation.members.correspondence import INTERFACE
+from federation.members.liveness import PlatformAppeared, PlatformGone, PlatformReturned
+from federation.members.offers import Service, Visibility
+from federation.messages.acts import Act, Performative
+from federation.messages.contents import Content, Done, Reason, read
+from federation.messages.protocols import OPENING
+from federation.transport import Arrived, Subscribe
+
+P = Performative
+Handler: TypeAlias = Callable[[Act, Any, int], None]
+LONGEST_REASON = 1000
+
+
+class Denied(errors.Refused):
+    """Refused at the door: the audit log counts it by its code."""
+
+
+def admitted(visibility: Visibility, *, same_platform: bool, through_interface: bool) -> bool:
+    """Whether a request reaches the service: the table of thesis 9.3.2."""
+    if same_platform or visibility is Visibility.PUBLIC:
+        return True
+    return visibility is Visibility.PROTECTED and through_interface
+
+
+def reason_of(error: errors.DyknowError) -> Reason:
+    """Why something was refused, failed or not understood, as it is answered."""
+    text = str(error)[:LONGEST_REASON]
+    if isinstance(error, errors.Refused):
+        return Reason(text=text, code=error.code or None, leader=error.leader, generation=error.generation)
+    return Reason(text=text, code="unknown-label" if isinstance(error, errors.UnknownLabel) else None)
+
+
+class Admission(Part):
+    """Admits acts and passes each to the part that handles it.
+
+    Args:
+        agent: speaks and listens.
+        parts: all others of the platform: their actions, cancels and losses.
+        limits: how much one peer may ask.
+        role_of: what a unit may ask for.
+        emit: takes effects.
+        refuse: counts what is dropped before it is an act.
+
+    Raises:
+        UnitError: a part has no method that an action of it names.
+        ContentError: two parts understand the same content.
+    """
+
+    arrivals = {"acl": "on_act"}  # noqa: RUF012  (a declaration)
+
+    def __init__(
+        self,
+        agent: InterfaceAgent,
+        parts: Sequence[Part],
+        limits: ActLimits,
+        role_of: Callable[[str], Role],
+        emit: Callable[[Effect], None],
+        refuse: Callable[[str], None],
+    ) -> None:
+        self._interface, self._parts, self._limits, self._role_of = agent, tuple(parts), limits, role_of
+        self._emit, self._refuse, self._unit = emit, refuse, agent.unit
+        self.table = ServiceTable(offer for part in parts for offer in part.offers)
+        self._handlers: dict[str, Handler] = {
+            action.head: _handler(part, action) for part in parts for offer in part.offers for action in offer.actions
+        }
+
+    # -- events ------------------------------------------------------------------------------------------------
+
+    def start(self, _now_us: int) -> None:
+        self._emit(Subscribe(keys.inbox(self._unit)))
+        self._emit(Subscribe(keys.BROADCAST))
+
+    def on_act(self, event: Arrived, _now_us: int) -> Followed:
+        """Bytes on an act key; raises DecodeError for what is none."""
+        key = keys.parse_key(event.key)
+        if not isinstance(key, keys.ActKey):
+            raise errors.DecodeError("key")
+        if key.sender == self._unit:
+            self._refuse("our own name")
+        else:
+            self._interface.acts.on_arrived(event, key)
+            self._admit_all(event.at_us)
+        return None
+
+    def on_peer(self, change: PeerChange, now_us: int) -> None:
+        match change:
+            case PlatformAppeared() | PlatformReturned():
+                self._interface.acts.peer_appeared(change.unit, change.boot, now_us)
+            case PlatformGone():
+                self._interface.acts.peer_gone(change.unit, now_us)
+        self._admit_all(now_us)
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._interface.acts.deadline_us
+
+    def on_time(self, now_us: int) -> None:
+        self._interface.acts.on_time(now_us)
+        self._admit_all(now_us)
+
+    def flush(self) -> None:
+        """Acknowledge what no act of this step did."""
+        self._interface.acts.flush()
+
+    def ask_locally(
+        self, agent: str, content: Content, now_us: int, on_answer: Callable[[Act], None], *, by: str = INTERFACE
+    ) -> None:
+        """An agent of this platform asks another; answers that come at once are taken."""
+        act = self._interface.local_act(agent, content, on_answer, by)
+        self._consider(act, now_us)
+        self._interface.end_local(act)
+
+    # -- admission ---------------------------------------------------------------------------------------------
+
+    def _admit_all(self, now_us: int) -> None:
+        """Admit what arrived, each noted with its outcome; end what was lost."""
+        interface = self._interface
+        while interface.requests or interface.lost:
+            if interface.requests:
+                act = interface.requests.pop(0)
+                with interface.audit_log.on_arrival(now_us, act) as comes_to:
+                    comes_to(self._consider(act, now_us))
+            else:
+                opening = interface.lost.pop(0)
+                any(part.on_lost(opening, now_us) for part in self._parts)
+
+    def _consider(self, act: Act, now_us: int) -> str:
+        """Do what the act asks for, or answer why not; returns the outcome in words."""
+        try:
+            self._admit(act, now_us)
+        except errors.ContentError as wrong:
+            self._answer(act, P.NOT_UNDERSTOOD, wrong, now_us)
+            return f"not understood: {wrong}"
+        except errors.ValueNotAvailable as wrong:
+            self._answer(act, P.FAILURE, wrong, now_us)
+        except errors.DyknowError as wrong:
+            self._answer(act, P.REFUSE, wrong, now_us)
+            return f"{wrong.code.replace('-', ' ') if isinstance(wrong, Denied) else 'refused'}: {wrong}"
+        return "accepted"
+
+    def _answer(self, act: Act, performative: Performative, error: errors.DyknowError, now_us: int) -> None:
+        """Send a refusal. Never answer a not-understood, or two agents could loop."""
+        if act.performative in OPENING or act.performative is P.CANCEL:
+            self._interface.answer(replace(act, reply_to=None), performative, reason_of(error), now_us)
+
+    def _admit(self, act: Act, now_us: int) -> None:
+        """Through the door, or not.
+
+        Raises:
+            Denied, ContentError, and what the part that handles it raises.
+        """
+        sender = act.sender.unit
+        is_own = sender == self._unit
+        if not is_own and not self._limits.admit(sender, now_us):
+            raise Denied(f"too many acts from {sender}; ask more slowly", "too-many-acts")
+        if act.reply_to is not None and act.reply_to.unit != sender:
+            raise Denied(f"answers go to {sender}, who asks, and to no other platform", "reply-to-another")
+        if act.performative is P.CANCEL:
+            self._cancel(act, now_us)
+            return
+        if act.content is None:
+            raise errors.ContentError("an act without content says nothing")
+        content = read(act.content)
+        service, action = self.table.of(content.head, act.performative)
+        self._check_door(act, service, is_own=is_own)
+        if not is_own:
+            self._check_role(sender, action)
+        self._handlers[content.head](act, content, now_us)
+
+    def _check_door(self, act: Act, service: Service, *, is_own: bool) -> None:
+        """The rules of thesis 9.3.2: whether an agent of that platform reaches the service in that way."""
+        through_interface = act.receiver.agent == INTERFACE
+        if not through_interface and act.receiver.agent != service.agent:
+            raise errors.ContentError(f"{act.receiver.agent} does not understand this: ask {service.agent}")
+        if not admitted(service.visibility, same_platform=is_own, through_interface=through_interface):
+            remedy = f"; ask {INTERFACE}@{self._unit}" if service.visibility is Visibility.PROTECTED else ""
+            raise Denied(f"{service.service} is {service.visibility} on {self._unit}{remedy}", service.visibility)
+
+    def _check_role(self, unit: str, action: Action) -> None:
+        if self._role_of(unit) >= action.role:
+            return
+        if action.role is Role.COMMAND_CENTRE:
+            raise Denied(f"only a command centre may ask for ({action.head} ...)", "role")
+        raise Denied(f"an observer may ask and subscribe, but not for ({action.head} ...)", "role")
+
+    def _cancel(self, act: Act, now_us: int) -> None:
+        if any(part.on_cancel(act, now_us) for part in self._parts):
+            self._interface.answer(act, P.INFORM, Done(), now_us)
+        else:
+            text = f"no task {act.conversation_id} on this platform"
+            self._interface.answer(act, P.FAILURE, Reason(text=text, code="unknown-task"), now_us)
+
+
+def _handler(part: Part, action: Action) -> Handler:
+    handler: Handler | None = getattr(part, action.handler, None)
+    if handler is None:
+        raise errors.UnitError(
+            f"({action.head} ...): {type(part).__name__} has no method {action.handler} to handle it"
+        )
+    return handler

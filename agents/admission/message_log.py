@@ -1,0 +1,73 @@
+"""The audit log of a platform for users and agents: the acts that crossed the Interface Agent (thesis 9.3.2)."""
+
+from typing import Final
+
+from agents.actions import QUERIED, SUBSCRIBED, Action, Offer, Role
+from agents.audit_log import AuditEntry
+from agents.interface import InterfaceAgent
+from agents.part import Part
+from agents.subscribers import Subscribers
+from agents.tasks import TaskLife
+from federation.members.offers import Service
+from federation.messages.acts import Act
+from federation.messages.contents import ActList, ActLog, Acts, Content
+
+ACTS_A_PAGE = 25
+LONGEST_ACT = 2000
+LONGEST_OUTCOME = 400
+ACCOUNT: Final = Service("account", "account")
+
+
+class MessageLog(Part):
+    """Answers what passed, and informs subscribers of every act as it passes."""
+
+    offers = (
+        Offer(
+            ACCOUNT,
+            (
+                Action(Acts, "on_subscribe", SUBSCRIBED, Role.OBSERVER),
+                Action(ActList, "on_act_list", QUERIED, Role.OBSERVER),
+            ),
+        ),
+    )
+    answers = (ActLog,)
+
+    def __init__(self, agent: InterfaceAgent, tasks: TaskLife) -> None:
+        self._audit_log, self._agent = agent.audit_log, agent
+        self._subscribers = Subscribers(agent, tasks)
+        agent.audit_log.subscribe(self._on_entry)
+
+    def on_subscribe(self, act: Act, _content: Acts, now_us: int) -> None:
+        """`(acts)`"""
+        self._subscribers.add(act, now_us)
+
+    def on_act_list(self, act: Act, _content: Content, now_us: int) -> None:
+        """`(act-list)`"""
+        acts = [_content_of(entry) for entry in self._audit_log.entries]
+        self._agent.answer_pages(act, acts, ACTS_A_PAGE, lambda page, more: ActList(acts=page, more=more), now_us)
+
+    def _on_entry(self, entry: AuditEntry) -> None:
+        """Subscribers hear neither of what they are informed of, nor of their own questions about it."""
+        if not self._subscribers:
+            return
+        if entry.act is None or (entry.peer, entry.act.conversation_id) not in self._subscribers:
+            self._subscribers.inform(_content_of(entry), entry.at_us)
+
+    def on_cancel(self, act: Act, _now_us: int) -> bool:
+        return self._subscribers.remove(act)
+
+    def on_lost(self, act: Act, _now_us: int) -> bool:
+        return self._subscribers.remove(act)
+
+
+def _content_of(entry: AuditEntry) -> ActLog:
+    text = None if entry.act is None else str(entry.act)
+    if text is not None and len(text) > LONGEST_ACT:
+        text = f"{text[: LONGEST_ACT - 3]}..."
+    return ActLog(
+        at_us=entry.at_us,
+        direction=entry.direction,
+        peer=entry.peer,
+        outcome=entry.outcome[:LONGEST_OUTCOME],
+        act=text,
+    )

@@ -1,0 +1,293 @@
+"""The Directory Facilitator's agent: the platforms, what they offer, and this platform's own coming and going (9.3.2).
+
+Times are the node clock.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Final
+
+from agents.actions import FEDERATION, QUERIED, SUBSCRIBED, Action, Offer, Role
+from agents.admission.message_log import ACCOUNT
+from agents.effects import Effect, Halt, LeaveRequested
+from agents.exchange.import_proxy import ImportProxy
+from agents.interface import InterfaceAgent
+from agents.part import ClockCompared, Followed, Part, PeerChange
+from agents.subscribers import Subscribers
+from agents.tasks import TaskLife
+from federation import keys
+from federation.members import liveness
+from federation.members.directory import Outcome
+from federation.members.member import Member, heartbeat_of
+from federation.members.offers import LabelAppeared, LabelGone, Service, ServiceAppeared, ServiceGone, Visibility
+from federation.members.replicas import PlatformRefused
+from federation.messages.acts import Act, AgentName, Performative
+from federation.messages.codec import Heartbeat
+from federation.messages.contents import MAX_LIST, Directory, DirectoryEvent, Found, Leave, Rejoin, Search
+from federation.messages.descriptions import LabelEntry
+from federation.sharing.exports import Exports
+from federation.transport import Answered, Arrived, Asked, AskEnded, Reopen, TokenChanged
+
+DIRECTORY: Final = Service("directory", "directory", Visibility.PUBLIC)
+MISSING_US = 60_000_000
+"""How long a platform that timed out is listed as missing."""
+_CHANGES: Final = (
+    liveness.PlatformAppeared, liveness.PlatformReturned, liveness.PlatformSuspected, liveness.PlatformGone, ServiceAppeared, ServiceGone, LabelAppeared,
+    LabelGone, liveness.NameConflict, PlatformRefused,
+)  # fmt: skip
+_PLATFORM: Final[Mapping[type, str]] = {
+    liveness.PlatformAppeared: "platform-appeared",
+    liveness.PlatformSuspected: "platform-suspected",
+    liveness.PlatformReturned: "platform-returned",
+    liveness.PlatformGone: "platform-gone",
+}
+
+
+class DirectoryAgent(Part):
+    """Feeds the directory, tells the parts what changes in it, and answers questions about it.
+
+    Args:
+        offered, labels: the services and semantic labels this platform offers, as they are now.
+        on_peer: called with every change.
+        emit, note: take effects, and words for users.
+    """
+
+    offers = (
+        Offer(
+            DIRECTORY,
+            (
+                Action(Directory, "on_subscribe", SUBSCRIBED, Role.OBSERVER),
+                Action(Search, "on_search", QUERIED, Role.OBSERVER),
+            ),
+        ),
+        Offer(
+            ACCOUNT,
+            (
+                Action(Leave, "on_leave", role=Role.COMMAND_CENTRE, typed=True),
+                Action(Rejoin, "on_rejoin", role=Role.COMMAND_CENTRE, typed=True),
+            ),
+        ),
+    )
+    answers = (DirectoryEvent, Found)
+    arrivals = {"hb": "on_heartbeat"}  # noqa: RUF012  (declarations)
+    takes = {  # noqa: RUF012
+        TokenChanged: "on_token",
+        keys.DescribeKey: "on_asked",
+        Answered: "on_answered",
+        AskEnded: "on_ask_ended",
+        LeaveRequested: "on_leave_requested",
+    }
+
+    def __init__(
+        self,
+        member: Member,
+        agent: InterfaceAgent,
+        tasks: TaskLife,
+        offered: Callable[[], Sequence[Service]],
+        labels: Callable[[], Sequence[LabelEntry]],
+        importer: ImportProxy,
+        exports: Exports,
+        on_peer: Callable[[PeerChange, int], None],
+        emit: Callable[[Effect], None],
+        note: Callable[[str], None],
+    ) -> None:
+        self.facilitator, self._agent, self._offered, self._labels = member.directory, agent, offered, labels
+        self._imports, self._importing, self._own_tails = member.imports, (importer,), exports.tails
+        self._is_twin = member.is_twin
+        self._publish, self._emit, self._note = on_peer, emit, note
+        self._continues, self._tails = member.directory.goes_on, member.imports.tails
+        self._subscribers = Subscribers(agent, tasks)
+        self._members: tuple[str, ...] | None = None
+        self._missing: dict[str, int] = {}
+        self._own: Followed = (self,)
+
+    # -- our own entry -----------------------------------------------------------------------------------------
+
+    def start(self, now_us: int) -> None:
+        self.offer(now_us)
+        self._take(self.facilitator.start(now_us), now_us)
+
+    def offer(self, now_us: int) -> None:
+        """Tell the others which services and labels there are now."""
+        self._take(self.facilitator.declare(self._offered(), self._labels(), now_us, self._own_tails()), now_us)
+
+    def on_leave_requested(self, event: LeaveRequested, _now_us: int) -> Followed:
+        """Unregister: streams that are set up continue while the process lives (thesis 9.3.4)."""
+        self._take(self.facilitator.leave(event.at_us), event.at_us)
+        return None
+
+    def on_leave(self, act: Act, _content: Leave, now_us: int) -> None:
+        """`(leave)`: the answer goes before the good-bye, since a platform that has left is not listened to."""
+        self._agent.done(act, now_us)
+        self._take(self.facilitator.leave(now_us), now_us)
+
+    def on_rejoin(self, act: Act, _content: Rejoin, now_us: int) -> None:
+        """`(rejoin)`"""
+        self.rejoin(now_us)
+        self._agent.done(act, now_us)
+
+    def rejoin(self, now_us: int) -> None:
+        """Come back into the federation."""
+        self._take(self.facilitator.start(now_us, self._own_tails()), now_us)
+
+    # -- what arrives ------------------------------------------------------------------------------------------
+
+    def on_heartbeat(self, event: Arrived, now_us: int) -> Followed:
+        """Nearly all of what arrives besides samples, and nearly always nothing follows from it."""
+        key, at_us, payload = event
+        beat = heartbeat_of(key, payload)
+        if beat is None:
+            return self._on_announced(event, now_us)
+        if not self._continues(beat, at_us):
+            return self._on_changed(beat, at_us, now_us)
+        return () if self._tails.get(beat.unit) is beat.tails else self._follow(beat, at_us)
+
+    def _on_announced(self, event: Arrived, now_us: int) -> Followed:
+        key = keys.parse_key(event.key)
+        if not isinstance(key, keys.AnnouncementKey):
+            return None
+        self._take(self.facilitator.on_announced(key.unit, event.payload, event.at_us), now_us)
+        return None
+
+    def _on_changed(self, beat: Heartbeat, at_us: int, now_us: int) -> Followed:
+        """A heartbeat that may tell of a change."""
+        if beat.unit == self.facilitator.unit and not self._is_twin(beat.boot, at_us):
+            return ()
+        outcome = self.facilitator.on_heartbeat(beat, at_us)
+        followed = self._follow(beat, at_us)
+        if not outcome:
+            return followed
+        self._take(outcome, now_us)
+        return None
+
+    def _follow(self, beat: Heartbeat, at_us: int) -> Followed:
+        return self._importing if self._imports.on_tails(beat.unit, beat.boot, beat.tails, at_us) else ()
+
+    def on_token(self, event: TokenChanged, now_us: int) -> Followed:
+        key = keys.parse_key(event.key)
+        if key is None:
+            return ()
+        return self._followed(self.facilitator.on_token(key, event.alive, event.at_us), now_us)
+
+    def on_asked(self, event: Asked, now_us: int) -> Followed:
+        self._take(self.facilitator.on_asked(event), now_us)
+        return None
+
+    def on_answered(self, event: Answered, now_us: int) -> Followed:
+        return self._followed(self.facilitator.on_answered(event), now_us)
+
+    def on_ask_ended(self, event: AskEnded, _now_us: int) -> Followed:
+        self.facilitator.on_ask_ended(event)
+        return self._own
+
+    def _followed(self, outcomes: Iterable[Outcome], now_us: int) -> Followed:
+        return None if self._take(outcomes, now_us) else self._own
+
+    def _take(self, outcomes: Iterable[Outcome], now_us: int) -> bool:
+        """Emit the effects of the directory, tell the parts of its changes; whether there were changes."""
+        is_changed = False
+        for outcome in outcomes:
+            if isinstance(outcome, _CHANGES):
+                is_changed = True
+                self._on_own(outcome)
+                self._publish(outcome, now_us)
+            else:
+                if isinstance(outcome, Reopen):
+                    self._note(f"opens a new session: {outcome.why}")
+                self._emit(outcome)
+        return is_changed
+
+    def _on_own(self, change: PeerChange) -> None:
+        """What is this platform's own affair: its name, its clock, its members."""
+        match change:
+            case liveness.NameConflict():
+                if change.boot < self.facilitator.boot:
+                    self._emit(Halt(f"another platform is called {change.unit} already; choose another --unit"))
+                else:
+                    self._note(f"another platform calls itself {change.unit}, as this one does")
+            case PlatformRefused():
+                self._on_refused(change)
+            case ServiceAppeared() | ServiceGone() if change.service.service == FEDERATION.service:
+                self._members = None
+
+    def _on_refused(self, change: PlatformRefused) -> None:
+        """Two platforms that cannot federate: of two clocks the one that was there first stays."""
+        entry, boot = self.facilitator.entry(change.unit), self.facilitator.boot
+        if "clock" in change.why and entry is not None and entry.kind == "uav" and change.boot < boot:
+            why = f"{change.unit} is in this federation already and {change.why}: join with the same clock"
+            self._emit(Halt(why))
+        else:
+            self._note(f"{change.unit} cannot federate with this platform: {change.why}")
+
+    # -- time --------------------------------------------------------------------------------------------------
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self.facilitator.deadline_us
+
+    def on_time(self, now_us: int) -> None:
+        """Judge the silent, ask for what is not known, beat."""
+        tails = self._own_tails() if self.facilitator.beats_at(now_us) else ()
+        self._take(self.facilitator.on_time(now_us, tails), now_us)
+
+    # -- questions and subscriptions ---------------------------------------------------------------------------
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """The platforms that offer the federation service, this one included."""
+        if self._members is None:
+            offering = self.facilitator.search(service=FEDERATION.service)
+            self._members = tuple(entry.unit for entry in offering)
+        return self._members
+
+    def on_search(self, act: Act, content: Search, now_us: int) -> None:
+        """`(search ...)`: platforms that provide a service or have a label; and which platforms timed out lately."""
+        entries = self.facilitator.search(service=content.service, label=content.semantic_label, outside=True)
+        agents = tuple(str(AgentName("interface", entry.unit)) for entry in entries)[:MAX_LIST]
+        missing = tuple(unit for unit, since_us in self._missing.items() if now_us < since_us + MISSING_US)[:MAX_LIST]
+        self._agent.answer(act, Performative.INFORM, Found(agents=agents, missing_units=missing), now_us)
+
+    def on_subscribe(self, act: Act, _content: Directory, now_us: int) -> None:
+        """`(directory)`"""
+        self._subscribers.add(act, now_us)
+
+    def on_cancel(self, act: Act, _now_us: int) -> bool:
+        return self._subscribers.remove(act)
+
+    def on_lost(self, act: Act, _now_us: int) -> bool:
+        return self._subscribers.remove(act)
+
+    def on_peer(self, change: PeerChange, now_us: int) -> None:
+        """Inform the subscribers, and remember which platform is missing."""
+        self._note_missing(change, now_us)
+        content = _content_of(change, now_us)
+        if content is not None:
+            self._subscribers.inform(content, now_us)
+
+    def _note_missing(self, change: PeerChange, now_us: int) -> None:
+        """A platform that timed out is listed as missing; one whose token was withdrawn while it still beat has left."""
+        if isinstance(change, liveness.PlatformSuspected):
+            entry = self.facilitator.entry(change.unit)
+            if entry is not None and entry.kind == "uav" and entry.since_us >= entry.heard_us + liveness.SUSPECT_US:
+                self._missing.setdefault(change.unit, now_us)
+        elif isinstance(change, liveness.PlatformAppeared | liveness.PlatformReturned) or (
+            isinstance(change, liveness.PlatformGone) and change.why == "left"
+        ):
+            self._missing.pop(change.unit, None)
+        for unit in [unit for unit, since_us in self._missing.items() if now_us >= since_us + MISSING_US]:
+            del self._missing[unit]
+
+
+def _content_of(change: PeerChange, now_us: int) -> DirectoryEvent | None:
+    match change:
+        case ServiceAppeared(unit, service):
+            return DirectoryEvent(event="service-appeared", unit=unit, at_us=now_us, what=service.service)
+        case ServiceGone(unit, service):
+            return DirectoryEvent(event="service-gone", unit=unit, at_us=now_us, what=service.service)
+        case LabelAppeared(unit, label):
+            return DirectoryEvent(event="label-appeared", unit=unit, at_us=now_us, what=label.label)
+        case LabelGone(unit, label):
+            return DirectoryEvent(event="label-gone", unit=unit, at_us=now_us, what=label.label)
+        case ClockCompared():
+            return None
+    event = _PLATFORM.get(type(change))
+    return None if event is None else DirectoryEvent(event=event, unit=change.unit, at_us=now_us)

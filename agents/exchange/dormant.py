@@ -1,0 +1,95 @@
+"""Queries on dormant streams: a query activates the stream for 30 s; its first sample is the answer.
+
+What is exported is computed only while it has a subscriber (thesis 3.3.6). Where nothing of the past can be had of
+it, as of a camera that is read on demand, a query would otherwise never be answered. Node clock.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from agents.exchange.gateway import Gateway
+from agents.interface import InterfaceAgent
+from dyknow import US_PER_S, Policy, Sample, Subscription
+from dyknow.model.errors import DyknowError
+from federation.members.clock import FederationClock
+from federation.members.deadlines import Deadlines
+from federation.messages.acts import Act, Performative
+from federation.messages.contents import Query, Reason
+
+AWAKE_US = 30 * US_PER_S
+"""How long after the last query a stream is kept, so that the next one finds its past, too."""
+PATIENCE_US = 1_000_000
+MOST = 64
+
+
+@dataclass(slots=True)
+class ActivatedStream:
+    """One stream that is kept for queries, and the queries that its first sample answers."""
+
+    subscription: Subscription
+    asked: list[tuple[Act, Query]] = field(default_factory=list)
+    due_us: int = 0
+
+
+class DormantStreams:
+    """The streams that queries activated on one platform; `respond` answers a query from what is held."""
+
+    def __init__(
+        self,
+        clock: FederationClock,
+        agent: InterfaceAgent,
+        gateway: Gateway,
+        respond: Callable[[Act, Query, int], None],
+    ) -> None:
+        self._clock, self._agent, self._gateway, self._respond = clock, agent, gateway, respond
+        self._kept: dict[str, ActivatedStream] = {}
+        self._due: Deadlines[str] = Deadlines()
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._due.next_us
+
+    def activate(self, act: Act, query: Query, now_us: int) -> bool:
+        """Keep the stream from now on, if it is dormant; whether the query will be answered by what comes."""
+        label = query.semantic_label
+        kept = self._kept.get(label)
+        if kept is None or not kept.subscription.active:
+            generator = self._gateway.network.find(self._gateway.local(label))
+            if generator is None or generator.owner is None or generator.subscriptions or len(self._kept) >= MOST:
+                return False
+            kept = self._kept[label] = ActivatedStream(
+                generator.subscribe(Policy(), lambda sample: self._take(label, sample))
+            )
+        kept.due_us = now_us + AWAKE_US
+        waits = query.op == "latest" and len(kept.asked) < MOST
+        if waits:
+            kept.asked.append((act, query))
+        self._due.set(label, now_us + PATIENCE_US if kept.asked else kept.due_us)
+        return waits
+
+    def on_time(self, now_us: int) -> None:
+        """Fail queries whose time is over; streams without recent queries are dormant again."""
+        for label in self._due.pop_due(now_us):
+            kept = self._kept[label]
+            asked, kept.asked = kept.asked, []
+            for act, _ in asked:
+                text = f"{label} was dormant, and brought nothing within {PATIENCE_US / US_PER_S:g} s"
+                self._agent.answer(act, Performative.FAILURE, Reason(text=text), now_us)
+            if now_us >= kept.due_us or not kept.subscription.active:
+                del self._kept[label]
+                kept.subscription.cancel()
+            else:
+                self._due.set(label, kept.due_us)
+
+    def _take(self, label: str, sample: Sample) -> None:
+        kept = self._kept[label]
+        if not kept.asked:
+            return
+        now_us = self._clock.wall_us(sample.available_us)
+        asked, kept.asked = kept.asked, []
+        self._due.set(label, kept.due_us)
+        for act, query in asked:
+            try:
+                self._respond(act, query, now_us)
+            except DyknowError as refused:
+                self._agent.answer(act, Performative.FAILURE, Reason(text=str(refused)), now_us)

@@ -1,0 +1,80 @@
+"""The export proxy of a platform: local streams go out under semantic labels (thesis 9.3.3)."""
+
+from collections.abc import Callable, Iterable
+
+from dyknow import Label, Network, Policy, Sample, Subscription, converted
+from dyknow.model.errors import UnknownLabel
+from federation.messages.codec import WireSample
+from federation.sharing.exports import ContractEnded, ExportEvent, Exports, StreamEnded, StreamName
+from federation.sharing.ontology import Translation
+from federation.sharing.streams import ExportStream
+from federation.transport import Put
+
+BATCH = 64
+"""Samples of one stream that are put together at most: a payload stays far below 64 KiB."""
+
+
+class ExportProxy:
+    """Subscribes locally once per (semantic label, policy), whatever the number of receivers.
+
+    A receiver that is slow or dead cannot be noticed here: a sample is put once, for all, and never waited for. What
+    one batch of events brought is put in one go by `flush`, which `pending` asks for.
+    """
+
+    def __init__(
+        self, exports: Exports, network: Network, translation: Translation, put: Callable[[Put], None]
+    ) -> None:
+        self.exports = exports
+        self._network, self._translation, self._put = network, translation, put
+        self._subscriptions: dict[StreamName, Subscription] = {}
+        self._waiting: dict[ExportStream, list[WireSample]] = {}
+
+    def start_exporting(
+        self, local: Label, semantic_label: str, receivers: Iterable[str], policy: Policy, contract: str
+    ) -> str:
+        """`start exporting(l, s, w)` of 9.3.3 for each w; returns the hash that names the stream.
+
+        Raises:
+            UnknownLabel: no generator of this instance carries `local`.
+            Refused: the platform exports as many streams as it may.
+        """
+        if local not in self._network.labels():
+            raise UnknownLabel(semantic_label, tuple(str(label) for label in self._network.labels()))
+        stream, is_new = self.exports.open(contract, semantic_label, policy, receivers)
+        if is_new:
+            to_semantic, waiting, number = self._translation.to_semantic(semantic_label), self._waiting, stream.number
+
+            def export(sample: Sample) -> None:
+                value = to_semantic(sample.value)
+                entry = number(sample if value is sample.value else converted(sample, value))
+                batch = waiting.setdefault(stream, [])
+                batch.append(entry)
+                if len(batch) >= BATCH:
+                    self.flush()
+
+            self._subscriptions[semantic_label, stream.policy_hash] = self._network.subscribe(local, policy, export)
+        return stream.policy_hash
+
+    @property
+    def pending(self) -> bool:
+        """Whether samples wait to be put."""
+        return bool(self._waiting)
+
+    def flush(self) -> None:
+        """Put what waits, one payload a stream."""
+        if self._waiting:
+            for stream, entries in self._waiting.items():
+                self._put(stream.put(entries))
+            self._waiting.clear()
+
+    def on_events(self, events: Iterable[ExportEvent]) -> list[ContractEnded]:
+        """End the local subscriptions of ended streams; returns the contracts whose receivers are to be notified."""
+        ended: list[ContractEnded] = []
+        for event in events:
+            if isinstance(event, StreamEnded):
+                subscription = self._subscriptions.pop((event.label, event.policy_hash), None)
+                if subscription is not None:
+                    subscription.cancel()
+            else:
+                ended.append(event)
+        return ended

@@ -1,0 +1,244 @@
+"""The DyKnow Federation Agent: exports on request, and takes what others export (thesis 9.3.3).
+
+Queries are answered by `agents.exchange.stream_queries`. Times are the node clock, but for valid and available times.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict
+
+from agents.actions import FEDERATION, INFORMED, QUERIED, Action, Offer, Role
+from agents.admission.limits import STREAMS_PER_PEER
+from agents.effects import Effect
+from agents.exchange.gateway import Gateway, stream_policy
+from agents.interface import InterfaceAgent
+from agents.part import Followed, Part, PeerChange
+from agents.tasks import Task, TaskLife
+from dyknow import Policy
+from dyknow.model.errors import DyknowError, Refused
+from federation import keys
+from federation.members.directory import DirectoryFacilitator
+from federation.members.liveness import PlatformAppeared, PlatformGone, PlatformReturned
+from federation.messages import contents
+from federation.messages.acts import Act
+from federation.sharing.exports import ContractEnded, EndReason, ExportEvent
+from federation.transport import Asked, DeclareQueryable
+
+IMPORTS_A_PAGE = 200
+
+
+class FederationAgent(Part):
+    """One platform's side of the DyKnow federation service: its contracts, and the streams announced to it."""
+
+    offers = (
+        Offer(
+            FEDERATION,
+            (
+                Action(contents.CreateMulticast, "on_create_multicast", lasting=True, typed=True),
+                Action(contents.StopMulticast, "on_stop_multicast", typed=True),
+                Action(contents.ImportList, "on_import_list", QUERIED, Role.OBSERVER),
+                Action(contents.Stream, "on_stream", INFORMED),
+                Action(contents.EndStream, "on_end_stream", INFORMED),
+            ),
+        ),
+    )
+    takes = {keys.HistoryKey: "on_asked"}  # noqa: RUF012  (a declaration)
+
+    def __init__(
+        self,
+        unit: str,
+        agent: InterfaceAgent,
+        directory: DirectoryFacilitator,
+        gateway: Gateway,
+        tasks: TaskLife,
+        emit: Callable[[Effect], None],
+    ) -> None:
+        self._unit, self._agent, self._directory = unit, agent, directory
+        self._gateway, self._tasks, self._emit = gateway, tasks, emit
+        self._exporter, self._exports = gateway.exporter, gateway.exporter.exports
+
+    # -- exports -----------------------------------------------------------------------------------------------
+
+    def on_create_multicast(self, act: Act, content: contents.CreateMulticast, now_us: int) -> None:
+        """`(create-multicast ...)`: export until cancelled, until `to`, or until the last receiver is gone.
+
+        Raises:
+            UnknownLabel, Refused, PolicyError
+        """
+        owner = self._tasks.check_free(act.conversation_id)
+        asker = act.sender.unit
+        held = sum(len(task.contracts) for task in self._tasks.of(asker))
+        if held + len(content.semantic_labels) > STREAMS_PER_PEER:
+            raise Refused(f"this platform exports {held} streams for {asker}; {STREAMS_PER_PEER} are the most")
+        contracts = self.export(content, owner, now_us)
+        entry = self._directory.entry(asker)
+        is_part = entry is not None and entry.kind == "uav"
+        task = Task(owner, asker, contents.CreateMulticast.head, lambda _at_us: (), since_us=now_us, is_part=is_part)
+        task.contracts.update(zip(contracts, dict.fromkeys(content.semantic_labels), strict=True))
+        all_of_it = tuple(contracts)
+
+        def take_down(at_us: int) -> tuple[str, ...]:
+            self.end_exports(all_of_it, at_us)
+            return ()
+
+        task.take_down = take_down
+        self._tasks.add(task)
+        self._agent.done(act, now_us)
+
+    def on_stop_multicast(self, act: Act, content: contents.StopMulticast, now_us: int) -> None:
+        """`(stop-multicast ...)`: end what `create-multicast` set up; the task ends with its last stream.
+
+        Raises:
+            Refused: there is no such export that the requester may end.
+        """
+        labels = set(content.semantic_labels)
+
+        def fits(task: Task) -> bool:
+            return not labels.isdisjoint(task.contracts.values()) and content.task in {None, task.conversation}
+
+        for task in self._tasks.endable(act, f"an export of {', '.join(sorted(labels))}", fits):
+            for contract in [contract for contract, label in task.contracts.items() if label in labels]:
+                self._stop(contract, now_us, content.to_units)
+                if not self._exports.has(contract):
+                    del task.contracts[contract]
+            if not task.contracts:
+                self._tasks.end(task, act.sender.unit, now_us)
+        self._agent.done(act, now_us)
+
+    def export(self, content: contents.CreateMulticast, owner: str, now_us: int) -> list[str]:
+        """Export the labels to the units, for `owner`, and notify each receiver; returns the contracts.
+
+        Raises:
+            UnknownLabel, Refused, PolicyError: nothing is set up then.
+        """
+        policy = stream_policy(content.sample_period_s, content.delay_s, content.from_us, content.to_us)
+        labels = tuple(dict.fromkeys(content.semantic_labels))
+        receivers = [unit for unit in content.to_units if unit != self._unit]
+        contracts = [f"{owner}.{label}.{policy.content_hash()}" for label in labels]
+        try:
+            for label, contract in zip(labels, contracts, strict=True):
+                self._gateway.create_stream_multicast(label, policy, receivers, contract)
+        except DyknowError:
+            for contract in contracts:  # no receiver has been notified yet
+                self._exporter.on_events(self._exports.stop(contract, now_us))
+            raise
+        announced = contents.Stream(
+            owner=self._unit, semantic_labels=labels, policy=str(policy), hash=policy.content_hash()
+        )
+        for unit in receivers:
+            self._agent.tell(unit, announced, now_us)
+        return contracts
+
+    def end_exports(self, contracts: Iterable[str], now_us: int) -> None:
+        """These contracts are needed no more."""
+        for contract in contracts:
+            self._stop(contract, now_us)
+
+    def _stop(self, contract: str, now_us: int, receivers: Iterable[str] | None = None) -> None:
+        self._on_exports(self._exports.stop(contract, now_us, receivers), now_us)
+
+    def _on_exports(self, events: Iterable[ExportEvent], now_us: int) -> None:
+        """Notify the receivers whom no other contract brings the stream; a task that has run out is over."""
+        for contract in self._exporter.on_events(events):
+            if contract.why is not EndReason.STOPPED:
+                self._run_out(contract, now_us)
+            ended = contents.EndStream(
+                owner=self._unit,
+                semantic_labels=(contract.label,),
+                hash=contract.policy_hash,
+                reason=contract.why,
+            )
+            still = self._exports.receivers(contract.label, contract.policy_hash)
+            for unit in contract.receivers:
+                if unit not in still and self._directory.is_present(unit):
+                    self._agent.tell(unit, ended, now_us)
+
+    def _run_out(self, contract: ContractEnded, now_us: int) -> None:
+        """One stream of a task is over without having been cancelled: the task is, when its last one is."""
+        task = self._tasks.get(contract.contract.removesuffix(f".{contract.label}.{contract.policy_hash}"))
+        if task is None or task.contracts.pop(contract.contract, None) is None:
+            return
+        if not task.contracts:
+            self._tasks.forget(task.conversation)
+            self._agent.end(task.conversation, task.initiator, contract.why, now_us)
+
+    # -- peers, time, recovery ---------------------------------------------------------------------------------
+
+    def start(self, _now_us: int) -> None:
+        self._emit(DeclareQueryable(keys.history_expr(self._unit)))
+
+    def on_asked(self, event: Asked, _now_us: int) -> Followed:
+        """A receiver asks for samples that it lost."""
+        key = keys.parse_key(event.key)
+        if isinstance(key, keys.HistoryKey):
+            for effect in self._exports.on_asked(event, key.label):
+                self._emit(effect)
+        return None
+
+    def on_peer(self, change: PeerChange, now_us: int) -> None:
+        """Receivers come and go: their streams continue for as long as a cut may last."""
+        match change:
+            case PlatformAppeared():
+                self._on_exports(self._exports.receiver_appeared(change.unit, change.boot, now_us), now_us)
+            case PlatformReturned():
+                self._exports.receiver_back(change.unit)
+            case PlatformGone() if change.why == "restarted":
+                self._on_exports(self._exports.receiver_restarted(change.unit, now_us), now_us)
+            case PlatformGone():
+                self._exports.receiver_gone(change.unit, now_us, change.boot)
+
+    @property
+    def is_owing(self) -> bool:
+        return self._exporter.pending
+
+    @property
+    def deadline_us(self) -> int | None:
+        return 0 if self._exporter.pending else self._exports.deadline_us
+
+    def on_time(self, now_us: int) -> None:
+        """Put the samples that wait, and end contracts whose time is over."""
+        self._on_exports(self._exports.on_time(now_us), now_us)
+        self._exporter.flush()
+
+    # -- imports -----------------------------------------------------------------------------------------------
+
+    def on_stream(self, act: Act, content: contents.Stream, now_us: int) -> None:
+        """A platform announces a stream of its own to us.
+
+        Raises:
+            Refused: it is not its own, or not what its hash says. PolicyError, TextError
+        """
+        if content.owner != act.sender.unit:
+            raise Refused(f"{act.sender.unit} announces a stream of {content.owner}")
+        policy = Policy.parse(content.policy)
+        if policy.content_hash() != content.hash:
+            raise Refused(f"the hash of {content.policy!r} is {policy.content_hash()}, not {content.hash}")
+        for label in content.semantic_labels:
+            self._gateway.importer.expect(content.owner, label, content.hash, policy, now_us)
+
+    def on_end_stream(self, act: Act, content: contents.EndStream, _now_us: int) -> None:
+        """A platform ends a stream of its own; raises Refused if it is another's."""
+        if content.owner != act.sender.unit:
+            raise Refused(f"{act.sender.unit} ends a stream of {content.owner}")
+        for label in content.semantic_labels:
+            self._gateway.importer.end(content.owner, label, content.hash)
+
+    def on_import_list(self, act: Act, _content: contents.Content, now_us: int) -> None:
+        """`(import-list)`: which streams come in, and what became of their samples: gaps show here."""
+        streams = [record.stream for record in self._gateway.importer.imports.streams.values()]
+        imports = [
+            contents.ImportAccount(
+                owner=stream.owner,
+                semantic_label=stream.label,
+                hash=stream.policy_hash,
+                missing=stream.missing,
+                **asdict(stream.account),
+            )
+            for stream in streams
+        ]
+        self._agent.answer_pages(
+            act,
+            imports,
+            IMPORTS_A_PAGE,
+            lambda page, more: contents.ImportList(imports=page, more=more),
+            now_us,
+        )

@@ -1,0 +1,129 @@
+"""The Gateway Agent: the only way from the agents to the local instance (thesis 9.3.3, the DyKnow Gateway).
+
+Semantic labels and their units end here; below, the instance knows its own labels and units only.
+"""
+
+from collections.abc import Callable, Iterable
+
+from agents.exchange.export_proxy import ExportProxy
+from agents.exchange.import_proxy import ImportProxy
+from dyknow import US_PER_S, Label, Network, Policy, Sample, print_span
+from dyknow.model.errors import Refused, UnknownLabel, ValueNotAvailable
+from federation.sharing.ontology import Ontology, Translation
+
+PAGE = 256
+
+
+def stream_policy(period_s: float, delay_s: float, from_us: int | None = None, to_us: int | None = None) -> Policy:
+    """The policy of an exported stream: `from f [to t], sample every p, max delay d`.
+
+    Without `from` the grid is aligned to the epoch (the thesis' f = 0), so that streams of several platforms meet.
+    """
+    return Policy(
+        change="sample",
+        sample_us=round(period_s * US_PER_S),
+        max_delay_us=round(delay_s * US_PER_S),
+        from_us=0 if from_us is None else from_us,
+        to_us=to_us,
+    )
+
+
+def _too_early(semantic_label: str, start_us: int, at_us: int, now_us: int) -> ValueNotAvailable:
+    """For users: how long before, and how long ago (to be asked for again), say more than instants."""
+    before, ago_s = print_span(start_us - at_us), (now_us - start_us) / US_PER_S
+    return ValueNotAvailable(f"{before} before the first {semantic_label} that is held, {ago_s:.1f} s ago")
+
+
+class Gateway:
+    """The local instance as the agents of one platform see it. Times are federation time."""
+
+    def __init__(
+        self,
+        unit: str,
+        network: Network,
+        ontology: Ontology,
+        translation: Translation,
+        exporter: ExportProxy,
+        importer: ImportProxy,
+        variance_of: Callable[[str, int], tuple[float, ...] | None],
+    ) -> None:
+        self.unit, self.network, self.ontology, self.translation = unit, network, ontology, translation
+        self.exporter, self.importer = exporter, importer
+        self._variance_of = variance_of
+
+    def local(self, semantic_label: str, unit: str | None = None) -> Label:
+        """What this instance calls the label of a unit (its own by default).
+
+        Raises:
+            UnknownLabel: the ontology does not know the label, or it has no producer here.
+        """
+        label = self.translation.local_label(semantic_label, unit or self.unit)
+        if label not in self.network.labels():
+            raise UnknownLabel(semantic_label, self.offered())
+        return label
+
+    def offered(self, unit: str | None = None) -> tuple[str, ...]:
+        """The semantic labels this instance has of a unit."""
+        have = set(self.network.labels())
+        return tuple(name for name in self.ontology if self.translation.local_label(name, unit or self.unit) in have)
+
+    def create_stream_multicast(
+        self, semantic_label: str, policy: Policy, receivers: Iterable[str], contract: str
+    ) -> str:
+        """`create stream multicast(s, f, t, p, d, u)`: export to each of the receivers; returns the stream's hash.
+
+        Raises:
+            UnknownLabel, Refused
+        """
+        return self.exporter.start_exporting(self.local(semantic_label), semantic_label, receivers, policy, contract)
+
+    def latest(self, semantic_label: str, unit: str | None = None) -> Sample:
+        """The sample with the highest valid time, in semantic units.
+
+        Raises:
+            UnknownLabel, ValueNotAvailable
+        """
+        found = self.network.snapshot(self.local(semantic_label, unit)).get_latest_vtime()
+        return self._semantic(semantic_label, found)
+
+    def at(self, semantic_label: str, at_us: int, now_us: int, unit: str | None = None) -> Sample:
+        """The sample most recent at a time, of those available now (Def. 4.3.11), in semantic units.
+
+        Raises:
+            UnknownLabel
+            Refused: `at_us` is in the future.
+            ValueNotAvailable: it lies before the history, whose start the message names.
+        """
+        if at_us > now_us:
+            raise Refused(f"not yet: {print_span(at_us - now_us)} in the future")
+        history = self.network.snapshot(self.local(semantic_label, unit))
+        start_us = history.starts_us
+        if start_us is not None and at_us < start_us:
+            raise _too_early(semantic_label, start_us, at_us, now_us)
+        try:
+            found = history.most_recent_at(at_us, now_us)
+        except ValueNotAvailable:
+            later = history.get_between(at_us, now_us)
+            if not later:
+                raise
+            raise _too_early(semantic_label, later[0].valid_us, at_us, now_us) from None
+        return self._semantic(semantic_label, found)
+
+    def between(
+        self, semantic_label: str, from_us: int, to_us: int, now_us: int, unit: str | None = None
+    ) -> list[Sample]:
+        """All samples valid in [from, to], ordered by (valid, available), corrections included."""
+        if from_us > to_us:
+            raise Refused(f"the interval is empty: it ends {print_span(from_us - to_us)} before it begins")
+        history = self.network.snapshot(self.local(semantic_label, unit))
+        start_us = history.starts_us
+        if start_us is not None and from_us < start_us:
+            raise _too_early(semantic_label, start_us, from_us, now_us)
+        return [self._semantic(semantic_label, sample) for sample in history.get_between(from_us, to_us)]
+
+    def variance(self, semantic_label: str, sample: Sample) -> tuple[float, ...] | None:
+        """The variances of the fields of an own sample, where its estimator states them."""
+        return self._variance_of(semantic_label, sample.valid_us)
+
+    def _semantic(self, semantic_label: str, sample: Sample) -> Sample:
+        return sample._replace(value=self.translation.to_semantic(semantic_label)(sample.value))

@@ -1,0 +1,196 @@
+"""The import proxy of a platform: remote streams come in as local sources (thesis 9.3.3)."""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeAlias
+
+from agents.part import NOT_MINE, Followed, Part, PeerChange
+from dyknow import SURE, Label, Network, Policy, PolicyAdapter, Quality, Sample, Value, converted_quality
+from dyknow.model.errors import DecodeError, SortError
+from federation.members.clock import FederationClock, Offset, Standing
+from federation.members.imports import Imports
+from federation.members.liveness import PlatformAppeared
+from federation.messages.codec import WireSample
+from federation.sharing.ontology import Convert, Ontology, Translation
+from federation.transport import Answered, Arrived, AskEnded, WireEffect
+
+MAX_STREAMS = 4096
+_SKEWED, _CORRECTED = Standing.SKEWED, Standing.CORRECTED
+Sink: TypeAlias = Callable[[int, Value, int, Quality], None]
+"""Takes valid time, value and available time of a sample into the local instance."""
+
+AHEAD_US = 60_000_000
+"""How far in the future a sample may be valid: a prediction is legal, a sample that ends its stream is not."""
+
+
+@dataclass(slots=True)
+class ImportedStream:
+    """What becomes of the samples of one stream of one owner; `standing` is that of `offset`."""
+
+    owner: str
+    label: str
+    policy: Policy
+    regrid: PolicyAdapter | None = None
+    sink: Sink | None = None
+    offset: Offset | None = None
+    standing: Standing = _SKEWED
+
+
+class ImportProxy(Part):
+    """Pushes the samples of imported streams into the local instance.
+
+    What a peer sends whose clock is skewed, or not compared yet, is refused and counted: one valid time far ahead would
+    end an ordered stream. Valid times of a peer whose clock is off by 50 ms to 1 s are shifted, and approximated linearly onto the grid of
+    the stream, since shifted samples lie on none (semantics of offsets between platforms). Times: node clock, but
+    for valid times.
+
+    Args:
+        source: (semantic label, unit) -> its local label, declared if it was not, and how its values become semantic.
+        fed: the parts that samples may make due earlier.
+    """
+
+    takes = {Answered: "on_answered", AskEnded: "on_ask_ended"}  # noqa: RUF012  (a declaration)
+    arrivals = {"x": "on_samples"}  # noqa: RUF012
+
+    def __init__(
+        self,
+        network: Network,
+        ontology: Ontology,
+        translation: Translation,
+        clock: FederationClock,
+        offset_of: Callable[[str], Offset | None],
+        imports: Imports,
+        emit: Callable[[WireEffect], None],
+        source: Callable[[str, str], tuple[Label, Convert]],
+        fed: tuple[Part, ...],
+    ) -> None:
+        self._network, self._ontology, self._translation = network, ontology, translation
+        self._clock, self._offset_of, self._emit, self._declare = clock, offset_of, emit, source
+        self.imports = imports
+        self._followed: Followed = (self, *fed)
+        self._sinks: dict[tuple[str, str], Sink] = {}
+        self.refused: Counter[str] = Counter()
+
+    def on_samples(self, event: Arrived, _now_us: int) -> Followed:
+        """Samples were put on the key of a stream; raises DecodeError for malformed ones."""
+        if not self.imports.on_arrived(event):
+            raise DecodeError("key")
+        return self._followed
+
+    def on_answered(self, event: Answered, _now_us: int) -> Followed:
+        return None if self.imports.on_answered(event) else NOT_MINE
+
+    def on_ask_ended(self, event: AskEnded, _now_us: int) -> Followed:
+        return self._followed if self.imports.on_ask_ended(event) else NOT_MINE
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self.imports.deadline_us
+
+    def on_time(self, now_us: int) -> None:
+        """Ask for what is missing."""
+        for effect in self.imports.on_time(now_us):
+            self._emit(effect)
+
+    def on_peer(self, change: PeerChange, _now_us: int) -> None:
+        if isinstance(change, PlatformAppeared):
+            self.imports.on_owner(change.unit, change.boot)
+
+    def expect(self, owner: str, semantic_label: str, policy_hash: str, policy: Policy, now_us: int) -> None:
+        """`owner` announced a stream for us: listen to it. Saying it twice is saying it once."""
+        if len(self.imports.streams) >= MAX_STREAMS or semantic_label not in self._ontology:
+            return
+        imported = ImportedStream(owner, semantic_label, policy)
+        for effect in self.imports.begin(
+            (owner, semantic_label, policy_hash), partial(self._deliver, imported), now_us
+        ):
+            self._emit(effect)
+
+    def end(self, owner: str, semantic_label: str, policy_hash: str) -> None:
+        """The stream ended; its source and history stay for queries."""
+        for effect in self.imports.end((owner, semantic_label, policy_hash)):
+            self._emit(effect)
+
+    def heard_us(self) -> dict[tuple[str, str], int]:
+        """By owner and semantic label, when a stream that is expected was last heard of."""
+        heard: dict[tuple[str, str], int] = {}
+        for (owner, semantic_label, _), found in self.imports.streams.items():
+            name = owner, semantic_label
+            heard[name] = max(found.heard_us, heard.get(name, found.heard_us))
+        return heard
+
+    def _deliver(self, found: ImportedStream, entries: Sequence[WireSample], at_us: int) -> None:
+        offset = self._offset_of(found.owner)
+        standing = found.standing
+        if offset is not found.offset or offset is None:
+            found.offset = offset
+            standing = found.standing = _SKEWED if offset is None else offset.standing
+        if offset is None or standing is _SKEWED:
+            self.refused["clock"] += len(entries)
+            return
+        now_us = self._clock.federation_us(at_us)
+        beyond_us = now_us + AHEAD_US
+        take = found.sink or self._sink(found)
+        if standing is _CORRECTED:
+            take = self._shifted(found, offset, take)
+        else:
+            found.regrid = None
+        for entry in entries:
+            if entry.valid_us > beyond_us:
+                self.refused["future"] += 1
+            else:
+                take(entry.valid_us, entry.value, now_us, entry.quality)
+
+    def _shifted(self, found: ImportedStream, offset: Offset, take: Sink) -> Sink:
+        """Valid times as our clock has them, approximated on the grid of the stream."""
+        shift_us = round(offset.offset_us * self._clock.speed)
+        if found.policy.sample_us is None:
+            return lambda valid_us, value, now_us, quality: take(valid_us - shift_us, value, now_us, quality)
+        if found.regrid is None:
+            policy = Policy(change="sample", sample_us=found.policy.sample_us, from_us=0, approximation="linear")
+            found.regrid = PolicyAdapter(policy)
+        regrid = found.regrid
+
+        def on_grid(valid_us: int, value: Value, now_us: int, quality: Quality) -> None:
+            for sample in regrid.on_sample(Sample(now_us, valid_us - shift_us, value, quality), now_us):
+                take(sample.valid_us, sample.value, sample.available_us, sample.quality)
+
+        return on_grid
+
+    def push(self, sender: str, semantic_label: str, sample: Sample) -> None:
+        """`push(m, s, v)` of 9.3.3: add the sample to the local source, made at the first sample of the label.
+
+        A value that is not of the label's sort is dropped and counted.
+        """
+        self._source(sender, semantic_label)(sample.valid_us, sample.value, sample.available_us, sample.quality)
+
+    def _sink(self, found: ImportedStream) -> Sink:
+        found.sink = self._source(found.owner, found.label)
+        return found.sink
+
+    def _source(self, sender: str, semantic_label: str) -> Sink:
+        known = self._sinks.get((sender, semantic_label))
+        if known is not None:
+            return known
+        local, _ = self._declare(semantic_label, sender)
+        check, to_local, push = (
+            self._ontology[semantic_label].sort.check,
+            self._translation.to_local(semantic_label),
+            self._network.generator(local).push,
+        )
+
+        def add(valid_us: int, value: Value, now_us: int, quality: Quality) -> None:
+            try:
+                check(value)
+            except SortError:
+                self.refused["sort"] += 1
+                return
+            local = to_local(value)
+            if quality is not SURE and local is not value:
+                quality = converted_quality(quality, value, local)
+            push(valid_us, local, now_us, quality)
+
+        self._sinks[sender, semantic_label] = add
+        return add

@@ -1,0 +1,54 @@
+"""The local instance of a platform as a part: it lives by time, and shows its labels to agents of its own platform."""
+
+from typing import Final
+
+from agents.actions import QUERIED, Action, Offer, Role
+from agents.interface import InterfaceAgent
+from agents.part import Part
+from dyknow import Label, Network
+from federation.members.clock import FederationClock
+from federation.members.offers import Service, Visibility
+from federation.messages.acts import Act, Performative
+from federation.messages.contents import MAX_LIST, LabelList, Labels
+from federation.sharing.ontology import Convert, Translation
+
+INSTANCE: Final = Service("local-instance", "gateway", Visibility.PRIVATE)
+
+IMPORTED_HISTORY = 1200
+"""How many samples of an imported stream are kept."""
+
+
+class LocalInstance(Part):
+    """Steps the network of streams, which lives in federation time."""
+
+    offers = (Offer(INSTANCE, (Action(Labels, "on_labels", QUERIED, Role.OBSERVER),)),)
+    answers = (LabelList,)
+
+    def __init__(
+        self, unit: str, agent: InterfaceAgent, network: Network, clock: FederationClock, translation: Translation
+    ) -> None:
+        self._unit, self._agent, self.network, self._clock = unit, agent, network, clock
+        self._translation = translation
+
+    def source(self, semantic_label: str, unit: str) -> tuple[Label, Convert]:
+        """The local label of a unit's stream, its source declared if it is not there and comes from elsewhere.
+
+        Returns as well how its values become semantic.
+        """
+        local = self._translation.local_label(semantic_label, unit)
+        if unit != self._unit and not self.network.has(local):
+            self.network.add_source(local, self._translation.local_sort(semantic_label), IMPORTED_HISTORY)
+        return local, self._translation.to_semantic(semantic_label)
+
+    @property
+    def deadline_us(self) -> int | None:
+        due_us = self.network.deadline_us
+        return None if due_us is None else self._clock.wall_us(due_us)
+
+    def on_time(self, now_us: int) -> None:
+        self.network.on_time(self._clock.federation_us(now_us))
+
+    def on_labels(self, act: Act, _content: Labels, now_us: int) -> None:
+        """`(labels)`: under the names of the instance."""
+        labels = tuple(map(str, self.network.labels()))[:MAX_LIST]
+        self._agent.answer(act, Performative.INFORM, LabelList(labels=labels), now_us)

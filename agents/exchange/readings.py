@@ -1,0 +1,66 @@
+"""Several platforms' readings of one label made into one (thesis 9.3.4: select one of the values, or merge them)."""
+
+from collections.abc import Callable, Sequence
+
+from federation.messages.contents import Reading
+
+
+def select_newest(readings: Sequence[Reading]) -> Reading | None:
+    """The one with the highest valid time; ties go to the highest available time."""
+    return max(readings, key=lambda reading: (reading.valid_us, reading.available_us), default=None)
+
+
+def select_best(readings: Sequence[Reading]) -> Reading | None:
+    """The one with the smallest stated variance, the newest among equals; one that states none comes last."""
+
+    def rank(reading: Reading) -> tuple[bool, float, int]:
+        stated = _variances(reading)
+        return (not stated, sum(stated.values()), -reading.valid_us)
+
+    return min(readings, key=rank, default=None)
+
+
+def merge_mean(readings: Sequence[Reading]) -> Reading | None:
+    """The mean of each field, at the newest of the valid times."""
+    return _merge(readings, lambda _reading, _field: 1.0)
+
+
+def merge_inverse_variance(readings: Sequence[Reading]) -> Reading | None:
+    """Each field weighed by the inverse of its variance; readings that state none are left out."""
+    stated = [
+        reading for reading in readings if all(v > 0 for v in _variances(reading).values()) and _variances(reading)
+    ]
+    return _merge(stated, lambda reading, field: 1.0 / _variances(reading)[field])
+
+
+def _variances(reading: Reading) -> dict[str, float]:
+    return {name: float(v) for name, v in (reading.variance or {}).items() if isinstance(v, int | float)}
+
+
+def _merge(readings: Sequence[Reading], weight: Callable[[Reading, str], float]) -> Reading | None:
+    """The weighted mean of every numeric field that all of them have."""
+    records = [(reading, reading.value) for reading in readings if isinstance(reading.value, dict)]
+    if not records:
+        return None
+    fields = [name for name in records[0][1] if all(_is_number(record.get(name)) for _, record in records)]
+    value: dict[str, float] = {}
+    variance: dict[str, float] = {}
+    for name in fields:
+        weights = [weight(reading, name) for reading, _ in records]
+        total = sum(weights)
+        value[name] = sum(w * _number(record[name]) for w, (_, record) in zip(weights, records, strict=True)) / total
+        stated = [_variances(reading).get(name) for reading, _ in records]
+        if all(v is not None for v in stated):
+            shares = ((w / total) ** 2 * (v or 0.0) for w, v in zip(weights, stated, strict=True))
+            variance[name] = sum(shares)
+    newest = max(reading.valid_us for reading, _ in records)
+    available = max(reading.available_us for reading, _ in records)
+    return Reading(valid_us=newest, available_us=available, value=dict(value), variance=dict(variance) or None)
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) else 0.0
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

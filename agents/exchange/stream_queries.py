@@ -1,0 +1,190 @@
+"""Queries for values of streams: latest, at a time, between two; here, or of all platforms (thesis 9.3.3, 9.3.4).
+
+Times are the node clock, but for valid and available times.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from agents.actions import FEDERATION, QUERIED, Action, Offer, Role
+from agents.exchange import readings
+from agents.exchange.dormant import DormantStreams
+from agents.exchange.gateway import PAGE, Gateway
+from agents.interface import InterfaceAgent
+from agents.part import Part
+from dyknow import NO_VALUE, Sample
+from dyknow.model.errors import DyknowError, Refused, ValueNotAvailable
+from federation.members.clock import FederationClock
+from federation.members.directory import DirectoryFacilitator
+from federation.messages.acts import Act, Performative
+from federation.messages.contents import MAX_LIST, Answers, Content, Missing, Query, Reading, Reason, Samples
+
+GLOBAL_WITHIN_US = 1_500_000
+
+
+@dataclass(slots=True)
+class Gathering:
+    """A global query under way: the units whose answers are awaited, and what came."""
+
+    act: Act
+    query: Query
+    waiting: set[str]
+    answers: dict[str, list[Reading]] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
+
+
+class StreamQueries(Part):
+    """Answers queries from what is held; one on a dormant stream activates it."""
+
+    offers = (Offer(FEDERATION, (Action(Query, "on_query", QUERIED, Role.OBSERVER),)),)
+    answers = (Samples, Answers)
+
+    def __init__(
+        self,
+        unit: str,
+        clock: FederationClock,
+        agent: InterfaceAgent,
+        directory: DirectoryFacilitator,
+        gateway: Gateway,
+    ) -> None:
+        self._unit, self._clock, self._agent, self._directory, self._gateway = unit, clock, agent, directory, gateway
+        self._dormant = DormantStreams(clock, agent, gateway, self._respond)
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._dormant.deadline_us
+
+    def on_time(self, now_us: int) -> None:
+        self._dormant.on_time(now_us)
+
+    def on_query(self, act: Act, query: Query, now_us: int) -> None:
+        """`(query ...)`: answered here; a global one when all answered, or the time is over.
+
+        Raises:
+            UnknownLabel, Refused, ValueNotAvailable
+        """
+        if query.scope == "global":
+            self._ask_everybody(act, query, now_us)
+            return
+        try:
+            self._respond(act, query, now_us)
+        except ValueNotAvailable:
+            if not self._dormant.activate(act, query, now_us):
+                raise
+
+    def _respond(self, act: Act, query: Query, now_us: int) -> None:
+        def page(found: tuple[Reading, ...], more: bool) -> Samples:
+            return Samples(unit=self._unit, semantic_label=query.semantic_label, samples=found, more=more)
+
+        self._agent.answer_pages(act, self._local(query, now_us), PAGE, page, now_us)
+
+    def _local(self, query: Query, now_us: int) -> list[Reading]:
+        gateway, federation_us = self._gateway, self._clock.federation_us(now_us)
+        label = query.semantic_label
+        if query.op == "latest":
+            found = [gateway.latest(label)]
+        elif query.op == "at":
+            found = [gateway.at(label, query.at_us or 0, federation_us)]
+        else:
+            found = gateway.between(label, query.from_us or 0, query.to_us or 0, federation_us)
+        return [self._reading(label, sample) for sample in found]
+
+    def _reading(self, label: str, sample: Sample) -> Reading:
+        sort = self._gateway.ontology[label].sort
+        if sample.value is NO_VALUE:
+            return Reading(valid_us=sample.valid_us, available_us=sample.available_us, value=NO_VALUE)
+        variance = self._gateway.variance(label, sample)
+        stated: dict[str, Any] | None = None
+        if variance is not None:
+            stated = dict(zip((f.name for f in sort.fields), variance, strict=True))
+        return Reading(
+            valid_us=sample.valid_us,
+            available_us=sample.available_us,
+            value=sort.as_record(sample.value),
+            variance=stated,
+        )
+
+    def _ask_everybody(self, act: Act, query: Query, now_us: int) -> None:
+        local = query.model_copy(update={"scope": "local", "select": None, "merge": None})
+        offering = self._directory.search(service=FEDERATION.service)
+        others = [entry.unit for entry in offering if entry.unit != self._unit]
+        gathering = Gathering(act, query, set(others))
+        try:
+            gathering.answers[self._unit] = self._local(query, now_us)
+        except (Refused, ValueNotAvailable, DyknowError) as refused:
+            gathering.missing[self._unit] = str(refused)
+        for unit in others:
+            self._ask_one(gathering, unit, local, now_us)
+        self._conclude(gathering, now_us)
+
+    def _ask_one(self, gathering: Gathering, unit: str, query: Query, now_us: int) -> None:
+        def on_reply(reply: Act, answer: Content | None, at_us: int) -> None:
+            if isinstance(answer, Samples) and reply.performative is Performative.INFORM:
+                gathering.answers.setdefault(unit, []).extend(answer.samples)
+                if answer.more:
+                    return
+            else:
+                gathering.missing[unit] = answer.text if isinstance(answer, Reason) else str(reply.performative)
+            gathering.waiting.discard(unit)
+            self._conclude(gathering, at_us)
+
+        def on_silence(why: str, at_us: int) -> None:
+            gathering.missing[unit] = why
+            gathering.waiting.discard(unit)
+            self._conclude(gathering, at_us)
+
+        self._agent.delegate(
+            unit,
+            query,
+            now_us,
+            performative=Performative.QUERY_REF,
+            on_reply=on_reply,
+            on_silence=on_silence,
+            reply_within_us=GLOBAL_WITHIN_US,
+        )
+
+    def _conclude(self, gathering: Gathering, now_us: int) -> None:
+        """When no answer is pending: everything that came, a page of readings an act; the last names the missing platforms."""
+        if gathering.waiting:
+            return
+        query = gathering.query
+        merged = merged_reading(query, [reading for found in gathering.answers.values() for reading in found])
+        missing = tuple(Missing(unit=unit, reason=reason[:200]) for unit, reason in gathering.missing.items())
+        pages = _answer_pages(query.semantic_label, gathering.answers)
+        for page in pages[:-1]:
+            content = Answers(semantic_label=query.semantic_label, answers=page, more=True)
+            self._agent.answer(gathering.act, Performative.INFORM, content, now_us)
+        content = Answers(
+            semantic_label=query.semantic_label, answers=pages[-1], missing=missing[:MAX_LIST], merged=merged
+        )
+        self._agent.answer(gathering.act, Performative.INFORM, content, now_us)
+
+
+def _answer_pages(label: str, answers: dict[str, list[Reading]]) -> list[tuple[Samples, ...]]:
+    """What each platform answered, at most PAGE readings to a page; a platform continued on the next says `more`."""
+    pages: list[list[Samples]] = [[]]
+    room = PAGE
+    for unit, found in answers.items():
+        at = 0
+        while at < len(found) or at == 0:
+            if room == 0:
+                pages.append([])
+                room = PAGE
+            part = tuple(found[at : at + room])
+            at += max(1, len(part))
+            room -= max(1, len(part))
+            pages[-1].append(Samples(unit=unit, semantic_label=label, samples=part, more=at < len(found)))
+    return [tuple(page) for page in pages]
+
+
+def merged_reading(query: Query, found: list[Reading]) -> Reading | None:
+    """The one reading that the query asks for, by `select` or `merge`."""
+    if query.select == "newest":
+        return readings.select_newest(found)
+    if query.select == "best":
+        return readings.select_best(found)
+    if query.merge == "mean":
+        return readings.merge_mean(found)
+    if query.merge == "inverse-variance":
+        return readings.merge_inverse_variance(found)
+    return None

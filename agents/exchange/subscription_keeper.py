@@ -1,0 +1,199 @@
+"""Keeping the inputs of this platform's monitors alive: a stream that does not come is asked for (thesis 9.4.1).
+
+The coordinator of a task has streams set up at the start; afterwards every platform asks for what does not come: from
+a newcomer, after a cut, after a restart. What is no longer needed is cancelled. Times are the node clock.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from agents.exchange.import_proxy import ImportProxy
+from agents.interface import InterfaceAgent
+from agents.part import Part, PeerChange
+from dyknow import US_PER_S
+from federation.members.directory import DirectoryFacilitator
+from federation.members.liveness import PlatformGone, PlatformReturned
+from federation.members.offers import LabelAppeared, ServiceAppeared
+from federation.messages.acts import Act, Performative
+from federation.messages.contents import Content, CreateMulticast
+
+FIRST_US = 250_000
+CHECK_US = 250_000
+AGAIN_US = 1_500_000
+SILENT_US = 1_000_000
+AGES_US = 2**62
+"""How long ago what never came was heard."""
+Needs: TypeAlias = Mapping[str, AbstractSet[tuple[str, int, int]]]
+"""Which (semantic label, period, max delay) of other units are needed."""
+
+
+@dataclass(slots=True)
+class PendingRenewal:
+    """Requests to a platform at once: how many agreements are awaited, and what they are to take the place of."""
+
+    unit: str
+    before: tuple[str, ...]
+    awaited: int
+
+
+class SubscriptionKeeper(Part):
+    """Keeps the streams of other units coming: what was requested where, and when to look again.
+
+    Args:
+        monitored: what the monitors need; it gives the same object while that does not change.
+    """
+
+    def __init__(
+        self,
+        unit: str,
+        agent: InterfaceAgent,
+        directory: DirectoryFacilitator,
+        importer: ImportProxy,
+        monitored: Callable[[], Needs],
+    ) -> None:
+        self._unit, self._agent, self._directory, self._importer = unit, agent, directory, importer
+        self._monitored = monitored
+        self._counted = Counter[tuple[str, tuple[str, int, int]]]()
+        self._imported: Needs = {}
+        self._both: tuple[Needs, Needs, Needs] = ({}, {}, {})
+        self._asked_us: dict[str, int] = {}
+        self._open: dict[str, list[str]] = {}
+        self._asked_for: dict[str, AbstractSet[tuple[str, int, int]]] = {}
+        self._renew: set[str] = set()
+        self._check_us: int | None = None
+        self._look_us: dict[str, int] = {}
+        self._next_us = 0
+        self._needs: Needs | None = None
+        self._changes = -1
+
+    def needs(self) -> Needs:
+        """What monitors and specification need of other units; the same object while that does not change."""
+        one, other = self._monitored(), self._imported
+        if one is not self._both[0] or other is not self._both[1]:
+            both = {unit: {*one.get(unit, ()), *other.get(unit, ())} for unit in {**one, **other}}
+            self._both = one, other, both
+        return self._both[2]
+
+    def need(self, unit: str, need: tuple[str, int, int], now_us: int, *, wanted: bool) -> None:
+        """A stream (label, period, max delay) of `unit` is needed from now on, or no longer."""
+        self._counted[unit, need] += 1 if wanted else -1
+        self._counted = +self._counted
+        imported: dict[str, set[tuple[str, int, int]]] = {}
+        for of_unit, each in self._counted:
+            imported.setdefault(of_unit, set()).add(each)
+        self._imported = imported
+        self.wake(now_us)
+
+    def on_peer(self, change: PeerChange, now_us: int) -> None:
+        """Look soon when a platform or a stream came; forget requests to a platform that is gone."""
+        if isinstance(change, PlatformReturned | LabelAppeared | ServiceAppeared) and change.unit != self._unit:
+            self.wake(now_us)
+        elif isinstance(change, PlatformGone):
+            self._forget(change.unit)
+
+    def wake(self, now_us: int) -> None:
+        """A monitor was set up or a platform came: look soon."""
+        due_us = now_us + FIRST_US
+        self._check_us = due_us if self._check_us is None else min(self._check_us, due_us)
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._check_us
+
+    def on_time(self, now_us: int) -> None:
+        if self._check_us is None or now_us < self._check_us:
+            return
+        needs = self.needs()
+        self._check_us = now_us + CHECK_US if needs else None
+        for unit in [unit for unit in self._open if unit not in needs]:
+            self._asked_for.pop(unit, None)
+            for conversation in self._open.pop(unit):
+                self._agent.cancel(unit, conversation, now_us)
+        importer = self._importer
+        if needs is not self._needs or importer.imports.changes != self._changes:
+            self._look_us.clear()
+            self._renew.update(unit for unit, asked in self._asked_for.items() if not asked <= needs[unit])
+            self._needs, self._changes = needs, importer.imports.changes
+            self._next_us = 0
+        if now_us < self._next_us and not self._renew:
+            return
+        due = [unit for unit in needs if now_us >= self._look_us.get(unit, 0) or unit in self._renew]
+        heard_us = importer.heard_us() if due else {}
+        for unit in due:
+            silent_at_us = {
+                label: heard_us.get((unit, label), now_us - AGES_US) + SILENT_US + 2 * period_us
+                for label, period_us, _ in needs[unit]
+            }
+            self._look_us[unit] = min(silent_at_us.values()) + 1
+            if self._lacks(unit, {label for label, at_us in silent_at_us.items() if now_us > at_us}, now_us):
+                self._ask(unit, needs[unit], now_us)
+        self._next_us = min((self._look_us[unit] for unit in needs), default=0)
+
+    def _forget(self, unit: str) -> None:
+        """The platform is gone, and the conversations with it: what it exported to us is asked for if it returns."""
+        self._asked_us.pop(unit, None)
+        self._asked_for.pop(unit, None)
+        if self._open.pop(unit, None):
+            self._renew.add(unit)
+
+    def _lacks(self, unit: str, silent: set[str], now_us: int) -> bool:
+        """Whether to ask for streams again: those of labels that are silent, or all after a return or for less."""
+        is_renewed = unit in self._renew
+        if not (silent or is_renewed) or now_us < self._asked_us.get(unit, -AGAIN_US) + AGAIN_US:
+            return False
+        entry = self._directory.entry(unit)
+        if entry is None or not self._directory.is_present(unit):
+            return False
+        offered = {label.label for label in entry.labels}
+        return bool(offered) if is_renewed else not silent.isdisjoint(offered)
+
+    def _ask(self, unit: str, wanted: AbstractSet[tuple[str, int, int]], now_us: int) -> None:
+        """Ask for all of it; what stood ends when all of that is agreed to, so that no stream ends in between."""
+        self._asked_us[unit], self._asked_for[unit] = now_us, set(wanted)
+        self._renew.discard(unit)
+        entry = self._directory.entry(unit)
+        offered = {label.label for label in entry.labels} if entry is not None else set()
+        by_policy: dict[tuple[int, int], list[str]] = {}
+        for label, period_us, delay_us in sorted(wanted):
+            if label in offered:
+                by_policy.setdefault((period_us, delay_us), []).append(label)
+        held = self._open.setdefault(unit, [])
+        batch = PendingRenewal(unit, tuple(held), len(by_policy))
+        for (period_us, delay_us), labels in by_policy.items():
+            content = CreateMulticast(
+                semantic_labels=tuple(labels),
+                sample_period_s=period_us / US_PER_S,
+                delay_s=delay_us / US_PER_S,
+                to_units=(self._unit,),
+            )
+            held.append(self._delegate(batch, content, now_us))
+
+    def _delegate(self, batch: PendingRenewal, content: CreateMulticast, now_us: int) -> str:
+        asked: list[str] = []
+
+        def is_held() -> bool:
+            return bool(asked) and asked[0] in self._open.get(batch.unit, ())
+
+        def on_reply(reply: Act, _said: Content | None, at_us: int) -> None:
+            if reply.performative is Performative.AGREE:
+                self._agreed(batch, at_us)
+            elif reply.performative is Performative.FAILURE and is_held():
+                self._renew.add(batch.unit)
+
+        def on_silence(_why: str, _at_us: int) -> None:
+            if is_held():
+                self._renew.add(batch.unit)
+
+        asked.append(self._agent.delegate(batch.unit, content, now_us, on_reply=on_reply, on_silence=on_silence))
+        return asked[0]
+
+    def _agreed(self, batch: PendingRenewal, now_us: int) -> None:
+        batch.awaited -= 1
+        held = self._open.get(batch.unit, [])
+        for conversation in batch.before if batch.awaited == 0 else ():
+            if conversation in held:
+                held.remove(conversation)
+                self._agent.cancel(batch.unit, conversation, now_us)

@@ -1,0 +1,137 @@
+"""The vehicle of a platform: what it reports becomes streams, what is ordered becomes commands. Faults of simulated ones."""
+
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from agents.actions import Action, Offer, Role
+from agents.effects import Effect, InjectFault, Reported
+from agents.exchange.local_instance import LocalInstance
+from agents.flight.giving_way import GivingWay
+from agents.flight.pilot import Pilot
+from agents.flight.vehicle_streams import VehicleStreams
+from agents.interface import InterfaceAgent
+from agents.part import Followed, Part
+from dyknow import US_PER_S, Sample
+from federation.members.clock import FederationClock
+from federation.members.offers import Service
+from federation.messages.acts import Act
+from federation.messages.contents import Content, Fault, Goto, Hold, Land, Resume, ReturnHome
+from federation.messages.descriptions import LabelEntry
+from navigation.vehicle import Command, GoToOrder, HoldOrder, LandOrder, Order, ReturnHomeOrder
+
+FLIGHT: Final = Service("flight", "pilot")
+FAULTS: Final = Service("fault-injection", "simulator")
+
+
+def _command(content: type[Content], handler: str) -> Action:
+    return Action(content, handler, role=Role.COMMAND_CENTRE, typed=True)
+
+
+class FlightAgent(Part):
+    """One vehicle: its pilot and its streams.
+
+    Args:
+        streams: made of its reports.
+        giving_way: looks at where the vehicle is after each estimate.
+        local: the part whose deadline samples may move.
+        emit: takes commands to the vehicle.
+    """
+
+    offers = (
+        Offer(
+            FLIGHT,
+            (
+                _command(Goto, "on_goto"),
+                _command(Hold, "on_hold"),
+                _command(Land, "on_land"),
+                _command(ReturnHome, "on_return_home"),
+                _command(Resume, "on_resume"),
+            ),
+        ),
+    )
+    takes = {Reported: "on_reported"}  # noqa: RUF012  (a declaration, like the class's methods)
+
+    def __init__(
+        self,
+        agent: InterfaceAgent,
+        clock: FederationClock,
+        pilot: Pilot,
+        streams: VehicleStreams,
+        giving_way: GivingWay,
+        local: LocalInstance,
+        emit: Callable[[Command], None],
+    ) -> None:
+        self._agent, self._clock, self.pilot, self.streams, self._emit = agent, clock, pilot, streams, emit
+        self._on_moved = giving_way.on_moved
+        self._followed: Followed = (self, local)
+
+    def labels(self) -> Iterable[LabelEntry]:
+        return self.streams.entries()
+
+    def on_reported(self, event: Reported, now_us: int) -> Followed:
+        """The vehicle's word counts when it is taken, not when it was posted: timers may have passed since."""
+        federation_us = self._clock.federation_us(now_us)
+        self._fly(self.pilot.on_report(event.report, federation_us))
+        self._on_estimates(self.streams.on_report(event.report, federation_us), now_us)
+        return self._followed
+
+    def _fly(self, commands: Iterable[Command]) -> None:
+        for command in commands:
+            self._emit(command)
+
+    def _on_estimates(self, estimates: Iterable[Sample], now_us: int) -> None:
+        for sample in estimates:
+            self._fly(self.pilot.on_estimate(sample))
+            self._on_moved(now_us)
+
+    @property
+    def deadline_us(self) -> int | None:
+        due_us = self.streams.deadline_us
+        return None if due_us is None else self._clock.wall_us(due_us)
+
+    def on_time(self, now_us: int) -> None:
+        self._on_estimates(self.streams.on_time(self._clock.federation_us(now_us)), now_us)
+
+    # -- orders: done is the command; how far the vehicle has come, its position shows ---------------------------
+
+    def on_goto(self, act: Act, content: Goto, now_us: int) -> None:
+        """`(goto ...)`; raises Refused, naming the rule, as all orders do."""
+        self._order(act, GoToOrder(content.latitude_deg, content.longitude_deg, content.altitude_m), now_us)
+
+    def on_hold(self, act: Act, _content: Hold, now_us: int) -> None:
+        """`(hold)`"""
+        self._order(act, HoldOrder(), now_us)
+
+    def on_land(self, act: Act, _content: Land, now_us: int) -> None:
+        """`(land)`"""
+        self._order(act, LandOrder(), now_us)
+
+    def on_return_home(self, act: Act, _content: ReturnHome, now_us: int) -> None:
+        """`(return-home)`"""
+        self._order(act, ReturnHomeOrder(), now_us)
+
+    def on_resume(self, act: Act, _content: Resume, now_us: int) -> None:
+        """`(resume)`: fly the plan again."""
+        self._fly(self.pilot.resume())
+        self._agent.done(act, now_us)
+
+    def _order(self, act: Act, order: Order, now_us: int) -> None:
+        self._fly(self.pilot.order(order))
+        self._agent.done(act, now_us, "commanded")
+
+
+class Faults(Part):
+    """Fault injection into a simulated vehicle."""
+
+    offers = (Offer(FAULTS, (Action(Fault, "on_fault", role=Role.COMMAND_CENTRE),)),)
+
+    def __init__(self, agent: InterfaceAgent, clock: FederationClock, emit: Callable[[Effect], None]) -> None:
+        self._agent, self._clock, self._emit = agent, clock, emit
+
+    def on_fault(self, act: Act, content: Fault, now_us: int) -> None:
+        """`(fault kind: ...)`: for a while, or until it is taken back."""
+        until_us = None
+        if content.duration_s is not None:
+            until_us = self._clock.federation_us(now_us) + round(content.duration_s * US_PER_S)
+        self._emit(InjectFault(content.kind, content.value, until_us))
+        self._agent.done(act, now_us)

@@ -1,0 +1,135 @@
+"""What a platform's vehicle reports, as streams of the local instance: fused once, then split by semantic label.
+
+The estimate is put out on the grid of its period; every other label is a computational unit over it, or is pushed on
+the same grid, so that states and exports of several platforms meet. Federation time.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+
+from dyknow import NO_VALUE, Field, Label, Network, Policy, Sample, Sort, Value, ValueNotAvailable, of_values
+from federation.messages.descriptions import LabelEntry
+from federation.sharing.ontology import Translation
+from navigation.fusion import PositionFilter
+from navigation.vehicle import BatteryReport, HomeReport, Report
+
+ESTIMATE = Sort(
+    "estimate",
+    (
+        *(Field(name, "deg") for name in ("latitude_deg", "longitude_deg")),
+        Field("altitude_m", "m"),
+        *(Field(name, "m/s") for name in ("north_m_s", "east_m_s", "down_m_s")),
+        *(Field(name, "m2") for name in ("var_n", "var_e", "var_d")),
+        *(Field(name, "m2/s2") for name in ("var_vn", "var_ve", "var_vd")),
+    ),
+)
+LABELS = ("heli-position", "heli-altitude", "heli-velocity", "heli-height", "heli-home", "battery")
+BATTERY_KEPT_US = 10_000_000
+VARIANCES = {"heli-position": (6, 7), "heli-altitude": (8,), "heli-height": (8,), "heli-velocity": (9, 10, 11)}
+
+
+class VehicleStreams:
+    """The streams a platform produces about itself.
+
+    Steps return the fused estimates, which have gone through the network; `on_health` is called, in words, whenever the
+    estimates stop or come again, and why.
+    """
+
+    def __init__(
+        self,
+        unit: str,
+        network: Network,
+        translation: Translation,
+        period_us: int,
+        on_health: Callable[[str], None] = lambda _text: None,
+    ) -> None:
+        self.filter = PositionFilter(period_us)
+        self.period_us = period_us
+        self.estimate = Label.parse(f"estimate[{unit}]")
+        self._network, self._translation, self._unit = network, translation, unit
+        self._on_health, self._health = on_health, self.filter.health.state
+        self._home: HomeReport | None = None
+        self._battery: BatteryReport | None = None
+        self._pushed: OrderedDict[str, tuple[Label, Callable[[Value], Value]]] = OrderedDict()
+        self._history = network.add_source(self.estimate, ESTIMATE).history
+        self._split()
+
+    def _split(self) -> None:
+        """Position, altitude and velocity are units over the estimate; the others are pushed next to it."""
+        parts: dict[str, Callable[[Value], Value]] = {
+            "heli-position": lambda e: (e[0], e[1]),
+            "heli-altitude": lambda e: (e[2],),
+            "heli-velocity": lambda e: (e[3], e[4], e[5]),
+        }
+        for name, part in parts.items():
+            local, to_local = self._local(name)
+            unit = of_values(lambda e, part=part, to_local=to_local: to_local(part(e)))
+            self._network.add_unit(local, self._translation.local_sort(name), unit, [(self.estimate, Policy())])
+        for name in LABELS[len(parts) :]:
+            local, to_local = self._local(name)
+            self._network.add_source(local, self._translation.local_sort(name))
+            self._pushed[name] = local, to_local
+
+    def _local(self, name: str) -> tuple[Label, Callable[[Value], Value]]:
+        return self._translation.local_label(name, self._unit), self._translation.to_local(name)
+
+    def entries(self) -> list[LabelEntry]:
+        """The semantic labels this platform offers."""
+        ontology = self._translation.ontology
+        return [
+            LabelEntry(
+                label=name, sort=ontology[name].sort.name, type_hash=ontology[name].type_hash, period_us=self.period_us
+            )
+            for name in LABELS
+        ]
+
+    def on_report(self, report: Report, now_us: int) -> Sequence[Sample]:
+        """Take in what the vehicle says; samples that are due go through the network at once."""
+        if isinstance(report, HomeReport):
+            self._home = report
+        elif isinstance(report, BatteryReport):
+            self._battery = report
+        return self._push(self.filter.on_report(report, now_us), now_us)
+
+    def on_time(self, now_us: int) -> Sequence[Sample]:
+        """Put out the estimates that are due."""
+        return self._push(self.filter.on_time(now_us), now_us)
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self.filter.deadline_us
+
+    def _push(self, samples: Sequence[Sample], now_us: int) -> Sequence[Sample]:
+        health = self.filter.health
+        if health.state != self._health:
+            self._health = health.state
+            self._on_health(f"position {health.state}" + (f": {health.reason}" if health.reason else ""))
+        for sample in samples:
+            self._network.push(self.estimate, sample.valid_us, sample.value, now_us)
+            self._beside(sample, now_us)
+        return samples
+
+    def _beside(self, sample: Sample, now_us: int) -> None:
+        home, battery = self._home, self._battery
+        if home is not None:
+            self._put("heli-height", sample.valid_us, (sample.value[2] - home.altitude_m,), now_us)
+            self._put("heli-home", sample.valid_us, (home.latitude_deg, home.longitude_deg, home.altitude_m), now_us)
+        if battery is not None and sample.valid_us - battery.valid_us <= BATTERY_KEPT_US:
+            self._put("battery", sample.valid_us, (battery.fraction,), now_us)
+
+    def _put(self, name: str, valid_us: int, value: Value, now_us: int) -> None:
+        local, to_local = self._pushed[name]
+        self._network.push(local, valid_us, to_local(value), now_us)
+
+    def variance_of(self, name: str, valid_us: int) -> tuple[float, ...] | None:
+        """The variances of the fields of `name` at that valid time, in squared metres or metres per second."""
+        places = VARIANCES.get(name)
+        if places is None:
+            return None
+        try:
+            found = self._history.get_closest_at_or_before(valid_us)
+        except ValueNotAvailable:
+            return None
+        if found.valid_us != valid_us or found.value is NO_VALUE:
+            return None
+        return tuple(found.value[place] for place in places)

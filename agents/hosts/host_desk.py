@@ -1,0 +1,206 @@
+"""Where knowledge process hosts of this machine register with the instance, and time out (thesis 5.3, 5.4.1).
+
+What a host offers is offered to the instance while the host is there; when it ends or times out what was made from
+that ends, its clients are notified, and they are served again when it or another of its kind is back.
+"""
+
+from collections.abc import Callable
+from typing import Final
+
+from agents.effects import DropHost, HostCame, HostEffect, HostEvent, HostLeft, HostSaid, TakeHost, TellHost
+from agents.hosts.hosted import Host
+from dyknow.model.errors import DecodeError, DyknowError, LabelAlreadyExists, PrototypeExists, Refused
+from federation.hosts.codec import decode_from_host, encode
+from federation.hosts.messages import Beat, FromHost, HostFault, HostOutput, Refuse, Register, Welcome
+from federation.members.clock import FederationClock
+from kpl import Instance
+from kpl.running.compiling import check_offer
+
+MAX_HOSTS: Final = 32
+SILENT_US: Final = 2_000_000
+"""After this time without a message a host is taken for frozen; it beats four times a second."""
+LATE_US: Final = 500_000
+"""A platform that looks later than this stood still itself, and listens a while before it judges."""
+MAX_NOTE: Final = 200
+
+
+class HostDesk:
+    """The hosts of one platform.
+
+    Args:
+        instance: where their prototypes are offered.
+        clock: of the federation; steps are in node time.
+        note: takes notes for the user.
+        offset_us: the node clock minus the monotonic clock of this machine, which its processes share.
+    """
+
+    def __init__(
+        self, instance: Instance, clock: FederationClock, note: Callable[[str], None], offset_us: int = 0
+    ) -> None:
+        self._instance, self._clock, self._note, self._offset_us = instance, clock, note, offset_us
+        self._heard_us: dict[int, int] = {}
+        self._hosts: dict[int, Host] = {}
+        self._out: list[HostEffect] = []
+        self.malformed = 0
+
+    @property
+    def hosts(self) -> tuple[Host, ...]:
+        """Those that have registered, silent ones too."""
+        return tuple(self._hosts.values())
+
+    def on_event(self, event: HostEvent, now_us: int) -> None:
+        """A host came, sent a message or left; what follows is in `flush`."""
+        match event:
+            case HostCame(at_us, number):
+                self._heard_us[number] = at_us
+                if len(self._heard_us) > MAX_HOSTS:
+                    self._refuse(number, f"this platform takes at most {MAX_HOSTS} hosts")
+            case HostSaid(at_us, number, payload):
+                self._out.append(TakeHost(number))
+                if number in self._heard_us:
+                    self._heard_us[number] = at_us
+                    self._take(number, payload, self._clock.federation_us(now_us))
+            case HostLeft(_, number):
+                host = self._hosts.get(number)
+                if host is not None:
+                    self._note(f"{host.name} is gone{'; what it made waits for it' if host.present else ''}")
+                self._forget(number, self._clock.federation_us(now_us))
+
+    def on_time(self, now_us: int) -> None:
+        """Withdraw those that have been silent for too long."""
+        for number, heard_us in tuple(self._heard_us.items()):
+            due_us = self._due_us(number, heard_us)
+            if due_us is None or now_us < due_us:
+                continue
+            host = self._hosts.get(number)
+            if now_us - due_us > LATE_US:
+                self._heard_us[number] = now_us - SILENT_US + LATE_US
+            elif host is None:
+                self._drop(number)
+            else:
+                self._note(f"{host.name} is silent; what it made waits for it")
+                self._withdraw(host, self._clock.federation_us(now_us))
+
+    @property
+    def deadline_us(self) -> int | None:
+        """When `on_time` has work next (node clock)."""
+        dues = [due_us for each in self._heard_us.items() if (due_us := self._due_us(*each)) is not None]
+        return min(dues, default=None)
+
+    @property
+    def is_owing(self) -> bool:
+        """Whether `flush` has something."""
+        return bool(self._out) or any(host.is_owing for host in self._hosts.values())
+
+    def flush(self) -> list[HostEffect]:
+        """What is to be done now: call it at the end of a step, so that samples of one step travel together."""
+        for number, host in self._hosts.items():
+            if host.is_owing:
+                self._out.append(TellHost(number, tuple(host.flush())))
+        out, self._out = self._out, []
+        return out
+
+    def _due_us(self, number: int, heard_us: int) -> int | None:
+        """When a connection has been silent for too long; those that timed out do not time out again."""
+        host = self._hosts.get(number)
+        return heard_us + SILENT_US if host is None or host.present else None
+
+    def _take(self, number: int, payload: bytes, federation_us: int) -> None:
+        host = self._hosts.get(number)
+        self._instance.network.now_us = max(self._instance.network.now_us, federation_us)
+        try:
+            said = decode_from_host(payload)
+            if host is None:
+                self._register(number, said, federation_us)
+            elif host.present or self._offer(host, federation_us):
+                self._on_said(host, said, federation_us)
+        except DecodeError as wrong:
+            self.malformed += 1
+            self._note(
+                f"{'a host' if host is None else host.name} sent what is no message ({wrong}); it is disconnected"
+            )
+            self._drop(number)
+            self._forget(number, federation_us)
+
+    def _on_said(self, host: Host, said: FromHost, federation_us: int) -> None:
+        match said:
+            case HostOutput():
+                host.on_made(said, federation_us)
+            case HostFault(number, text):
+                process = host.processes.get(number)
+                if process is not None:
+                    process.fault(text)
+            case Beat(dropped):
+                host.dropped_there = dropped
+            case Register():
+                raise DecodeError("registered twice")
+
+    def _register(self, number: int, said: FromHost, federation_us: int) -> None:
+        if not isinstance(said, Register):
+            raise DecodeError("not registered")
+        host = self._hosts[number] = Host(number, said, self._instance.unit)
+        if self._offer(host, federation_us):
+            names = [*(each.name for each in said.units), *(each.name for each in said.sources)]
+            self._note(f"{host.name} offers {', '.join(names)[:MAX_NOTE]}")
+
+    def _offer(self, host: Host, federation_us: int) -> bool:
+        """Offer all that the host has, or nothing if something of it is taken; then it is refused and disconnected."""
+        instance, labels = self._instance, tuple(map(str, host.own))
+        try:
+            self._admit(host)
+            host.present = True
+            host.say(Welcome(instance.unit, labels, self._clock.epoch_us, self._clock.speed, self._offset_us))
+            instance.offer(host.prototypes, federation_us)
+            for label, prototype in host.own.items():
+                assert prototype.elsewhere is not None  # noqa: S101  (made so by `Host`)
+                instance.network.add_process(label, instance.sort(prototype.sort), prototype.elsewhere())
+        except DyknowError as wrong:
+            self._withdraw(host, federation_us)
+            host.out.clear()
+            del self._hosts[host.number]
+            self._note(f"{host.name} is refused: {wrong}")
+            self._refuse(host.number, str(wrong))
+            return False
+        return True
+
+    def _admit(self, host: Host) -> None:
+        """Nothing is taken before everything can be; raises what is in the way."""
+        instance = self._instance
+        for other in self._hosts.values():
+            names = {each.name for each in other.prototypes} if other.present else set()
+            taken = next((each.name for each in host.prototypes if each.name in names), None)
+            if taken is not None:
+                raise Refused(f"{taken!r} is offered by {other.name} already")
+        for prototype in host.prototypes:
+            if instance.prototypes.find(prototype.name) is not None:
+                raise PrototypeExists(prototype.name)
+            check_offer(prototype, instance.specification)
+        for label in host.own:
+            if instance.network.has(label):
+                raise LabelAlreadyExists(str(label))
+
+    def _withdraw(self, host: Host, federation_us: int) -> None:
+        """Take back what was offered for a host, and nothing else."""
+        host.present = False
+        instance = self._instance
+        for prototype in host.prototypes:
+            if instance.prototypes.find(prototype.name) is prototype:
+                instance.withdraw([prototype.name], federation_us)
+        for label, prototype in host.own.items():
+            process = instance.network.process(label)
+            if getattr(process, "prototype", None) is prototype:
+                instance.network.remove(label)
+
+    def _refuse(self, number: int, why: str) -> None:
+        self._out.append(TellHost(number, (encode(Refuse(why)),)))
+        self._drop(number)
+
+    def _drop(self, number: int) -> None:
+        self._heard_us.pop(number, None)
+        self._out.append(DropHost(number))
+
+    def _forget(self, number: int, federation_us: int) -> None:
+        self._heard_us.pop(number, None)
+        host = self._hosts.pop(number, None)
+        if host is not None and host.present:
+            self._withdraw(host, federation_us)

@@ -1,0 +1,389 @@
+"""The Monitor Coordination Agent: one task over many platforms (thesis 9.4.1).
+
+The coordinator, the recipient of `monitor-proximity`, looks up which platforms are there, has each export what the
+formulas need and set up the monitors, does the same itself, and takes newcomers in. Every participant keeps its own
+inputs alive (`agents.exchange.subscription_keeper`). States and successors of a task: `agents.tasks`. Times are the
+node clock.
+"""
+
+from collections.abc import Iterable
+
+from agents.actions import COORDINATION, FEDERATION, INFORMED, QUERIED, Action, Offer, Role
+from agents.exchange.federation_agent import FederationAgent
+from agents.exchange.subscription_keeper import SubscriptionKeeper
+from agents.interface import InterfaceAgent
+from agents.monitoring.alarm_log import alarm_content
+from agents.monitoring.monitor_plans import MonitorPlan, PlanBook
+from agents.monitoring.monitors import UnitMonitors
+from agents.part import Part, PeerChange
+from agents.tasks import CoordinatedTask, Task, TaskLife, TaskPlan
+from dyknow import US_PER_S, earlier
+from dyknow.model.errors import DyknowError, Refused
+from federation.members.clock import FederationClock
+from federation.members.directory import DirectoryFacilitator, unit_order
+from federation.members.liveness import PlatformGone
+from federation.members.offers import ServiceAppeared
+from federation.messages import contents
+from federation.messages.acts import Act, AgentName, Performative
+from reasoning import AlarmEvent
+
+RETRY_US = 1_000_000
+"""How long after a failure or silence a platform gets the next request for its part of a task."""
+MAX_TASKS = 500
+
+
+class Coordination(Part):
+    """The monitoring tasks of one platform, coordinated or joined."""
+
+    offers = (
+        Offer(
+            COORDINATION,
+            (
+                Action(contents.MonitorProximity, "on_monitor_proximity", lasting=True, typed=True),
+                Action(
+                    contents.CreateMonitor, "on_create_monitor", lasting=True, typed=True,
+                    inner=("coordinator", "delegator", "generation", "parameters", "profile", "task"),
+                ),
+                Action(contents.RemoveMonitor, "on_remove_monitor", typed=True),
+                Action(contents.Tasks, "on_tasks", QUERIED, Role.OBSERVER),
+                Action(contents.Alarm, "on_told", INFORMED),
+                Action(contents.Progress, "on_progress", INFORMED),
+            ),
+        ),
+    )  # fmt: skip
+    answers = (contents.TaskList,)
+
+    def __init__(
+        self,
+        unit: str,
+        boot: int,
+        clock: FederationClock,
+        agent: InterfaceAgent,
+        directory: DirectoryFacilitator,
+        monitors: UnitMonitors,
+        tasks: TaskLife,
+        plans: PlanBook,
+        exporting: FederationAgent,
+        keeper: SubscriptionKeeper,
+    ) -> None:
+        self._unit, self._boot, self._clock, self._agent, self._directory = unit, boot, clock, agent, directory
+        self._monitors, self._life, self._plans, self._exporting = monitors, tasks, plans, exporting
+        self._keeper = keeper
+
+    # -- a task is delegated to this platform -------------------------------------------------------------------
+
+    def on_monitor_proximity(self, act: Act, content: contents.MonitorProximity, now_us: int) -> None:
+        """`(monitor-proximity)`: coordinate the task.
+
+        Raises:
+            Refused: an unknown profile, or one that cannot be monitored; nothing is set up then.
+        """
+        conversation = self._life.check_free(act.conversation_id)
+        if conversation in self._life.coordinated:
+            leader = self._life.coordinated[conversation].leader
+            raise Refused(f"conversation {conversation} is about a task that {leader} leads")
+        plans = self._plans.for_task(content.profile, _us(content.sample_period_s), _us(content.delay_s))
+        self._monitor(plans, conversation, now_us)
+        self._agent.answer(act, Performative.AGREE, None, now_us)
+        avoidance = content.avoidance is not False
+        led = CoordinatedTask(conversation, act.sender.unit, plans, avoidance, self._unit, 1, self._boot)
+        self._coordinate(led, now_us)
+
+    def _monitor(self, plans: Iterable[MonitorPlan], owner: str, now_us: int) -> None:
+        """Set up these monitors here, all or, if one is refused, none."""
+        federation_us = self._clock.federation_us(now_us)
+        try:
+            for plan in plans:
+                self._monitors.create(plan, owner, federation_us)
+        except DyknowError:
+            for plan in plans:
+                self._monitors.remove(plan.name, owner)
+            raise
+
+    def _coordinate(self, led: CoordinatedTask, now_us: int) -> None:
+        """Coordinate a task whose monitors are set up here."""
+        self._life.coordinate(led, lambda at_us: self._take_down(led.task, at_us), now_us)
+        self._progress(led, "monitors set up", self._unit, now_us)
+        for unit in self._participants():
+            self._take_in(led, unit, now_us)
+
+    def _participants(self) -> list[str]:
+        """The other platforms that offer the federation service."""
+        entries = self._directory.search(service=FEDERATION.service)
+        units = {entry.unit for entry in entries if entry.unit != self._unit and entry.kind == "uav"}
+        return sorted(units, key=unit_order)
+
+    def _take_in(self, led: CoordinatedTask, unit: str, now_us: int) -> None:
+        """Steps 2-3 of figures 9.5 and 9.6 for one platform."""
+        if unit in led.members or led.leader != self._unit:
+            return
+        asked = led.members[unit] = []
+        others = tuple(other for other in [self._unit, *led.members] if other != unit)
+        for content in _exports(led.plans, others):
+            what = f"export of {', '.join(content.semantic_labels)}"
+            asked.append(self._ask(led, unit, content, what, now_us))
+        for plan in led.plans:
+            part = contents.CreateMonitor(
+                name=plan.name,
+                task=led.task,
+                coordinator=led.leader,
+                generation=led.generation,
+                sample_period_s=plan.period_us / US_PER_S,
+                delay_s=plan.max_delay_us / US_PER_S,
+                avoidance=led.avoidance,
+                delegator=led.delegator or None,
+            )
+            asked.append(self._ask(led, unit, part, f"monitor {plan.name}", now_us))
+        for content in _exports(led.plans, (unit,)):  # step 3 of figure 9.5: our own streams to the newcomer
+            try:
+                led.exports += self._exporting.export(content, led.task, now_us)
+            except DyknowError as refused:
+                self._progress(led, f"no export of ours: {refused}", self._unit, now_us)
+
+    def _ask(self, led: CoordinatedTask, unit: str, content: contents.Content, what: str, now_us: int) -> str:
+        """Ask one platform for a part of the task; a request without an answer is repeated while it is there."""
+        asked: list[str] = []
+
+        def is_over() -> bool:
+            return bool(asked) and asked[0] not in led.members.get(unit, ())
+
+        def on_reply(reply: Act, answer: contents.Content | None, at_us: int) -> None:
+            if is_over():
+                return
+            reason = answer if isinstance(answer, contents.Reason) else contents.Reason(text="no reason given")
+            if reply.performative is Performative.INFORM and isinstance(answer, contents.Done):
+                self._progress(led, what, unit, at_us)
+            elif reply.performative is Performative.FAILURE:
+                on_silence(reason.text, at_us)
+            elif reply.performative in {Performative.REFUSE, Performative.NOT_UNDERSTOOD}:
+                self._declined(led, unit, what, reason, at_us)
+
+        def on_silence(why: str, at_us: int) -> None:
+            if not is_over():
+                led.again_us[unit] = at_us + RETRY_US
+                self._progress(led, f"{what}: {why}", unit, at_us)
+
+        asked.append(self._agent.delegate(unit, content, now_us, on_reply=on_reply, on_silence=on_silence))
+        return asked[0]
+
+    def _ask_again(self, led: CoordinatedTask, unit: str, now_us: int) -> None:
+        """Ask for all of it once more; only then end what stood, so that no stream ends in between."""
+        before = led.members.pop(unit, [])
+        if unit in self._participants():
+            self._take_in(led, unit, now_us)
+        self._cancel_all({unit: before}, now_us)
+
+    def _cancel_all(self, members: dict[str, list[str]], now_us: int) -> None:
+        for unit, conversations in members.items():
+            for conversation in conversations:
+                self._agent.cancel(unit, conversation, now_us)
+
+    def _declined(self, led: CoordinatedTask, unit: str, what: str, reason: contents.Reason, now_us: int) -> None:
+        self._progress(led, f"{what}: refused, {reason.text}", unit, now_us)
+        if reason.code == "led-by":
+            if reason.leader in self._participants():
+                self._life.step_down(led, reason.leader)
+        elif reason.code == "cancelled":
+            self._life.cancel(led.task, now_us)
+
+    def _progress(self, led: CoordinatedTask, step: str, unit: str, now_us: int) -> None:
+        is_ours = led.leader == self._unit and led.task in self._life.coordinated
+        if is_ours and self._reachable(led.delegator):
+            self._agent.tell(
+                led.delegator, contents.Progress(step=step[:200], unit=unit), now_us, conversation=led.task
+            )
+
+    def _reachable(self, unit: str) -> bool:
+        return unit != self._unit and self._directory.is_present(unit)
+
+    def _take_down(self, task: str, now_us: int) -> tuple[str, ...]:
+        """Cancel all that the task set up, here and elsewhere."""
+        led = self._life.coordinated.pop(task, None)
+        if led is None:
+            return ()
+        for plan in led.plans:
+            self._monitors.remove(plan.name, task)
+        self._cancel_all(led.members, now_us)
+        self._end(led, now_us)
+        return (task,)
+
+    def _end(self, led: CoordinatedTask, now_us: int) -> None:
+        self._cancel_all(led.former, now_us)
+        self._exporting.end_exports(led.exports, now_us)
+        self._life.end_parts(now_us)
+
+    # -- a coordinator, or a person, asks this platform for a monitor -------------------------------------------
+
+    def on_create_monitor(self, act: Act, content: contents.CreateMonitor, now_us: int) -> None:
+        """`(create-monitor name: proximity)`: set up a monitor here, on its own or as part of a task.
+
+        Raises:
+            Refused: unknown name, a task that was cancelled here, or one that another platform coordinates.
+        """
+        if content.profile is not None or content.parameters is not None:
+            raise Refused("a monitor is created by its name alone, without profile or parameters")
+        plan = self._plans.named(content.name, _us(content.sample_period_s), _us(content.delay_s))
+        conversation = self._life.check_free(act.conversation_id)
+        asker, task = act.sender.unit, content.task
+        owner = conversation if task is None else task
+        if task is not None:
+            if content.coordinator not in {None, asker}:
+                raise Refused(f"the monitors of a task are set up by who leads it: {content.coordinator}, not {asker}")
+            self._life.check_leader(task, asker, content.generation or 1)
+        self._monitor([plan], owner, now_us)
+        if task is not None:
+            avoidance, generation = content.avoidance is not False, content.generation or 1
+            told = CoordinatedTask(task, content.delegator or "", (), avoidance, asker, generation, act.boot)
+            self._life.follow(act, told, plan)
+
+        def take_down(at_us: int) -> tuple[str, ...]:
+            return self._leave(owner, plan.name, at_us)
+
+        name, is_part = contents.CreateMonitor.head, task is not None
+        self._life.add(Task(conversation, asker, name, take_down, since_us=now_us, is_part=is_part, monitor=plan.name))
+        self._agent.done(act, now_us)
+        self._keeper.wake(now_us)
+
+    def on_remove_monitor(self, act: Act, content: contents.RemoveMonitor, now_us: int) -> None:
+        """`(remove-monitor name: proximity)`: end what `create-monitor` set up; see `TaskLife.endable`.
+
+        Raises:
+            Refused: there is none that the requester may end.
+        """
+        name = content.name
+        for task in self._life.endable(act, f"monitor {name}", lambda task: task.monitor == name):
+            self._life.end(task, act.sender.unit, now_us)
+        self._agent.done(act, now_us)
+
+    def _leave(self, task: str, name: str, now_us: int) -> tuple[str, ...]:
+        """The monitor `name` of a task is needed no more."""
+        self._monitors.remove(name, task)
+        led = self._life.leave(task, name)
+        if led is None:
+            return ()
+        self._end(led, now_us)
+        return (task,)
+
+    def on_tasks(self, act: Act, _content: contents.Tasks, now_us: int) -> None:
+        """`(tasks)`: what users delegated, not the parts of it."""
+        entries = tuple(
+            contents.TaskEntry(
+                conversation=task.conversation,
+                task=task.name,
+                unit=self._unit,
+                state=task.state,
+                delegator=str(AgentName("interface", task.initiator)) if task.initiator else None,
+                since_us=task.since_us,
+            )
+            for task in self._life.all()
+            if not task.is_part
+        )
+        self._agent.answer(act, Performative.INFORM, contents.TaskList(tasks=entries[:MAX_TASKS]), now_us)
+
+    # -- peers and time -----------------------------------------------------------------------------------------
+
+    def on_peer(self, change: PeerChange, now_us: int) -> None:
+        """Take newcomers in; forget requests to one that is gone, and take over after its coordination."""
+        if isinstance(change, ServiceAppeared):
+            if change.service.service == FEDERATION.service and change.unit != self._unit:
+                entry = self._directory.entry(change.unit)
+                if entry is not None and entry.kind == "uav":
+                    self._on_present(change.unit, now_us)
+        elif isinstance(change, PlatformGone):
+            for led in self._life.coordinated.values():
+                for of_unit in (led.members, led.former, led.again_us):
+                    of_unit.pop(change.unit, None)
+                if led.leader == change.unit:
+                    self._life.on_leader_gone(led, self._participants(), now_us)
+
+    def _on_present(self, unit: str, now_us: int) -> None:
+        for led in list(self._life.coordinated.values()):
+            if led.leader == self._unit:
+                self._take_in(led, unit, now_us)
+            elif self._is_back(led):
+                led.successor_at_us = None
+
+    def _is_back(self, led: CoordinatedTask) -> bool:
+        """Whether the coordinator is there, in the life in which it coordinates."""
+        entry = self._directory.entry(led.leader)
+        return entry is not None and entry.boot == led.leader_boot and self._directory.is_present(led.leader)
+
+    def on_time(self, now_us: int) -> None:
+        """Repeat requests that failed, and take over where the coordinator died and no participant before us did."""
+        due_us = self.deadline_us
+        if due_us is None or now_us < due_us:
+            return
+        for led in list(self._life.coordinated.values()):
+            for unit in [unit for unit, due_us in led.again_us.items() if due_us <= now_us]:
+                del led.again_us[unit]
+                self._ask_again(led, unit, now_us)
+            if led.successor_at_us is not None and led.successor_at_us <= now_us:
+                led.successor_at_us = None
+                if not self._is_back(led):
+                    self._life.take_over(led)
+                    self._coordinate(led, now_us)
+
+    @property
+    def deadline_us(self) -> int | None:
+        due_us = None
+        for led in self._life.coordinated.values():
+            due_us = earlier(due_us, led.deadline_us)
+        return due_us
+
+    # -- alarms ------------------------------------------------------------------------------------------------
+
+    def avoids(self, monitor: str) -> bool:
+        """Whether some task here wants platforms to give way when `monitor` raises an alarm."""
+        coordinated = self._life.coordinated.values()
+        return any(led.avoidance and any(plan.name == monitor for plan in led.plans) for led in coordinated)
+
+    def on_alarm(self, event: AlarmEvent, now_us: int) -> None:
+        """Notify the delegator, through the coordinator, and the other platform that the alarm is about."""
+        alarm = alarm_content(event, self._unit)
+        for led in self._life.coordinated.values():
+            if not any(plan.name == event.monitor for plan in led.plans):
+                continue
+            if led.leader == self._unit:
+                self._pass_on(led, alarm, now_us)
+            else:
+                self._agent.tell(led.leader, alarm, now_us, conversation=led.task)
+        for unit in event.units[1:]:
+            if self._directory.is_present(unit):
+                self._agent.tell(unit, alarm, now_us)
+
+    def on_told(self, act: Act, alarm: contents.Alarm, now_us: int) -> None:
+        """`(alarm ...)`: a participant of a task we coordinate raised it; what others tell us is in our monitors, too.
+
+        Raises:
+            Refused: it is an alarm of another platform.
+        """
+        if alarm.by != act.sender.unit:
+            raise Refused(f"{act.sender.unit} tells of an alarm of another platform")
+        led = self._life.coordinated.get(act.conversation_id or "")
+        if led is not None and led.leader == self._unit:
+            self._pass_on(led, alarm, now_us)
+
+    def on_progress(self, _act: Act, _content: contents.Progress, _now_us: int) -> None:
+        """`(progress ...)`: this platform delegates nothing that it waits for."""
+
+    def _pass_on(self, led: CoordinatedTask, alarm: contents.Alarm, now_us: int) -> None:
+        if self._reachable(led.delegator):
+            self._agent.tell(led.delegator, alarm, now_us, conversation=led.task)
+
+
+def _us(seconds: float | None) -> int | None:
+    return None if seconds is None else round(seconds * US_PER_S)
+
+
+def _exports(plans: Iterable[TaskPlan], to_units: tuple[str, ...]) -> list[contents.CreateMulticast]:
+    """All streams the plans need of a platform, one request per period and delay."""
+    labels: dict[tuple[int, int], dict[str, None]] = {}
+    for plan in plans:
+        labels.setdefault((plan.period_us, plan.max_delay_us), {}).update(dict.fromkeys(plan.labels))
+    return [
+        contents.CreateMulticast(
+            semantic_labels=tuple(named), sample_period_s=period_us / US_PER_S, delay_s=delay_us / US_PER_S,
+            to_units=to_units,
+        )
+        for (period_us, delay_us), named in labels.items()
+    ]  # fmt: skip

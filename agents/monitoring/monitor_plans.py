@@ -1,0 +1,137 @@
+"""From the name of a monitor to what it takes: formula, inputs, period (thesis 9.4.2: the formula is local knowledge)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from dyknow import Policy, Value
+from dyknow.model.errors import DyknowError, Refused
+from dyknow.model.instants import print_duration
+from federation.sharing.ontology import Translation
+from kpl import Specification, profile_formula
+from kpl.running.formula_states import states_of
+from kpl.syntax.specification import StreamTerm
+from reasoning import Derivation, Formula, clearance, instantiate, required_labels, split_growing
+from reasoning.monitoring.profiles import Profile
+
+DEFAULT_TASK = ("proximity", "proximity-warn")
+"""What `monitor-proximity` monitors unless a profile is named: the violation, and what starts avoidance."""
+
+MAX_DELAY_US = 60_000_000
+"""A monitor keeps every state that is not complete yet, for as long as its delay."""
+
+
+@dataclass(frozen=True, slots=True)
+class MonitorPlan:
+    """A named monitor with its period and delay settled.
+
+    `variable` is what the formula quantifies over, if it grows with the units; None if it is about this unit alone.
+    """
+
+    profile: Profile
+    formula: Formula
+    variable: str | None
+
+    @property
+    def name(self) -> str:
+        return self.profile.name
+
+    @property
+    def period_us(self) -> int:
+        return self.profile.sample_us
+
+    @property
+    def max_delay_us(self) -> int:
+        return self.profile.max_delay_us
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The semantic labels it needs of each unit."""
+        return self.profile.labels
+
+    @property
+    def grows(self) -> bool:
+        return self.variable is not None
+
+    def describe(self) -> str:
+        return f"sample every {print_duration(self.period_us)}, max delay {print_duration(self.max_delay_us)}"
+
+
+class StateMaker:
+    """Turns synchronised states into the values one instance's formula speaks of.
+
+    Attributes:
+        values, lacks: see `Derivation`; a state brings the values of `shared`, then those of `own`.
+        shared: inputs that this platform brings, the same for all instances of the plan.
+        own: the other inputs.
+        is_clear: whether a state is complete and its formula surely holds in it; quicker than `values`.
+    """
+
+    __slots__ = ("formula", "input_names", "inputs", "is_clear", "lacks", "own", "shared", "values")
+
+    def __init__(self, plan: MonitorPlan, member: str, unit: str) -> None:
+        self.formula = plan.formula if plan.variable is None else instantiate(plan.formula, plan.variable, member)
+        derivation = Derivation(required_labels(self.formula), plan.profile.vertical, plan.profile.fence, first=unit)
+        self.inputs, self.input_names = derivation.inputs, derivation.input_names
+        self.shared = tuple(each for each in self.inputs if each.unit == unit)
+        self.own = self.inputs[len(self.shared) :]
+        self.values, self.lacks = derivation.values, derivation.lacks
+        clear = clearance(self.formula)
+        self.is_clear = _never if clear is None else derivation.beyond(clear)
+
+
+def _never(_state: Sequence[Value]) -> bool:
+    return False
+
+
+def states_declaration(plan: MonitorPlan, maker: StateMaker, translation: Translation) -> Specification:
+    """What the states of one instance of a plan are made of, in KPL, of the local streams."""
+    taken = Policy(change="sample", sample_us=plan.period_us, from_us=0, max_delay_us=plan.max_delay_us)
+    terms = tuple(StreamTerm(translation.local_label(label, unit), taken) for label, unit in maker.inputs)
+    return states_of(plan.name, terms, replace(taken, from_us=None, exact=True))
+
+
+class PlanBook:
+    """The monitors this platform knows by name. `grid_us` is the period of its estimates: there are no states between."""
+
+    def __init__(self, unit: str, profiles: Mapping[str, Profile], grid_us: int = 1) -> None:
+        self._unit, self._profiles, self._grid_us = unit, profiles, grid_us
+
+    def named(self, name: str, period_us: int | None = None, delay_us: int | None = None) -> MonitorPlan:
+        """The monitor `name`, with another period or delay if given.
+
+        Raises:
+            Refused: there is no such monitor here, its formula does not read, or its period or delay cannot be kept.
+        """
+        profile = self._profiles.get(name)
+        if profile is None:
+            raise Refused(f"no monitor is called {name!r} here; known: {', '.join(sorted(self._profiles))}")
+        profile = replace(
+            profile,
+            sample_us=profile.sample_us if period_us is None else period_us,
+            max_delay_us=profile.max_delay_us if delay_us is None else delay_us,
+        )
+        self._check(profile)
+        try:
+            formula = profile_formula(profile, self._unit)
+        except DyknowError as wrong:
+            raise Refused(f"the formula of {name} does not read: {wrong}") from None
+        split = split_growing(formula)
+        return MonitorPlan(profile, formula, None) if split is None else MonitorPlan(profile, split[2], split[0])
+
+    def _check(self, profile: Profile) -> None:
+        if profile.sample_us % self._grid_us or profile.sample_us <= 0:
+            period, grid = print_duration(profile.sample_us), print_duration(self._grid_us)
+            raise Refused(f"a period of {period} is no multiple of {grid}, the period of this platform's estimates")
+        if profile.max_delay_us > MAX_DELAY_US:
+            raise Refused(f"a monitor waits for late samples {print_duration(MAX_DELAY_US)} at most")
+
+    def prepare(self) -> None:
+        """Read what tasks usually take, so that the first one is not slowed by it."""
+        self.for_task(None)
+
+    def for_task(
+        self, profile: str | None, period_us: int | None = None, delay_us: int | None = None
+    ) -> tuple[MonitorPlan, ...]:
+        """What `monitor-proximity` takes: the named profile, or the violation and its warning."""
+        names = DEFAULT_TASK if profile is None else (profile,)
+        return tuple(self.named(name, period_us, delay_us) for name in names)

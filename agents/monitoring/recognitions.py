@@ -1,0 +1,122 @@
+"""Chronicles over a platform's live streams, recognised on request (thesis 8.2). Node clock."""
+
+from itertools import count
+from typing import NamedTuple
+
+from agents.actions import COORDINATION, SUBSCRIBED, Action, Offer
+from agents.interface import InterfaceAgent
+from agents.part import Part
+from agents.tasks import TaskLife
+from dyknow import US_PER_S, Label, Network
+from dyknow.model.errors import ChronicleError, Refused
+from dyknow.model.instants import US_PER_MS
+from federation.members.clock import FederationClock
+from federation.members.deadlines import Deadlines
+from federation.messages.acts import Act, Performative
+from federation.messages.contents import Content, Reason, Recognise, Recognised
+from kpl import parse_chronicles
+from kpl.running.chronicle_streams import MAX_DELAY_US, ChronicleWatch
+from reasoning.chronicles import ChronicleInstance, Recogniser, RecognitionLimits
+
+TIMEOUT_S = 60.0
+MOST = 4
+MOST_TOLD = 10_000
+LIMITS = RecognitionLimits(events=100_000, events_of_one_binding=1_000, waiting=10_000, found_at_once=1_000)
+
+
+class Open(NamedTuple):
+    """One watch, and for whom."""
+
+    act: Act
+    watch: ChronicleWatch
+
+
+class Recognitions(Part):
+    """What is being watched for on one platform."""
+
+    offers = (Offer(COORDINATION, (Action(Recognise, "on_recognise", SUBSCRIBED),)),)
+    answers = (Recognised,)
+
+    def __init__(
+        self,
+        clock: FederationClock,
+        agent: InterfaceAgent,
+        network: Network,
+        tasks: TaskLife,
+    ) -> None:
+        self._clock, self._agent, self._network, self._tasks = clock, agent, network, tasks
+        self._open: dict[str, Open] = {}
+        self._deadlines: Deadlines[str] = Deadlines()
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._deadlines.next_us
+
+    def on_recognise(self, act: Act, content: Recognise, now_us: int) -> None:
+        """`(recognise ...)`: agree, inform of each instance as it is recognised until cancelled, or the time is over.
+
+        Raises:
+            TextError: the text is wrong, and where.
+            Refused: it cannot be recognised, or too many chronicles are watched for.
+        """
+        conversation = self._tasks.check_free(act.conversation_id)
+        if conversation in self._open:
+            raise Refused(f"conversation {conversation} is about other chronicles")
+        if len(self._open) >= MOST:
+            raise Refused(f"{MOST} watch for chronicles here already; wait for one to end")
+        found = parse_chronicles(content.text)
+        if not found.chronicles:
+            raise Refused("there is no chronicle in the text")
+        try:
+            Recogniser.of(found)
+        except ChronicleError as wrong:
+            raise Refused(str(wrong)) from None
+        delay_us = MAX_DELAY_US if content.delay_s is None else round(content.delay_s * US_PER_S)
+        network, numbers = self._network, count(1)
+
+        def on_recognised(instance: ChronicleInstance, _at_us: int) -> None:
+            if next(numbers) <= MOST_TOLD:
+                self._inform(act, _said(instance))
+
+        def on_fault(label: Label, said: str) -> None:
+            self._inform(act, Reason(text=f"{label}: {said}"[:1000]))
+
+        self._agent.answer(act, Performative.AGREE, None, now_us)
+        self._open[conversation] = Open(act, ChronicleWatch(network, found, delay_us, on_recognised, on_fault, LIMITS))
+        self._deadlines.set(conversation, now_us + round((content.timeout_s or TIMEOUT_S) * US_PER_S))
+
+    def _inform(self, act: Act, said: Content) -> None:
+        """At the time at which the streams are."""
+        self._agent.answer(act, Performative.INFORM, said, self._clock.wall_us(self._network.now_us))
+
+    def on_cancel(self, act: Act, now_us: int) -> bool:
+        return self.on_lost(act, now_us)
+
+    def on_lost(self, act: Act, _now_us: int) -> bool:
+        """The requester no longer wants to know."""
+        conversation = act.conversation_id or ""
+        watch = self._open.get(conversation)
+        if watch is None or watch.act.sender.unit != act.sender.unit:
+            return False
+        self._drop(conversation)
+        return True
+
+    def on_time(self, now_us: int) -> None:
+        """End what is over."""
+        for conversation in self._deadlines.pop_due(now_us):
+            self._agent.end(conversation, self._drop(conversation).act.sender.unit, "its time is over", now_us)
+
+    def _drop(self, conversation: str) -> Open:
+        found = self._open.pop(conversation)
+        self._deadlines.set(conversation, None)
+        found.watch.cancel()
+        return found
+
+
+def _said(instance: ChronicleInstance) -> Recognised:
+    return Recognised(
+        chronicle=instance.chronicle,
+        bindings=dict(instance.bindings),
+        instants={name: at_ms * US_PER_MS for name, at_ms in instance.instants.items()},
+        recognised_us=instance.recognised_ms * US_PER_MS,
+    )

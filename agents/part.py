@@ -1,0 +1,97 @@
+"""A part of a platform: what it understands, which events it takes, when it is due. A new capability is a new part."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import ClassVar, Final, NamedTuple, TypeAlias
+
+from agents.actions import Offer
+from federation.members.directory import DirectoryEvent
+from federation.messages.acts import Act
+from federation.messages.contents import Content
+from federation.messages.descriptions import LabelEntry
+from reasoning import AlarmEvent
+
+
+class ClockCompared(NamedTuple):
+    """The clock of `unit` was compared with ours once more."""
+
+    unit: str
+
+
+PeerChange: TypeAlias = DirectoryEvent | ClockCompared
+"""Something about another platform: it, a service or a label came or went, or its clock was compared."""
+
+
+class Part:
+    """One agent, proxy or store of a platform. Every method has a default that does nothing; times are the node clock.
+
+    A handler of an event takes (event, node clock) and returns what may follow from it: None when anything may (the
+    default), an empty tuple when nothing does, a tuple of parts when all that follows is that these may be due
+    earlier, or `NOT_MINE` when the event is for another part. The last three are for events that come by the
+    thousand.
+
+    Attributes:
+        offers: the actions it handles, by service.
+        answers: contents it only sends, never takes.
+        takes: by type of event, the method that takes it; a type of key stands for questions on such keys.
+        arrivals: by the first chunk of a key, the method that takes what arrives there.
+    """
+
+    offers: ClassVar[tuple[Offer, ...]] = ()
+    answers: ClassVar[tuple[type[Content], ...]] = ()
+    takes: ClassVar[Mapping[type, str]] = {}
+    arrivals: ClassVar[Mapping[str, str]] = {}
+
+    @property
+    def deadline_us(self) -> int | None:
+        """When `on_time` has work next, or a little earlier; 0 for at once."""
+        return None
+
+    @property
+    def is_owing(self) -> bool:
+        """Whether something waits here to become an effect."""
+        return False
+
+    def labels(self) -> Iterable[LabelEntry]:
+        """The semantic labels it offers to other platforms."""
+        return ()
+
+    def start(self, now_us: int) -> None:
+        """The platform comes into the federation."""
+
+    def on_time(self, now_us: int) -> None:
+        """Time has passed."""
+
+    def flush(self) -> None:
+        """A step that may have changed anything ends: emit what was gathered."""
+
+    def on_peer(self, change: PeerChange, now_us: int) -> None:
+        """Something about another platform."""
+
+    def on_alarm(self, event: AlarmEvent, now_us: int) -> None:
+        """An alarm opened or closed here."""
+
+    def on_cancel(self, act: Act, now_us: int) -> bool:  # noqa: ARG002
+        """End what was asked for in the conversation of `act`; whether this part knew of it.
+
+        Raises:
+            Refused: it is another's, or must be cancelled elsewhere.
+        """
+        return False
+
+    def on_lost(self, act: Act, now_us: int) -> bool:  # noqa: ARG002
+        """The platform that opened a conversation with `act` is gone; whether this part knew of it."""
+        return False
+
+
+class _NotMine(tuple[Part, ...]):
+    __slots__ = ()
+
+
+NOT_MINE: Final[Sequence[Part]] = _NotMine()
+Followed: TypeAlias = Sequence[Part] | None
+Handler: TypeAlias = Callable[..., Followed]
+
+
+def overrides(part: Part, name: str) -> bool:
+    """Whether the class of `part` has its own `name`."""
+    return getattr(type(part), name) is not getattr(Part, name)

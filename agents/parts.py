@@ -1,0 +1,267 @@
+"""The parts of a platform, listed once: a new capability is registered here, or named as an extension.
+
+The order is the order in which parts are stepped by time, by peers and by alarms: what makes samples, what sends
+and takes them, what keeps conversations, what reacts to peers and alarms; the directory comes last, since a platform
+comes into the federation when it can answer.
+
+A part's constructor names what it takes: another part by its class, anything else by the name of a port.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from inspect import signature
+from typing import Any, TypeVar
+
+from agents.actions import ROLES, Role
+from agents.admission.admission import Admission
+from agents.admission.limits import ActLimits
+from agents.admission.message_log import MessageLog
+from agents.audit_log import AuditLog
+from agents.config import PlatformConfig
+from agents.directory.clocks import Clocks
+from agents.directory.directory import DirectoryAgent
+from agents.effects import Effect
+from agents.exchange.export_proxy import ExportProxy
+from agents.exchange.federation_agent import FederationAgent
+from agents.exchange.gateway import Gateway
+from agents.exchange.import_proxy import ImportProxy
+from agents.exchange.local_instance import LocalInstance
+from agents.exchange.stream_queries import StreamQueries
+from agents.exchange.subscription_keeper import SubscriptionKeeper
+from agents.flight.flight import Faults, FlightAgent
+from agents.flight.giving_way import GivingWay
+from agents.flight.pilot import Pilot
+from agents.flight.vehicle_streams import VehicleStreams
+from agents.interface import InterfaceAgent
+from agents.monitoring.alarm_log import AlarmLog
+from agents.monitoring.checks import Checks
+from agents.monitoring.coordination import Coordination
+from agents.monitoring.monitor_plans import PlanBook
+from agents.monitoring.monitor_queries import MonitorQueries
+from agents.monitoring.monitors import Needs, UnitMonitors
+from agents.monitoring.recognitions import Recognitions
+from agents.monitoring.unit_monitoring import UnitMonitoring
+from agents.part import Part, PeerChange
+from agents.specification.specification_part import SpecificationPart
+from agents.tasks import TaskLife
+from dyknow import Label, Network
+from dyknow.model.errors import UnitError
+from federation.members.clock import Offset
+from federation.members.directory import DirectoryFacilitator
+from federation.members.imports import Imports
+from federation.members.member import Member, MemberAgents
+from federation.members.offers import Service
+from federation.members.offsets import ClockOffsets
+from federation.messages.descriptions import LabelEntry
+from federation.sharing.exports import Exports
+from federation.sharing.ontology import Convert, Translation
+from kpl import Instance
+from reasoning import AlarmEvent
+
+T = TypeVar("T", bound=Part)
+
+PARTS: tuple[type[Part], ...] = (
+    FlightAgent, Faults, LocalInstance, FederationAgent, ImportProxy, SubscriptionKeeper, Clocks, Admission, UnitMonitoring,
+    AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
+    MessageLog, DirectoryAgent,
+)  # fmt: skip
+"""The classes of all parts there are, in their order; which of them a platform has, `Ports.kinds` decides."""
+
+COMMON = frozenset({Clocks, Admission, MessageLog, DirectoryAgent})
+"""Those that a command centre has, too."""
+
+LISTED = (
+    "dyknow-federation", "monitor-coordination", "alarms", "directory", "account", "local-instance", "specification",
+    "flight", "fault-injection",
+)  # fmt: skip
+"""The order in which a description lists services, those of extensions last: equal descriptions are equal bytes."""
+
+
+@dataclass(eq=False)
+class Ports:
+    """What the parts of one platform are built of, each made when it is first named; onlookers look at it, too.
+
+    Attributes:
+        emit: takes an effect; note: words for users; refuse: counts what is dropped, by reason.
+        on_peer, on_alarm: tell all parts of a change of a peer, of an alarm.
+        services, labels: what all parts offer.
+        now_us: the node clock of the present step.
+    """
+
+    config: PlatformConfig
+    started_us: int
+    emit: Callable[[Effect], None]
+    note: Callable[[str], None]
+    refuse: Callable[[str], None]
+    on_peer: Callable[[PeerChange, int], None]
+    on_alarm: Callable[[AlarmEvent], None]
+    services: Callable[[], Sequence[Service]]
+    labels: Callable[[], Sequence[LabelEntry]]
+    now_us: Callable[[], int]
+
+    def __post_init__(self) -> None:
+        config = self.config
+        self.unit, self.boot, self.clock, self.ontology = config.unit, config.boot, config.clock, config.ontology
+        self.network, self.may_avoid = Network(), config.avoidance
+        self._parts: dict[type[Part], Part] = {}
+
+    # -- parts -------------------------------------------------------------------------------------------------
+
+    def kinds(self) -> Iterator[type[Part]]:
+        """The classes of the parts that this platform has."""
+        config = self.config
+        missing = {kind for kind, has in ((FlightAgent, config.vehicle), (Faults, config.simulated)) if not has}
+        for kind in (*PARTS[:-1], *config.extensions, *PARTS[-1:]):
+            if kind not in PARTS or kind in COMMON or (config.kind == "uav" and kind not in missing):
+                yield kind
+
+    def build(self) -> tuple[Part, ...]:
+        """All parts of the platform.
+
+        Raises:
+            UnitError: a part cannot be built.
+        """
+        kinds = list(self.kinds())
+        self.parts = [self.part(kind) for kind in kinds if kind is not Admission]
+        return tuple(self.part(kind) for kind in kinds)
+
+    def part(self, kind: type[T]) -> T:
+        """The part of that class, built of what its constructor names."""
+        found = self._parts.get(kind)
+        if found is None:
+            given = {name: self.part(of) if of else getattr(self, name) for name, of in _taken(kind).items()}
+            found = self._parts[kind] = kind(**given)
+        return found  # type: ignore[return-value]
+
+    # -- what parts of the same platform share -----------------------------------------------------------------
+
+    @cached_property
+    def agent(self) -> InterfaceAgent:
+        config = self.config
+        offers = [offer for part in (*PARTS, *config.extensions) for offer in part.offers]
+        lasting = frozenset(action.head for offer in offers for action in offer.actions if action.lasting)
+
+        audit_log = AuditLog()
+
+        def member(agents: MemberAgents) -> Member:
+            return Member(
+                self.unit, self.boot, self.started_us, agents, audit_log.enter, self.emit,
+                kind=config.kind, zid=config.zid, clock=self.clock, trust=config.trust,
+            )  # fmt: skip
+
+        return InterfaceAgent(member, lasting, audit_log, self.on_peer)
+
+    @property
+    def member(self) -> Member:
+        return self.agent.member
+
+    @property
+    def directory(self) -> DirectoryFacilitator:
+        return self.member.directory
+
+    @cached_property
+    def limits(self) -> ActLimits:
+        return ActLimits(rate_per_s=self.config.acts_per_s, burst=self.config.acts_burst)
+
+    def role_of(self, peer: str) -> Role:
+        """Without a roster everybody may command."""
+        trust = self.config.trust
+        member = None if trust is None else trust.roster.member(peer)
+        return Role.COMMAND_CENTRE if trust is None else Role.OBSERVER if member is None else ROLES[member.role]
+
+    def offered(self) -> list[Service]:
+        """The services of all parts, as a description lists them."""
+        places = {name: at for at, name in enumerate(LISTED)}
+        return sorted(self.services(), key=lambda service: places.get(service.service, len(LISTED)))
+
+    @property
+    def offsets(self) -> ClockOffsets:
+        return self.member.offsets
+
+    @property
+    def offset_of(self) -> Callable[[str], Offset | None]:
+        return self.offsets.last
+
+    @cached_property
+    def translation(self) -> Translation:
+        return self.config.translation or Translation(self.ontology)
+
+    @property
+    def source(self) -> Callable[[str, str], tuple[Label, Convert]]:
+        return self.part(LocalInstance).source
+
+    @property
+    def fed(self) -> tuple[Part, ...]:
+        """The parts that imported samples may make due earlier."""
+        return self.part(LocalInstance), self.part(UnitMonitoring)
+
+    @property
+    def imports(self) -> Imports:
+        return self.member.imports
+
+    @cached_property
+    def exports(self) -> Exports:
+        return Exports(self.unit, self.boot, self.clock.wall_us)
+
+    @cached_property
+    def gateway(self) -> Gateway:
+        """The local instance under semantic labels; `network` is the instance itself."""
+        exporter = ExportProxy(self.exports, self.network, self.translation, self.emit)
+        variance_of = self.streams.variance_of if self.config.vehicle else _no_variance
+        importer = self.part(ImportProxy)
+        return Gateway(self.unit, self.network, self.ontology, self.translation, exporter, importer, variance_of)
+
+    @cached_property
+    def streams(self) -> VehicleStreams:
+        return VehicleStreams(self.unit, self.network, self.translation, self.config.period_us, self.note)
+
+    @cached_property
+    def pilot(self) -> Pilot:
+        return Pilot(self.config.control, self.config.plan, self.config.limits)
+
+    @cached_property
+    def monitors(self) -> UnitMonitors:
+        return UnitMonitors(self.unit, self.network, self.source, self.on_alarm)
+
+    @property
+    def monitored(self) -> Callable[[], Needs]:
+        return self.monitors.needs
+
+    @cached_property
+    def plans(self) -> PlanBook:
+        return PlanBook(self.unit, self.config.profiles, self.config.period_us)
+
+    @property
+    def tasks(self) -> TaskLife:
+        """What was asked for and lasts."""
+        return self.part(TaskLife)
+
+    @property
+    def instance(self) -> Instance:
+        """What the specification declares, as it runs."""
+        return self.part(SpecificationPart).instance
+
+    @property
+    def offer(self) -> Callable[[int], None]:
+        """Tells the directory that the labels of a part have changed, at a time (node clock)."""
+        return self.part(DirectoryAgent).offer
+
+
+def _taken(kind: type[Part]) -> Mapping[str, type[Part] | None]:
+    """What the constructor of a part takes by name: the class of another part, or None for a port."""
+    known = {each.name for each in fields(Ports)} | {name for name in vars(Ports) if not name.startswith("_")}
+    known |= {"unit", "boot", "clock", "ontology", "network", "may_avoid", "parts"}
+    known -= {"build", "kinds", "part"}
+    taken: dict[str, Any] = {}
+    for name, parameter in signature(kind).parameters.items():
+        of = parameter.annotation
+        taken[name] = of if isinstance(of, type) and issubclass(of, Part) else None
+    unknown = sorted(name for name, of in taken.items() if of is None and name not in known)
+    if unknown:
+        raise UnitError(f"{kind.__name__} wants {', '.join(unknown)}; ports are {', '.join(sorted(known))}")
+    return taken
+
+
+def _no_variance(_semantic_label: str, _valid_us: int) -> None:
+    return None

@@ -1,0 +1,68 @@
+"""Streams of other units in the instance of a specification: asked for while they have subscribers here."""
+
+from collections.abc import Callable
+
+from dyknow import NO_VALUE, Inputs, Sample, UnitPrototype, Value, converted
+from dyknow.network.generator import Generator
+from dyknow.network.process import Input
+from dyknow.network.processes import EVER_US, RefinementProcess
+from federation.sharing.ontology import Convert
+
+
+class Imported(RefinementProcess):
+    """A stream of another unit under a label of our own; it is asked for while it has a subscriber here."""
+
+    def __init__(self, unit: UnitPrototype, taken: Input, ask: Callable[[bool], None]) -> None:
+        super().__init__(unit, [taken])
+        self._ask = ask
+
+    def begin(self) -> None:
+        super().begin()
+        self._ask(True)
+
+    def end(self) -> None:
+        super().end()
+        self._ask(False)
+
+
+class ImportDemand:
+    """Where the source itself has the label: it is asked for while it has a subscriber, and what came is kept."""
+
+    def __init__(self, generator: Generator, ask: Callable[[bool], None]) -> None:
+        self._generator, self._ask, self._asks = generator, ask, False
+        generator.owner = self
+        self.on_demand()
+
+    def on_demand(self) -> None:
+        """Its subscribers have changed."""
+        self._tell(bool(self._generator.subscriptions))
+
+    def reach(self, from_us: int | None) -> None:
+        """There is no more of the past than what came."""
+
+    def since_us(self) -> int:
+        """The history knows."""
+        return EVER_US
+
+    def stop(self) -> None:
+        """It is imported no more."""
+        self._generator.owner = None
+        self._tell(False)
+
+    def _tell(self, asks: bool) -> None:
+        if asks is not self._asks:
+            self._asks = asks
+            self._ask(asks)
+
+
+def converting(sort: str, convert: Convert) -> UnitPrototype:
+    """Values in other units, with their quality."""
+
+    def step(now_us: int, inputs: Inputs, state: Value) -> tuple[Sample | None, Value]:
+        (sample,) = inputs
+        if sample is None:
+            return None, state
+        made = sample if sample.value is NO_VALUE else converted(sample, convert(sample.value))
+        return made._replace(available_us=now_us), state
+
+    return UnitPrototype("as exported", sort, (sort,), lambda: step, samplewise=True)

@@ -1,0 +1,371 @@
+"""What a platform's specification declares beyond its own instance: exports, imports, monitors over other units.
+
+An exported stream is a generator under the label that this platform has for the semantic label, so that a client that asks
+for it, queries it or monitors it finds it where every other stream is found. An imported stream is asked for like the
+inputs of monitors are (thesis 9.4.1).
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache, partial
+from typing import Any, Final
+
+from agents.actions import QUERIED, Action, Offer, Role
+from agents.config import PlatformConfig
+from agents.effects import Effect, Fed, HostCame, HostEvent, HostLeft, HostSaid, Specify, Tell, Waited
+from agents.exchange.local_instance import LocalInstance
+from agents.exchange.subscription_keeper import SubscriptionKeeper
+from agents.hosts.host_desk import HostDesk
+from agents.interface import InterfaceAgent
+from agents.monitoring.monitor_plans import MonitorPlan
+from agents.monitoring.monitors import UnitMonitors
+from agents.monitoring.unit_monitoring import UnitMonitoring
+from agents.monitoring.unit_streams import UnitStreams
+from agents.part import Followed, Part
+from agents.specification.imported import ImportDemand, Imported, converting
+from dyknow import Network, Policy, Sample
+from dyknow.model.errors import Refused, TextError, TextErrors, Unmade
+from dyknow.network.process import Input
+from dyknow.network.processes import RefinementProcess
+from federation.members.offers import Service
+from federation.messages import contents
+from federation.messages.acts import Act
+from federation.messages.descriptions import LabelEntry
+from federation.sharing.ontology import Translation
+from kpl import Hooks, Instance, Specification, parse_specification, print_specification
+from kpl.checking.declarations import domains_of
+from kpl.checking.warnings import grid_warnings
+from kpl.introspection.governor import Governor
+from kpl.introspection.graph import drawn, graph_of, maker_of, origins_of
+from kpl.introspection.records import FaultLog, alarm_record, sample_record
+from kpl.running.asking import features_of
+from kpl.running.ports import Undo
+from kpl.syntax.specification import Import, MonitorDeclaration, StreamTerm
+from reasoning import AlarmEvent
+from reasoning.features.derivation import FeatureInput
+from reasoning.formulas.tree import Formula, split_growing
+from reasoning.monitoring.profiles import Profile
+
+SPECIFICATION: Final = Service("specification", "gateway")
+OWNER = "specification"
+PERIOD_US = 100_000
+MAX_DELAY_US = 1_000_000
+LONGEST_NAME = 64
+"""Of a monitor, which other platforms see."""
+PAGE = 4000
+"""Characters of a specification in one answer."""
+
+
+@lru_cache(maxsize=4)
+def read(text: str, file: str, named: tuple[tuple[str, str], ...] = ()) -> Specification:
+    """Parse a specification and the files it names; it is read before it is handed over, so that the node need not.
+
+    Raises:
+        TextError: something is wrong with it.
+    """
+    texts = dict(named)
+
+    def read_file(path: str) -> str:
+        if path not in texts:
+            raise FileNotFoundError("it does not come with the specification")
+        return texts[path]
+
+    return parse_specification(text, file, read_file)
+
+
+class SpecificationPart(Part):
+    """The specification of one platform.
+
+    Args:
+        keeper: brings the streams of other units.
+        offer: tells the directory that the labels of this part have changed, at a time.
+        now_us: the node clock of the present step.
+        on_alarm: called with the alarms of its monitors.
+        emit, note: take effects, and words for users.
+
+    Attributes:
+        instance: what runs; it prints back what it was given.
+        desk: the operating system processes that offer to make some of it.
+    """
+
+    offers = (
+        Offer(
+            SPECIFICATION,
+            (
+                Action(contents.Specification, "on_asked", QUERIED),
+                Action(contents.RestoreSpecification, "on_restore", role=Role.COMMAND_CENTRE),
+            ),
+        ),
+    )
+    answers = (contents.SpecificationText,)
+    takes = {  # noqa: RUF012  (a declaration)
+        Specify: "on_specify", Fed: "on_fed", Waited: "on_waited",
+        HostCame: "on_host", HostSaid: "on_host", HostLeft: "on_host",
+    }  # fmt: skip
+
+    def __init__(
+        self,
+        config: PlatformConfig,
+        agent: InterfaceAgent,
+        network: Network,
+        translation: Translation,
+        local: LocalInstance,
+        monitors: UnitMonitors,
+        monitoring: UnitMonitoring,
+        keeper: SubscriptionKeeper,
+        offer: Callable[[int], None],
+        now_us: Callable[[], int],
+        on_alarm: Callable[[AlarmEvent], None],
+        emit: Callable[[Effect], None],
+        note: Callable[[str], None],
+    ) -> None:
+        self._config, self._unit, self._clock, self._agent = config, config.unit, config.clock, agent
+        self._network, self._translation, self._source, self._monitors = network, translation, local.source, monitors
+        self._keeper, self._offer, self._now_us, self._emit, self._note = keeper, offer, now_us, emit, note
+        self._followed: Followed = (self, monitoring, local)
+        self._exported: dict[str, LabelEntry] = {}
+        self._faults = FaultLog(note)
+        ontology = config.ontology
+        self.instance = Instance(
+            network,
+            unit=config.unit,
+            sorts={ontology[name].sort.name: ontology[name].sort for name in ontology},
+            semantic={name: ontology[name].sort.name for name in ontology},
+            catalogue=config.catalogue,
+            hooks=Hooks(self._on_output, self._on_link, on_alarm),
+            federation=self,
+            admission=config.admission,
+            features=UnitStreams(config.unit, translation, monitors, self._on_feature_input),
+        )
+        network.on_fault = self._faults.on_fault
+        self.desk = HostDesk(self.instance, config.clock, note, config.monotonic_offset_us)
+        self._waited_us = 0
+        self._governor: Governor | None = None
+        self._not_taken: Specify | None = None
+
+    def on_specify(self, event: Specify, now_us: int) -> None:
+        """The operator of this platform gives it a specification. Node clock."""
+        self._specify(event, self._clock.federation_us(now_us))
+
+    def on_fed(self, event: Fed, now_us: int) -> None:
+        """A source that is fed from outside has a sample. Node clock."""
+        now_us = self._clock.federation_us(now_us)
+        self.instance.push(event.source, event.valid_us, event.value, now_us, event.quality)
+
+    def _specify(self, given: Specify, now_us: int) -> None:
+        """Become this specification; if it is wrong, report that and keep the previous one. Federation time."""
+        self._faults.clear()
+        self._govern(now_us)
+        self._not_taken = None
+        text, file = given.text, given.file
+        try:
+            self.instance.change(read(text, file, given.named), now_us, text, file)
+        except TextError as wrong:
+            self._not_taken = given
+            runs, awaits = bool(self.instance.specification), _awaited(wrong)
+            said = {"file": file, "said": wrong.drawn(), "runs": runs, "awaits": awaits}
+            self._tell({"event": "not-specified", **said})
+            until = f" until a host offers {', '.join(awaits[:8])} (dyknow host MODULE --unit {self._unit})"
+            self._note(
+                f"specification rejected{until if awaits else ''}; the previous one keeps running:\n{wrong.drawn()}"
+            )
+            return
+        imports = [[each.semantic, each.unit] for each in self.instance.specification if isinstance(each, Import)]
+        declarations, exports = len(self.instance.specification), sorted(self._exported)
+        self._tell(
+            {
+                "event": "specified",
+                "file": file,
+                "declarations": declarations,
+                "exports": exports,
+                "imports": imports,
+            }
+        )
+        for warning in grid_warnings(self.instance.specification, text, file):
+            self._note(warning.drawn())
+        for name, labels in self.instance.lacking.items():
+            self._note(f"no host offers {name} yet; {', '.join(map(str, labels[:8]))} start when one does")
+
+    def _govern(self, now_us: int) -> None:
+        """A governor, if there is to be one: before the first specification, which may name what it tells."""
+        limit_us = self._config.govern_us
+        if self._governor is None and limit_us is not None:
+            self._governor = Governor(self.instance, lambda: self._waited_us, now_us, limit_us)
+
+    def on_waited(self, event: Waited, now_us: int) -> None:
+        """How long this process has waited for something to do: the governor looks. Node clock."""
+        self._waited_us = round(event.waited_us * self._clock.speed)
+        federation_us = self._clock.federation_us(now_us)
+        self._govern(federation_us)
+        if self._governor is not None:
+            self._governor.on_time(federation_us)
+
+    def on_restore(self, act: Act, content: contents.RestoreSpecification, now_us: int) -> None:
+        """`(restore-specification number: 0)`: hold again what was held then, checked as if it were new. Node clock.
+
+        Raises:
+            Refused: there is none of that number, or it is no longer possible.
+        """
+        number, held = content.number, self.instance.configurations
+        if number >= len(held):
+            raise Refused(f"there are {len(held)} configurations, counted from 0; there is none of number {number}")
+        try:
+            self.instance.restore(number, self._clock.federation_us(now_us))
+        except TextError as wrong:
+            raise Refused(str(wrong)) from None
+        self._agent.done(act, now_us, f"configuration {number} is held again")
+
+    def on_asked(self, act: Act, content: contents.Specification, now_us: int) -> None:
+        """Print back what is held, or was."""
+        held = self.instance.configurations
+        number = len(held) - 1 if content.number is None else content.number
+        if not 0 <= number < len(held):
+            raise Refused(
+                f"there is no configuration {number}; {len(held)} are kept, counted from 0" if held
+                else "this platform was given no specification"
+            )  # fmt: skip
+        if content.form == "kpl":
+            text = print_specification(held[number].specification)
+        else:
+            text = drawn(graph_of(self.instance), content.form)
+        at_us, last = held[number].at_us, len(held) - 1
+
+        def page(part: Iterable[str], more: bool) -> contents.SpecificationText:
+            return contents.SpecificationText(text="".join(part), number=number, last=last, at_us=at_us, more=more)
+
+        self._agent.answer_pages(act, text, PAGE, page, now_us)
+
+    def on_host(self, event: HostEvent, now_us: int) -> Followed:
+        """A host came, sent something or left. Node clock."""
+        before = len(self.desk.hosts)
+        self.desk.on_event(event, now_us)
+        if self._not_taken is not None and len(self.desk.hosts) > before:
+            self._specify(self._not_taken, self._clock.federation_us(now_us))  # it may have waited for this host
+        return self._followed
+
+    def labels(self) -> Iterable[LabelEntry]:
+        """The semantic labels that are exported."""
+        return tuple(self._exported.values())
+
+    @property
+    def is_owing(self) -> bool:
+        return self.desk.is_owing
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self.desk.deadline_us
+
+    def on_time(self, now_us: int) -> None:
+        self.desk.on_time(now_us)
+
+    def flush(self) -> None:
+        """Messages for hosts travel together at the end of a step."""
+        for effect in self.desk.flush():
+            self._emit(effect)
+
+    # What `Instance` asks of the federation
+
+    def export(self, semantic: str, term: StreamTerm) -> Undo:
+        """Offer a stream under a semantic label; raises Refused if a stream of the vehicle has it."""
+        network, translation = self._network, self._translation
+        local = translation.local_label(semantic, self._unit)
+        entry = self._config.ontology[semantic]
+        period_us = term.policy.sample_us or 0
+        self._exported[semantic] = LabelEntry(
+            label=semantic, sort=entry.sort.name, type_hash=entry.type_hash, period_us=period_us
+        )
+        if local == term.label and term.policy == Policy():
+            self._offer(self._now_us())
+            return partial(self._withdraw, semantic)
+        if network.has(local):
+            del self._exported[semantic]
+            raise Refused(f"{semantic} is the stream {local} here already, made by another; export that one")
+        unit = converting(entry.sort.name, translation.to_local(semantic))
+        network.add_process(
+            local, translation.local_sort(semantic), RefinementProcess(unit, [Input(term.label, term.policy)])
+        )
+
+        def undo() -> None:
+            network.remove(local)
+            self._withdraw(semantic)
+
+        self._offer(self._now_us())
+        return undo
+
+    def import_(self, semantic: str, unit: str, term: StreamTerm) -> Undo:
+        """Have a unit's stream under a label of our own; it is asked for while it has a subscriber here."""
+        if unit == self._unit:
+            raise Refused(f"import {semantic} from {unit}: that is this platform; use its stream itself")
+        policy = term.policy
+        delay_us = MAX_DELAY_US if policy.max_delay_us is None else policy.max_delay_us
+        need = (semantic, policy.sample_us or PERIOD_US, delay_us)
+        local, to_semantic = self._source(semantic, unit)
+        network, tell = self._network, partial(self._need, unit, need)
+        if local == term.label:
+            return ImportDemand(network.generator(local), tell).stop
+        entry = self._config.ontology[semantic]
+        imported = Imported(converting(entry.sort.name, to_semantic), Input(local, policy), tell)
+        network.add_process(term.label, entry.sort, imported)
+        return partial(network.remove, term.label)
+
+    def monitor(self, declaration: MonitorDeclaration, formula: Formula) -> Undo | None:
+        """Monitor pairs of units by the quickest way; None if the formula is not over their derived features alone."""
+        if len(declaration.name) > LONGEST_NAME:
+            raise Refused(f"a monitor's name has at most {LONGEST_NAME} characters, got {len(declaration.name)}")
+        features, others = features_of(self.instance, formula)
+        split = split_growing(formula)
+        if not features or others or domains_of(formula if split is None else split[2]):
+            return None
+        policy = declaration.policy
+        profile = Profile(
+            declaration.name,
+            " ".join(sorted(features)),
+            policy.sample_us or PERIOD_US,
+            MAX_DELAY_US if policy.max_delay_us is None else policy.max_delay_us,
+            close_after=declaration.close_after,
+            no_value=declaration.no_value,
+        )
+        plan = MonitorPlan(profile, formula, None) if split is None else MonitorPlan(profile, split[2], split[0])
+        self._monitors.create(plan, OWNER, self._network.now_us)
+        self._keeper.wake(self._now_us())
+
+        def undo() -> None:
+            self._monitors.remove(declaration.name, OWNER)
+
+        return undo
+
+    def _withdraw(self, semantic: str) -> None:
+        self._exported.pop(semantic, None)
+        self._offer(self._now_us())
+
+    def _on_feature_input(self, needed: FeatureInput, wanted: bool) -> None:
+        """What a derived feature is made from is needed of another unit, or no longer."""
+        self._need(needed.unit, (needed.label, PERIOD_US, MAX_DELAY_US), wanted)
+
+    def _need(self, unit: str, need: tuple[str, int, int], wanted: bool) -> None:
+        self._keeper.need(unit, need, self._now_us(), wanted=wanted)
+
+    # What happens in the instance
+
+    def _tell(self, record: Mapping[str, Any]) -> None:
+        self._emit(Tell(record))
+
+    def _on_output(self, name: str, sample: Sample) -> None:
+        origins = origins_of(self.instance, name, sample.valid_us)
+        self._tell(sample_record(name, sample, origins, maker_of(self.instance, name, sample)))
+
+    def _on_link(self, name: str, linked: bool) -> None:
+        self._tell({"event": "stream", "stream": name, "linked": linked})
+
+    def on_alarm(self, event: AlarmEvent, _now_us: int) -> None:
+        """An alarm of a monitor that the specification declares is reported with its other output."""
+        named = self._monitors.named.get(event.monitor)
+        if event.monitor not in self.instance.monitors and (named is None or OWNER not in named.owners):
+            return
+        self._tell(alarm_record(event))
+
+
+def _awaited(wrong: TextError) -> list[str]:
+    """The labels that a host might yet offer, if nothing else is wrong."""
+    errors = wrong.errors if isinstance(wrong, TextErrors) else (wrong,)
+    labels = [each.label for each in errors if isinstance(each, Unmade)]
+    return list(dict.fromkeys(labels)) if len(labels) == len(errors) else []

@@ -1,0 +1,43 @@
+"""Subscriptions to events of this platform: an agree now, an inform of each event until it is cancelled or lost."""
+
+from collections.abc import Iterator
+
+from agents.interface import InterfaceAgent
+from agents.tasks import TaskLife
+from federation.messages.acts import Act, Performative
+from federation.messages.contents import Content
+
+
+class Subscribers:
+    """The subscriptions to one kind of event, by unit and conversation."""
+
+    def __init__(self, agent: InterfaceAgent, tasks: TaskLife) -> None:
+        self._agent, self._tasks = agent, tasks
+        self._acts: dict[tuple[str, str], Act] = {}
+
+    def __contains__(self, subscriber: object) -> bool:
+        return subscriber in self._acts
+
+    def __iter__(self) -> Iterator[tuple[str, str]]:
+        return iter(self._acts)
+
+    def __len__(self) -> int:
+        return len(self._acts)
+
+    def add(self, act: Act, now_us: int) -> None:
+        """Agree to a subscription.
+
+        Raises:
+            ContentError: it has no conversation. Refused: that is about a task.
+        """
+        self._acts[act.sender.unit, self._tasks.check_free(act.conversation_id)] = act
+        self._agent.answer(act, Performative.AGREE, None, now_us)
+
+    def remove(self, act: Act) -> bool:
+        """End the subscription that `act` cancels, or opened; whether there was one."""
+        return self._acts.pop((act.sender.unit, act.conversation_id or ""), None) is not None
+
+    def inform(self, content: Content, now_us: int) -> None:
+        """Send an event to every subscriber."""
+        for act in list(self._acts.values()):
+            self._agent.answer(act, Performative.INFORM, content, now_us)

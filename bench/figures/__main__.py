@@ -1,0 +1,5 @@
+import sys
+
+from bench.figures.thesis import main
+
+sys.exit(main())

@@ -1,0 +1,1 @@
+"""Progression of formulas and recognition of chronicles, next to other libraries."""

@@ -1,0 +1,1 @@
+"""Samples and acts between processes over Zenoh, next to raw zenoh-python."""

@@ -1,0 +1,203 @@
+"""`dyknow doctor`: what this machine lacks, and how to get it."""
+
+import os
+import re
+import shutil
+import socket
+import struct
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Literal, NamedTuple, TypeAlias
+
+from console.command import Call, command
+from console.errors import DONE, NO
+from console.output.output import verbatim
+from dyknow.model.errors import did_you_mean
+
+DISTRIBUTION = "dyknow-federation"
+TOP_LEVEL = (
+    "agents", "compunits", "console", "dyknow", "federation", "kpl", "navigation", "proxies", "reasoning", "runtime",
+    "sim_uavs",
+)  # fmt: skip
+OLDEST_PYTHON = (3, 11)
+MULTICAST_GROUP = "224.0.0.224"
+GROUND_STATION_PORT = 14550
+
+State: TypeAlias = Literal["ok", "missing", "optional"]
+
+
+class Finding(NamedTuple):
+    """One thing looked at; `optional` is missing but only some jobs need it."""
+
+    finding: str
+    state: State
+    detail: str
+    remedy: str = ""
+
+
+@command(example="dyknow doctor")
+def doctor(call: Call) -> int:
+    """What this machine lacks, and how to get it; exit 1 if something that is needed is missing."""
+    findings = list(findings_here())
+    if call.out.json_lines:
+        for found in findings:
+            call.out.line(found._asdict())
+    else:
+        shown = {"ok": "[green]ok[/green]", "missing": "[red]missing[/red]", "optional": "[yellow]optional[/yellow]"}
+        call.out.table(
+            "",
+            ("", "what", "found"),
+            [(shown[f.state], f.finding, verbatim(f.detail) + _remedy(f.remedy)) for f in findings],
+            wraps=("found",),
+        )
+    return NO if any(found.state == "missing" for found in findings) else DONE
+
+
+def _remedy(remedy: str) -> str:
+    return f"\n[bold]{verbatim(remedy)}[/bold]" if remedy else ""
+
+
+def findings_here() -> Iterator[Finding]:
+    """Every check of this machine, one finding each."""
+    yield _python()
+    yield from _packages()
+    yield from _names()
+    yield _multicast()
+    yield _port("tcp", socket.SOCK_STREAM, 0)
+    yield _port("udp", socket.SOCK_DGRAM, GROUND_STATION_PORT)
+    yield _tool("ip", "iproute2", "network namespaces: tests of loss and partitions", "apt-get install iproute2")
+    yield _compose()
+    yield from _variables()
+
+
+def _python() -> Finding:
+    version = sys.version_info
+    shown = ".".join(str(part) for part in version[:3])
+    if version >= OLDEST_PYTHON:
+        return Finding("python", "ok", shown)
+    return Finding("python", "missing", shown, "install Python 3.11 or newer, then: make clean demo")
+
+
+def _packages() -> Iterator[Finding]:
+    """Each declared dependency, installed and new enough."""
+    try:
+        wanted = [text for text in metadata.requires(DISTRIBUTION) or [] if "extra ==" not in text]
+    except metadata.PackageNotFoundError:
+        yield Finding(
+            "packages", "missing", f"{DISTRIBUTION} is not installed here", "run: make demo, or pip install -e ."
+        )
+        return
+    lacking = []
+    for text in wanted:
+        name = re.split(r"[<>=!~\[; ]", text, maxsplit=1)[0]
+        least = bound[1] if (bound := re.search(r">=\s*([0-9.]+)", text)) else "0"
+        try:
+            found = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found = ""
+        if not found or _numbers(found) < _numbers(least):
+            lacking.append(text)
+            yield Finding(f"package {name}", "missing", found or "not installed", f"pip install '{text}'")
+    if not lacking:
+        yield Finding("packages", "ok", f"all {len(wanted)} are here")
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in version.split(".") if part.isdigit())
+
+
+def _names() -> Iterator[Finding]:
+    """`agents` and `federation` are names of published packages too: each of ours must be the one that is imported."""
+    home = Path(__file__).resolve().parents[3]
+    owners = metadata.packages_distributions()
+    foreign = []
+    for name in TOP_LEVEL:
+        spec = find_spec(name)
+        where = Path(spec.origin).resolve().parent.parent if spec and spec.origin else None
+        others = sorted(set(owners.get(name, ())) - {DISTRIBUTION})
+        if where != home or others:
+            foreign.append(name)
+            blamed = ", ".join(others) or f"a package in {where}"
+            yield Finding(
+                f"package {name}", "missing", f"another {name!r} is in the way: {blamed}",
+                f"use an environment of its own (make demo), or: pip uninstall {' '.join(others) or name}",
+            )  # fmt: skip
+    if not foreign:
+        yield Finding("our packages", "ok", f"all {len(TOP_LEVEL)} are ours")
+
+
+def _multicast() -> Finding:
+    """Send one datagram to the scouting group over loopback and receive it."""
+    name = "multicast on lo"
+    remedy = "use explicit endpoints instead: --listen tcp/127.0.0.1:7447 and --connect tcp/127.0.0.1:7447"
+    try:
+        with (
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heard,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as said,
+        ):
+            heard.bind((MULTICAST_GROUP, 0))
+            loopback = socket.inet_aton("127.0.0.1")
+            heard.setsockopt(
+                socket.IPPROTO_IP,
+                socket.IP_ADD_MEMBERSHIP,
+                struct.pack("4s4s", socket.inet_aton(MULTICAST_GROUP), loopback),
+            )
+            heard.settimeout(1.0)
+            said.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, loopback)
+            said.sendto(b"dyknow", (MULTICAST_GROUP, heard.getsockname()[1]))
+            heard.recvfrom(64)
+    except OSError as error:
+        return Finding(name, "missing", f"nothing came back ({error})", remedy)
+    return Finding(name, "ok", "platforms on this machine can find each other")
+
+
+def _port(kind: str, family: int, number: int) -> Finding:
+    name = f"{kind} port" + (f" {number}" if number else "s")
+    try:
+        with socket.socket(socket.AF_INET, family) as probe:
+            probe.bind(("127.0.0.1", number))
+    except OSError as error:
+        if number:
+            return Finding(
+                name, "optional", f"in use ({error.strerror}), by a ground station perhaps",
+                "fine for --gcs; join a vehicle on another port: --mavlink udpin:127.0.0.1:14560",
+            )  # fmt: skip
+        return Finding(name, "missing", f"cannot listen on 127.0.0.1 ({error.strerror})", "allow listening on loopback")
+    return Finding(name, "ok", "can be listened on at 127.0.0.1")
+
+
+def _tool(program: str, package: str, purpose: str, remedy: str) -> Finding:
+    found = shutil.which(program)
+    return (
+        Finding(package, "ok", found)
+        if found
+        else Finding(package, "optional", f"not here; wanted for {purpose}", remedy)
+    )
+
+
+def _compose() -> Finding:
+    name, purpose = "docker compose", "wanted for compose/docker-compose.yml only"
+    if not (docker := shutil.which("docker")):
+        return Finding(name, "optional", f"not here; {purpose}", "see https://docs.docker.com/engine/install/")
+    asked = subprocess.run(  # noqa: S603 - a fixed command
+        [docker, "compose", "version", "--short"], capture_output=True, text=True, check=False, timeout=10
+    )
+    if asked.returncode:
+        return Finding(
+            name, "optional", f"docker is here, compose is not; {purpose}", "apt-get install docker-compose-plugin"
+        )
+    return Finding(name, "ok", asked.stdout.strip())
+
+
+def _variables() -> Iterator[Finding]:
+    """`DYKNOW_*` variables that nothing reads are misspelt, most likely."""
+    from runtime.configuration.settings import VARIABLES
+
+    known = [*VARIABLES.values(), "DYKNOW_CONFIG", "DYKNOW_FULL", "DYKNOW_FLIGHT_DATA"]
+    for name in sorted(os.environ):
+        if name.startswith("DYKNOW_") and name not in known:
+            yield Finding(f"variable {name}", "missing", "nothing reads it", f"unset it.{did_you_mean(name, known)}")

@@ -1,0 +1,219 @@
+"""`dyknow join`: one platform on a MAVLink vehicle or a recorded flight, in a child process of this command."""
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from console.centre.client import connected
+from console.command import Call, command
+from console.commands.fleet.up import READY_S, FleetStart, tell_notes
+from console.commands.texts.run_output import tell_record
+from console.commands.texts.specification_files import read_text
+from console.errors import DONE, INTERRUPTED
+from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Speed, UnitModules
+from console.output.output import unit_json
+from console.processes.launch import clock_of, mavlink_endpoint, platform_config, replayed
+from console.processes.supervision import Fleet, interruptible, uninterrupted
+from dyknow.model.errors import FederationFailed, WrongCall
+from proxies.recordings.named_files import beside
+from runtime.configuration.config import ClockConfig, MavlinkVehicle, NodeConfig, NoVehicle, Vehicle
+from runtime.configuration.instants import SHORTEST_US, duration_us, instant_us
+from runtime.configuration.run_directory import run_directory
+from runtime.configuration.settings import UnitFile
+
+_LOOK_S = 0.7
+_POLL_S = 0.1
+
+
+@command(example="dyknow join --unit 3 --mavlink udpin:127.0.0.1:14550 --control")
+def join(
+    call: Call,
+    *,
+    unit: Annotated[str, typer.Option(metavar="U", help="Its name in the federation.")],
+    mavlink: Annotated[
+        str | None, typer.Option(metavar="ENDPOINT", help="A MAVLink vehicle, e.g. udpin:127.0.0.1:14550.")
+    ] = None,
+    sysid: Annotated[
+        int | None, typer.Option(metavar="S", min=1, max=255, help="Which vehicle, when several send there.")
+    ] = None,
+    control: Annotated[bool, typer.Option("--control", help="The platform may command the vehicle.")] = False,
+    replay: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A recorded flight: .tlog, .bin, .ulg or .mcap.")
+    ] = None,
+    from_: Annotated[
+        str, typer.Option("--from", metavar="TIME", help="Where in the recording to begin, after its first position.")
+    ] = "0s",
+    epoch: Annotated[
+        str | None, typer.Option(metavar="TIME", help="When that is played; recordings may share it. [default: now]")
+    ] = None,
+    speed: Speed = 1.0,
+    translation: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Its own labels and units, by semantic label.")
+    ] = None,
+    spec: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.kpl", help="What it derives, exports, imports and monitors; read again on change."),
+    ] = None,
+    modules: UnitModules = None,
+    feed: Feed = None,
+    govern: Govern = None,
+    admit: Admit = "refuse",
+    avoidance: Avoidance = True,
+    duration: Duration = None,
+) -> int:
+    """One platform on any MAVLink vehicle, on a recorded flight, or on a specification alone."""
+    own = UnitFile(
+        mavlink=mavlink, sysid=sysid, control=control, replay=replay, from_=from_, epoch=epoch, translation=translation
+    )
+    _check_sources(own, spec, feed)
+    vehicle, clock = _vehicle(call, own, speed or 1.0)
+    config = platform_config(
+        call,
+        unit,
+        vehicle,
+        clock,
+        own,
+        avoidance=avoidance,
+        spec=_absolute(spec),
+        units=[str(Path(name).absolute()) if name.endswith(".py") else name for name in modules or ()],
+        feed=_absolute(feed),
+        admit=admit,
+        govern_ms=duration_us(govern, option="--govern", least_us=SHORTEST_US) / 1e3 if govern else None,
+        duration_s=duration_us(duration, option="--duration", least_us=SHORTEST_US) / 1e6 if duration else None,
+    )
+    _fits_in(call, config)
+    return _run(call, config)
+
+
+def _run(call: Call, config: NodeConfig) -> int:
+    """Run the platform until its duration is over, it fails, or it is interrupted."""
+    unit, needed = config.unit, config.vehicle.kind == "none"
+    fleet = Fleet(run_directory(call.settings.federation), lifeline=True)
+    gathering = FleetStart([unit])
+    early: list[dict[str, Any]] = []
+
+    def on_heard(who: str, event: dict[str, Any]) -> None:
+        gathering.on_heard(who, event)
+        early.append(event)
+
+    with interruptible():
+        try:
+            fleet.start(unit, config.model_dump_json())
+            with call.out.waiting(f"platform {unit} is starting"):
+                if not fleet.follow(gathering.all_joined, on_heard, READY_S):
+                    raise FederationFailed(
+                        f"platform {unit} did not join in {READY_S:.0f} s.\n{fleet.last_words(unit)}"
+                    )
+            labels = gathering.labels[unit]
+            offers = f" offers {', '.join(labels) or 'no labels yet'}" if labels or config.spec is None else ""
+            call.out.say(
+                f"[green]joined[/green]: platform {unit}{offers}", event="joined", unit=unit_json(unit), labels=labels
+            )
+            _check_specified(early, needed=needed)
+            tell_notes(call, gathering)
+            code = _followed(call, fleet, unit, early, needed=needed)
+        except KeyboardInterrupt:
+            return INTERRUPTED
+        finally:
+            with uninterrupted():
+                fleet.end()
+    if code:
+        raise FederationFailed(f"platform {unit} ended with code {code}.\n{fleet.last_words(unit)}")
+    return DONE
+
+
+def _followed(call: Call, fleet: Fleet, unit: str, early: list[dict[str, Any]], *, needed: bool) -> int:
+    """Show what the specification brings forth until the platform ends; its exit code."""
+    heard = [said for said in early if said.get("event") != "note"]  # those are told
+    while True:
+        ended = fleet.ended()
+        heard += [said for _, said in fleet.heard()]
+        _check_specified(heard, needed=needed)
+        for said in heard:
+            tell_record(call, said)
+        heard = []
+        if unit in ended:
+            return ended[unit]
+        time.sleep(_POLL_S)
+
+
+def _check_specified(heard: list[dict[str, Any]], *, needed: bool) -> None:
+    """Without a vehicle and a specification a platform has nothing to do; raises WrongCall with all that is wrong.
+
+    What lacks only streams that a host may yet offer waits for one; the platform says so.
+    """
+    for said in heard:
+        if said.get("event") == "not-specified" and needed and not said["runs"] and not said["awaits"]:
+            raise WrongCall(str(said["said"]))
+
+
+def _check_sources(own: UnitFile, spec: Path | None, feed: Path | None) -> None:
+    """Whether there is something to run, and the files can be read; raises WrongCall and TextErrors."""
+    from console.commands.texts.specification_files import read_samples
+    from kpl import parse_specification
+
+    if own.mavlink is not None and own.replay is not None:
+        raise WrongCall("a platform has one vehicle: give --mavlink or --replay, not both.")
+    if own.mavlink is None and own.replay is None and spec is None:
+        raise WrongCall(
+            "give the platform a vehicle, --mavlink udpin:127.0.0.1:14550 or --replay FILE for a recorded flight, "
+            "or a specification of what it knows, --spec FILE.kpl."
+        )
+    if spec is not None:
+        parse_specification(read_text(spec), str(spec), beside(spec))
+    elif feed is not None:
+        raise WrongCall("--feed: samples are for the sources of a specification; give it with --spec FILE.kpl.")
+    if feed is not None:
+        read_samples(feed)
+
+
+def _absolute(path: Path | None) -> Path | None:
+    """The platform is a process of its own, wherever that runs."""
+    return None if path is None else path.absolute()
+
+
+def _fits_in(call: Call, config: NodeConfig) -> None:
+    """Two platforms of one name would be taken for one, and two clocks are two federations; raises WrongCall."""
+    unit, speed = config.unit, config.clock.speed
+    with connected(call) as client:
+        there = {seen.unit: seen for seen in client.settle(_LOOK_S)}
+        if unit in there:
+            raise WrongCall(
+                f"--unit: there is a platform {unit} in federation {call.settings.federation} already; choose another name."
+            )
+        known = any(seen.entry is not None and seen.entry.version for seen in there.values())
+        runs = client.centre.clock.speed
+        if known and runs != speed:
+            remedy = f"join with --speed {runs:g}" if config.vehicle.kind == "replay" else "join another federation"
+            raise WrongCall(
+                f"--speed: federation {call.settings.federation} runs {runs:g} times as fast as the wall, "
+                f"this platform would run {speed:g} times as fast; {remedy}."
+            )
+
+
+def _vehicle(call: Call, own: UnitFile, speed: float) -> tuple[Vehicle, ClockConfig]:
+    """What the platform flies, and the federation's clock as it needs it; raises WrongCall."""
+    now_us = time.time_ns() // 1000
+    if own.replay is None:
+        if own.mavlink is None:
+            return NoVehicle(), clock_of(call.settings, None, now_us)
+        if speed != 1.0 or own.epoch is not None or own.from_ != "0s":
+            raise WrongCall("--speed, --epoch and --from belong to --replay: a vehicle's own clock cannot be driven.")
+        endpoint = mavlink_endpoint(own.mavlink, place="--mavlink")
+        vehicle = MavlinkVehicle(endpoint=endpoint, sysid=own.sysid, control=own.control)
+        return vehicle, clock_of(call.settings, None, now_us)
+    if own.control or own.sysid is not None:
+        raise WrongCall("--control and --sysid belong to --mavlink: a recording cannot be commanded.")
+    epoch = None if own.epoch == "now" else own.epoch
+    replay = replayed(own.replay, own.from_ or "0s", epoch or "now", now_us, place="--replay")
+    if epoch is None:
+        # Now is when the process is there, in the time of the federation that it finds.
+        replay = replay.model_copy(update={"epoch_us": None})
+    clock = clock_of(call.settings, speed, now_us)
+    if clock.speed != 1.0 and call.settings.clock.epoch is None:
+        # Recordings that share an epoch share the clock that begins there, if none is running yet.
+        begins_us = None if epoch is None else instant_us(epoch, now_us, option="--epoch")
+        clock = ClockConfig(epoch_us=begins_us, speed=clock.speed, yields=True)
+    return replay, clock

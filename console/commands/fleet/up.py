@@ -1,0 +1,248 @@
+"""`dyknow up`, `dyknow join` and `dyknow down`: platform processes started, shown and ended."""
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import psutil
+import typer
+
+from console.command import Call, command
+from console.commands.members.ls import ls
+from console.errors import DONE, FAILED, INTERRUPTED, NO
+from console.options.arguments import Avoidance, Duration, Speed
+from console.output.output import unit_json
+from console.processes.launch import FleetPlan, clock_of, fleet_of
+from console.processes.supervision import GRACE_S, Fleet, end, interruptible, uninterrupted
+from dyknow.model.errors import FederationFailed, TextError, WrongCall, did_you_mean
+from federation.members.clock import FederationClock
+from federation.members.directory import unit_order
+from runtime.configuration import run_directory
+from runtime.configuration.config import NodeConfig, SimulatedVehicleConfig
+from runtime.configuration.instants import SHORTEST_US, duration_us
+from runtime.configuration.settings import Persona
+
+READY_S = 60.0
+_LEAD_US = 3_000_000
+_LEAD_PER_UNIT_US = 200_000
+
+
+class FleetStart:
+    """Events of the platforms so far: which joined, which found all others, and their notes, each once."""
+
+    def __init__(self, units: list[str]) -> None:
+        self.units = set(units)
+        self.joined_us: dict[str, int] = {}
+        self.labels: dict[str, list[str]] = {}
+        self.complete_us: dict[str, int] = {}
+        self.notes: list[str] = []
+
+    def on_heard(self, unit: str, said: dict[str, Any]) -> None:
+        if said.get("event") == "joined":
+            self.joined_us[unit] = int(said["at_us"])
+            self.labels[unit] = [str(label) for label in said.get("labels", ())]
+        elif said.get("event") == "directory":
+            found = {str(name) for name in said["units"]} | {unit}
+            if found >= self.units:
+                self.complete_us.setdefault(unit, int(said["at_us"]))
+        elif said.get("event") == "note" and (text := str(said["text"])) not in self.notes:
+            self.notes.append(text)
+
+    def all_joined(self) -> bool:
+        return self.joined_us.keys() >= self.units
+
+    def all_found(self) -> bool:
+        """Every platform has joined and has found every other."""
+        return self.all_joined() and (len(self.units) == 1 or self.complete_us.keys() >= self.units)
+
+    @property
+    def discovery_ms(self) -> int:
+        """From the last platform's joining until the last directory was complete."""
+        last = max(self.joined_us.values())
+        return max(0, max(self.complete_us.values(), default=last) - last) // 1000
+
+
+def _scenarios() -> list[str]:
+    from sim_uavs.dynamics.scenarios import NAMES
+
+    return list(NAMES)
+
+
+@command(example="dyknow up 3 --scenario crossing --detach")
+def up(
+    call: Call,
+    units: Annotated[int, typer.Argument(metavar="[N]", min=1, max=250, help="How many UAVs.")] = 3,
+    *,
+    scenario: Annotated[
+        str,
+        typer.Option(metavar="NAME", help="crossing, encounter, hover, patrol or swarm.", autocompletion=_scenarios),
+    ] = "patrol",
+    seed: Annotated[int, typer.Option(metavar="K", min=0, help="Wind, noise and routes follow from it.")] = 1,
+    duration: Duration = None,
+    gcs: Annotated[
+        str | None, typer.Option(metavar="HOST:PORT", help="Every autopilot also speaks MAVLink to this UDP port.")
+    ] = None,
+    persona: Annotated[Persona, typer.Option(help="Whose MAVLink dialect the autopilots speak.")] = "ardupilot",
+    avoidance: Avoidance = True,
+    speed: Speed = 1.0,
+    detach: Annotated[
+        bool, typer.Option("--detach", "-d", help="Return when all are ready; end them with down.")
+    ] = False,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="U", help="Start only this one here; the others run elsewhere (repeatable)."),
+    ] = None,
+) -> int:
+    """Start simulated UAVs, one process each, and wait until they have found each other."""
+    plan = FleetPlan(units, scenario, seed, persona, gcs, avoidance, speed, tuple(only or ()))
+    configs = planned(call, plan, duration)
+    fleet = Fleet(_vacant(call), lifeline=not detach)
+    is_left = False
+    with interruptible():
+        try:
+            gathering = gathered(call, fleet, configs)
+            _note_state(fleet, configs, stays=not detach)
+            _say_ready(call, fleet, gathering)
+            if detach:
+                is_left = True
+                return DONE
+            return _stay(call, fleet)
+        except KeyboardInterrupt:
+            return INTERRUPTED
+        finally:
+            if not is_left:
+                ended(fleet)
+                names = sorted(fleet.running, key=unit_order)
+                call.out.say("stopped", event="stopped", units=[unit_json(name) for name in names])
+
+
+def _note_state(fleet: Fleet, configs: list[NodeConfig], *, stays: bool) -> None:
+    """Note for other commands which processes run and where; a supervisor that stays is ended first."""
+    running = [*fleet.running.values()]
+    if stays:
+        mine = psutil.Process()
+        running.append(run_directory.Running("", mine.pid, mine.create_time()))
+    endpoints = [endpoint for config in configs for endpoint in config.wire.listen]
+    run_directory.write_state(fleet.directory, run_directory.ProcessState(tuple(running), tuple(endpoints)))
+
+
+def planned(call: Call, plan: FleetPlan, duration: str | None = None) -> list[NodeConfig]:
+    """The configurations of the platforms to start; raises WrongCall."""
+    now_us = time.time_ns() // 1000
+    lasts_us = duration_us(duration, option="--duration", least_us=SHORTEST_US) if duration else None
+    start_us = None if plan.only else _start_us(call, plan, now_us)
+    configs = fleet_of(call, plan._replace(duration_us=lasts_us, start_us=start_us), now_us)
+    simulated = next((c.vehicle.count for c in configs if isinstance(c.vehicle, SimulatedVehicleConfig)), None)
+    if simulated is not None:
+        _checked_scenario(plan.scenario, simulated)
+    return configs
+
+
+def _start_us(call: Call, plan: FleetPlan, now_us: int) -> int:
+    """When routes begin, for all at once: as soon as all can be expected to be ready (federation time)."""
+    clock = clock_of(call.settings, plan.speed, now_us)
+    running = FederationClock(now_us if clock.epoch_us is None else clock.epoch_us, clock.speed)
+    return running.federation_us(now_us + _LEAD_US + _LEAD_PER_UNIT_US * plan.units)
+
+
+def _checked_scenario(name: str, simulated: int) -> None:
+    """Raises WrongCall for a scenario that there is not, or not with so few vehicles."""
+    from sim_uavs.dynamics.scenarios import NAMES, scenario
+
+    if name not in NAMES:
+        raise WrongCall(f"--scenario: there is no scenario {name!r}.{did_you_mean(name, NAMES)}")
+    try:
+        scenario(name, simulated)
+    except TextError as error:
+        raise WrongCall(f"--scenario: {error.message}.") from None
+
+
+def _vacant(call: Call) -> Path:
+    """The run directory, if no platforms of this federation run here already."""
+    directory = run_directory.run_directory(call.settings.federation)
+    if running := run_directory.read_state(directory).running:
+        units = ", ".join(found.unit for found in running if found.unit)
+        raise WrongCall(
+            f"--federation {call.settings.federation}: its platforms {units} are running on this machine already; "
+            "end them with dyknow down, or choose another name."
+        )
+    return directory
+
+
+def gathered(call: Call, fleet: Fleet, configs: list[NodeConfig]) -> FleetStart:
+    """Start them and wait until each has found all others; raises FederationFailed."""
+    gathering = FleetStart([config.unit for config in configs])
+    for config in configs:
+        fleet.start(config.unit, config.model_dump_json())
+    with call.out.waiting(f"{len(configs)} platforms are looking for each other"):
+        if not fleet.follow(gathering.all_found, gathering.on_heard, READY_S):
+            late = sorted(gathering.units - (gathering.complete_us.keys() & gathering.joined_us.keys()))
+            raise FederationFailed(
+                f"after {READY_S:.0f} s the platforms {', '.join(late)} have not found all others; "
+                f"run dyknow doctor, and look at the logs in {fleet.directory}"
+            )
+    return gathering
+
+
+def _say_ready(call: Call, fleet: Fleet, gathering: FleetStart) -> None:
+    units = sorted(gathering.units, key=unit_order)
+    call.out.say(
+        f"[green]ready[/green]: platforms {', '.join(units)} found each other in {gathering.discovery_ms} ms",
+        event="ready",
+        units=[unit_json(unit) for unit in units],
+        pids={unit: fleet.running[unit].pid for unit in units},
+        discovery_ms=gathering.discovery_ms,
+    )
+    tell_notes(call, gathering)
+
+
+def tell_notes(call: Call, gathering: FleetStart) -> None:
+    """Print the notes of platforms that have started, such as that the federation is open."""
+    if not call.out.json_lines:
+        for text in gathering.notes:
+            call.out.note(text, style="dim")
+
+
+def _stay(call: Call, fleet: Fleet) -> int:
+    """Show the directory, then stay until all platforms have ended."""
+
+    def tell(unit: str, code: int) -> None:
+        call.out.say(f"platform {unit} ended with code {code}", event="ended", unit=unit_json(unit), code=code)
+
+    if not call.out.json_lines:
+        ls(call, all_kinds=False)
+        name = "" if call.settings.federation == "default" else f" --federation {call.settings.federation}"
+        call.out.note(f"Ctrl-C ends them. In another terminal: dyknow delegate monitor-proximity{name}")
+    return FAILED if any(fleet.wait(tell).values()) else DONE
+
+
+def ended(fleet: Fleet) -> None:
+    """End the fleet, whatever is pressed meanwhile."""
+    with uninterrupted():
+        fleet.end()
+        (fleet.directory / run_directory.STATE_FILE).unlink(missing_ok=True)
+
+
+@command(example="dyknow down")
+def down(call: Call) -> int:
+    """End what up --detach started on this machine; exit 1 if nothing runs."""
+    directory = run_directory.run_directory(call.settings.federation)
+    noted = run_directory.noted_state(directory).running
+    running = [found for found in noted if found.process() is not None]
+    platforms = [found.unit for found in running if found.unit]
+    before = sorted((found.unit for found in noted if found.unit and found not in running), key=unit_order)
+    # A supervisor that stayed ends its own platforms, which takes its grace; the others are ended here.
+    end([found for found in running if not found.unit], grace_s=3 * GRACE_S)
+    end([found for found in running if found.unit])
+    (directory / run_directory.STATE_FILE).unlink(missing_ok=True)
+    units = sorted(platforms, key=unit_order)
+    if units:
+        text = f"stopped: platforms {', '.join(units)}"
+    else:
+        text = f"nothing that up --detach started runs in federation {call.settings.federation}"
+    record: dict[str, Any] = {"event": "stopped", "units": [unit_json(unit) for unit in units]}
+    if before:
+        text += f"; platform{'s' if len(before) > 1 else ''} {', '.join(before)} had ended before"
+        record["ended_before"] = [unit_json(unit) for unit in before]
+    call.out.say(text, **record)
+    return DONE if running else NO

@@ -1,0 +1,211 @@
+"""`dyknow alarms`, `monitors` and `acts`: what platforms report of themselves, once or as it happens."""
+
+from dataclasses import replace
+from typing import Any
+
+from console.centre.client import connected
+from console.command import Call, command
+from console.errors import DONE, NO
+from console.options.arguments import Count, Follow
+from console.output.output import unit_json, verbatim
+from dyknow.model.errors import TextError
+from dyknow.model.instants import print_span
+from federation.messages.acts import Performative, parse_act
+from federation.messages.contents import (
+    ActList,
+    ActLog,
+    Acts,
+    Alarm,
+    AlarmList,
+    Alarms,
+    MonitorEntry,
+)
+from runtime.client import Client
+from runtime.configuration.instants import clock_time
+from runtime.library.jobs import Subscriptions, lists
+from runtime.library.jobs import monitors as all_monitors
+
+P = Performative
+_STEP_S = 0.2
+_SHOWN = {"ok": "green", "alarm": "red"}
+
+
+# Alarms
+
+
+@command(example="dyknow alarms --follow")
+def alarms(call: Call, *, follow: Follow = False, count: Count = None) -> int:
+    """Alarms raised by monitors of all platforms, in the order of their detection; exit 1 if there are none."""
+    told: set[tuple[str, str]] = set()
+
+    def tell(found: list[Alarm]) -> bool:
+        """Print what is new; whether that is enough."""
+        for alarm in sorted(found, key=lambda alarm: (alarm.detected_us, alarm.event == "closed")):
+            if (alarm.id, alarm.event) not in told and (count is None or len(told) < count):
+                told.add((alarm.id, alarm.event))
+                _tell_alarm(call, alarm)
+        return count is not None and len(told) >= count
+
+    with connected(call) as client:
+        units = _there(client, follow=follow)
+        remembered = client.run(lists(client, units, AlarmList(), AlarmList))
+        known = [alarm for _, said in remembered for alarm in said.alarms or ()]
+        enough = tell(known[-count:] if count is not None and not follow else known)
+        if follow and not enough:
+            subscriptions = Subscriptions(client, Alarms())
+            while not tell([said for _, said in client.run(subscriptions.news(_STEP_S)) if isinstance(said, Alarm)]):
+                pass
+    if not told and not call.out.json_lines:
+        call.out.note("no alarm; dyknow monitors shows what is watched.")
+    return DONE if told else NO
+
+
+def _there(client: Client, *, follow: bool) -> list[str]:
+    """The platforms to ask; with `follow` there may be none yet."""
+    if follow:
+        return [seen.unit for seen in client.settle()]
+    return client.chosen(None)
+
+
+def _tell_alarm(call: Call, alarm: Alarm) -> None:
+    if call.out.json_lines:
+        call.out.line(alarm_json(alarm))
+        return
+    colour = "red" if alarm.event == "opened" else "green"
+    delay = print_span(alarm.detected_us - alarm.valid_us)
+    said = (
+        f"[{colour}]{alarm.event}[/{colour}]  [bold]{alarm.monitor}[/bold] {', '.join(alarm.units)}  "
+        f"[dim]by {alarm.by}, {delay} after the sample[/dim]"
+    )
+    values = ", ".join(_quantity(name, value) for name, value in alarm.values.items())
+    call.out.aside(clock_time(alarm.valid_us), f"{said}\n[dim]{verbatim(values)}[/dim]" if values else said)
+
+
+def _quantity(name: str, value: Any) -> str:
+    """A feature for a table; the units are in another column, and a duration is not read as microseconds."""
+    feature = name.partition("[")[0]
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return f"{feature} {print_span(value) if feature.endswith('_time') else f'{value:.1f}'}"
+    return f"{feature} {value}"
+
+
+def alarm_json(alarm: Alarm) -> dict[str, Any]:
+    """An alarm as a JSON line has it."""
+    values = {name.replace(", ", ","): v for name, v in alarm.values.items() if isinstance(v, bool | int | float | str)}
+    return {
+        "id": alarm.id,
+        "event": alarm.event,
+        "monitor": alarm.monitor,
+        "by": unit_json(alarm.by),
+        "units": [unit_json(unit) for unit in alarm.units],
+        "valid_us": alarm.valid_us,
+        "detected_us": alarm.detected_us,
+        "values": values,
+        "samples": {name.replace(", ", ","): valid_us for name, valid_us in alarm.samples.items()},
+    }
+
+
+# Monitors
+
+
+@command(example="dyknow monitors")
+def monitors(call: Call) -> int:
+    """Every monitor: its verdict, and whether its inputs are fresh; exit 1 if there is none."""
+    with connected(call) as client:
+        with call.out.waiting("asking for monitors"):
+            found = client.run(all_monitors(client))
+        now_us = client.federation_us()
+    if call.out.json_lines:
+        for monitor in found:
+            call.out.line(_monitor_json(monitor))
+    elif found:
+        rows = [_monitor_row(monitor, now_us) for monitor in found]
+        call.out.table("", ("by", "monitor", "units", "shows", "verdict", "inputs", "for"), rows)
+    else:
+        call.out.note("no monitor is set up; begin with dyknow delegate monitor-proximity.")
+    return DONE if found else NO
+
+
+def _monitor_json(monitor: MonitorEntry) -> dict[str, Any]:
+    return {
+        "by": unit_json(monitor.by),
+        "monitor": monitor.name,
+        "units": [unit_json(unit) for unit in monitor.units],
+        "verdict": monitor.verdict,
+        "inputs": monitor.inputs,
+        "shows": monitor.shows,
+        "since_us": monitor.since_us,
+        "which": list(monitor.which),
+        "states": monitor.states,
+        "counted": dict(monitor.counted),
+    }
+
+
+def _monitor_row(monitor: MonitorEntry, now_us: int) -> tuple[str, ...]:
+    colour = _SHOWN.get(monitor.shows, "yellow")
+    since = print_span(max(0, now_us - monitor.since_us)) if monitor.since_us is not None else ""
+    missing = (f"platform {name}" if name in monitor.units else name for name in monitor.which)
+    which = "".join(f"\n{verbatim(name)}" for name in missing)
+    return (
+        monitor.by,
+        monitor.name,
+        ", ".join(monitor.units),
+        f"[{colour}]{monitor.shows}[/{colour}]",
+        monitor.verdict,
+        f"{monitor.inputs}{which}",
+        since,
+    )
+
+
+# Acts
+
+
+@command(example="dyknow acts --follow")
+def acts(call: Call, *, follow: Follow = False) -> int:
+    """The message log: speech acts of the interface agents, and the outcome of each; exit 1 if there are none."""
+    told = 0
+    with connected(call) as client:
+        units = _there(client, follow=follow)
+        remembered = client.run(lists(client, units, ActList(), ActList))
+        known = [(unit, log) for unit, said in remembered for log in said.acts or ()]
+        for unit, log in sorted(known, key=lambda entry: entry[1].at_us):
+            _tell_act(call, unit, log)
+            told += 1
+        if follow:
+            subscriptions = Subscriptions(client, Acts())
+            while True:
+                for unit, said in client.run(subscriptions.news(_STEP_S)):
+                    if isinstance(said, ActLog):
+                        _tell_act(call, unit, said)
+    return DONE if told else NO
+
+
+def _tell_act(call: Call, unit: str, log: ActLog) -> None:
+    if call.out.json_lines:
+        call.out.line(
+            {
+                "unit": unit_json(unit),
+                "at_us": log.at_us,
+                "direction": log.direction,
+                "peer": unit_json(log.peer),
+                "outcome": log.outcome,
+                "act": log.act,
+            }
+        )
+        return
+    arrow = "<-" if log.direction == "in" else "->"
+    good = log.outcome in {"accepted", "sent"}
+    outcome = log.outcome if good else f"[yellow]{verbatim(log.outcome)}[/yellow]"
+    call.out.console.print(
+        f"[dim]{clock_time(log.at_us)}[/dim]  [bold]{unit}[/bold] {arrow} {verbatim(log.peer)}  {outcome}"
+    )
+    if log.act is not None:
+        call.out.console.print(_spoken(log.act), markup=False, style="dim")
+
+
+def _spoken(text: str) -> str:
+    """The act as FIPA has it, without what only its delivery needs."""
+    try:
+        return str(replace(parse_act(text), boot=0, seq=0, created_us=0, acks=()))
+    except TextError:
+        return text

@@ -1,0 +1,130 @@
+"""`dyknow query`: the latest value of a semantic label, its value at a time, or all values between two times."""
+
+from typing import Annotated, Any, Literal
+
+import typer
+
+from agents.exchange.readings import merge_inverse_variance, merge_mean, select_best, select_newest
+from console.centre.client import connected
+from console.command import Call, command
+from console.errors import DONE, NO
+from console.options.arguments import Label, Unit
+from console.output.output import unit_json, verbatim
+from dyknow.model.errors import NothingFound, WrongCall
+from dyknow.model.values import NoValue
+from federation.keys import label as label_name
+from federation.messages.contents import Reading
+from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
+from runtime.library.jobs import readings_of
+
+SELECT = {"newest": select_newest, "best": select_best}
+MERGE = {"mean": merge_mean, "inverse-variance": merge_inverse_variance}
+
+
+@command(example="dyknow query heli-position --at -10s")
+def query(
+    call: Call,
+    label: Label,
+    *,
+    unit: Unit = None,
+    at: Annotated[
+        str | None, typer.Option(metavar="T", help="The value at a time: -10s, ISO 8601, microseconds.")
+    ] = None,
+    between: Annotated[
+        tuple[str, str] | None, typer.Option(metavar="T1 T2", help="All values between two times, inclusive.")
+    ] = None,
+    timeout: Annotated[str, typer.Option(metavar="TIME", help="How long to wait for answers.")] = "2s",
+    select: Annotated[Literal["newest", "best"] | None, typer.Option(help="One of the platforms' values.")] = None,
+    merge: Annotated[Literal["mean", "inverse-variance"] | None, typer.Option(help="One value made of all.")] = None,
+) -> int:
+    """The latest value of a label, its value at a time, or all between two times; exit 1 if no platform has any."""
+    label_name(label)
+    if select and merge:
+        raise WrongCall("--select takes one of the values, --merge makes one of all: give one of them.")
+    if at is not None and between is not None:
+        raise WrongCall("--at asks for one instant, --between for a span: give one of them.")
+    timeout_s = duration_us(timeout, option="--timeout", least_us=SHORTEST_US) / 1e6
+    one_of_all = select is not None or merge is not None
+    nothing = f"no sample between {between[0]} and {between[1]}" if between else "no sample"
+    found: list[tuple[str, Reading]] = []
+
+    def take(name: str, readings: list[Reading], why: str) -> None:
+        found.extend((name, reading) for reading in readings)
+        if not readings:
+            _missing(call, name, why or nothing)
+        for reading in () if one_of_all else readings:
+            _tell(call, label, name, reading)
+
+    with connected(call) as client:
+        with call.out.waiting(f"asking for {label}"):
+            client.settle()
+        client.run(readings_of(client, label, unit, at, between, timeout_s, take))
+    if one_of_all and found:
+        _tell_one(call, label, found, select, merge)
+    return DONE if found else NO
+
+
+def _missing(call: Call, unit: str, why: str) -> None:
+    if call.out.json_lines:
+        call.out.line({"unit": unit_json(unit), "error": why})
+    else:
+        call.out.console.print(f"[bold]{unit}[/bold]  [red]{verbatim(why)}[/red]")
+
+
+def reading_json(label: str, unit: str, reading: Reading) -> dict[str, Any]:
+    """One sample as a JSON line has it."""
+    value = None if isinstance(reading.value, NoValue) else dict(reading.value)
+    record: dict[str, Any] = {
+        "unit": unit_json(unit),
+        "label": label,
+        "valid_us": reading.valid_us,
+        "available_us": reading.available_us,
+        "value": value,
+    }
+    if reading.variance is not None:
+        record["variance"] = dict(reading.variance)
+    return record
+
+
+def value_text(value: Any) -> str:
+    """A value as text: fields with the digits that are significant."""
+    if value is None:
+        return "no value"
+    if not isinstance(value, dict):
+        return str(value)
+    return "  ".join(f"{name} {_number(name, number)}" for name, number in value.items())
+
+
+def _number(name: str, value: Any) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:.7f}" if name in {"latitude_deg", "longitude_deg"} else f"{value:.2f}"
+
+
+def _tell(call: Call, label: str, unit: str, reading: Reading) -> None:
+    record = reading_json(label, unit, reading)
+    if call.out.json_lines:
+        call.out.line(record)
+    else:
+        call.out.console.print(
+            f"[bold]{unit}[/bold]  [dim]{clock_time(reading.valid_us)}[/dim]  {verbatim(value_text(record['value']))}"
+        )
+
+
+def _tell_one(call: Call, label: str, found: list[tuple[str, Reading]], select: str | None, merge: str | None) -> None:
+    """The one reading that was selected, or made of all."""
+    readings = [reading for _, reading in found]
+    chosen = SELECT[select](readings) if select else MERGE[str(merge)](readings)
+    if chosen is None:
+        raise NothingFound(f"the answers state no variance to weigh {label} by; use --merge mean, or --select newest.")
+    unit = next((unit for unit, reading in found if reading is chosen), None)
+    if unit is not None:
+        _tell(call, label, unit, chosen)
+    elif call.out.json_lines:
+        units = sorted({unit_json(unit) for unit, _ in found}, key=str)
+        call.out.line(reading_json(label, "", chosen) | {"unit": None, "units": units, "merge": merge})
+    else:
+        call.out.console.print(
+            f"[bold]{merge} of {len(readings)}[/bold]  [dim]{clock_time(chosen.valid_us)}[/dim]  "
+            f"{verbatim(value_text(reading_json(label, '', chosen)['value']))}"
+        )

@@ -1,0 +1,127 @@
+"""`dyknow watch`: a federated stream under a policy, imported by this command."""
+
+from typing import Annotated, Any
+
+import typer
+
+from console.centre.client import connected
+from console.command import Call, command
+from console.commands.members.query import value_text
+from console.errors import DONE, NO
+from console.options.arguments import Count, Label, Unit
+from console.output.output import unit_json, verbatim
+from dyknow.model.errors import FederationFailed
+from dyknow.model.instants import print_span
+from dyknow.model.values import NO_VALUE
+from federation.keys import label as label_name
+from federation.messages.acts import Performative
+from federation.messages.codec import WireSample
+from federation.messages.contents import Query, Samples
+from runtime.client import Client
+from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
+from runtime.library.jobs import SET_UP_S, request_streams
+from runtime.library.questions import check_label
+
+SILENT_US = 2_000_000
+"""After this long, or two periods, without a sample the reason is printed."""
+_STEP_S = 0.5
+
+
+@command(example="dyknow watch heli-position --every 200ms --count 10")
+def watch(
+    call: Call,
+    label: Label,
+    *,
+    unit: Unit = None,
+    every: Annotated[str, typer.Option(metavar="TIME", help="Sample period.")] = "200ms",
+    max_delay: Annotated[str, typer.Option(metavar="TIME", help="Older samples are dropped.")] = "1s",
+    count: Count = None,
+) -> int:
+    """A federated stream under a policy, sample by sample; it ends with the command."""
+    label_name(label)
+    every_us = duration_us(every, option="--every", least_us=SHORTEST_US)
+    delay_us = duration_us(max_delay, option="--max-delay", least_us=SHORTEST_US)
+    seen = 0
+    with connected(call) as client:
+        came: list[dict[str, Any]] = []
+        client.centre.on_sample = lambda name, sample, at_us: came.append(
+            _record(client, name[0], name[1], sample, at_us)
+        )
+        tasks = _set_up(call, client, label, unit, every_us, delay_us)
+        silent_from_us: int | None = client.now_us()
+        try:
+            while count is None or seen < count:
+                client.wait_for(lambda: bool(came), _STEP_S)
+                if came:
+                    silent_from_us = client.now_us()
+                elif silent_from_us is not None and client.now_us() - silent_from_us >= max(SILENT_US, 2 * every_us):
+                    silent_from_us = None
+                    _tell_silence(call, client, label, [task.unit for task in tasks if not task.over], delay_us)
+                for record in came[: None if count is None else count - seen]:
+                    _tell(call, record)
+                    seen += 1
+                came.clear()
+                if all(task.over for task in tasks):
+                    raise FederationFailed(f"the streams have ended: {tasks[0].failed or 'their platforms are gone'}")
+        finally:
+            ends = [client.cancel(task.unit, task.conversation) for task in tasks if not task.over]
+            client.wait_for(lambda: all(end.over for end in ends), SET_UP_S)
+    return DONE if seen else NO
+
+
+def _set_up(call: Call, client: Client, label: str, unit: str | None, every_us: int, delay_us: int) -> list[Any]:
+    """Have the platforms export the stream to us; those that refuse are named."""
+    with call.out.waiting(f"asking for a stream of {label}"):
+        asked = client.run(request_streams(client, label, client.chosen(unit), every_us / 1e6, delay_us / 1e6))
+    tasks = [task for task in asked if task.results]
+    check_label(client, label, answered=bool(tasks))
+    for task in asked:
+        if task not in tasks:
+            call.out.note(f"platform {task.unit}: {task.trouble or 'no answer'}")
+    if not tasks:
+        raise FederationFailed(f"no platform streams {label}; dyknow ls shows which labels there are.")
+    return tasks
+
+
+def _tell_silence(call: Call, client: Client, label: str, units: list[str], delay_us: int) -> None:
+    """No sample comes: print the reason for each platform, by its newest sample; once in each gap."""
+    for dialogue in client.ask(units, Query(semantic_label=label), Performative.QUERY_REF, SET_UP_S):
+        newest = next(
+            (said.samples[-1] for said in dialogue.results if isinstance(said, Samples) and said.samples), None
+        )
+        if newest is None:
+            why = dialogue.trouble or f"it has no sample of {label} yet"
+        elif (took_us := newest.available_us - newest.valid_us) > delay_us:
+            why = (
+                f"its newest sample was there {print_span(took_us)} after it was valid, "
+                f"and --max-delay {print_span(delay_us)} drops what is later"
+            )
+        else:
+            why = f"its newest sample is {print_span(max(0, client.federation_us() - newest.valid_us))} old"
+        call.out.note(f"no sample from platform {dialogue.unit}: {why}.")
+
+
+def _record(client: Client, owner: str, label: str, sample: WireSample, at_us: int) -> dict[str, Any]:
+    value: Any = sample.value
+    if value is NO_VALUE:
+        value = None
+    elif label in client.ontology:
+        value = client.ontology[label].sort.as_record(value)
+    return {
+        "unit": unit_json(owner),
+        "label": label,
+        "valid_us": sample.valid_us,
+        "available_us": client.centre.clock.federation_us(at_us),
+        "value": value,
+    }
+
+
+def _tell(call: Call, record: dict[str, Any]) -> None:
+    if call.out.json_lines:
+        call.out.line(record)
+        return
+    delay = print_span(record["available_us"] - record["valid_us"])
+    call.out.console.print(
+        f"[bold]{record['unit']}[/bold]  [dim]{clock_time(record['valid_us'])} + {delay}[/dim]  "
+        f"{verbatim(value_text(record['value']))}"
+    )

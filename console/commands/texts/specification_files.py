@@ -1,0 +1,82 @@
+"""Specifications and what belongs to them, read from files: text, samples of sources, an instance with its units."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from dyknow.model.errors import WrongCall
+
+if TYPE_CHECKING:
+    from dyknow import Network, Prototype
+    from kpl import Hooks, Instance
+    from proxies.recordings.sample_file import FedSample
+
+Read = TypeVar("Read")
+LONGEST_FILE = 1 << 20
+
+
+def read_text(path: Path) -> str:
+    """A specification as it is written; raises WrongCall."""
+    try:
+        if path.stat().st_size > LONGEST_FILE:
+            raise WrongCall(f"{path} is larger than {LONGEST_FILE >> 10} kB, the most that is read; split it.")
+        return path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise WrongCall(f"{path} cannot be read ({error}); a specification is a text file.") from None
+
+
+def read_lines(path: Path, read: "Callable[[Iterable[str], str], Read]", option: str, what: str) -> "Read":
+    """What `read` makes of the lines of a file and its name.
+
+    Raises:
+        WrongCall: it cannot be read; `option` named it, and `what` says what it should be.
+        TextErrors: from `read`.
+    """
+    try:
+        with path.open(encoding="utf-8") as lines:
+            return read(lines, str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise WrongCall(f"{option}: {path} cannot be read ({error}); {what}.") from None
+
+
+def read_samples(path: Path) -> "list[FedSample]":
+    """The samples of a feed; raises WrongCall and TextErrors."""
+    from proxies.recordings.sample_file import read_feed
+
+    return read_lines(path, read_feed, "--feed", "a feed is a text of JSON lines")
+
+
+def instance_of(
+    network: "Network", hooks: "Hooks", modules: Iterable[str], unit: str, *, reads: bool = True
+) -> "Instance":
+    """An empty instance that finds units in modules, the library and installed distributions.
+
+    With `reads` false sources are not read: their samples are pushed.
+    """
+    from compunits import catalogue
+    from federation.keys import unit as unit_name
+    from federation.sharing.ontology import default_ontology
+    from kpl import Instance
+
+    there = catalogue(modules)
+
+    def found(name: str) -> "Prototype | None":
+        from dataclasses import replace
+
+        from dyknow import SourcePrototype
+
+        prototype = there.offered(name)
+        if isinstance(prototype, SourcePrototype) and not reads:
+            return replace(prototype, read=None)
+        return prototype
+
+    ontology = default_ontology()
+    return Instance(
+        network,
+        unit=unit_name(unit),
+        sorts={ontology[name].sort.name: ontology[name].sort for name in ontology},
+        semantic={name: ontology[name].sort.name for name in ontology},
+        catalogue=found,
+        offered=there.names,
+        hooks=hooks,
+    )

@@ -1,0 +1,298 @@
+"""`dyknow kpl run`: a specification in an instance of its own."""
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from threading import Event
+from typing import IO, TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from console.command import Call, command
+from console.commands.texts.graphs import GraphForm, show_graph
+from console.commands.texts.run_output import tell_record
+from console.commands.texts.specification_files import instance_of, read_samples, read_text
+from console.errors import DONE, INTERRUPTED
+from console.options.arguments import Admit, Duration, Feed, Govern, SpecificationFile, UnitModules
+from console.output.output import verbatim
+from dyknow import earlier
+from dyknow.model.errors import DyknowError, TextErrors, WrongCall
+from proxies.recordings.named_files import beside
+from proxies.recordings.watched_file import WatchedFile
+from runtime.configuration.instants import SHORTEST_US, duration_us
+
+if TYPE_CHECKING:
+    from dyknow import Sample
+    from kpl.introspection.governor import Governor
+    from proxies.recordings.sample_file import FedSample
+    from reasoning import AlarmEvent
+
+MAX_SPEED = 1e6
+LOOK_S = 0.2
+"""How often a file that is watched is looked at."""
+
+
+class Run:
+    """One specification, stepped through time: what is fed, and the deadlines of streams.
+
+    Args:
+        speed: how many times as fast as the wall; 0: as fast as it goes.
+    """
+
+    def __init__(
+        self, call: Call, path: Path, fed: Sequence["FedSample"], modules: Sequence[str], unit: str, speed: float
+    ) -> None:
+        from dyknow import Network
+        from kpl import Hooks
+        from kpl.introspection.records import FaultLog
+
+        self._call, self._path, self._fed, self.speed = call, path, fed, speed
+        self.network = Network()
+        self.network.on_fault = FaultLog(lambda said: call.out.note(f"note: {said}")).on_fault
+        hooks = Hooks(self._on_sample, self._on_link, self._on_alarm)
+        self.instance = instance_of(self.network, hooks, modules, unit)
+        self._governor: Governor | None = None
+        self._waited_us = 0
+        self._record: IO[str] | None = None
+        self._recorded = set[Any]()
+        self.now_us = 0 if speed == 0 else time.time_ns() // 1000
+        self._began_us, self._began_s = self.now_us, time.monotonic()
+        self._shown_from_us = self._began_us if speed else 0
+
+    def specify(self, text: str) -> None:
+        """Run this text from now on; raises TextErrors, and keeps the previous one running."""
+        from kpl import parse_specification
+        from kpl.checking.warnings import grid_warnings
+        from kpl.introspection.governor import listens
+
+        specification = parse_specification(text, str(self._path), beside(self._path))
+        if self._governor is None and listens(specification):
+            raise WrongCall(
+                f"{self._path} takes `refinements`, which a governor tells: give --govern TIME, e.g. 100ms."
+            )
+        self.instance.change(specification, self.now_us, text, str(self._path))
+        for warning in grid_warnings(specification, text, str(self._path)):
+            self._call.out.note(f"note: {warning.drawn()}")
+        for name, labels in self.instance.lacking.items():
+            waiting = ", ".join(map(str, labels[:4]))
+            self._call.out.note(
+                f"note: no module offers {name}: {waiting} and what is made of it wait (--units MODULE)."
+            )
+        self._watch()
+
+    def govern(self, limit_us: int) -> None:
+        """Lengthen the periods of the least important streams while delays are longer than this."""
+        from kpl.introspection.governor import Governor
+
+        self._governor = Governor(self.instance, lambda: self._waited_us, self.now_us, limit_us)
+
+    def record(self, out: IO[str], text: str) -> None:
+        """Write every sample of every generator and stream; what is recorded is computed."""
+        out.write(json.dumps({"specification": text, "file": str(self._path), "unit": self.instance.unit}) + "\n")
+        self._record = out
+        self._watch()
+
+    def go(self, until_us: int | None, reload: Callable[[], None] | None = None) -> None:
+        """Step until the feed and the timers are over, or until a time."""
+        stop = Event()
+        fed = iter(self._fed)
+        last_us: int | None = None
+        begins_us = self._began_us if self.speed else 0
+        following = next(fed, None)
+        while True:
+            due_us = self.network.deadline_us
+            if self._governor is not None:
+                due_us = earlier(due_us, self._governor.deadline_us)
+            fed_us = None if following is None else following.at_us + begins_us
+            times = [each for each in (due_us, fed_us) if each is not None]
+            next_us = min(times, default=None)
+            if following is None and self.speed == 0 and last_us is None:
+                last_us = self._last_us()
+            over = last_us is not None and (due_us is None or due_us > last_us)
+            if next_us is not None and until_us is not None and next_us > until_us:
+                next_us = None
+            if over or (next_us is None and (until_us is None or self.speed == 0) and reload is None):
+                break
+            if not self._wait(next_us, until_us, stop, reload):
+                if until_us is not None and self.now_us >= until_us:
+                    break
+                continue
+            if following is not None and fed_us is not None and fed_us <= self.now_us:
+                self.instance.push(following.source, following.valid_us + begins_us, following.value, self.now_us)
+                following = next(fed, None)
+            else:
+                self.network.on_time(self.now_us)
+                if self._governor is not None:
+                    self._governor.on_time(self.now_us)
+            self._watch()
+
+    def _last_us(self) -> int:
+        """When the last sample of the feed can no longer matter."""
+        from kpl.introspection.graph import awaits_us
+
+        if not self._fed:
+            return 0
+        return max(self._fed[-1].at_us, max(each.valid_us for each in self._fed) + awaits_us(self.instance))
+
+    def _wait(self, next_us: int | None, until_us: int | None, stop: Event, reload: Callable[[], None] | None) -> bool:
+        """Let time pass until something is due; False: something else may have happened."""
+        if self.speed == 0:
+            before_us, self.now_us = self.now_us, max(self.now_us, next_us or 0)
+            self._waited_us += self.now_us - before_us
+            return True
+        target_us = min((each for each in (next_us, until_us) if each is not None), default=None)
+        wall_s = time.monotonic() - self._began_s
+        self.now_us = self._began_us + round(wall_s * 1e6 * self.speed)
+        if target_us is None or target_us > self.now_us:
+            left_s = LOOK_S if target_us is None else (target_us - self.now_us) / 1e6 / self.speed
+            began_s = time.monotonic()
+            stop.wait(min(left_s, LOOK_S))
+            self._waited_us += round((time.monotonic() - began_s) * 1e6 * self.speed)
+            if reload is not None:
+                reload()
+            return False
+        return next_us is not None and next_us <= self.now_us
+
+    def _watch(self) -> None:
+        """Record generators that are new."""
+        if self._record is None:
+            return
+        from dyknow import Policy
+
+        for label in self.network.labels():
+            if label not in self._recorded:
+                self._recorded.add(label)
+                self.network.connect(label, Policy(), partial(self._keep, "label", label))
+
+    def _keep(self, kind: str, name: object, sample: "Sample") -> None:
+        from kpl.introspection.records import sample_json
+
+        if self._record is not None:
+            self._record.write(json.dumps({kind: str(name), **sample_json(sample)}) + "\n")
+
+    def _on_sample(self, name: str, sample: "Sample") -> None:
+        self._keep("stream", name, sample)
+        from kpl.introspection.graph import maker_of, origins_of
+        from kpl.introspection.records import sample_record
+
+        origins = origins_of(self.instance, name, sample.valid_us)
+        said = sample_record(name, sample, origins, maker_of(self.instance, name, sample))
+        tell_record(self._call, said, begins_us=self._shown_from_us)
+
+    def _on_link(self, name: str, linked: bool) -> None:
+        if not linked:
+            self._call.out.note(f"note: the inputs of {name} have no producer; it continues when they have one again.")
+
+    def _on_alarm(self, event: "AlarmEvent") -> None:
+        from kpl.introspection.records import alarm_record
+
+        tell_record(self._call, alarm_record(event), begins_us=self._shown_from_us)
+
+
+@command(example="dyknow kpl run cars.kpl --feed cars.jsonl --units cars.py")
+def run(
+    call: Call,
+    file: SpecificationFile,
+    *,
+    feed: Feed = None,
+    modules: UnitModules = None,
+    unit: Annotated[str, typer.Option(metavar="U", help="What `self` means.")] = "0",
+    pace: Annotated[
+        float | None,
+        typer.Option(
+            "--speed", help="Times as fast as the wall clock; 0: as fast as it goes. [default: 0 with --feed, else 1]"
+        ),
+    ] = None,
+    duration: Duration = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE.jsonl", help="Write every sample, for `kpl verify`.")
+    ] = None,
+    watch: Annotated[bool, typer.Option("--watch", help="Load the file again whenever it is changed.")] = False,
+    govern: Govern = None,
+    admit: Admit = "refuse",
+    graph: Annotated[
+        GraphForm | None, typer.Option("--graph", help="In the end show the network, with rates, delays and drops.")
+    ] = None,
+) -> int:
+    """Run a specification in an instance of its own and show its streams and alarms; Ctrl-C ends it."""
+    if pace is not None and not 0 <= pace <= MAX_SPEED:
+        raise WrongCall(f"--speed is how many times as fast as the wall, 0 for as fast as it goes; got {pace:g}.")
+    read = (file, feed, *map(Path, modules or ()))
+    if record is not None and any(_same(record, each) for each in read if each is not None):
+        raise WrongCall(f"--record: {record} is read by this run; write to another file.")
+    watched = WatchedFile(file) if watch else None  # before it is read: what changes meanwhile is a change
+    text = read_text(file)
+    fed = [] if feed is None else read_samples(feed)
+    running = Run(call, file, fed, modules or (), unit, (0.0 if feed is not None else 1.0) if pace is None else pace)
+    lasts_us = None if duration is None else duration_us(duration, option="--duration", least_us=SHORTEST_US)
+    with ExitStack() as stack:
+        if record is not None:
+            running.record(stack.enter_context(_created(record)), text)
+        running.instance.compiler.admission = admit
+        if govern is not None:
+            running.govern(duration_us(govern, option="--govern", least_us=SHORTEST_US))
+        running.specify(text)
+        _tell_idle(call, running, fed, feed, file)
+        try:
+            running.go(
+                None if lasts_us is None else running.now_us + lasts_us, _reloading(call, running, file, watched)
+            )
+        except KeyboardInterrupt:
+            return INTERRUPTED
+        finally:
+            if graph is not None:
+                show_graph(call, running.instance, graph)
+    return DONE
+
+
+def _tell_idle(call: Call, running: Run, fed: "Sequence[FedSample]", feed: Path | None, file: Path) -> None:
+    """Note what will not happen: exports and imports, sources without samples, samples without a source."""
+    from kpl.syntax.specification import Export, Import
+
+    if any(isinstance(each, Export | Import) for each in running.instance.specification):
+        unit = running.instance.unit
+        call.out.note(f"note: exports and imports need a federation: dyknow join --unit {unit} --spec {file}.")
+    sources, sampled = set(running.instance.sources()), {each.source for each in fed}
+    lacking, idle = ", ".join(sorted(sources - sampled)), ", ".join(sorted(sampled - sources))
+    if lacking and feed is None:
+        call.out.note(f"note: no samples of {lacking}: give --feed FILE.jsonl, or --units with sources so called.")
+    elif lacking:
+        call.out.note(f"note: {feed} has nothing for {lacking}.")
+    if idle:
+        call.out.note(
+            f"note: {feed} has samples of {idle}, which {'is' if len(sampled - sources) == 1 else 'are'} no source here."
+        )
+
+
+def _same(one: Path, other: Path) -> bool:
+    return one.exists() and other.exists() and one.samefile(other)
+
+
+def _created(path: Path) -> IO[str]:
+    try:
+        return path.open("w", encoding="utf-8")
+    except OSError as error:
+        raise WrongCall(f"--record: {path} cannot be written ({error}).") from None
+
+
+def _reloading(call: Call, going: Run, path: Path, watched: WatchedFile | None) -> Callable[[], None] | None:
+    """Load the file when it has changed; if it is wrong, note that and keep the previous specification."""
+    if watched is None:
+        return None
+
+    def look() -> None:
+        if not watched.has_changed():
+            return
+        try:
+            going.specify(read_text(path))
+        except TextErrors as wrong:
+            call.out.note(f"{wrong.drawn()}\nThe specification is rejected; the previous one keeps running.")
+        except DyknowError as wrong:
+            call.out.note(f"{wrong}\nThe specification is rejected; the previous one keeps running.")
+        else:
+            call.out.say(f"[green]changed[/] to {verbatim(str(path))}", event="changed", file=str(path))
+
+    return look

@@ -1,0 +1,81 @@
+"""`dyknow kpl verify`: a recorded run compared with its specification."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from console.command import Call, command
+from console.commands.texts.specification_files import instance_of, read_lines, read_text
+from console.errors import DONE, NO
+from console.options.arguments import SpecificationFile, UnitModules
+from console.output.output import counted, verbatim
+from dyknow.model.errors import WrongCall
+from proxies.recordings.named_files import beside
+
+if TYPE_CHECKING:
+    from dyknow import Network, Sample
+    from kpl import Hooks, Instance
+
+
+@command(example="dyknow kpl verify cars.kpl --journal run.jsonl")
+def verify(
+    call: Call,
+    file: SpecificationFile,
+    journal: Annotated[
+        Path, typer.Option(metavar="FILE", help="What `kpl run --record` wrote, or the journal of a platform, U.mcap.")
+    ],
+    modules: UnitModules = None,
+) -> int:
+    """Whether a recorded run satisfies its specification; if not, which sample broke which constraint. Exit 1 then."""
+    from kpl import parse_specification
+    from kpl.introspection.verification import broken_streams
+    from kpl.introspection.verification import verify as violations_of
+    from proxies.recordings.sample_file import read_record
+
+    path, units = file, modules or ()
+    specification = parse_specification(read_text(path), str(path), beside(path))
+    labels: dict[str, list[Sample]] = {}
+    streams: dict[str, list[Sample]] = {}
+    if journal.suffix == ".mcap":
+        streams = _of_platform(journal, units)
+        found = broken_streams(specification, streams)
+    else:
+        about, recorded = read_lines(journal, read_record, "--journal", "`kpl run --record FILE` makes one")
+        for each in recorded:
+            (labels if each.kind == "label" else streams).setdefault(each.name, []).append(each.sample)
+
+        def make(network: "Network", hooks: "Hooks") -> "Instance":
+            return instance_of(network, hooks, units, str(about.get("unit", "0")), reads=False)
+
+        found = violations_of(specification, labels, streams, make)
+    for violation in found:
+        sample = violation.sample
+        call.out.say(
+            f"[red]broken[/] {verbatim(str(violation))}",
+            event="broken",
+            name=violation.name,
+            valid_us=None if sample is None else sample.valid_us,
+            available_us=None if sample is None else sample.available_us,
+            said=violation.said,
+        )
+    samples = sum(map(len, (*labels.values(), *streams.values())))
+    verdict = f"[red]{counted(len(found), 'violation')}[/]" if found else "[green]satisfied[/]"
+    looked_at = (
+        f"{counted(samples, 'sample')} of {counted(len(labels), 'generator')} and {counted(len(streams), 'stream')}"
+    )
+    call.out.say(
+        f"{verdict}: {looked_at}", event="verified", satisfied=not found, violations=len(found), samples=samples
+    )
+    return NO if found else DONE
+
+
+def _of_platform(journal: Path, units: Sequence[str]) -> "dict[str, list[Sample]]":
+    """The streams of a platform, from its journal: their constraints can be looked at, not what they are made of."""
+    from runtime.journal.recorded_runs import recorded_streams
+
+    try:
+        return recorded_streams(journal, units)
+    except OSError as error:
+        raise WrongCall(f"--journal: {journal} cannot be read ({error}).") from None

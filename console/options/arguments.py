@@ -1,0 +1,38 @@
+"""Options and arguments that several commands declare."""
+
+from pathlib import Path
+from typing import Annotated, Literal, TypeAlias
+
+import typer
+
+Unit: TypeAlias = Annotated[str | None, typer.Option(metavar="U", help="One platform only.")]
+Follow: TypeAlias = Annotated[bool, typer.Option("--follow", "-f", help="Continue with what is new.")]
+Count: TypeAlias = Annotated[int | None, typer.Option(metavar="K", min=1, help="Stop after K lines.")]
+Speed: TypeAlias = Annotated[
+    float, typer.Option(metavar="X", min=0.001, max=1000, help="How much faster than the wall time runs.")
+]
+Duration: TypeAlias = Annotated[
+    str | None, typer.Option(metavar="TIME", help="End by itself after this long, e.g. 60s.")
+]
+Avoidance: TypeAlias = Annotated[
+    bool, typer.Option("--avoidance/--no-avoidance", help="Whether UAVs may give way to each other.")
+]
+Label: TypeAlias = Annotated[str, typer.Argument(metavar="LABEL", help="A semantic label, e.g. heli-position.")]
+UnitModules: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--units", metavar="MODULE", help="A module or file.py with sources and computational units (repeatable)."
+    ),
+]
+Feed: TypeAlias = Annotated[
+    Path | None, typer.Option(metavar="FILE.jsonl", help="Samples of the specification's sources, one instant a line.")
+]
+Govern: TypeAlias = Annotated[
+    str | None,
+    typer.Option(metavar="TIME", help="Lengthen the least important periods while delays are longer than this."),
+]
+Admit: TypeAlias = Annotated[
+    Literal["refuse", "longer"],
+    typer.Option(help="What happens to declarations that there is no time for: refused, or served less often."),
+]
+SpecificationFile: TypeAlias = Annotated[Path, typer.Argument(metavar="FILE", help="A specification, mission.kpl.")]

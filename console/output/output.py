@@ -1,0 +1,154 @@
+"""Output of a command: JSON lines or tables on standard output; progress, notes and errors on standard error."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from textwrap import fill
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def unit_json(unit: str) -> int | str:
+    """A unit as JSON shows it: a number where it is one."""
+    return int(unit) if unit.isdigit() else unit
+
+
+def counted(number: int, what: str) -> str:
+    """`1 error`, `2 errors`."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def verbatim(text: str) -> str:
+    """Text from elsewhere inside our markup: brackets stay brackets, and nothing commands the terminal."""
+    from rich.markup import escape
+
+    return escape(printable(text))
+
+
+def printable(text: str) -> str:
+    """Text from elsewhere, in which nothing commands the terminal."""
+    return "".join(char if char.isprintable() or char == "\n" else f"\\x{ord(char):02x}" for char in text)
+
+
+class Output:
+    """Where a command's words go. With `json_lines` standard output carries one JSON object a line, nothing else."""
+
+    def __init__(self, *, json_lines: bool) -> None:
+        self.json_lines = json_lines
+        self._out: Console | None = None
+        self._err: Console | None = None
+        self._held: TextIO | None = None
+
+    def hold(self) -> None:
+        """Standard output is ours alone from now on: what code of others prints goes to standard error."""
+        self._held, sys.stdout = sys.stdout, sys.stderr
+
+    @property
+    def console(self) -> "Console":
+        """Standard output as text."""
+        if self._out is None:
+            from rich.console import Console
+
+            self._out = Console(highlight=False, file=self._held)
+        return self._out
+
+    @property
+    def terminal(self) -> "Console":
+        """Standard error: progress and notes."""
+        if self._err is None:
+            from rich.console import Console
+
+            self._err = Console(stderr=True, highlight=False)
+        return self._err
+
+    def line(self, record: Mapping[str, Any]) -> None:
+        """One JSON object, at once."""
+        stream = self._held or sys.stdout
+        stream.write(json.dumps(record, separators=(",", ":"), allow_nan=False) + "\n")
+        stream.flush()
+
+    def say(self, text: str, /, **record: Any) -> None:
+        """One event: `record` as a JSON line, or `text` (rich markup)."""
+        if self.json_lines:
+            self.line(record)
+        else:
+            self.console.print(text)
+
+    def item(self, cells: tuple[str, str, str], **record: Any) -> None:
+        """One event with a mark and a name; the text stays in its column when it needs several lines."""
+        if self.json_lines:
+            self.line(record)
+            return
+        from rich.table import Table
+
+        grid = Table.grid(padding=(0, 2))
+        for width in (6, 10, None):
+            grid.add_column(min_width=width, overflow="fold")
+        grid.add_row(*cells)
+        self.console.print(grid)
+
+    def aside(self, when: str, text: str) -> None:
+        """As text: what happened (rich markup) after when, indented also where it needs several lines."""
+        from rich.table import Table
+
+        grid = Table.grid(padding=(0, 2))
+        grid.add_column(no_wrap=True)
+        grid.add_column(overflow="fold")
+        grid.add_row(f"[dim]{when}[/dim]", text)
+        self.console.print(grid)
+
+    def table(
+        self,
+        title: str,
+        columns: Sequence[str],
+        rows: Sequence[Sequence[str]],
+        *,
+        right: Sequence[str] = (),
+        wraps: Sequence[str] = (),
+        whole: Sequence[str] = (),
+    ) -> None:
+        """A table, readable also where the terminal is narrow. Rows are markup.
+
+        Those named in `right` are flushed right, those in `wraps` may be broken between words; those in `whole`,
+        which are to be copied, are never broken.
+        """
+        from console.output.tables import Column, print_table
+
+        described = [Column(name, name in right, name in wraps, name in whole) for name in columns]
+        print_table(self.console, title, described, rows)
+
+    def plain(self, text: str, *, folds: bool = False) -> None:
+        """Lines that are no markup; with `folds` those that are too long for the terminal continue below, indented."""
+        text = printable(text)
+        if folds:
+            text = "".join(f"{folded(line, self.console.width)}\n" for line in text.splitlines())
+        self.console.print(text, end="", markup=False, highlight=False, soft_wrap=True)
+
+    def note(self, text: str, *, style: str | None = None) -> None:
+        """A note on standard error, without markup."""
+        self.terminal.print(text, markup=False, soft_wrap=True, style=style)
+
+    @contextmanager
+    def waiting(self, text: str) -> Iterator[Callable[[str], None]]:
+        """A spinner while something is awaited, on a terminal only; yields a function that changes its text."""
+        if self.json_lines or not self.terminal.is_terminal:
+            yield lambda _text: None
+            return
+        with self.terminal.status(text) as status:
+            yield status.update
+
+
+def folded(line: str, width: int) -> str:
+    """A line that is too long for the terminal continues below, indented more than it begins."""
+    indent = line[: len(line) - len(line.lstrip())]
+    return fill(
+        line.lstrip(),
+        max(width, 20),
+        initial_indent=indent,
+        subsequent_indent=f"{indent}      ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

@@ -1,0 +1,246 @@
+"""From the options of a command to the configuration of each platform process."""
+
+import os
+import socket
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic import ValidationError
+
+from console.command import Call
+from dyknow.model.errors import TextError, WrongCall, did_you_mean
+from federation.keys import unit as unit_name
+from runtime.configuration import config
+from runtime.configuration.instants import duration_us, instant_us
+from runtime.configuration.reach import trust_files, wire_of
+from runtime.configuration.run_directory import run_directory
+from runtime.configuration.settings import Persona, Settings, UnitFile
+
+_NOTHING = UnitFile()
+
+
+class FleetPlan(NamedTuple):
+    """What `dyknow up` starts.
+
+    Attributes:
+        units: the number of platforms with numbers as names; the federation's file may name more.
+        seed: of wind, noise and routes.
+        gcs: a ground station's HOST:PORT that every autopilot also speaks MAVLink to.
+        speed: how many times faster than the wall the federation's clock runs.
+        only: start only these platforms here.
+        duration_us: after this long they end by themselves.
+        start_us: federation time at which routes begin; None: when the process starts.
+    """
+
+    units: int
+    scenario: str
+    seed: int = 1
+    persona: Persona = "ardupilot"
+    gcs: str | None = None
+    avoidance: bool = True
+    speed: float = 1.0
+    only: tuple[str, ...] = ()
+    duration_us: int | None = None
+    start_us: int | None = None
+
+
+def _meshed(call: Call, names: Sequence[str], special: Mapping[str, UnitFile]) -> Mapping[str, UnitFile]:
+    """Without multicast and without endpoints every platform gets a port of its own, and dials those before it."""
+    settings = call.settings
+    told = settings.listen or settings.connect or any(own.listen or own.connect for own in special.values())
+    if settings.discover != "none" or told:
+        return special
+    protocol = "tls" if settings.roster else "tcp"
+    endpoints = [f"{protocol}/127.0.0.1:{port}" for port in free_ports(len(names))]
+    return {
+        name: special.get(name, _NOTHING).model_copy(
+            update={"listen": (endpoints[at],), "connect": tuple(endpoints[:at])}
+        )
+        for at, name in enumerate(names)
+    }
+
+
+def free_ports(count: int) -> list[int]:
+    """Ports of this machine that are free just now."""
+    with ExitStack() as kept:
+        probes = [kept.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM)) for _ in range(count)]
+        for probe in probes:
+            probe.bind(("127.0.0.1", 0))
+        return [int(probe.getsockname()[1]) for probe in probes]
+
+
+def clock_of(settings: Settings, speed: float | None, now_us: int) -> config.ClockConfig:
+    """The federation's clock. One that runs faster begins now, unless the file says when."""
+    chosen = speed or settings.clock.speed
+    if settings.clock.epoch is not None:
+        return config.ClockConfig(
+            epoch_us=instant_us(settings.clock.epoch, now_us, option="[clock] epoch"), speed=chosen
+        )
+    return config.ClockConfig(epoch_us=None if chosen == 1.0 else now_us, speed=chosen)
+
+
+def journal_of(journal: Path | None, unit: str, vehicle: Any) -> Path | None:
+    """Where the platform keeps its journal, if there is a directory for journals.
+
+    Raises:
+        WrongCall: nothing can be written there, or the flight to be replayed would be overwritten.
+    """
+    if journal is None:
+        return None
+    try:
+        journal.mkdir(parents=True, exist_ok=True)
+        is_writable = os.access(journal, os.W_OK | os.X_OK)
+    except OSError:
+        is_writable = False
+    if not is_writable:
+        raise WrongCall(f"journal: {journal} is no directory that can be written; name another.")
+    found = journal.resolve() / f"{unit}.mcap"
+    if isinstance(vehicle, config.ReplayedVehicle) and vehicle.file == found:
+        raise WrongCall(f"journal: {found} is what platform {unit} replays, and would be overwritten; name another.")
+    return found
+
+
+def _found_anywhere(module: str) -> str:
+    """A module that is named as a file is found from any working directory."""
+    return str(Path(module).absolute()) if module.endswith(".py") else module
+
+
+def platform_config(
+    call: Call, unit: str, vehicle: config.Vehicle, clock: config.ClockConfig, own: UnitFile = _NOTHING, **more: Any
+) -> config.NodeConfig:
+    """What the process of one platform is configured with; raises WrongCall that names the option that does not fit.
+
+    Args:
+        call: the options of all platforms.
+        unit: the platform's name.
+        vehicle: what it flies.
+        clock: the federation's.
+        own: what it has that the others have not.
+        more: further fields of NodeConfig.
+    """
+    unit_name(unit)
+    fields = {
+        "unit": unit,
+        "wire": wire_of(call.settings, unit, own),
+        "clock": clock,
+        "trust": trust_files(call.settings, unit),
+        "vehicle": vehicle,
+        "journal": journal_of(call.settings.journal, unit, vehicle),
+        "translation": own.translation,
+        "profiles": own.profiles,
+        "hosts": hosts_of(call, unit),
+        "extensions": [_found_anywhere(name) for name in call.settings.extensions],
+        **more,
+    }
+    try:
+        return config.NodeConfig.model_validate(fields)
+    except ValidationError as error:
+        wrong = [f"{'.'.join(str(p) for p in e['loc'])}: {e['msg']} (got {e['input']!r})." for e in error.errors()]
+        raise WrongCall("\n".join(wrong)) from None
+
+
+def fleet_of(call: Call, plan: FleetPlan, now_us: int) -> list[config.NodeConfig]:
+    """The platforms of `dyknow up`: `units` of them by number, and those that the file names besides; raises WrongCall."""
+    special = dict(call.settings.by_unit)
+    names = [str(number) for number in range(plan.units)]
+    names += [name for name in special if name not in names]
+    special = dict(_meshed(call, names, special))
+    simulated = [name for name in names if not (s := special.get(name, _NOTHING)).mavlink and not s.replay]
+    clock = clock_of(call.settings, plan.speed, now_us)
+    return [
+        platform_config(
+            call,
+            name,
+            _vehicle(name, own := special.get(name, _NOTHING), simulated, plan, now_us),
+            clock,
+            own,
+            avoidance=plan.avoidance if own.avoidance is None else own.avoidance,
+            duration_s=None if plan.duration_us is None else plan.duration_us / 1e6,
+        )
+        for name in only_these(names, plan.only)
+    ]
+
+
+def hosts_of(call: Call, unit: str) -> Path:
+    """Where hosts of this machine register with a platform."""
+    return run_directory(call.settings.federation) / f"{unit}.hosts"
+
+
+def only_these(names: Sequence[str], only: Sequence[str]) -> Sequence[str]:
+    """The platforms to start here; the federation's others run elsewhere. Raises WrongCall for an unknown one."""
+    for name in only:
+        if name not in names:
+            raise WrongCall(f"--only: this federation has no platform {name!r}.{did_you_mean(name, names)}")
+    return only or names
+
+
+def _vehicle(
+    unit: str, own: UnitFile, simulated: list[str], plan: FleetPlan, now_us: int
+) -> config.SimulatedVehicleConfig | config.MavlinkVehicle | config.ReplayedVehicle:
+    """What the platform flies: the file's vehicle or recording, else a simulated UAV."""
+    if own.mavlink:
+        return config.MavlinkVehicle(
+            endpoint=mavlink_endpoint(own.mavlink, place=f"[unit.{unit}] mavlink"), sysid=own.sysid, control=own.control
+        )
+    if own.replay:
+        return replayed(own.replay, own.from_ or "0s", own.epoch or "now", now_us, place=f"[unit.{unit}]")
+    return config.SimulatedVehicleConfig(
+        scenario=plan.scenario,
+        index=simulated.index(unit),
+        count=len(simulated),
+        seed=plan.seed,
+        persona=own.persona or plan.persona,
+        gcs=_address(own.gcs or plan.gcs),
+        start_us=plan.start_us,
+    )
+
+
+def _address(text: str | None) -> str | None:
+    """A ground station's `HOST:PORT`; raises WrongCall."""
+    if text is None:
+        return None
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdigit() or not 0 < int(port) < 65_536:
+        raise WrongCall(f"--gcs: {text!r} is no address; write HOST:PORT, e.g. 127.0.0.1:14550.")
+    return text
+
+
+def mavlink_endpoint(text: str, *, place: str) -> str:
+    """An endpoint at which vehicles speak; raises WrongCall."""
+    from proxies.mavlink.port import parse_endpoint
+
+    try:
+        parse_endpoint(text)
+    except TextError as error:
+        raise WrongCall(f"{place}: {text!r}: {error.message}; write {error.repair}.") from None
+    return text
+
+
+def replayed(file: Path, from_: str, epoch: str, now_us: int, *, place: str) -> config.ReplayedVehicle:
+    """A recorded flight whose first position plus `from_` is played at `epoch`; raises WrongCall."""
+    known = {".tlog", ".bin", ".ulg", ".mcap"}
+    if file.suffix.lower() not in known:
+        raise WrongCall(f"{place}: {file} is no recording that can be replayed; known: {', '.join(sorted(known))}.")
+    if not file.is_file():
+        raise WrongCall(f"{place}: there is no file {file}; check the path.")
+    from_us = duration_us(from_, option=f"{place} from")
+    if from_us:
+        _reaches(file, from_us, place)
+    return config.ReplayedVehicle(
+        file=file.resolve(),
+        from_us=from_us,
+        epoch_us=instant_us(epoch, now_us, option=f"{place} epoch"),
+    )
+
+
+def _reaches(file: Path, from_us: int, place: str) -> None:
+    """Raises WrongCall if nothing of the recording is left at `from_us`."""
+    from proxies.recordings.formats import open_recording
+
+    lasting_us = open_recording(file).lasting_us(from_us)
+    if lasting_us < from_us:
+        raise WrongCall(
+            f"{place} from: {file} ends {lasting_us // 1_000_000} s after its first position; begin before that."
+        )

@@ -1,0 +1,170 @@
+"""The platform processes that `dyknow up` starts: started, followed until they are ready, and ended by their id.
+
+The run directory of the federation has the configuration of each platform, its events (`.out`, JSON lines) and its log
+(`.log`), and in `state.json` the processes that run.
+"""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import psutil
+
+from console.errors import WRONG
+from dyknow.model.errors import FederationFailed, WrongCall
+from runtime.configuration.run_directory import Running
+
+VEHICLES = "sim_uavs.simulated"
+"""The module that registers simulated vehicles with a platform process."""
+GRACE_S = 5.0
+_POLL_S = 0.02
+
+
+def end(running: Iterable[Running], grace_s: float = GRACE_S) -> None:
+    """End these processes and wait until they are gone: politely first, after `grace_s` not."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        running = [
+            found for found in running if (process := found.process()) is not None and _signalled(process, number)
+        ]
+        until = time.monotonic() + grace_s
+        # A process that has ended but that its parent has not asked about is gone, too: so not psutil's waiting.
+        while any(found.process() is not None for found in running) and time.monotonic() < until:
+            time.sleep(_POLL_S)
+
+
+def _signalled(process: psutil.Process, number: signal.Signals) -> bool:
+    """Send a signal that also reaches a stopped process; False if it is gone."""
+    try:
+        process.send_signal(number)
+        if process.status() == psutil.STATUS_STOPPED:
+            process.send_signal(signal.SIGCONT)
+    except psutil.NoSuchProcess:
+        return False
+    return True
+
+
+class Fleet:
+    """Platform processes of one federation, children of this process."""
+
+    def __init__(self, directory: Path, *, lifeline: bool) -> None:
+        """With `lifeline` a platform's standard input stays open until this process ends, however it ends."""
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        self.directory, self._lifeline = directory, lifeline
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._heard: dict[str, int] = {}
+        self.running: dict[str, Running] = {}
+
+    def start(self, unit: str, configuration: str, module: str = "runtime.node") -> None:
+        """Start the platform `unit` with its configuration, a JSON text."""
+        config = self.directory / f"{unit}.json"
+        config.write_text(configuration, encoding="utf-8")
+        with (self.directory / f"{unit}.out").open("wb") as out, (self.directory / f"{unit}.log").open("wb") as log:
+            child = subprocess.Popen(  # noqa: S603 - our own module, our own interpreter
+                [sys.executable, "-m", module, "--vehicles", VEHICLES, "--config", str(config)],
+                stdin=subprocess.PIPE if self._lifeline else subprocess.DEVNULL,
+                stdout=out,
+                stderr=log,
+                start_new_session=True,
+            )
+        self._children[unit] = child
+        self._heard[unit] = 0
+        self.running[unit] = Running(unit, child.pid, psutil.Process(child.pid).create_time())
+
+    def heard(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Events of the platforms since the last call: whole JSON lines of their standard output."""
+        for unit in self._children:
+            with (self.directory / f"{unit}.out").open("rb") as out:
+                out.seek(self._heard[unit])
+                whole, newline, _part = out.read().rpartition(b"\n")
+            self._heard[unit] += len(whole) + len(newline)
+            for line in whole.splitlines():
+                try:
+                    said = json.loads(line)
+                except ValueError:
+                    continue
+                if isinstance(said, dict):
+                    yield unit, said
+
+    def ended(self) -> dict[str, int]:
+        """The platforms that have ended, with their exit codes (negative: the signal that ended them)."""
+        return {unit: code for unit, child in self._children.items() if (code := child.poll()) is not None}
+
+    def wait(self, on_ended: Callable[[str, int], None] = lambda _unit, _code: None) -> dict[str, int]:
+        """Wait until all have ended, reporting each as it does; their exit codes."""
+        told: set[str] = set()
+        while True:
+            ended = self.ended()
+            for unit in ended.keys() - told:
+                told.add(unit)
+                on_ended(unit, ended[unit])
+            if len(ended) == len(self._children):
+                return ended
+            time.sleep(10 * _POLL_S)
+
+    def follow(
+        self, done: Callable[[], bool], on_heard: Callable[[str, dict[str, Any]], None], timeout_s: float
+    ) -> bool:
+        """Hear the platforms until `done` or the time is over; True if done.
+
+        Raises:
+            FederationFailed, WrongCall: if one ends meanwhile, the latter if its configuration is wrong; its
+                last words are in the message.
+        """
+        until = time.monotonic() + timeout_s
+        while True:
+            for unit, said in self.heard():
+                on_heard(unit, said)
+            if done():
+                return True
+            for unit, code in self.ended().items():
+                raise (WrongCall if code == WRONG else FederationFailed)(
+                    f"platform {unit} ended with code {code} before it was ready.\n{self.last_words(unit)}"
+                )
+            if time.monotonic() > until:
+                return False
+            time.sleep(_POLL_S)
+
+    def last_words(self, unit: str, lines: int = 8) -> str:
+        """The end of a platform's log, and where the whole of it is."""
+        log = self.directory / f"{unit}.log"
+        said = log.read_text(encoding="utf-8", errors="replace").splitlines()[-lines:] if log.exists() else []
+        return "\n".join([*(f"    {line}" for line in said), f"the whole log: {log}"])
+
+    def end(self) -> None:
+        """End all and wait until they are gone."""
+        end(self.running.values())
+        for child in self._children.values():
+            if child.stdin is not None:
+                child.stdin.close()
+            child.wait(timeout=GRACE_S)
+
+
+@contextmanager
+def _handled(handler: Any, *numbers: signal.Signals) -> Iterator[None]:
+    before = {number: signal.signal(number, handler) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, former in before.items():
+            signal.signal(number, former)
+
+
+def interruptible() -> AbstractContextManager[None]:
+    """SIGTERM and SIGHUP interrupt as SIGINT does, so that what was started is ended in every case."""
+
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    return _handled(interrupt, signal.SIGTERM, signal.SIGHUP)
+
+
+def uninterrupted() -> AbstractContextManager[None]:
+    """While processes are being ended a second SIGINT must not leave half of them running."""
+    return _handled(signal.SIG_IGN, signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

@@ -1,0 +1,25 @@
+"""The one door upward: what `import dyknow` offers of the rooms above, loaded when it is first used.
+
+No import statement leads through it, so that the rooms stay layers; `library.pyi` has the types.
+"""
+
+from importlib import import_module
+from typing import Any
+
+_PLACES = {
+    "AsyncFederationClient": "runtime.library.federation",
+    "FederationClient": "runtime.library.federation",
+    "Feed": "runtime.library.feed",
+    "OwnPlatform": "runtime.library.own_platform",
+    "QueryResult": "runtime.library.results",
+    "UnitSample": "runtime.library.results",
+    "connect": "runtime.library.federation",
+    "join": "runtime.library.own_platform",
+}
+
+
+def loaded(name: str) -> Any:
+    """Raises AttributeError for a name that does not lead through the door."""
+    if name not in _PLACES:
+        raise AttributeError(f"module 'dyknow' has no attribute {name!r}")
+    return getattr(import_module(_PLACES[name]), name)

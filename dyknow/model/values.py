@@ -1,0 +1,143 @@
+"""Values and their sorts (thesis, Def. 4.3.2, 4.3.3).
+
+A simple value is an `int`, `float`, `bool` or `str`. A record is a plain tuple in the field order of its sort.
+"""
+
+from dataclasses import dataclass, field
+from enum import Enum
+from sys import float_info
+from typing import Any, Final, NamedTuple
+
+from dyknow.model.errors import SortError
+from dyknow.model.sample import Value
+
+_LARGEST = float_info.max
+
+
+class NoValue(Enum):
+    """The class of `NO_VALUE`: at this time the stream has no value (Def. 4.3.3). It has one instance, and is falsy."""
+
+    NO_VALUE = "no_value"
+
+    def __repr__(self) -> str:
+        return "no_value"
+
+    def __str__(self) -> str:
+        return "no_value"
+
+    def __bool__(self) -> bool:
+        return False
+
+
+NO_VALUE: Final = NoValue.NO_VALUE
+
+
+class Field(NamedTuple):
+    """One component of a record. `unit` is its physical unit (`deg`, `m/s`), or `bool` or `text` for such values."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sort:
+    """What the values of a stream are: records of `fields`, or, without fields, simple values.
+
+    Of an open sort only the name is known: its values are simple, or tuples of values.
+    """
+
+    name: str
+    fields: tuple[Field, ...] = ()
+    is_open: bool = field(default=False, compare=False)
+    _numbers: int = field(init=False, repr=False, compare=False, default=0)
+
+    def __post_init__(self) -> None:
+        if all(part.unit not in {"bool", "text"} for part in self.fields):
+            object.__setattr__(self, "_numbers", len(self.fields))
+
+    def check(self, value: Value) -> None:
+        """Accept a value of this sort, or `NO_VALUE`.
+
+        Raises:
+            SortError: wrong arity, or a component that is not a finite number (a bool, a text where the unit says so).
+        """
+        if value is NO_VALUE:
+            return
+        kind = type(value)
+        if (kind is float or kind is int) and not self.fields and -_LARGEST <= value <= _LARGEST:
+            return
+        if self._numbers and kind is tuple and len(value) == self._numbers:
+            for component in value:
+                if type(component) is not float or component - component != 0.0:
+                    break
+            else:
+                return
+        if not self.fields:
+            self._check_simple(value)
+            return
+        if not isinstance(value, tuple) or len(value) != len(self.fields):
+            raise SortError(
+                f"{self.name}: expected {len(self.fields)} components ({self._names()}), got {_shown(value)}"
+            )
+        for part, component in zip(self.fields, value, strict=True):
+            if not _fits(component, part.unit):
+                raise SortError(
+                    f"{self.name}.{part.name} [{part.unit}]: {_shown(component)} is not {_wanted(part.unit)}"
+                )
+
+    def as_record(self, value: Value) -> dict[str, Value]:
+        """The components by name. A simple value is called `value`.
+
+        Raises:
+            SortError: the value is not of this sort, or is `NO_VALUE`.
+        """
+        if value is NO_VALUE:
+            raise SortError(f"{self.name}: no_value has no components")
+        self.check(value)
+        return dict(zip((f.name for f in self.fields), value, strict=True)) if self.fields else {"value": value}
+
+    def _check_simple(self, value: Value) -> None:
+        if self.is_open and isinstance(value, tuple | frozenset):
+            for component in value:
+                self.check(component)
+        elif not isinstance(value, bool | str) and not _fits(value, ""):
+            raise SortError(f"{self.name}: {_shown(value)} is not a simple value")
+
+    def _names(self) -> str:
+        return ", ".join(f.name for f in self.fields)
+
+
+def as_json(value: Value) -> Any:
+    """A value as JSON has it: null is no_value, a list a record or a set."""
+    if value is NO_VALUE:
+        return None
+    if isinstance(value, frozenset):
+        return sorted(map(str, value))
+    return [as_json(one) for one in value] if isinstance(value, tuple) else value
+
+
+def of_json(found: Any) -> Value:
+    """The value that JSON stands for."""
+    if found is None:
+        return NO_VALUE
+    return tuple(of_json(one) for one in found) if isinstance(found, list) else found
+
+
+def _fits(component: Value, unit: str) -> bool:
+    if unit == "bool":
+        return isinstance(component, bool)
+    if unit == "text":
+        return isinstance(component, str)
+    return isinstance(component, float | int) and not isinstance(component, bool) and -_LARGEST <= component <= _LARGEST
+
+
+def _wanted(unit: str) -> str:
+    return {"bool": "true or false", "text": "a text"}.get(unit, "a finite number")
+
+
+def _shown(value: Value) -> str:
+    try:
+        text = repr(value)
+    except ValueError:  # it holds a number of thousands of digits
+        return f"a {type(value).__name__} too long to be shown"
+    return text if len(text) <= 80 else f"{text[:77]}..."

@@ -1,0 +1,61 @@
+"""Computational units: refinement processes with one output (thesis, 4.3.4, Def. 4.3.15)."""
+
+from collections.abc import Callable
+from math import prod
+from typing import TypeAlias
+
+from dyknow.model.sample import SURE, Quality, Sample, Value
+from dyknow.model.values import NO_VALUE
+
+Inputs: TypeAlias = tuple[Sample | None, ...]
+"""The last available sample of each input, None where none has arrived (Def. 4.3.16)."""
+UnitFunction: TypeAlias = Callable[[int, Inputs, Value], tuple[Sample | None, Value]]
+"""(time, last sample of each input, state) -> (output or None, new state); the first state is `NO_VALUE`."""
+
+
+class ComputationalUnit:
+    """One instance of a computational unit: applies its function whenever an input has a new sample.
+
+    Raises:
+        ValueError: if `arity` is not positive.
+    """
+
+    __slots__ = ("_function", "_inputs", "state")
+
+    def __init__(self, function: UnitFunction, arity: int) -> None:
+        if arity < 1:
+            raise ValueError(f"a computational unit has at least 1 input, got {arity}")
+        self._function = function
+        self._inputs: list[Sample | None] = [None] * arity
+        self.state: Value = NO_VALUE
+
+    def on_sample(self, i: int, sample: Sample, now_us: int) -> Sample | None:
+        """Input `i`, counted from 0, has a new sample; the output, if there is one."""
+        self._inputs[i] = sample
+        output, self.state = self._function(now_us, tuple(self._inputs), self.state)
+        return output
+
+
+def latest_valid_us(inputs: Inputs) -> int | None:
+    """The latest valid time among the inputs: the default valid time of an output. None before any input."""
+    return max((s.valid_us for s in inputs if s is not None), default=None)
+
+
+def quality_of(inputs: Inputs) -> Quality:
+    """A value is right when what it was computed from is, each by itself."""
+    qualities = [s.quality for s in inputs if s is not None and s.quality is not SURE]
+    return Quality(prod(quality.certainty for quality in qualities)) if qualities else SURE
+
+
+def of_values(function: Callable[..., Value]) -> UnitFunction:
+    """A unit that computes a value from the values of its inputs, once all are there; `NO_VALUE` if one has none."""
+
+    def step(now_us: int, inputs: Inputs, state: Value) -> tuple[Sample | None, Value]:
+        values = [s.value for s in inputs if s is not None]
+        valid_us = latest_valid_us(inputs)
+        if valid_us is None or len(values) < len(inputs):
+            return None, state
+        value = NO_VALUE if any(v is NO_VALUE for v in values) else function(*values)
+        return Sample(now_us, valid_us, value, quality_of(inputs)), state
+
+    return step

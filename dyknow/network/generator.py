@@ -1,0 +1,236 @@
+"""Stream generators: one output of a knowledge process, given to any number of subscribers (thesis 5.3.2)."""
+
+from collections.abc import Callable
+from math import gcd
+from typing import Protocol, TypeAlias
+
+from dyknow.model.errors import TooEarly
+from dyknow.model.labels import Label
+from dyknow.model.sample import SURE, Quality, Sample, Value
+from dyknow.model.values import Sort
+from dyknow.network.history import History
+from dyknow.policies.policy import Policy
+from dyknow.policies.sampling import Grid, PolicyAdapter
+
+Consumer: TypeAlias = Callable[[Sample], None]
+_new = tuple.__new__  # makes a NamedTuple in half the time; every sample of the instance is made here
+
+
+class Owner(Protocol):
+    """The knowledge process behind a generator, where there is one that works on demand."""
+
+    def on_demand(self) -> None:
+        """The subscriptions of the generator, or what they ask for, have changed."""
+
+    def reach(self, from_us: int | None) -> None:
+        """See to it that the history holds what is valid from `from_us` on, None: all that can be had.
+
+        Raises:
+            TooEarly: so much cannot be had; the message says what can.
+        """
+
+    def since_us(self) -> int:
+        """The earliest valid time that can be reached; -2**80: all there ever was."""
+
+
+class Subscription:
+    """One stream: the samples of one generator, adapted to one policy, handed to one consumer by a plain call."""
+
+    __slots__ = ("_generator", "adapter", "consumer", "on_end", "unwatch")
+
+    def __init__(
+        self,
+        generator: "Generator",
+        policy: Policy | PolicyAdapter,
+        consumer: Consumer,
+        on_end: Callable[[], None] | None,
+    ) -> None:
+        self._generator: Generator | None = generator
+        self.adapter = policy if isinstance(policy, PolicyAdapter) else PolicyAdapter(policy)
+        self.consumer = consumer
+        self.on_end = on_end
+        self.unwatch: Callable[[Subscription], None] | None = None
+
+    @property
+    def policy(self) -> Policy:
+        return self.adapter.policy
+
+    @property
+    def active(self) -> bool:
+        """Whether samples can still come."""
+        return self._generator is not None
+
+    def cancel(self) -> None:
+        """No more samples, also not of the one being delivered. Cancelling twice is cancelling once."""
+        if self._generator is not None:
+            generator, self._generator = self._generator, None
+            self.consumer = _ignore
+            if self.unwatch is not None:
+                self.unwatch(self)
+            generator.drop(self)
+
+    def end(self) -> None:
+        """The generator is gone: cancel, and tell the consumer."""
+        if self._generator is not None:
+            self.cancel()
+            if self.on_end is not None:
+                self.on_end()
+
+    def retune(self, adapter: PolicyAdapter) -> None:
+        """Continue under another policy, with what `PolicyAdapter.continued` gave."""
+        self.adapter = adapter
+        if self._generator is not None:
+            self._generator.rearrange()
+
+    def on_time(self, now_us: int) -> None:
+        """Hand on what the policy owes at `now_us`."""
+        for sample in self.adapter.on_time(now_us):
+            self.consumer(sample)
+
+    @property
+    def deadline_us(self) -> int | None:
+        """Next instant at which `on_time` has work, or None."""
+        return None if self._generator is None else self.adapter.deadline_us
+
+
+class Generator:
+    """The stream generator that carries `label`; its stream, unadapted, is its history.
+
+    Attributes:
+        owner: the process that is notified of demand; None: samples are pushed with or without demand.
+        last_us: available time of the last sample.
+    """
+
+    __slots__ = ("_adapted", "_closed_us", "_open", "history", "label", "last_us", "owner", "sort", "subscriptions")
+
+    def __init__(self, label: Label, sort: Sort, capacity: int) -> None:
+        self.label, self.sort = label, sort
+        self.history = History(capacity)
+        self.owner: Owner | None = None
+        self.subscriptions: tuple[Subscription, ...] = ()
+        self._open: tuple[Subscription, ...] = ()  # no constraint: every sample passes as it is
+        self._adapted: tuple[Subscription, ...] = ()
+        self.last_us = self._closed_us = -(2**80)
+
+    def push(self, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> Sample:
+        """Add a sample that became available at `now_us` and hand it on. A tie of available times is moved by 1 us."""
+        available_us = now_us if now_us > self.last_us else self.last_us + 1
+        self.last_us = available_us
+        sample = _new(Sample, (available_us, valid_us, value, quality))
+        self.history.add(sample)
+        adapted_to = self._adapted  # who subscribes while consumers are called begins with the next sample
+        for subscription in self._open:
+            subscription.consumer(sample)
+        for subscription in adapted_to:
+            for adapted in subscription.adapter.on_sample(sample, now_us):
+                subscription.consumer(adapted)
+        return sample
+
+    def remember(self, valid_us: int, value: Value, available_us: int, quality: Quality = SURE) -> None:
+        """Add a sample of the past: to the history, not to the streams."""
+        if available_us <= self._closed_us:
+            return
+        self.last_us = max(available_us, self.last_us + 1)
+        self.history.add(Sample(self.last_us, valid_us, value, quality))
+
+    def succeed(self) -> None:
+        """Another process takes over: what its predecessor made until now stays as it is."""
+        self._closed_us = self.last_us
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self.history.reset()
+        self.last_us = self._closed_us = -(2**80)
+
+    def prepare(self, from_us: int) -> int:
+        """Hold as much as can be had of what is valid from `from_us` on; the time from which on that is all."""
+        if self.owner is not None:
+            self.owner.reach(max(from_us, self.owner.since_us()))
+        return max(from_us, self.since_us)
+
+    def past(self, from_us: int) -> list[Sample]:
+        """What is valid from `from_us` on and came already, as it came.
+
+        Raises:
+            TooEarly: not all of it is held; the message names the earliest time from which it is.
+        """
+        if self.owner is not None:
+            self.owner.reach(from_us)
+        starts_us = self.since_us
+        if from_us < starts_us:
+            if self.owner is not None:
+                self.owner.on_demand()
+            raise TooEarly(self.label, from_us, starts_us)
+        return sorted(self.history.get_between(from_us, 2**80), key=_available_us)
+
+    def held(self) -> list[Sample]:
+        """All of the past that can be had now, as it came."""
+        if self.owner is not None:
+            self.owner.reach(None)
+        return self.history.get_slice(0, self.history.get_size() - 1)
+
+    @property
+    def since_us(self) -> int:
+        """The earliest valid time from which all can be had; -2**80: all there ever was."""
+        starts_us = self.history.whole_since_us
+        held_us = -(2**80) if starts_us is None else starts_us
+        return held_us if self.owner is None else max(held_us, self.owner.since_us())
+
+    def subscribe(
+        self, policy: Policy | PolicyAdapter, consumer: Consumer, on_end: Callable[[], None] | None = None
+    ) -> Subscription:
+        """A stream of what is pushed from now on; `on_end` is called when the generator is removed."""
+        subscription = Subscription(self, policy, consumer, on_end)
+        self.subscriptions = (*self.subscriptions, subscription)
+        if subscription.adapter.is_open:
+            self._open = (*self._open, subscription)
+        else:
+            self._adapted = (*self._adapted, subscription)
+        self._tell()
+        return subscription
+
+    def drop(self, subscription: Subscription) -> None:
+        self.subscriptions, self._open, self._adapted = (
+            tuple([s for s in some if s is not subscription])
+            for some in (self.subscriptions, self._open, self._adapted)
+        )
+        self._tell()
+
+    def rearrange(self) -> None:
+        """A subscription has another policy."""
+        self._open = tuple(s for s in self.subscriptions if s.adapter.is_open)
+        self._adapted = tuple(s for s in self.subscriptions if not s.adapter.is_open)
+        self._tell()
+
+    def end(self) -> None:
+        """Remove the generator: all its streams end."""
+        self.owner = None
+        for subscription in self.subscriptions:
+            subscription.end()
+
+    @property
+    def wanted(self) -> Grid | None:
+        """The coarsest grid on which every valid time lies that a subscriber can take; None: all that there are.
+
+        Until a subscriber has got its first sample its grid is unknown, unless its policy says so.
+        """
+        period_us, anchor_us = 0, 0
+        for subscription in self.subscriptions:
+            grid = subscription.adapter.needed
+            if grid is None or grid.anchor_us is None:
+                return None
+            period_us = gcd(period_us, grid.period_us, grid.anchor_us - anchor_us if period_us else 0)
+            anchor_us = grid.anchor_us
+        return Grid(period_us, anchor_us % period_us) if period_us else None
+
+    def _tell(self) -> None:
+        if self.owner is not None:
+            self.owner.on_demand()
+
+
+def _available_us(sample: Sample) -> int:
+    return sample.available_us
+
+
+def _ignore(_sample: Sample) -> None:
+    """The consumer of a cancelled subscription."""

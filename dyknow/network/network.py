@@ -1,0 +1,388 @@
+"""The local instance: sources, computational units, stream generators and streams, wired (thesis, ch. 4 and 5.4)."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from operator import itemgetter
+
+from dyknow.model.errors import LabelAlreadyExists, SortError, UnknownLabel, ValueNotAvailable
+from dyknow.model.labels import Label
+from dyknow.model.sample import SURE, Quality, Sample, Value
+from dyknow.model.values import Sort
+from dyknow.network.computational_unit import ComputationalUnit, UnitFunction, of_values
+from dyknow.network.generator import Consumer, Generator, Subscription
+from dyknow.network.history import History
+from dyknow.network.process import FAR_US, Input, Process, TimedProcess
+from dyknow.network.processes import RefinementProcess
+from dyknow.network.prototypes import UnitPrototype
+from dyknow.network.stream_proxy import OnLink, StreamProxy
+from dyknow.policies.policy import Policy
+
+MANY = 64
+
+
+class Network:
+    """Samples flow by plain calls: a push returns when every unit and consumer behind it has run.
+
+    A unit names its inputs, which exist already, so what flows never comes back. Consumers may subscribe, cancel,
+    add and remove while they are called. Call `on_time` at `deadline_us`. Times: microseconds of federation time.
+    """
+
+    __slots__ = (
+        "_attributes", "_enough", "_generators", "_history", "_implicit", "_meeting", "_processes", "_timed", "_unit_inputs", "_waiting",
+        "now_us", "on_fault", "resolve",
+    )  # fmt: skip
+
+    def __init__(self, history: int = 4096) -> None:
+        self._history = history
+        self._generators: dict[Label, Generator] = {}
+        self._unit_inputs: dict[Label, list[Subscription]] = {}
+        self.now_us = 0
+        self.on_fault: Callable[[Label, str], None] = lambda _label, _said: None
+        self._processes: dict[Label, Process] = {}
+        self._attributes: dict[Label, dict[Label, None]] = {}
+        self._implicit: dict[Label, None] = {}
+        self.resolve: Callable[[Label], tuple[Sort, Process] | None] = lambda _label: None
+        self._waiting: dict[Label, list[StreamProxy]] = {}
+        self._meeting: dict[int, Callable[[Label], None]] = {}
+        self._timed: dict[TimedProcess, None] = {}
+        self._enough = MANY
+
+    def add_source(self, label: Label | str, sort: Sort, history: int | None = None) -> Generator:
+        """A generator fed by `push`, with its own length of history if one is given.
+
+        Raises:
+            LabelAlreadyExists: the label is taken.
+        """
+        return self._add(Generator(Label.of(label), sort, history or self._history), None)
+
+    def push(self, label: Label | str, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
+        """A source has a new sample.
+
+        Raises:
+            UnknownLabel: no generator carries `label`.
+        """
+        generator = self._generators.get(label)  # type: ignore[arg-type]
+        if generator is None:
+            generator = self.generator(label)  # a text is parsed here, off the fast path
+        self.now_us = now_us
+        generator.push(valid_us, value, now_us, quality)
+
+    def add_unit(
+        self, label: Label, sort: Sort, function: UnitFunction, inputs: Sequence[tuple[Label, Policy]]
+    ) -> Generator:
+        """A generator fed by a computational unit over streams of other generators (Def. 4.5.8).
+
+        Raises:
+            LabelAlreadyExists: the label is taken.
+            UnknownLabel: an input does not exist.
+            ValueError: there is no input.
+        """
+        unit = ComputationalUnit(function, len(inputs))
+        sources = [self.generator(name) for name, _ in inputs]
+        generator = self.add_source(label, sort)
+
+        def on_input(i: int, sample: Sample) -> None:
+            output = unit.on_sample(i, sample, sample.available_us)
+            if output is not None:
+                generator.push(output.valid_us, output.value, sample.available_us, output.quality)
+
+        self._unit_inputs[label] = [
+            self.watch(source.subscribe(policy, partial(on_input, i)))
+            for i, (source, (_, policy)) in enumerate(zip(sources, inputs, strict=True))
+        ]
+        return generator
+
+    def subscribe(
+        self,
+        label: Label | str,
+        policy: Policy | str,
+        consumer: Consumer,
+        on_end: Callable[[], None] | None = None,
+    ) -> Subscription:
+        """A stream for `consumer`; `on_end` is called when the generator is removed.
+
+        Label and policy may be text: `network.subscribe("pos[car1]", "sample every 100ms", print)`.
+
+        Raises:
+            UnknownLabel: no generator carries `label`.
+            TextError, PolicyError: the text is no label, or no policy.
+        """
+        return self.watch(self.generator(label).subscribe(Policy.of(policy), consumer, on_end))
+
+    def connect(
+        self,
+        label: Label | str,
+        policy: Policy | str,
+        consumer: Consumer,
+        on_link: OnLink | None = None,
+        *,
+        from_us: int | None = None,
+        after_us: int | None = None,
+        current: bool = False,
+    ) -> StreamProxy:
+        """A stream for `consumer` whether a generator carries the label yet or not; `on_link` hears when that changes.
+
+        With `from_us` it begins in the past, as if it had been there then (with `after_us`: as if it had begun at that
+        available time): take the proxy's backlog first. A `current` one is handed the newest sample there is as soon as
+        there is a generator.
+
+        Raises:
+            ValueNotAvailable: it cannot begin so early.
+        """
+        label = Label.of(label)
+        proxy = StreamProxy(self, label, Policy.of(policy), consumer, on_link, current=current)
+        generator = self.find(label)
+        if generator is None:
+            self.wait(proxy)
+            return proxy
+        try:
+            proxy.link(generator, from_us, after_us)
+        except ValueNotAvailable:
+            self.tidy(generator.label)
+            raise
+        return proxy
+
+    def add_process(self, label: Label, sort: Sort, process: Process) -> Generator:
+        """A generator fed by a process that works on demand.
+
+        Raises:
+            LabelAlreadyExists: the label is taken.
+        """
+        return self._add(Generator(label, sort, self._history), process)
+
+    def replace_process(self, label: Label, sort: Sort, process: Process | None) -> Generator:
+        """Let another process feed a generator; subscriptions, order and history stay. None: what is pushed.
+
+        Raises:
+            UnknownLabel: no generator carries `label`.
+            SortError: what the new process makes is of another sort.
+        """
+        generator = self.generator(label)
+        if generator.sort != sort:
+            raise SortError(f"{label} is a stream of {generator.sort.name}, which {sort.name} cannot replace")
+        self._take(generator)
+        if process is not None:
+            if not generator.subscriptions:
+                generator.reset()
+            generator.succeed()
+            self._give(generator, process)
+        return generator
+
+    def process(self, label: Label) -> Process | None:
+        """The process on demand behind a generator."""
+        return self._processes.get(label)
+
+    def snapshot(self, label: Label) -> History:
+        """The history of a stream, for the queries of 5.3.2; what is made on demand only is made for it.
+
+        Raises:
+            UnknownLabel: no generator carries `label`.
+        """
+        generator = self.find(label)
+        if generator is None:
+            raise self._unknown(label)
+        if generator.owner is None or generator.subscriptions:
+            return generator.history
+        generator.owner.reach(None)
+        held = generator.history.copy()
+        generator.owner.on_demand()
+        self.tidy(generator.label)
+        return held
+
+    def remove(self, label: Label) -> None:
+        """Take a generator away, with the unit that feeds it; its streams end.
+
+        Raises:
+            UnknownLabel: no generator carries `label`.
+        """
+        generator = self.generator(label)
+        for attribute in self._attributes.pop(label, ()):
+            self.remove(attribute)
+        stem = _stem(label)
+        if label in self._attributes.get(stem, ()):
+            del self._attributes[stem][label]
+            if not self._attributes[stem]:
+                del self._attributes[stem]
+        self._implicit.pop(label, None)
+        del self._generators[label]
+        self._take(generator)
+        for subscription in self._unit_inputs.pop(label, ()):
+            subscription.cancel()
+        generator.end()
+
+    def generator(self, label: Label | str) -> Generator:
+        """The generator that carries `label`.
+
+        Raises:
+            UnknownLabel: there is none.
+        """
+        label = Label.of(label)
+        generator = self._generators.get(label)
+        if generator is None:
+            raise self._unknown(label)
+        return generator
+
+    def find(self, label: Label) -> Generator | None:
+        """The generator that carries `label`, or is made because it is asked for; None if there is none."""
+        return self._generators.get(label) or self._attribute(label) or self._resolved(label)
+
+    def behind(self, label: Label) -> Generator | None:
+        """The generator that carries `label`, or of whose values that is an attribute; none is made."""
+        return self._generators.get(label) or self._generators.get(_stem(label))
+
+    def has(self, label: Label) -> bool:
+        """Whether a generator carries `label`."""
+        return label in self._generators
+
+    def is_implicit(self, label: Label) -> bool:
+        """Whether its generator is there on demand, like that of an attribute."""
+        return label in self._implicit
+
+    def labels(self) -> tuple[Label, ...]:
+        """Every label, in the order they were added."""
+        return tuple(self._generators)
+
+    def on_time(self, now_us: int) -> None:
+        """Hand on what is owed at `now_us`. A source that is read gives one sample: call while something is due."""
+        self.now_us = now_us
+        for timed in tuple(self._timed):
+            due_us = timed.deadline_us
+            if due_us is None:
+                self._timed.pop(timed, None)
+            elif due_us <= now_us:
+                timed.on_time(now_us)
+
+    @property
+    def deadline_us(self) -> int | None:
+        """Next instant at which `on_time` has work, or None."""
+        if not self._timed:
+            return None
+        due_us = min((due_us for s in self._timed if (due_us := s.deadline_us) is not None), default=None)
+        return None if due_us is None or due_us >= FAR_US else due_us
+
+    def watch(self, subscription: Subscription) -> Subscription:
+        """Remember the streams that make samples when time passes, and forget those that will not again."""
+        if subscription.deadline_us is not None:
+            subscription.unwatch = self.unstep
+            self.step(subscription)
+        return subscription
+
+    def step(self, timed: TimedProcess) -> None:
+        """Call it at its deadlines, until it has none; `FAR_US` is: perhaps later."""
+        self._timed[timed] = None
+        if len(self._timed) > self._enough:
+            self._timed = {each: None for each in self._timed if each is timed or each.deadline_us is not None}
+            self._enough = max(MANY, 2 * len(self._timed))
+
+    def unstep(self, timed: TimedProcess) -> None:
+        """Call it no more."""
+        self._timed.pop(timed, None)
+
+    def wait(self, proxy: StreamProxy) -> None:
+        """Link it as soon as a generator carries its label."""
+        self._waiting.setdefault(proxy.label, []).append(proxy)
+
+    def recall(self, label: Label) -> None:
+        """What `resolve` makes can be made from now on: clients that wait for it are served."""
+        if label in self._waiting:
+            self.find(label)
+
+    def forget(self, proxy: StreamProxy) -> None:
+        """It waits no more."""
+        waiting = self._waiting.get(proxy.label)
+        if waiting is not None and proxy in waiting:
+            waiting.remove(proxy)
+            if not waiting:
+                del self._waiting[proxy.label]
+
+    def meet(self, on_label: Callable[[Label], None]) -> Callable[[], None]:
+        """Tell of every label there is, and of every other one as it comes; returns how to stop."""
+        self._meeting[id(on_label)] = on_label
+        for label in tuple(self._generators):
+            on_label(label)
+
+        def stop() -> None:
+            self._meeting.pop(id(on_label), None)
+
+        return stop
+
+    def _welcome(self, generator: Generator) -> None:
+        """Link the clients that waited for the generator, or for an attribute of its values."""
+        label = generator.label
+        for proxy in self._waiting.pop(label, ()):
+            proxy.link(generator)
+        if generator.sort.fields:
+            for field in generator.sort.fields:
+                attribute = Label(f"{label.feature}.{field.name}", label.objects)
+                if attribute in self._waiting:
+                    self._attribute(attribute)
+        for on_label in tuple(self._meeting.values()):
+            on_label(label)
+
+    def _attribute(self, label: Label) -> Generator | None:
+        """A generator for `feature.attribute[objects]`, if there is one for `feature[objects]` with such a field."""
+        feature, _, attribute = label.feature.rpartition(".")
+        stem = self._generators.get(Label(feature, label.objects)) if feature else None
+        names = [field.name for field in stem.sort.fields] if stem is not None else []
+        if stem is None or attribute not in names:
+            return None
+        at = names.index(attribute)
+        unit = UnitPrototype(
+            attribute, stem.sort.fields[at].unit, (stem.sort.name,), lambda: of_values(itemgetter(at)), True
+        )
+        self._attributes.setdefault(stem.label, {})[label] = None
+        self._implicit[label] = None
+        return self.add_process(label, Sort(stem.sort.fields[at].unit), RefinementProcess(unit, [Input(stem.label)]))
+
+    def tidy(self, label: Label) -> None:
+        """Take it away if it was there on demand, and there is none."""
+        if label in self._implicit and not self._generators[label].subscriptions:
+            self.remove(label)
+
+    def _resolved(self, label: Label) -> Generator | None:
+        """A generator that is there on demand."""
+        found = self.resolve(label)
+        if found is None:
+            return None
+        self._implicit[label] = None
+        return self.add_process(label, *found)
+
+    def _make_room(self, label: Label) -> None:
+        """What is there because it was asked for gives way to what is declared, which its subscribers then get."""
+        if label in self._generators:
+            if label not in self._implicit:
+                raise LabelAlreadyExists(str(label))
+            self.remove(label)
+
+    def sweep(self) -> None:
+        """Take away what was there on demand that has ended."""
+        for label in tuple(self._implicit):
+            self.tidy(label)
+
+    def _add(self, generator: Generator, process: Process | None) -> Generator:
+        self._make_room(generator.label)
+        self._generators[generator.label] = generator
+        if process is not None:
+            self._give(generator, process)
+        self._welcome(generator)
+        return generator
+
+    def _give(self, generator: Generator, process: Process) -> None:
+        self._processes[generator.label] = process
+        process.attach(self, generator)
+        generator.owner = process
+        process.on_demand()
+
+    def _take(self, generator: Generator) -> None:
+        generator.owner = None
+        process = self._processes.pop(generator.label, None)
+        if process is not None:
+            process.detach()
+
+    def _unknown(self, label: Label) -> UnknownLabel:
+        return UnknownLabel(str(label), tuple(map(str, self._generators)))
+
+
+def _stem(label: Label) -> Label:
+    """Of what a label can be an attribute."""
+    return Label(label.feature.rpartition(".")[0], label.objects)

@@ -1,0 +1,51 @@
+"""A beacon that rings when it is asked to, and streams how often it has rung."""
+
+from agents.actions import REQUESTED, Action, Offer, Role
+from agents.exchange.gateway import Gateway
+from agents.interface import InterfaceAgent
+from agents.part import Part
+from federation.members.clock import FederationClock
+from federation.members.offers import Service
+from federation.messages.acts import Act
+from federation.messages.contents import Content
+from federation.messages.descriptions import LabelEntry
+
+RINGS, PERIOD_US = "beacon-rings", 100_000
+LABELS = """
+[beacon-rings]
+sort = "rings"
+meaning = "how often the beacon has rung"
+fields = { count = "" }
+"""
+
+
+class RingBeacon(Content):
+    """`(ring-beacon times: 3)`: ring that often."""
+
+    times: int = 1
+
+
+class Beacon(Part):
+    """Rings, and counts it in a stream of its own."""
+
+    offers = (
+        Offer(Service("beacon", "beacon"), (Action(RingBeacon, "on_ring", REQUESTED, Role.DELEGATE, typed=True),)),
+    )
+
+    def __init__(self, unit: str, clock: FederationClock, agent: InterfaceAgent, gateway: Gateway) -> None:
+        self.agent, self.clock, self.count = agent, clock, 0
+        self.entry = gateway.ontology[RINGS]
+        translation = gateway.translation
+        self.source = gateway.network.add_source(translation.local_label(RINGS, unit), translation.local_sort(RINGS))
+
+    def labels(self) -> tuple[LabelEntry, ...]:
+        """The stream, which other platforms and commands find by its label."""
+        sort = self.entry.sort.name
+        return (LabelEntry(label=RINGS, sort=sort, type_hash=self.entry.type_hash, period_us=PERIOD_US),)
+
+    def on_ring(self, act: Act, content: RingBeacon, now_us: int) -> None:
+        """Ring, and answer how often it has rung by now; `now_us` is the node clock."""
+        self.count += content.times
+        federation_us = self.clock.federation_us(now_us)
+        self.source.push(federation_us // PERIOD_US * PERIOD_US, (float(self.count),), federation_us)
+        self.agent.done(act, now_us, f"rung {self.count} times")

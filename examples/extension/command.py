@@ -1,0 +1,26 @@
+"""`dyknow ring`: ring the beacon of a platform."""
+
+from typing import Annotated
+
+import typer
+
+from console.centre.client import connected, failure_of
+from console.command import Call, command
+from console.output.output import unit_json
+from examples.extension.beacon import RingBeacon
+from federation.messages.acts import Performative
+from federation.messages.contents import Done
+
+
+@command(example="dyknow ring 0 --times 3 --extension examples.extension")
+def ring(
+    call: Call, unit: Annotated[str, typer.Argument(help="A platform that has a beacon.")], *, times: int = 1
+) -> int:
+    """Ring the beacon of a platform; exit 2 if it has none."""
+    with connected(call) as client:
+        [dialogue] = client.ask(client.chosen(unit), RingBeacon(times=times), Performative.REQUEST, 3.0)
+    done = next((content for content in dialogue.results if isinstance(content, Done)), None)
+    if done is None:
+        raise failure_of(dialogue, "no answer in time")
+    call.out.say(f"platform {unit}: {done.text}", unit=unit_json(unit), answer=done.text)
+    return 0

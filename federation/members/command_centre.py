@@ -1,0 +1,240 @@
+"""A member that asks and delegates, and offers nothing; a value that is stepped like a platform."""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeAlias
+
+from dyknow.model.errors import ContentError
+from federation import keys
+from federation.members.clock import FederationClock
+from federation.members.correspondence import REPLY_WITHIN_US, Direction
+from federation.members.directory import DirectoryEntry, DirectoryEvent, unit_order
+from federation.members.imports import ImportName
+from federation.members.liveness import PeerState
+from federation.members.member import Member
+from federation.messages.acts import Act, Performative
+from federation.messages.codec import WireSample
+from federation.messages.contents import Content, EndStream, Reason, Stream, read
+from federation.messages.dialogue import Dialogue
+from federation.messages.protocols import OPENING
+from federation.security.trust import Trust
+from federation.transport import TokenChanged, WireEffect, WireEvent
+
+OnSample: TypeAlias = Callable[[ImportName, WireSample, int], None]
+"""Takes the stream's owner, semantic label and policy hash, a sample, and its arrival (node clock)."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlatformView:
+    """A platform as it is listed: `state` is alive, suspect, gone or refused; `entry` None if it was never heard."""
+
+    unit: str
+    kind: str
+    state: str
+    entry: DirectoryEntry | None
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The semantic labels it offers."""
+        return () if self.entry is None else tuple(label.label for label in self.entry.labels)
+
+    @property
+    def services(self) -> tuple[str, ...]:
+        """The services it offers."""
+        return () if self.entry is None else tuple(service.service for service in self.entry.services)
+
+
+class CommandCentre:
+    """See the module. Times are the node clock.
+
+    Attributes:
+        refused: acts that were not accepted, by reason; `member.refused` has the events.
+        on_sample: takes the samples of all streams that were announced to it.
+    """
+
+    def __init__(
+        self,
+        unit: str,
+        now_us: int,
+        *,
+        zid: str = "",
+        trust: Trust | None = None,
+        clock: FederationClock | None = None,
+    ) -> None:
+        self._effects: list[WireEffect] = []
+        self.refused: Counter[str] = Counter()
+        self.member = Member(
+            unit, now_us // 1000, now_us, self, self._audit, self._effects.append, zid=zid, trust=trust, clock=clock
+        )
+        self.on_sample: OnSample = lambda _name, _sample, _at_us: None
+        self._changed_us = now_us
+        self._tokens: dict[str, dict[str, str]] = {}
+
+    @property
+    def unit(self) -> str:
+        return self.member.unit
+
+    @property
+    def clock(self) -> FederationClock:
+        """The federation's, once a platform was met."""
+        return self.member.clock
+
+    # -- what it does ------------------------------------------------------------------------------------------
+
+    def start(self, now_us: int) -> list[WireEffect]:
+        """Come into the federation."""
+        self.member.start(now_us)
+        return self._done()
+
+    def leave(self, now_us: int) -> list[WireEffect]:
+        """Leave it: standing conversations are left to the platforms."""
+        self.member.leave(now_us)
+        return self._done()
+
+    def say(
+        self,
+        unit: str,
+        performative: Performative,
+        content: Content,
+        now_us: int,
+        *,
+        within_us: int = REPLY_WITHIN_US,
+        standing: bool = False,
+    ) -> tuple[Dialogue, list[WireEffect]]:
+        """Open a conversation with the Interface Agent of `unit`.
+
+        Raises:
+            Refused: too many are open.
+            ContentError: the content cannot be encoded.
+        """
+        dialogue = Dialogue(unit)
+        dialogue.conversation = self.member.acts.ask(
+            unit,
+            content,
+            now_us,
+            performative=performative,
+            on_reply=dialogue.on_reply,
+            on_silence=dialogue.on_silence,
+            within_us=within_us,
+            standing=standing,
+        )
+        return dialogue, self._done()
+
+    def cancel(
+        self, unit: str, conversation: str, now_us: int, *, within_us: int = REPLY_WITHIN_US
+    ) -> tuple[Dialogue, list[WireEffect]]:
+        """End a task of `unit`, delegated by this command centre or by another."""
+        dialogue = Dialogue(unit, conversation)
+        self.member.acts.cancel_task(
+            unit,
+            conversation,
+            now_us,
+            on_reply=dialogue.on_reply,
+            on_silence=dialogue.on_silence,
+            within_us=within_us,
+        )
+        return dialogue, self._done()
+
+    # -- stepping ----------------------------------------------------------------------------------------------
+
+    def on_event(self, event: WireEvent, now_us: int) -> list[WireEffect]:
+        """Take one event of the wire."""
+        if isinstance(event, TokenChanged):
+            self._on_token(event)
+        self.member.on_event(event, now_us)
+        return self._done()
+
+    @property
+    def deadline_us(self) -> int:
+        return self.member.deadline_us
+
+    def on_time(self, now_us: int) -> list[WireEffect]:
+        """Do what is due."""
+        self.member.on_time(now_us)
+        return self._done()
+
+    def _done(self) -> list[WireEffect]:
+        effects = self._effects[:]
+        self._effects.clear()
+        return effects
+
+    def _on_token(self, event: TokenChanged) -> None:
+        token = keys.parse_key(event.key)
+        if isinstance(token, keys.PlatformToken) and token.unit != self.unit:
+            self._changed_us = event.at_us
+            sessions = self._tokens.setdefault(token.unit, {})
+            if event.alive:
+                sessions[event.key] = token.kind
+            else:
+                sessions.pop(event.key, None)
+
+    # -- what the member reports -------------------------------------------------------------------------------
+
+    def on_peer(self, change: DirectoryEvent, now_us: int) -> None:
+        """The directory is not settled yet."""
+        self._changed_us = now_us
+        self.member.follow(change, now_us)
+
+    def on_clock(self, unit: str, now_us: int) -> None:
+        """The offset is looked up when it is listed."""
+
+    def on_request(self, act: Act, now_us: int) -> None:
+        """Refuse what is asked for; receive a stream that is announced."""
+        if act.performative in OPENING:
+            reason = Reason(text="a command centre delegates; it carries nothing out")
+            self.member.acts.answer(act, Performative.REFUSE, reason, now_us)
+            return
+        try:
+            content = None if act.content is None else read(act.content)
+        except ContentError:
+            self.refused["not understood"] += 1
+            return
+        if isinstance(content, Stream | EndStream):
+            for label in content.semantic_labels:
+                name = (content.owner, label, content.hash)
+                if isinstance(content, Stream):
+                    self.member.import_stream(name, partial(self._on_samples, name), now_us)
+                else:
+                    self.member.end_import(name)
+
+    def on_lost(self, opening: Act, now_us: int) -> None:
+        """Nothing was promised."""
+
+    def _audit(self, _at_us: int, _direction: Direction, _peer: str, _act: Act | None, outcome: str) -> None:
+        if outcome not in {"sent", "accepted"}:
+            self.refused[outcome] += 1
+
+    def _on_samples(self, name: ImportName, samples: Sequence[WireSample], at_us: int) -> None:
+        for sample in samples:
+            self.on_sample(name, sample, at_us)
+
+    # -- look-ups ----------------------------------------------------------------------------------------------
+
+    def platforms(self, *, all_kinds: bool = False) -> list[PlatformView]:
+        """The platforms: those that are heard, those that only have a token, and those that only others hear."""
+        views: dict[str, PlatformView] = {}
+        for entry in self.member.directory.entries():
+            if entry.unit != self.unit:
+                state = "refused" if entry.refusal else entry.state.value
+                views[entry.unit] = PlatformView(entry.unit, entry.kind, state, entry)
+        unheard = {unit: next(iter(sessions.values())) for unit, sessions in self._tokens.items() if sessions}
+        for view in list(views.values()):
+            for unit in view.entry.hears if view.entry is not None else ():
+                unheard.setdefault(unit, "command-centre" if unit.startswith("cc-") else "uav")
+        for unit, kind in unheard.items():
+            if unit != self.unit and unit not in views and not self._is_gone(unit):
+                views[unit] = PlatformView(unit, kind, PeerState.SUSPECT.value, None)
+        chosen = [view for view in views.values() if all_kinds or view.kind == "uav"]
+        return sorted(chosen, key=lambda view: unit_order(view.unit))
+
+    def _is_gone(self, unit: str) -> bool:
+        entry = self.member.directory.entry(unit)
+        return entry is not None and entry.state is PeerState.GONE
+
+    def settled(self, now_us: int, quiet_us: int) -> bool:
+        """Whether there is a platform, all are described, and nothing has changed for `quiet_us`."""
+        there = self.platforms(all_kinds=True)
+        described = all(view.entry is not None and view.entry.version for view in there)
+        return any(view.kind == "uav" for view in there) and described and now_us - self._changed_us >= quiet_us

@@ -1,0 +1,161 @@
+"""Notices that this session is deaf, or that a peer is deaf to it, and says when to open a new one.
+
+A one-way silent link can last for days without Zenoh noticing. Every heartbeat lists whom its sender hears; from
+these lists each node sees where a pair should hear each other and does not. One side of a pair acts first, so that
+the two do not reopen in step:
+
+* others hear a peer and we have not for 4 s. If that is so of most peers, our session is the broken one: now. Else
+  the greater unit of the pair goes first, after 5 s, and the lesser after 6 s if that did not help;
+* a peer does not hear us for 4 s although we hear it. Where a third platform can tell it so, it will act itself and
+  we only after 7 s;
+* a peer is heard again, but its withdrawn token is not announced again for 2 s: we gave up the link to it and have a
+  new one, which it has added to the old, as Zenoh does when both sides dial and only one lease was over. So it
+  declares nothing again, and on that link questions, acts and samples go astray for good;
+* this process stood still for the length of a lease: at once, since the others have given up their links to it;
+* we no longer hear any peer: after 4 s if there are tokens of peers, else after 6 s.
+
+Reopening that does not help is repeated ever more rarely: it disturbs peers that hear each other.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from zlib import crc32
+
+from federation.members.liveness import SUSPECT_US, Peer
+
+MOST_US = 4_000_000
+FIRST_US = 5_000_000
+SECOND_US = 6_000_000
+BACKUP_US = 7_000_000
+ASTRAY_US = 2_000_000
+STOOD_US = 1_800_000
+"""A lease of 2 s, less the pause between two heartbeats."""
+ALONE_US = 6_000_000
+ALONE_FOR_US = 300_000_000
+PERIOD_US = 500_000
+QUIET_US = 30_000_000
+BETWEEN_US = 6_000_000
+BETWEEN_MOST_US = 60_000_000
+PATIENT = 3
+
+
+class DeafnessWatchdog:
+    """Steps over the peers twice a second; `on_time` returns why to reopen, or nothing."""
+
+    def __init__(self, unit: str, now_us: int) -> None:
+        self.unit = unit
+        self._next_us = now_us + PERIOD_US
+        self._looked_us: int | None = None
+        self._mentioned_us: dict[str, int] = {}
+        self._unlisted_us: dict[str, int] = {}
+        self._settled: dict[str, Sequence[str]] = {}
+        self._opened_us = now_us
+        self._reopened = 0
+        self._trouble_us = now_us
+        self._spread_us = crc32(unit.encode()) % 1_000_000
+
+    @property
+    def deadline_us(self) -> int:
+        return self._next_us
+
+    def on_time(self, peers: Mapping[str, Peer], now_us: int) -> str | None:
+        """Why the session should be reopened now, or None."""
+        if now_us < self._next_us:
+            return None
+        self._next_us = now_us + PERIOD_US
+        why = self._stood_still(peers, now_us) or self._why(peers, now_us)
+        if why is None:
+            if now_us >= self._trouble_us + QUIET_US:
+                self._reopened = 0
+            return None
+        self._trouble_us = now_us
+        if self._reopened and now_us < self._opened_us + self._between_us:
+            return None
+        self._reopened += 1
+        self._opened_us = now_us
+        self._forget()
+        return why
+
+    @property
+    def _between_us(self) -> int:
+        doubled: int = 2 ** min(8, max(0, self._reopened - PATIENT))
+        return min(BETWEEN_MOST_US, BETWEEN_US * doubled)
+
+    def _stood_still(self, peers: Mapping[str, Peer], now_us: int) -> str | None:
+        """Whether this look comes late by the length of a lease, and there is a peer whose link may have ended."""
+        before_us, self._looked_us = self._looked_us, now_us
+        if before_us is None or now_us < before_us + STOOD_US or not any(peer.present for peer in peers.values()):
+            return None
+        return f"this process stood still for {(now_us - before_us) / 1e6:.1f} s"
+
+    def _why(self, peers: Mapping[str, Peer], now_us: int) -> str | None:
+        heard = {unit for unit, peer in peers.items() if peer.heard_us > now_us - SUSPECT_US and not peer.left}
+        if not heard:
+            self._forget()
+            return self._alone(peers.values(), now_us)
+        if self._is_settled(peers, heard):
+            return None
+        deaf_us = self._deaf_us(peers, heard, now_us)
+        hearing_us = {unit for unit in heard if self.unit in peers[unit].hears}
+        unlisted_us = self._note(self._unlisted_us, heard - hearing_us, now_us)
+        for unit, silent_us in sorted(deaf_us.items()):
+            if silent_us >= MOST_US and 2 * len(deaf_us) > len(heard) + len(deaf_us):
+                return f"others hear {unit} and {len(deaf_us) - 1} more, this session does not"
+            if silent_us >= (FIRST_US if self.unit > unit else SECOND_US):
+                return f"others hear {unit}, this session does not"
+        for unit in sorted(heard):
+            if _untold_for_us(peers[unit], now_us) >= ASTRAY_US:
+                return f"{unit} is heard, but knows this session as another"
+        for unit, silent_us in sorted(unlisted_us.items()):
+            if silent_us >= MOST_US:
+                told = not hearing_us.isdisjoint(peers[unit].hears)
+                if silent_us >= BACKUP_US or not told:
+                    return f"{unit} does not hear this session"
+        if not unlisted_us and self._mentioned_us.keys() <= heard:
+            self._settled = {unit: peers[unit].hears for unit in heard}
+        return None
+
+    def _is_settled(self, peers: Mapping[str, Peer], heard: set[str]) -> bool:
+        """Whether all list, word for word, the peers of the last time when all heard all, and have their tokens."""
+        settled = self._settled
+        return settled.keys() == heard and all(
+            peers[unit].hears is hears and peers[unit].untold_us is None for unit, hears in settled.items()
+        )
+
+    def _forget(self) -> None:
+        self._mentioned_us.clear()
+        self._unlisted_us.clear()
+        self._settled.clear()
+
+    def _deaf_us(self, peers: Mapping[str, Peer], heard: set[str], now_us: int) -> dict[str, int]:
+        """For each unit that others hear and we do not: for how long."""
+        mentioned = set[str]().union(*(peers[third].hears for third in heard))
+        mentioned.discard(self.unit)
+        for_us = self._note(self._mentioned_us, mentioned, now_us)
+        found: dict[str, int] = {}
+        for unit in mentioned - heard:
+            peer = peers.get(unit)
+            if peer is not None and peer.left:
+                continue
+            silent_us = now_us - (peer.heard_us if peer is not None else 0)
+            found[unit] = min(for_us[unit], silent_us, now_us - self._opened_us)
+        return found
+
+    def _note(self, since_us: dict[str, int], current: set[str], now_us: int) -> dict[str, int]:
+        """Keep since when each of `current` has been among them; returns for how long."""
+        for unit in since_us.keys() - current:
+            del since_us[unit]
+        return {unit: now_us - since_us.setdefault(unit, now_us) for unit in current}
+
+    def _alone(self, peers: Collection[Peer], now_us: int) -> str | None:
+        """No peer is heard; that is a reason if one was, lately, and did not say good-bye."""
+        last_us = max((peer.heard_us for peer in peers if peer.seq >= 0 and not peer.left), default=None)
+        if last_us is None or now_us > last_us + ALONE_FOR_US:
+            return None
+        silent_us = now_us - max(last_us, self._opened_us)
+        patience_us = MOST_US if any(peer.tokens for peer in peers) else ALONE_US + self._spread_us
+        return "no peer is heard" if silent_us >= patience_us else None
+
+
+def _untold_for_us(peer: Peer, now_us: int) -> int:
+    """How long a peer has been back, and heard, while its token is not."""
+    return 0 if peer.untold_us is None else now_us - max(peer.untold_us, peer.since_us)

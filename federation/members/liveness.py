@@ -1,0 +1,342 @@
+"""Presence of platforms: tokens and heartbeats together (neither alone is a failure detector).
+
+A transport's token is withdrawn within milliseconds of a crash, and may stay for ten seconds behind a cut; a heartbeat of our
+own at 5 Hz is never wrong for longer than 2.5 s. A platform appears with its first heartbeat, is suspected when its
+token is withdrawn or after 1 s of silence, and is gone 0.5 s after that or after 2.5 s of silence, unless it returns:
+by its token, or by heartbeats that cannot all have been under way when the token was withdrawn.
+
+A later life of a platform has a greater boot number, so stragglers of an earlier one are known; a lesser number counts
+as a new life (its clock was set back) only when the one that is known is silent.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from enum import Enum
+from typing import NamedTuple, TypeAlias
+
+from federation.messages.codec import Heartbeat
+
+SUSPECT_US = 1_000_000
+GONE_US = 2_500_000
+TOKEN_GONE_US = 500_000
+BEATS_TO_RETURN = 2
+STALL_US = 500_000
+PLATFORMS = 1024
+REMEMBERED_US = 600_000_000
+TWINS = 8
+
+
+class PeerState(Enum):
+    """What is known of a platform. ANNOUNCED: not both a heartbeat and of what kind it is."""
+
+    ANNOUNCED = "announced"
+    ALIVE = "alive"
+    SUSPECT = "suspect"
+    GONE = "gone"
+
+
+class PlatformAppeared(NamedTuple):
+    """A platform, or a new incarnation of it, is there."""
+
+    unit: str
+    boot: int
+    kind: str
+
+
+class PlatformSuspected(NamedTuple):
+    """A platform may be gone; `why` is a phrase."""
+
+    unit: str
+    boot: int
+    why: str
+
+
+class PlatformReturned(NamedTuple):
+    """A suspected platform is there after all: the same incarnation, nothing of it was taken down."""
+
+    unit: str
+    boot: int
+
+
+class PlatformGone(NamedTuple):
+    """A platform has gone; if it is seen again it appears again. `why` is a phrase."""
+
+    unit: str
+    boot: int
+    why: str
+
+
+class NameConflict(NamedTuple):
+    """Another platform has our own unit name."""
+
+    unit: str
+    boot: int
+
+
+LivenessEvent: TypeAlias = PlatformAppeared | PlatformSuspected | PlatformReturned | PlatformGone | NameConflict
+_ALIVE, _GONE = PeerState.ALIVE, PeerState.GONE  # a look-up in the class costs more than the comparison
+_NOTHING: Sequence[LivenessEvent] = ()
+
+
+class Peer:
+    """What this platform knows of the life of another.
+
+    `described` is the version of its description that is had; `untold_us`: since when it has no token, if it had one.
+    """
+
+    __slots__ = (
+        "beats",
+        "boot",
+        "described",
+        "heard_us",
+        "hears",
+        "kind",
+        "left",
+        "seq",
+        "since_us",
+        "state",
+        "token_gone_us",
+        "tokens",
+        "unit",
+        "untold_us",
+        "version",
+    )
+
+    def __init__(self, unit: str, now_us: int) -> None:
+        self.unit = unit
+        self.state = PeerState.ANNOUNCED
+        self.boot, self.seq, self.version, self.kind = 0, -1, 0, ""
+        self.described = 0
+        self.heard_us, self.since_us = 0, now_us
+        self.hears: Sequence[str] = ()
+        self.tokens: dict[str, int] = {}
+        self.token_gone_us: int | None = None
+        self.untold_us: int | None = None
+        self.beats = 0
+        self.left = False
+
+    @property
+    def present(self) -> bool:
+        return self.state is PeerState.ALIVE or self.state is PeerState.SUSPECT
+
+    @property
+    def due_us(self) -> int:
+        """When silence changes the state, if nothing comes before."""
+        due_us = self.heard_us + (SUSPECT_US if self.state is PeerState.ALIVE else GONE_US)
+        return due_us if self.token_gone_us is None else min(due_us, self.token_gone_us + TOKEN_GONE_US)
+
+
+class Liveness:
+    """The lives of all other platforms. Times are the node clock, as stamped where things arrived."""
+
+    def __init__(self, unit: str, boot: int) -> None:
+        self.unit, self.boot = unit, boot
+        self.peers: dict[str, Peer] = {}
+        self.refused = 0
+        self._check_us: int | None = None
+        self._twins: deque[int] = deque(maxlen=TWINS)
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._check_us
+
+    def heard(self, now_us: int) -> list[str]:
+        """The units that this platform hears directly, for its own heartbeat."""
+        since_us = now_us - SUSPECT_US
+        return [peer.unit for peer in self.peers.values() if peer.heard_us > since_us and peer.state is not _GONE]
+
+    def on_heartbeat(
+        self, unit: str, boot: int, seq: int, version: int, hears: Sequence[str], at_us: int
+    ) -> Sequence[LivenessEvent]:
+        """One heartbeat; those that come late or twice are ignored."""
+        peer = self.peers.get(unit)
+        if peer is None or peer.boot != boot:
+            return self._first_beat(unit, boot, seq, version, hears, at_us)
+        if seq <= peer.seq:
+            return _NOTHING
+        peer.seq, peer.version, peer.hears = seq, version, hears
+        peer.heard_us = max(peer.heard_us, at_us)
+        if peer.state is PeerState.ALIVE:
+            return _NOTHING
+        return self._beat_of_doubted(peer, at_us)
+
+    def goes_on(self, beat: Heartbeat, at_us: int) -> bool:
+        """Take the next heartbeat of a platform that is present, not suspected, and described; False, and not taken, if it
+        is another.
+        """
+        unit, boot, seq, _, description, hears, _ = beat
+        peer = self.peers.get(unit)
+        if (
+            peer is None
+            or peer.state is not _ALIVE
+            or peer.boot != boot
+            or seq <= peer.seq
+            or peer.described != description
+            or not description
+        ):
+            return False
+        peer.seq, peer.version, peer.hears = seq, description, hears
+        peer.heard_us = max(peer.heard_us, at_us)
+        return True
+
+    def on_token(self, unit: str, zid: str, kind: str, alive: bool, at_us: int) -> Sequence[LivenessEvent]:
+        """A platform token of a session of `unit` came or went."""
+        peer = self.peers.get(unit)
+        if unit == self.unit:
+            return _NOTHING
+        if not alive:
+            if peer is None or peer.tokens.pop(zid, None) is None or peer.tokens:
+                return _NOTHING
+            return self._token_went(peer, at_us)
+        if peer is None:
+            peer = self._meet(unit, at_us)
+            if peer is None:
+                return _NOTHING
+        peer.tokens[zid], peer.token_gone_us, peer.untold_us = at_us, None, None
+        if peer.state is PeerState.SUSPECT and at_us < peer.heard_us + SUSPECT_US:
+            return self._return(peer, at_us)
+        return self.on_kind(unit, kind, at_us)
+
+    def on_kind(self, unit: str, kind: str, at_us: int) -> Sequence[LivenessEvent]:
+        """What kind of platform `unit` is; it does not appear before that is known."""
+        peer = self.peers.get(unit)
+        if peer is None:
+            return _NOTHING
+        peer.kind = kind
+        if peer.state is PeerState.ANNOUNCED and peer.seq >= 0 and at_us < peer.heard_us + SUSPECT_US:
+            return [self._appear(peer, at_us)]
+        return _NOTHING
+
+    def on_leaving(self, unit: str, boot: int, seq: int, at_us: int) -> Sequence[LivenessEvent]:
+        """The platform says good-bye in its last heartbeat."""
+        peer = self.peers.get(unit)
+        if peer is None or peer.boot != boot or seq <= peer.seq or not peer.present:
+            return _NOTHING
+        peer.seq, peer.left = seq, True
+        return [self._gone(peer, "left", at_us)]
+
+    def on_reopened(self) -> None:
+        """Our session is a new one: tokens will be announced again, and their absence until then means nothing."""
+        for peer in self.peers.values():
+            peer.tokens.clear()
+            peer.token_gone_us = peer.untold_us = None
+
+    def on_time(self, now_us: int) -> list[LivenessEvent]:
+        """Judge silence. A node that stood still itself hears first what came meanwhile."""
+        if self._check_us is None or now_us < self._check_us:
+            return []
+        if now_us > self._check_us + STALL_US:
+            self._forgive(now_us)
+        events: list[LivenessEvent] = []
+        next_us: int | None = None
+        for peer in list(self.peers.values()):
+            if not peer.present:
+                continue
+            due_us = peer.due_us
+            if now_us >= due_us:
+                events += self._judge(peer, now_us)
+                if not peer.present:
+                    continue
+                due_us = peer.due_us
+            next_us = due_us if next_us is None or due_us < next_us else next_us
+        self._check_us = next_us
+        return events
+
+    def _forgive(self, now_us: int) -> None:
+        for peer in self.peers.values():
+            if peer.present:
+                peer.heard_us = max(peer.heard_us, now_us - SUSPECT_US // 2)
+                if peer.token_gone_us is not None:
+                    peer.token_gone_us = max(peer.token_gone_us, now_us - TOKEN_GONE_US // 2)
+
+    def _judge(self, peer: Peer, now_us: int) -> list[LivenessEvent]:
+        events: list[LivenessEvent] = []
+        if peer.token_gone_us is not None and now_us >= peer.token_gone_us + TOKEN_GONE_US:
+            return [self._gone(peer, "token withdrawn", now_us)]
+        silent_us = now_us - peer.heard_us
+        if peer.state is PeerState.ALIVE and silent_us >= SUSPECT_US:
+            peer.state, peer.since_us, peer.beats = PeerState.SUSPECT, now_us, 0
+            events.append(PlatformSuspected(peer.unit, peer.boot, "no heartbeat for 1 s"))
+        if silent_us >= GONE_US:
+            events.append(self._gone(peer, "no heartbeat for 2.5 s", now_us))
+        return events
+
+    def _meet(self, unit: str, now_us: int) -> Peer | None:
+        if len(self.peers) >= PLATFORMS and not self._make_room(now_us):
+            self.refused += 1
+            return None
+        peer = self.peers[unit] = Peer(unit, now_us)
+        return peer
+
+    def _make_room(self, now_us: int) -> bool:
+        absent = [peer for peer in self.peers.values() if not peer.present]
+        for peer in absent:
+            if now_us >= peer.since_us + REMEMBERED_US:
+                del self.peers[peer.unit]
+        if len(self.peers) >= PLATFORMS and absent:
+            self.peers.pop(min(absent, key=lambda peer: peer.since_us).unit, None)
+        return len(self.peers) < PLATFORMS
+
+    def _first_beat(
+        self, unit: str, boot: int, seq: int, version: int, hears: Sequence[str], at_us: int
+    ) -> Sequence[LivenessEvent]:
+        if unit == self.unit:
+            if boot == self.boot or boot in self._twins:
+                return _NOTHING
+            self._twins.append(boot)
+            return [NameConflict(unit, boot)]
+        peer = self.peers.get(unit) or self._meet(unit, at_us)
+        if peer is None or (boot < peer.boot and peer.present and at_us < peer.heard_us + SUSPECT_US):
+            return _NOTHING
+        events: list[LivenessEvent] = []
+        if peer.present:
+            events.append(self._gone(peer, "restarted", at_us))
+        if peer.seq >= 0:
+            peer.tokens = {zid: since_us for zid, since_us in peer.tokens.items() if since_us > peer.heard_us}
+        peer.boot, peer.seq, peer.version, peer.hears, peer.heard_us = boot, seq, version, hears, at_us
+        peer.left, peer.untold_us = False, None
+        if peer.kind:
+            events.append(self._appear(peer, at_us))
+        else:
+            peer.state = PeerState.ANNOUNCED
+        return events
+
+    def _appear(self, peer: Peer, at_us: int) -> PlatformAppeared:
+        peer.state, peer.since_us, peer.token_gone_us, peer.left = PeerState.ALIVE, at_us, None, False
+        self._wake(peer.due_us)
+        return PlatformAppeared(peer.unit, peer.boot, peer.kind)
+
+    def _beat_of_doubted(self, peer: Peer, at_us: int) -> Sequence[LivenessEvent]:
+        """A heartbeat of a platform that is suspected or gone. One may have been under way when the token was withdrawn."""
+        if peer.state is PeerState.ANNOUNCED:
+            return self.on_kind(peer.unit, peer.kind, at_us) if peer.kind else _NOTHING
+        peer.beats += 1
+        if peer.token_gone_us is not None and peer.beats < BEATS_TO_RETURN:
+            return _NOTHING
+        if peer.state is PeerState.GONE:
+            return [self._appear(peer, at_us)]
+        return self._return(peer, at_us)
+
+    def _return(self, peer: Peer, at_us: int) -> Sequence[LivenessEvent]:
+        peer.state, peer.since_us, peer.token_gone_us = PeerState.ALIVE, at_us, None
+        self._wake(peer.due_us)
+        return [PlatformReturned(peer.unit, peer.boot)]
+
+    def _token_went(self, peer: Peer, at_us: int) -> Sequence[LivenessEvent]:
+        peer.untold_us = at_us
+        if not peer.present:
+            return _NOTHING
+        peer.token_gone_us, peer.beats = at_us, 0
+        self._wake(peer.due_us)
+        if peer.state is PeerState.SUSPECT:
+            return _NOTHING
+        peer.state, peer.since_us = PeerState.SUSPECT, at_us
+        return [PlatformSuspected(peer.unit, peer.boot, "token withdrawn")]
+
+    def _gone(self, peer: Peer, why: str, now_us: int) -> PlatformGone:
+        peer.state, peer.since_us, peer.beats, peer.hears = PeerState.GONE, now_us, 0, ()
+        return PlatformGone(peer.unit, peer.boot, why)
+
+    def _wake(self, due_us: int) -> None:
+        if self._check_us is None or due_us < self._check_us:
+            self._check_us = due_us

@@ -1,0 +1,274 @@
+"""A member of a federation: what every participant needs, whether it flies, asks or only listens.
+
+It holds the directory, conversations with their delivery, the clock offsets of its peers, the verification of acts and
+the imported streams. A value that is stepped: wire events in, wire effects out, time (the node clock) an argument. What
+it learns it passes on to its `MemberAgents` by plain calls, in the order in which things happen.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from functools import lru_cache
+from itertools import count
+from typing import Protocol
+
+from dyknow.model.errors import DecodeError
+from federation import keys, transport
+from federation.members.clock import FederationClock
+from federation.members.correspondence import ActAgents, Audit, Correspondence
+from federation.members.directory import DirectoryEvent, DirectoryFacilitator, Kind
+from federation.members.directory import Outcome as DirectoryOutcome
+from federation.members.imports import ImportName, Imports, Take
+from federation.members.liveness import PlatformAppeared, PlatformGone, PlatformReturned
+from federation.members.offsets import ClockOffsets
+from federation.messages.acts import Performative
+from federation.messages.codec import Heartbeat, decode_description, decode_heartbeat
+from federation.security.trust import Trust
+
+P = Performative
+TWIN_US = 1_000_000
+
+
+class MemberAgents(ActAgents, Protocol):
+    """Agents of a member. Times are the node clock."""
+
+    def on_peer(self, change: DirectoryEvent, now_us: int) -> None:
+        """Something changed in the directory: pass it to `Member.follow` once its own consequences are drawn."""
+
+    def on_clock(self, unit: str, now_us: int) -> None:
+        """The clock of a peer was compared with ours."""
+
+
+class Member:
+    """See the module.
+
+    Args:
+        unit: its name in the federation.
+        boot: its incarnation, greater in each later one: milliseconds since the epoch at its start.
+        agents: called with what happens.
+        audit: given each act that passes.
+        emit: takes each effect as it arises.
+        clock: the federation's; None: learned from the first platform that is met.
+        trust: None in an open federation.
+
+    Attributes:
+        refused: events that do not belong here, by reason.
+    """
+
+    def __init__(
+        self,
+        unit: str,
+        boot: int,
+        now_us: int,
+        agents: MemberAgents,
+        audit: Audit,
+        emit: Callable[[transport.WireEffect], None],
+        *,
+        kind: Kind = "command-centre",
+        zid: str = "",
+        clock: FederationClock | None = None,
+        trust: Trust | None = None,
+    ) -> None:
+        self.unit, self.boot, self.trust = unit, boot, trust
+        self.refused: Counter[str] = Counter()
+        self._agents, self._emit, self._kind, self._zid = agents, emit, kind, zid
+        self._questions = count(1)
+        self._is_clock_known = clock is not None
+        self.clock = clock or FederationClock()
+        self.directory = self._new_directory(now_us)
+        self.offsets = ClockOffsets(boot, self._questions)
+        self.imports = Imports(self._questions)
+        self.acts = Correspondence(unit, boot, agents, audit, emit, self._offset_us_of, trust)
+        self._twins: dict[int, int] = {}
+
+    def _new_directory(self, now_us: int) -> DirectoryFacilitator:
+        roster = None if self.trust is None else self.trust.roster.fingerprint
+        return DirectoryFacilitator(
+            self.unit,
+            self.boot,
+            self._kind,
+            now_us,
+            zid=self._zid,
+            questions=self._questions,
+            clock=self.clock,
+            roster=roster,
+        )
+
+    # -- coming and going --------------------------------------------------------------------------------------
+
+    def start(self, now_us: int) -> None:
+        """Come into the federation."""
+        self._emit(transport.Subscribe(keys.inbox(self.unit)))
+        self._emit(transport.Subscribe(keys.BROADCAST))
+        self.take(self.directory.start(now_us), now_us)
+
+    def leave(self, now_us: int) -> None:
+        """Leave the federation: what still stands with others is theirs to end."""
+        self.take(self.directory.leave(now_us), now_us)
+
+    # -- streams in --------------------------------------------------------------------------------------------
+
+    def import_stream(self, name: ImportName, take: Take, now_us: int) -> None:
+        """Receive a stream that its owner announced to us: `take` is given its new samples."""
+        for effect in self.imports.begin(name, take, now_us):
+            self._emit(effect)
+
+    def end_import(self, name: ImportName) -> None:
+        """Receive it no longer."""
+        for effect in self.imports.end(name):
+            self._emit(effect)
+
+    # -- stepping ----------------------------------------------------------------------------------------------
+
+    def on_event(self, event: transport.WireEvent, now_us: int) -> None:
+        """Take one event of the wire; what does not belong here is counted in `refused`."""
+        try:
+            self._on_event(event, now_us)
+        except DecodeError as error:
+            self.refused[error.reason] += 1
+        self.acts.flush()
+
+    def _on_event(self, event: transport.WireEvent, now_us: int) -> None:
+        match event:
+            case transport.Arrived():
+                self._on_arrived(event)
+            case transport.TokenChanged():
+                token = keys.parse_key(event.key)
+                if token is not None:
+                    self.take(self.directory.on_token(token, event.alive, event.at_us), event.at_us)
+            case transport.Asked():
+                self._on_asked(event, now_us)
+            case transport.Answered():
+                self._on_answered(event, now_us)
+            case transport.AskEnded():
+                if not (self.offsets.on_ask_ended(event) or self.imports.on_ask_ended(event)):
+                    self.directory.on_ask_ended(event)
+            case _:
+                self.refused[type(event).__name__] += 1
+
+    @property
+    def deadline_us(self) -> int:
+        due_us = self.directory.deadline_us
+        for part in (self.acts, self.offsets, self.imports):
+            at_us = part.deadline_us
+            if at_us is not None and at_us < due_us:
+                due_us = at_us
+        return due_us
+
+    def on_time(self, now_us: int) -> None:
+        """Send heartbeats, acts that were not acknowledged and questions, as they are due."""
+        self.take(self.directory.on_time(now_us), now_us)
+        self.acts.on_time(now_us)
+        for ask in (*self.offsets.on_time(now_us), *self.imports.on_time(now_us)):
+            self._emit(ask)
+
+    # -- the directory -----------------------------------------------------------------------------------------
+
+    def take(self, outcomes: Iterable[DirectoryOutcome], now_us: int) -> bool:
+        """Emit the effects among `outcomes` and report the events; whether there were events."""
+        is_changed = False
+        for outcome in outcomes:
+            if isinstance(outcome, transport.WireEffect):
+                self._emit(outcome)
+            else:
+                is_changed = True
+                self._agents.on_peer(outcome, now_us)
+        return is_changed
+
+    def follow(self, change: DirectoryEvent, now_us: int) -> None:
+        """Draw the consequences of a peer's coming and going for its streams, its clock and conversations with it."""
+        match change:
+            case PlatformAppeared(unit=unit, boot=boot):
+                self.imports.on_owner(unit, boot)
+                self.offsets.on_appeared(unit, boot, now_us)
+                self.acts.peer_appeared(unit, boot, now_us)
+            case PlatformReturned(unit=unit, boot=boot):
+                self.acts.peer_appeared(unit, boot, now_us)
+            case PlatformGone(unit=unit):
+                self.acts.peer_gone(unit, now_us)
+                self.offsets.on_gone(unit)
+            case _:
+                pass
+
+    def _offset_us_of(self, unit: str) -> int:
+        offset = self.offsets.of(unit)
+        return 0 if offset is None else offset.offset_us
+
+    def is_twin(self, boot: int, at_us: int) -> bool:
+        """Whether another process has our name: heard for over a second, since an earlier life of ours may echo."""
+        return boot != self.boot and at_us - self._twins.setdefault(boot, at_us) >= TWIN_US
+
+    def _on_arrived(self, event: transport.Arrived) -> None:
+        at_us = event.at_us
+        match key := keys.parse_key(event.key):
+            case keys.ActKey():
+                if key.sender == self.unit:
+                    self.refused["our own name"] += 1
+                else:
+                    self.acts.on_arrived(event, key)
+            case keys.HeartbeatKey():
+                beat = heartbeat_of(event.key, event.payload)
+                if beat is not None and (beat.unit != self.unit or self.is_twin(beat.boot, at_us)):
+                    self.imports.on_tails(beat.unit, beat.boot, beat.tails, at_us)
+                    self.take(self.directory.on_heartbeat(beat, at_us), at_us)
+            case keys.AnnouncementKey(unit):
+                if not self._learns_clock(event):
+                    self.take(self.directory.on_announced(unit, event.payload, at_us), at_us)
+            case keys.StreamKey():
+                self.imports.on_arrived(event)
+            case _:
+                raise DecodeError("key")
+
+    def _on_asked(self, event: transport.Asked, now_us: int) -> None:
+        match keys.parse_key(event.key):
+            case keys.ClockKey(unit) if unit == self.unit:
+                for effect in self.offsets.on_asked(event, now_us):
+                    self._emit(effect)
+            case keys.DescribeKey(unit) if unit == self.unit:
+                self.take(self.directory.on_asked(event), now_us)
+            case _:
+                self.refused["key"] += 1
+                self._emit(transport.AnswerEnd(event.ask))
+
+    def _on_answered(self, event: transport.Answered, now_us: int) -> None:
+        unit = self.offsets.on_answered(event)
+        if unit is not None:
+            self._agents.on_clock(unit, now_us)
+        elif not self.imports.on_answered(event) and not self._learns_clock(event):
+            self.take(self.directory.on_answered(event), event.at_us)
+
+    def _learns_clock(self, event: transport.Answered | transport.Arrived) -> bool:
+        """Adopt the clock that the first platform describes; whether ours was another, and the directory begins again."""
+        if self._is_clock_known:
+            return False
+        found, key = decode_description(event.payload), keys.parse_key(event.key)
+        if (
+            found.kind != "uav"
+            or not isinstance(key, keys.DescribeKey | keys.AnnouncementKey)
+            or key.unit != found.unit
+        ):
+            return False
+        self._is_clock_known = True
+        if self.clock.agrees(found.clock_epoch_us, found.clock_speed):
+            return False
+        self.clock = FederationClock(found.clock_epoch_us, found.clock_speed)
+        self.directory = self._new_directory(event.at_us)
+        self.take(self.directory.start(event.at_us), event.at_us)
+        return True
+
+
+@lru_cache(maxsize=256)
+def heartbeat_of(key: str, payload: bytes) -> Heartbeat | None:
+    """The heartbeat that was put on `key`, of the unit that the key names; None if it is no heartbeat's key.
+
+    Many members in one process hear the same: it is decoded once.
+
+    Raises:
+        DecodeError: it is malformed, or names another unit.
+    """
+    name = keys.parse_key(key)
+    if type(name) is not keys.HeartbeatKey:
+        return None
+    beat = decode_heartbeat(payload)
+    if beat.unit != name.unit:
+        raise DecodeError("key")
+    return beat

@@ -1,0 +1,73 @@
+"""What platforms offer in the directory, to whom, and how newly made and withdrawn offers are found (thesis 9.3.2)."""
+
+from collections.abc import Iterator, Mapping
+from enum import StrEnum
+from typing import NamedTuple, TypeAlias
+
+from federation.messages.descriptions import LabelEntry
+
+
+class Visibility(StrEnum):
+    """Agents that may use a service: every agent, agents of other platforms through the interface only, own agents only."""
+
+    PUBLIC = "public"
+    PROTECTED = "protected"
+    PRIVATE = "private"
+
+
+class Service(NamedTuple):
+    """A service as the directory lists it; other platforms reach a protected one at their `interface` agent."""
+
+    service: str
+    agent: str
+    visibility: Visibility = Visibility.PROTECTED
+    version: int = 1
+
+
+class ServiceAppeared(NamedTuple):
+    unit: str
+    service: Service
+
+
+class ServiceGone(NamedTuple):
+    unit: str
+    service: Service
+
+
+class LabelAppeared(NamedTuple):
+    unit: str
+    label: LabelEntry
+
+
+class LabelGone(NamedTuple):
+    unit: str
+    label: LabelEntry
+
+
+OfferEvent: TypeAlias = ServiceAppeared | ServiceGone | LabelAppeared | LabelGone
+
+
+class Offers(NamedTuple):
+    """The services and semantic labels of one platform, by name."""
+
+    services: Mapping[str, Service]
+    labels: Mapping[str, LabelEntry]
+
+
+NO_OFFERS = Offers({}, {})
+
+
+def changes(unit: str, before: Offers, after: Offers) -> Iterator[OfferEvent]:
+    """What goes, then what comes; something that changed does both."""
+    for name, label in before.labels.items():
+        if after.labels.get(name) != label:
+            yield LabelGone(unit, label)
+    for name, service in before.services.items():
+        if after.services.get(name) != service:
+            yield ServiceGone(unit, service)
+    for name, service in after.services.items():
+        if before.services.get(name) != service:
+            yield ServiceAppeared(unit, service)
+    for name, label in after.labels.items():
+        if before.labels.get(name) != label:
+            yield LabelAppeared(unit, label)

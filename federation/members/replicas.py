@@ -1,0 +1,190 @@
+"""Copies of what other platforms say of themselves, and the questions that bring them."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from typing import NamedTuple
+
+from dyknow.model.errors import DecodeError
+from federation import keys
+from federation.members.clock import FederationClock
+from federation.members.deadlines import Deadlines
+from federation.members.liveness import Peer, PeerState
+from federation.members.offers import NO_OFFERS, Offers, Service, Visibility
+from federation.messages.codec import decode_description
+from federation.messages.descriptions import Description, LabelEntry, ServiceEntry
+from federation.transport import Answered, Ask, AskEnded
+
+CONFIRM_US = 10_000_000
+UNASKED_US = 300_000
+"""How long a platform is given to say unasked what it is, or what has changed."""
+RETRY_US = 50_000
+RETRY_MOST_US = 2_000_000
+ASK_TIMEOUT_US = 1_000_000
+
+
+class PlatformRefused(NamedTuple):
+    """A platform is there with which this one cannot federate; its services and labels are not listed."""
+
+    unit: str
+    boot: int
+    why: str
+
+
+class Replica:
+    """What one incarnation of a platform says of itself; version 0 before the first answer."""
+
+    __slots__ = ("asked", "backoff_us", "boot", "due_us", "found", "offers", "refusal", "unit", "version")
+
+    def __init__(self, unit: str, boot: int, now_us: int) -> None:
+        self.unit, self.boot = unit, boot
+        self.version = 0
+        self.found: Description | None = None
+        self.offers = NO_OFFERS
+        self.refusal: str | None = None
+        self.asked: int | None = None
+        self.due_us = now_us
+        self.backoff_us = RETRY_US
+
+
+class Replicas:
+    """A replica of each platform that is heard, kept at the version that its heartbeats announce.
+
+    A platform says what it is when others come and when that changes. What does not arrive is asked for until it is
+    had, and confirmed once in 10 s in any case.
+    `peers` is the view of `Liveness`, `questions` numbers the questions of the whole node.
+    """
+
+    def __init__(
+        self, peers: Mapping[str, Peer], questions: Iterator[int], clock: FederationClock, roster: str | None
+    ) -> None:
+        self.refused: Counter[str] = Counter()
+        self._peers, self._questions, self._clock, self._roster = peers, questions, clock, roster
+        self._replicas: dict[str, Replica] = {}
+        self._asking: dict[int, str] = {}
+        self._due: Deadlines[str] = Deadlines()
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._due.next_us
+
+    def of(self, unit: str) -> Replica | None:
+        return self._replicas.get(unit)
+
+    def drop(self, unit: str) -> Offers:
+        """The platform is gone; returns what it offered."""
+        replica = self._replicas.pop(unit, None)
+        if replica is None:
+            return NO_OFFERS
+        self._due.set(unit, None)
+        self._describe(unit, 0)
+        if replica.asked is not None:
+            self._asking.pop(replica.asked, None)
+        return replica.offers
+
+    def want(self, unit: str, now_us: int) -> None:
+        """See to it that the announced version of a platform that is heard is had."""
+        peer = self._peers.get(unit)
+        if peer is None or peer.seq < 0 or peer.state is PeerState.GONE:
+            return
+        replica = self._replicas.get(unit)
+        if replica is None or replica.boot != peer.boot:
+            self.drop(unit)
+            self._replicas[unit] = Replica(unit, peer.boot, now_us + UNASKED_US)
+            self._due.set(unit, now_us + UNASKED_US)
+        elif not self._is_current(replica) and replica.backoff_us == RETRY_US and replica.asked is None:
+            replica.due_us = min(replica.due_us, now_us + UNASKED_US)
+            self._due.set(unit, replica.due_us)
+
+    def on_announced(self, unit: str, payload: bytes, at_us: int) -> tuple[Replica, Description] | None:
+        """A platform says unasked what it is; the description if it fits and says something new, for `learn`."""
+        replica = self._replicas.get(unit)
+        return None if replica is None else self._read(replica, payload, at_us)
+
+    def on_answered(self, answered: Answered) -> tuple[Replica, Description] | None:
+        """The same in answer to one of our questions."""
+        unit = self._asking.get(answered.question)
+        replica = self._replicas.get(unit) if unit is not None else None
+        return None if replica is None else self._read(replica, answered.payload, answered.at_us)
+
+    def _read(self, replica: Replica, payload: bytes, at_us: int) -> tuple[Replica, Description] | None:
+        try:
+            found = decode_description(payload)
+        except DecodeError as error:
+            self.refused[error.reason] += 1
+            return None
+        if found.unit != replica.unit or found.boot != replica.boot or found.version < replica.version:
+            self.refused["description of another"] += 1
+            return None
+        if found is replica.found:
+            self._confirmed(replica, at_us)
+            return None
+        return replica, found
+
+    def learn(self, replica: Replica, found: Description, at_us: int) -> None:
+        """Take a description over. What a platform offers with which we cannot federate is not listed."""
+        replica.found, replica.version, replica.refusal = found, found.version, self._refusal(found)
+        replica.offers = NO_OFFERS if replica.refusal is not None else _offered(found.services, found.labels)
+        self._describe(replica.unit, replica.version)
+        self._confirmed(replica, at_us)
+
+    def _describe(self, unit: str, version: int) -> None:
+        """Say so where its heartbeats are taken: one that announces what is had already needs no look here."""
+        peer = self._peers.get(unit)
+        if peer is not None:
+            peer.described = version
+
+    def _confirmed(self, replica: Replica, at_us: int) -> None:
+        """The replica was compared with its platform: if it is current there is nothing to ask for a while."""
+        if replica.asked is None and self._is_current(replica):
+            replica.due_us, replica.backoff_us = at_us + CONFIRM_US, RETRY_US
+            self._due.set(replica.unit, replica.due_us)
+
+    def on_ask_ended(self, ended: AskEnded) -> None:
+        """A question is over; what it did not bring is requested again, ever later."""
+        unit = self._asking.pop(ended.question, None)
+        replica = self._replicas.get(unit) if unit is not None else None
+        if replica is None or replica.asked != ended.question:
+            return
+        replica.asked = None
+        replica.due_us = ended.at_us + replica.backoff_us
+        replica.backoff_us = min(2 * replica.backoff_us, RETRY_MOST_US)
+        self._due.set(replica.unit, replica.due_us)
+        self._confirmed(replica, ended.at_us)
+
+    def on_time(self, now_us: int) -> list[Ask]:
+        """Ask what is due."""
+        asks = []
+        for unit in self._due.pop_due(now_us):
+            replica = self._replicas[unit]
+            if replica.asked is not None:
+                del self._asking[replica.asked]
+            asks.append(self._ask(replica, now_us))
+        return asks
+
+    def _is_current(self, replica: Replica) -> bool:
+        peer = self._peers.get(replica.unit)
+        return peer is not None and peer.boot == replica.boot and replica.version >= max(1, peer.version)
+
+    def _ask(self, replica: Replica, now_us: int) -> Ask:
+        replica.asked = next(self._questions)
+        replica.due_us = now_us + 2 * ASK_TIMEOUT_US
+        self._asking[replica.asked] = replica.unit
+        self._due.set(replica.unit, replica.due_us)
+        return Ask(replica.asked, keys.describe(replica.unit), b"", ASK_TIMEOUT_US)
+
+    def _refusal(self, found: Description) -> str | None:
+        if not self._clock.agrees(found.clock_epoch_us, found.clock_speed):
+            return f"its federation clock runs at speed {found.clock_speed} from {found.clock_epoch_us}"
+        if found.roster != self._roster:
+            return "it goes by another roster" if found.roster else "it goes by no roster"
+        return None
+
+
+@lru_cache(maxsize=1024)
+def _offered(services: tuple[ServiceEntry, ...], labels: tuple[LabelEntry, ...]) -> Offers:
+    """Platforms offer much the same: what they offer is kept once."""
+    return Offers(
+        {s.service: Service(s.service, s.agent, Visibility(s.visibility), s.version) for s in services},
+        {entry.label: entry for entry in labels},
+    )

@@ -1,0 +1,212 @@
+"""Speech acts: the messages of FIPA ACL (SC00061G), with what makes them reliable on a lossy wire."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import lru_cache
+from typing import Any, Final
+
+from dyknow.model.errors import NameRefused, TextError
+from federation import keys
+from federation.messages.sexpr import Expr, ExprReader, ExprValue, print_value
+
+
+class Performative(StrEnum):
+    """The 22 communicative acts of FIPA SC00037J."""
+
+    ACCEPT_PROPOSAL = "accept-proposal"
+    AGREE = "agree"
+    CANCEL = "cancel"
+    CFP = "cfp"
+    CONFIRM = "confirm"
+    DISCONFIRM = "disconfirm"
+    FAILURE = "failure"
+    INFORM = "inform"
+    INFORM_IF = "inform-if"
+    INFORM_REF = "inform-ref"
+    NOT_UNDERSTOOD = "not-understood"
+    PROPAGATE = "propagate"
+    PROPOSE = "propose"
+    PROXY = "proxy"
+    QUERY_IF = "query-if"
+    QUERY_REF = "query-ref"
+    REFUSE = "refuse"
+    REJECT_PROPOSAL = "reject-proposal"
+    REQUEST = "request"
+    REQUEST_WHEN = "request-when"
+    REQUEST_WHENEVER = "request-whenever"
+    SUBSCRIBE = "subscribe"
+
+
+PERFORMATIVES: Final = {performative.value: performative for performative in Performative}
+
+
+@dataclass(frozen=True, slots=True)
+class AgentName:
+    """An agent on a platform, printed `interface@0`. The unit `all` addresses that agent everywhere.
+
+    Raises:
+        NameRefused: the agent or the unit is not a name that a key can carry.
+    """
+
+    agent: str
+    unit: str
+
+    def __post_init__(self) -> None:
+        keys.agent(self.agent)
+        if self.unit != keys.EVERYBODY:
+            keys.unit(self.unit)
+
+    def __str__(self) -> str:
+        return f"{self.agent}@{self.unit}"
+
+    @staticmethod
+    def parse(text: str) -> "AgentName":
+        """Read `agent@unit`; raises NameRefused."""
+        if len(text) > 128:
+            raise NameRefused(f"{text[:80]!r}... is too long for an agent's name")
+        return _agent_name(text)
+
+
+@lru_cache(maxsize=4096)
+def _agent_name(text: str) -> AgentName:
+    agent, at, unit = text.partition("@")
+    if not at:
+        raise NameRefused(f"{text!r} is not an agent's name: agent@unit")
+    return AgentName(agent, unit)
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """One speech act. None is a parameter that is not set.
+
+    Attributes:
+        performative: what the sender wants the act to do.
+        sender: the agent whose act it is.
+        receiver: the agent that gets it; unit `all` is every platform.
+        content: what it is about.
+        conversation_id: the conversation it belongs to; a name as `keys.conversation` has it.
+        protocol: the interaction protocol, e.g. `fipa-request`.
+        reply_with: what an answer shall carry as `in_reply_to`.
+        in_reply_to: the `reply_with` of the act it answers.
+        reply_by_us: when silence becomes a failure; microseconds, the sender's node clock.
+        language: of the content.
+        encoding: of the content.
+        ontology: which gives the content's words their meaning.
+        reply_to: the agent that shall get the answer, if not the sender.
+        boot: which life of the sender's platform; greater in each later one.
+        seq: number of the act in that life, by which duplicates are known.
+        created_us: when it was made; microseconds, the sender's node clock.
+        acks: sequence numbers of the receiver's acts that have arrived.
+    """
+
+    performative: Performative
+    sender: AgentName
+    receiver: AgentName
+    content: Expr | None = None
+    conversation_id: str | None = None
+    protocol: str | None = None
+    reply_with: str | None = None
+    in_reply_to: str | None = None
+    reply_by_us: int | None = None
+    language: str | None = None
+    encoding: str | None = None
+    ontology: str | None = None
+    reply_to: AgentName | None = None
+    boot: int = 0
+    seq: int = 0
+    created_us: int = 0
+    acks: tuple[int, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """The key it travels on; an act that arrives on another key is not what it says."""
+        return keys.act(self.receiver.unit, self.sender.unit, self.receiver.agent)
+
+    def __str__(self) -> str:
+        return print_act(self)
+
+
+_PARAMETERS: Final = {
+    ":sender": "sender",
+    ":receiver": "receiver",
+    ":content": "content",
+    ":conversation-id": "conversation_id",
+    ":protocol": "protocol",
+    ":reply-with": "reply_with",
+    ":in-reply-to": "in_reply_to",
+    ":reply-by": "reply_by_us",
+    ":language": "language",
+    ":encoding": "encoding",
+    ":ontology": "ontology",
+    ":reply-to": "reply_to",
+    ":X-boot": "boot",
+    ":X-seq": "seq",
+    ":X-created": "created_us",
+    ":X-acks": "acks",
+}
+_AGENTS: Final = frozenset({"sender", "receiver", "reply_to"})
+_NUMBERS: Final = frozenset({"boot", "seq", "created_us", "reply_by_us"})
+
+
+def print_act(act: Act) -> str:
+    """`(request :sender interface@1 :receiver interface@0 :content (monitor-proximity) ...)`, on one line.
+
+    What FIPA does not know begins with `:X-`, as it prescribes.
+    """
+    parts = [str(act.performative)]
+    for name, attribute in _PARAMETERS.items():
+        value = getattr(act, attribute)
+        if value not in (None, ()) and not (attribute in {"boot", "seq", "created_us"} and value == 0):
+            parts += [name, str(value) if attribute in _AGENTS else print_value(value)]
+    return f"({' '.join(parts)})"
+
+
+def parse_act(text: str) -> Act:
+    """Read back what `print_act` wrote; blanks, line ends and the order of parameters are free.
+
+    Raises:
+        TextError: where, and what was expected.
+    """
+    reader = ExprReader(text)
+    reader.take("(")
+    performative = PERFORMATIVES.get(reader.peek())
+    if performative is None:
+        raise reader.wrong(f"{reader.peek()!r:.40} is not one of FIPA's 22 performatives")
+    reader.word()
+    found: dict[str, Any] = {"performative": performative}
+    while reader.peek() != ")":
+        attribute = _PARAMETERS.get(reader.peek())
+        if attribute is None or attribute in found:
+            raise reader.wrong("a parameter that was not given yet is expected here", repair=":receiver interface@0")
+        reader.word()
+        found[attribute] = _parameter(reader, attribute)
+    reader.take(")")
+    reader.end()
+    if not {"sender", "receiver"} <= found.keys():
+        raise TextError(
+            "an act needs a :sender and a :receiver", text=text, repair=":sender cc@1 :receiver interface@0"
+        )
+    return Act(**found)
+
+
+def _parameter(reader: ExprReader, attribute: str) -> Any:
+    refused = reader.wrong(f"this cannot be the {attribute.removesuffix('_us').replace('_', '-')} of an act")
+    value: ExprValue = reader.value(1)
+    if attribute in _AGENTS:
+        try:
+            return AgentName.parse(value) if isinstance(value, str) else _fail(refused)
+        except NameRefused:
+            raise refused from None
+    if attribute == "content":
+        fits = isinstance(value, Expr)
+    elif attribute in _NUMBERS:
+        fits = type(value) is int
+    elif attribute == "acks":
+        fits = isinstance(value, tuple) and all(type(seq) is int for seq in value)
+    else:
+        fits = isinstance(value, str)
+    return value if fits else _fail(refused)
+
+
+def _fail(error: TextError) -> Any:
+    raise error

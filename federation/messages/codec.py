@@ -1,0 +1,382 @@
+"""Bytes <-> messages. The only way in is strict: what decodes is well formed, and no other error than DecodeError.
+
+Every message is a msgpack array that begins with its version. What `federation.messages.unpacking` lets through is checked field
+by field: names, finite numbers of 64 bits, nesting of at most 16. Acts and samples are checked by hand, which is several
+times faster than a general validator; the tests compare with a schema that was written apart from this.
+
+A content travels as: expression = map with the head under the empty key, record = map, sequence = array, symbol = str,
+quoted text = bin, `no_value` = nil.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import Any, Final, NamedTuple, TypeAlias
+
+from pydantic import ValidationError
+
+from dyknow.model.errors import ContentError, DecodeError, NameRefused
+from dyknow.model.sample import SURE, Quality, Value
+from dyknow.model.values import NO_VALUE
+from federation import keys
+from federation.messages import unpacking
+from federation.messages.acts import PERFORMATIVES, Act, AgentName
+from federation.messages.descriptions import Description
+from federation.messages.sexpr import MAX_DEPTH, MAX_INTEGER, MIN_INTEGER, Expr, ExprValue, QuotedText, is_name
+from federation.messages.unpacking import named, pack
+
+MAX_ACKS: Final = 256
+
+Signature: TypeAlias = bytes
+"""Ed25519 over the body of an act, 64 bytes."""
+
+_IDENTIFIER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+
+
+class StreamSample(NamedTuple):
+    """One sample on the wire: its number in the stream (from 1), when it held, and its value."""
+
+    seq: int
+    valid_us: int
+    value: Value
+
+    @property
+    def quality(self) -> Quality:
+        """The default: certain, without covariance."""
+        return SURE
+
+
+class QualifiedSample(NamedTuple):
+    """The same, with what its maker says of it: probability that it is right, and covariance of its components."""
+
+    seq: int
+    valid_us: int
+    value: Value
+    certainty: float
+    covariance: tuple[tuple[float, ...], ...]
+
+    @property
+    def quality(self) -> Quality:
+        """As the local instance has it."""
+        return Quality(self.certainty, self.covariance)
+
+
+WireSample: TypeAlias = StreamSample | QualifiedSample
+
+
+class Range(NamedTuple):
+    """A receiver asks for the samples it misses, as (first, last) numbers, both inclusive."""
+
+    policy_hash: str
+    boot: int
+    ranges: Sequence[tuple[int, int]]
+
+
+class Recovered(NamedTuple):
+    """The owner's answer: what it holds of them, and the oldest and newest number it has."""
+
+    boot: int
+    oldest: int
+    tail: int
+    samples: Sequence[WireSample]
+
+
+class Heartbeat(NamedTuple):
+    """Five times a second: I live, I hear these units, my streams have come so far.
+
+    Attributes:
+        unit: whose heartbeat it is.
+        boot: which life of that platform; greater in each later one.
+        seq: number of the heartbeat in that life.
+        wall_us: the sender's node clock.
+        description: version of the sender's description, so that a change is noticed.
+        hears: the units whose heartbeats reach the sender.
+        tails: (semantic label, policy hash, number of the newest sample) of the exported streams.
+    """
+
+    unit: str
+    boot: int
+    seq: int
+    wall_us: int
+    description: int
+    hears: Sequence[str] = ()
+    tails: Sequence[tuple[str, str, int]] = ()
+
+
+class Ping(NamedTuple):
+    """Clock question: sent at `sent_us` of the requester's node clock."""
+
+    sent_us: int
+
+
+class Pong(NamedTuple):
+    """Clock answer: the question's stamp, and when it was received and answered by the answerer's node clock."""
+
+    boot: int
+    sent_us: int
+    received_us: int
+    answered_us: int
+
+
+# Acts
+
+
+def encode_act(act: Act, sign: Callable[[bytes], Signature] | None = None) -> bytes:
+    """An act as bytes, signed over its body if `sign` is given.
+
+    Raises:
+        ContentError: it cannot be encoded: too large, or a value that no act carries.
+    """
+    try:
+        body = pack(
+            (
+                unpacking.VERSION,
+                act.performative,
+                str(act.sender),
+                str(act.receiver),
+                None if act.content is None else _plain(act.content),
+                act.conversation_id,
+                act.protocol,
+                act.reply_with,
+                act.in_reply_to,
+                act.reply_by_us,
+                act.language,
+                act.encoding,
+                act.ontology,
+                None if act.reply_to is None else str(act.reply_to),
+                act.boot,
+                act.seq,
+                act.created_us,
+                act.acks,
+            )
+        )
+        payload = pack((body, None if sign is None else sign(body)))
+    except (ValueError, TypeError, OverflowError) as wrong:
+        raise ContentError(f"an act cannot carry this: {wrong}") from None
+    if len(payload) > unpacking.MAX_BYTES:
+        raise ContentError(
+            f"an act has at most {unpacking.MAX_BYTES} bytes, this one {len(payload)}: say less, or in parts"
+        )
+    return payload
+
+
+def decode_act(payload: bytes) -> tuple[Act, Signature | None, bytes]:
+    """The act, its signature if it has one, and the bytes that the signature is over.
+
+    Raises:
+        DecodeError: anything is not as `encode_act` would have written it.
+    """
+    body, signature = unpacking.fields(unpacking.unpack(payload), 2)
+    if type(body) is not bytes:
+        unpacking.fail("shape")
+    if signature is not None and (type(signature) is not bytes or len(signature) != 64):
+        unpacking.fail("signature")
+    (
+        performative, sender, receiver, content, conversation, protocol, reply_with, in_reply_to, reply_by,
+        language, encoding, ontology, reply_to, boot, seq, created, acks,
+    ) = unpacking.array(body, 17)  # fmt: skip
+    if type(performative) is not str or performative not in PERFORMATIVES:
+        unpacking.fail("performative")
+    if content is not None:
+        content = _value(content, 0)
+        if type(content) is not Expr:
+            unpacking.fail("content", "not an expression")
+    for word in (conversation, protocol, reply_with, in_reply_to, language, encoding, ontology):
+        if word is not None and (type(word) is not str or not _IDENTIFIER.fullmatch(word)):
+            unpacking.fail("name")
+    for seq_heard in unpacking.items(acks, MAX_ACKS):
+        unpacking.count(seq_heard)
+    act = Act(
+        PERFORMATIVES[performative],
+        _speaker(sender),
+        _agent(receiver),
+        content,
+        conversation,
+        protocol,
+        reply_with,
+        in_reply_to,
+        None if reply_by is None else unpacking.count(reply_by),
+        language,
+        encoding,
+        ontology,
+        None if reply_to is None else _speaker(reply_to),
+        unpacking.count(boot),
+        unpacking.count(seq),
+        unpacking.count(created),
+        acks,
+    )
+    return act, signature, body
+
+
+def _agent(value: Any) -> AgentName:
+    if type(value) is not str:
+        unpacking.fail("name")
+    try:
+        return AgentName.parse(value)
+    except NameRefused:
+        unpacking.fail("name")
+
+
+def _speaker(value: Any) -> AgentName:
+    """One agent, not the same agent everywhere."""
+    name = _agent(value)
+    if name.unit == keys.EVERYBODY:
+        unpacking.fail("name")
+    return name
+
+
+def _plain(value: ExprValue) -> Any:
+    """A content as msgpack says it."""
+    kind = type(value)
+    if kind is Expr:
+        named = {name: _plain(member) for name, member in value.arguments.items()}  # type: ignore[union-attr]
+        return {"": value.head, **named}  # type: ignore[union-attr]
+    if kind is QuotedText:
+        return value.encode()  # type: ignore[union-attr]
+    if kind is tuple:
+        return [_plain(member) for member in value]  # type: ignore[union-attr]
+    if kind is dict:
+        return {name: _plain(member) for name, member in value.items()}  # type: ignore[union-attr]
+    return value
+
+
+def _value(value: Any, depth: int) -> Any:
+    """A content back from msgpack, checked."""
+    kind = type(value)
+    if kind is str or kind is bool:
+        return value
+    if kind is float:
+        return value if value - value == 0.0 else unpacking.fail("not finite")
+    if kind is int:
+        return value if MIN_INTEGER <= value <= MAX_INTEGER else unpacking.fail("number")
+    if kind is bytes:
+        return _text(value)
+    if value is None:
+        return NO_VALUE
+    if depth >= MAX_DEPTH:
+        unpacking.fail("nesting")
+    if kind is tuple:
+        return tuple([_value(member, depth + 1) for member in value])
+    return _mapping(value, depth) if kind is dict else unpacking.fail("type")
+
+
+def _mapping(found: dict[Any, Any], depth: int) -> Expr | dict[str, Any]:
+    is_expr = "" in found
+    head = found.pop("", None)
+    if is_expr and (type(head) is not str or not is_name(head)):
+        unpacking.fail("head")
+    members: dict[str, Any] = {}
+    for name, member in found.items():
+        if type(name) is not str or len(name) > 256 or (is_expr and not is_name(name)):
+            unpacking.fail("name")
+        members[name] = _value(member, depth + 1)
+    return Expr(head, members) if is_expr else members
+
+
+def _text(value: bytes) -> QuotedText:
+    if len(value) > unpacking.MAX_STRING:
+        unpacking.fail("oversized")
+    try:
+        return QuotedText(value.decode())
+    except UnicodeDecodeError:
+        unpacking.fail("malformed")
+
+
+# Samples: the hot path
+
+
+def encode_samples(boot: int, samples: Sequence[WireSample], pack: Callable[[object], bytes] = pack) -> bytes:
+    """Samples of one stream; the key they are put on says which."""
+    return pack((unpacking.VERSION, boot, samples))
+
+
+@lru_cache(maxsize=256)
+def decode_samples(payload: bytes) -> tuple[int, Sequence[WireSample]]:
+    """Which life of the owner sent them, and the samples; raises DecodeError. Read once for all in a process."""
+    boot, samples = unpacking.array(payload, 2)
+    return unpacking.count(boot), tuple(_samples(samples))
+
+
+def _samples(found: Any) -> list[WireSample]:
+    samples: list[WireSample] = []
+    for entry in unpacking.items(found):
+        if type(entry) is not tuple or len(entry) not in (3, 5):
+            unpacking.fail("shape")
+        seq, valid_us, value = entry[:3]
+        if type(seq) is not int or type(valid_us) is not int:
+            unpacking.fail("number")
+        if not (0 < seq <= MAX_INTEGER and MIN_INTEGER <= valid_us <= MAX_INTEGER):
+            unpacking.fail("number")
+        if len(entry) == 3:
+            samples.append(StreamSample(seq, valid_us, unpacking.sampled(value)))
+        else:
+            samples.append(QualifiedSample(seq, valid_us, unpacking.sampled(value), *unpacking.qualified(*entry[3:])))
+    return samples
+
+
+def _numbers(pair: Any) -> tuple[int, int]:
+    first, last = unpacking.fields(pair, 2)
+    return (first, last) if 0 < unpacking.count(first) <= unpacking.count(last) else unpacking.fail("shape")
+
+
+encode_range, decode_range = unpacking.codec(Range, unpacking.digest, unpacking.count, unpacking.many(_numbers))
+encode_recovered, decode_recovered = unpacking.codec(
+    Recovered, unpacking.count, unpacking.count, unpacking.count, _samples
+)
+
+
+# The directory and the clock
+
+
+def encode_heartbeat(heartbeat: Heartbeat) -> bytes:
+    return pack((unpacking.VERSION, *heartbeat))
+
+
+def decode_heartbeat(payload: bytes) -> Heartbeat:
+    """A heartbeat; what one has in common with that before it, whom it hears above all, is the same object in both."""
+    unit, boot, seq, wall_us, description, hears, tails = unpacking.array(payload, 7)
+    if not all(type(name) is str for name in unpacking.items(hears)):
+        unpacking.fail("name")
+    for tail in unpacking.items(tails):
+        unpacking.fields(tail, 3)
+        if type(tail[0]) is not str or type(tail[1]) is not str:
+            unpacking.fail("name")
+        unpacking.count(tail[2])
+    numbers = unpacking.count(boot), unpacking.count(seq), unpacking.count(wall_us), unpacking.count(description)
+    return Heartbeat(named(keys.unit, unit), *numbers, _heard(hears), _tails(boot, tails))
+
+
+@lru_cache(maxsize=1024)
+def _heard(units: tuple[str, ...]) -> tuple[str, ...]:
+    for name in units:
+        named(keys.unit, name)
+    return units
+
+
+@lru_cache(maxsize=1024)
+def _tails(_boot: int, tails: tuple[tuple[str, str, int], ...]) -> tuple[tuple[str, str, int], ...]:
+    """Those of another life are another object."""
+    for label, policy_hash, _ in tails:
+        named(keys.label, label)
+        unpacking.digest(policy_hash)
+    return tails
+
+
+def encode_description(description: Description) -> bytes:
+    return pack((unpacking.VERSION, description.model_dump()))
+
+
+@lru_cache(maxsize=1024)
+def decode_description(payload: bytes) -> Description:
+    (found,) = unpacking.array(payload, 1)
+    try:
+        return Description.model_validate(found)
+    except ValidationError as wrong:
+        first = wrong.errors(include_url=False, include_input=False)[0]
+        raise DecodeError("description", f"{first['loc']}: {first['msg']}"[:120]) from None
+
+
+encode_ping, decode_ping = unpacking.codec(Ping, unpacking.instant)
+encode_pong, decode_pong = unpacking.codec(
+    Pong, unpacking.count, unpacking.instant, unpacking.instant, unpacking.instant
+)

@@ -1,0 +1,48 @@
+"""Orders to a vehicle, and faults of simulated ones."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from federation.messages.contents.parts import Content, Line, Number, Period, Unit, Units, Word
+
+
+class Goto(Content):
+    """Fly to a point: WGS-84, metres above mean sea level."""
+
+    latitude_deg: Annotated[float, Field(ge=-90, le=90)] = Field(alias="latitude_deg")
+    longitude_deg: Annotated[float, Field(ge=-180, le=180)] = Field(alias="longitude_deg")
+    altitude_m: Annotated[float, Field(ge=-1000, le=100_000)] = Field(alias="altitude_m")
+
+
+class Hold(Content):
+    """Stay where you are."""
+
+
+class Land(Content):
+    """Land where you are."""
+
+
+class ReturnHome(Content):
+    """Fly home and land."""
+
+
+class Resume(Content):
+    """Fly on along the route."""
+
+
+class Avoid(Content):
+    """Propose a manoeuvre: because of `alarm`, `climber` climbs by `climb_m` and the other of `units` holds."""
+
+    alarm: Line
+    climber: Unit
+    climb_m: Annotated[float, Field(ge=0, le=1000)] = Field(alias="climb_m")
+    units: Units
+
+
+class Fault(Content):
+    """Make a simulated vehicle fail: `kind` e.g. `gps-loss`; `value` where the kind needs one; for `duration_s`."""
+
+    kind: Word
+    value: bool | int | Number | Line | None = None
+    duration_s: Period | None = None

@@ -1,0 +1,130 @@
+"""Monitors, their alarms, and formulas (thesis 9.4)."""
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from federation.messages.contents import parts
+from federation.messages.descriptions import Count
+
+
+class MonitorProximity(parts.Content):
+    """The task of 9.4: watch that platforms keep apart."""
+
+    profile: parts.Word | None = None
+    avoidance: bool | None = None
+    sample_period_s: parts.Period | None = None
+    delay_s: parts.Seconds | None = None
+
+
+class CreateMonitor(parts.Content):
+    """Set up a monitor by name, alone or as part of a task that `coordinator` leads and `delegator` asked for."""
+
+    name: parts.Word
+    profile: parts.Word | None = None
+    task: parts.Conversation | None = None
+    coordinator: parts.Unit | None = None
+    delegator: parts.Unit | None = None
+    generation: Count | None = None
+    sample_period_s: parts.Period | None = None
+    delay_s: parts.Seconds | None = None
+    avoidance: bool | None = None
+    parameters: parts.Values | None = None
+
+
+class RemoveMonitor(parts.Content):
+    name: parts.Word
+    task: parts.Conversation | None = None
+
+
+class Monitors(parts.Content):
+    """Which monitors are there?"""
+
+
+class MonitorEntry(parts.ContentPart):
+    """One monitor: its verdict, and the state of its inputs (`which` are not fresh, since when).
+
+    `states` says in KPL what its states are made of, unless that is long, `counted` how many lacked something, and what.
+    """
+
+    head: ClassVar[str] = "monitor"
+    by: parts.Unit
+    name: parts.Word
+    units: parts.Units
+    verdict: parts.Truth
+    inputs: Literal["fresh", "stale", "missing"]
+    shows: parts.Word
+    since_us: parts.Instant | None = None
+    which: Annotated[tuple[parts.Line, ...], Field(max_length=parts.MAX_LIST)] = ()
+    task: parts.Conversation | None = None
+    states: parts.Line = ""
+    counted: parts.Values = Field(default_factory=dict)
+
+
+class MonitorList(parts.Content):
+    monitors: Annotated[tuple[MonitorEntry, ...], Field(max_length=parts.MAX_LIST)]
+    more: bool = False
+
+
+class Alarms(parts.Content):
+    """Subscribe: tell me of every alarm as it opens and closes."""
+
+
+class Alarm(parts.Content):
+    """An alarm opened or closed: raised by a monitor of `by`, about `units`, for the state valid at `valid_us`.
+
+    `samples`: valid times of the samples that this state was made of, by input, in microseconds.
+    """
+
+    id: parts.Line
+    event: Literal["opened", "closed"]
+    monitor: parts.Word
+    by: parts.Unit
+    units: parts.Units
+    valid_us: parts.Instant
+    detected_us: parts.Instant
+    values: parts.Values = Field(default_factory=dict)
+    samples: parts.Values = Field(default_factory=dict)
+
+
+class AlarmList(parts.Content):
+    """The alarms that are remembered: the query is without `alarms`, the answer with them."""
+
+    alarms: Annotated[tuple[Alarm, ...], Field(max_length=parts.MAX_LIST)] | None = None
+    more: bool = False
+
+
+class CheckFormula(parts.Content):
+    """Check a formula over live states until it is decided, or for `timeout_s`."""
+
+    text: parts.Formula
+    timeout_s: parts.Period | None = None
+
+
+class Because(parts.ContentPart):
+    """One part of a formula that the deciding state settled: its samples, for which members, and within which temporal
+    part of the formula, since when and until when.
+    """
+
+    part: parts.Formula
+    holds: bool
+    samples: parts.Values = Field(default_factory=dict)
+    members: parts.Values = Field(default_factory=dict)
+    within: parts.Formula | None = None
+    since_us: parts.Instant | None = None
+    until_us: parts.Instant | None = None
+
+
+class Verdict(parts.Content):
+    """What a formula came to, and the state that decided it; `no_value` features had none, nor had `missing` inputs.
+
+    `states` says in KPL what its states were made of; nothing where that is very long.
+    """
+
+    verdict: parts.Truth
+    valid_us: parts.Instant | None = None
+    index: Count | None = None
+    because: Annotated[tuple[Because, ...], Field(max_length=parts.MAX_LIST)] = ()
+    no_value: Annotated[tuple[parts.Line, ...], Field(max_length=parts.MAX_LIST)] = ()
+    missing: Annotated[tuple[parts.Line, ...], Field(max_length=parts.MAX_LIST)] = ()
+    states: parts.Prose = ""

@@ -1,0 +1,181 @@
+"""What acts say: one strict model for each head an expression may have. `read` understands, `expr()` says.
+
+Periods and delays are seconds (`_s`), as the thesis prints them; instants are microseconds since the epoch (`_us`).
+Names print with hyphens, but for those that name a quantity (`altitude_m`).
+"""
+
+import re
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from dyknow.model.errors import ContentError, NameRefused
+from dyknow.model.values import NoValue
+from federation import keys
+from federation.messages.acts import AgentName
+from federation.messages.descriptions import SemanticLabel
+from federation.messages.descriptions import Unit as UnitName
+from federation.messages.sexpr import Expr, ExprValue, QuotedText
+
+MAX_LIST = 512
+
+
+def _unit(value: Any) -> Any:
+    """The thesis writes units as numbers: `(sequence 0)`."""
+    return str(value) if type(value) is int else value
+
+
+def _unit_said(name: str) -> ExprValue:
+    return int(name) if name.isdigit() and len(name) < 19 else name
+
+
+def _truth(value: Any) -> Any:
+    return str(value).lower() if type(value) is bool else value
+
+
+def _truth_said(word: str) -> ExprValue:
+    return {"true": True, "false": False}.get(word, word)
+
+
+def _speaker(value: str) -> str:
+    try:
+        return str(AgentName.parse(value))
+    except NameRefused as refused:
+        raise ValueError(str(refused)) from None
+
+
+def _conversation(value: str) -> str:
+    try:
+        return keys.conversation(value)
+    except NameRefused as refused:
+        raise ValueError(str(refused)) from None
+
+
+Unit = Annotated[UnitName, BeforeValidator(_unit)]
+Units = Annotated[tuple[Unit, ...], Field(max_length=MAX_LIST)]
+SemanticLabels = Annotated[tuple[SemanticLabel, ...], Field(min_length=1, max_length=MAX_LIST)]
+Word = Annotated[str, Field(min_length=1, max_length=64)]
+Line = Annotated[str, Field(max_length=1024)]
+Prose = Annotated[str, Field(max_length=4096), AfterValidator(QuotedText)]
+Formula = Annotated[str, Field(max_length=8192), AfterValidator(QuotedText)]
+Conversation = Annotated[str, AfterValidator(_conversation)]
+Agent = Annotated[str, AfterValidator(_speaker)]
+Truth = Annotated[Literal["true", "false", "undecided"], BeforeValidator(_truth)]
+Period = Annotated[float, Field(gt=0, le=86_400)]
+Seconds = Annotated[float, Field(ge=0, le=86_400)]
+Instant = Annotated[int, Field(ge=-(2**63), lt=2**63)]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Scalar: TypeAlias = bool | int | Number | Line | NoValue
+Values = Annotated[dict[Annotated[str, Field(min_length=1, max_length=256)], Scalar], Field(max_length=256)]
+
+
+def _alias(name: str) -> str:
+    stem = name.removesuffix("_us").removesuffix("_s") if name.endswith(("_us", "_s")) else name
+    return stem.replace("_", "-")
+
+
+class ContentPart(BaseModel):
+    """An expression with a fixed head; `expr()` prints it, parameters left out that are as they would be without."""
+
+    model_config = ConfigDict(
+        strict=True,
+        extra="forbid",
+        frozen=True,
+        allow_inf_nan=False,
+        arbitrary_types_allowed=True,
+        alias_generator=_alias,
+        validate_by_name=True,
+        validate_by_alias=True,
+        defer_build=True,
+    )
+    head: ClassVar[str]
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_given: Any) -> None:
+        if "head" not in cls.__dict__:
+            cls.head = re.sub(r"(?<!^)(?=[A-Z])", "-", cls.__name__).lower()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _open(cls, found: Any) -> Any:
+        """Parts of a content come as expressions."""
+        if not isinstance(found, Expr):
+            return found
+        if found.head != cls.head:
+            raise ValueError(f"({cls.head} ...) is expected, not ({found.head} ...)")
+        return dict(found.arguments)
+
+    def expr(self) -> Expr:
+        """What to put into an act."""
+        arguments: dict[str, ExprValue] = {}
+        for name, field in type(self).model_fields.items():
+            value = getattr(self, name)
+            if field.is_required() or value != field.get_default(call_default_factory=True):
+                arguments[field.alias or name] = _said(value, _WORDS.get(name))
+        return Expr(self.head, arguments)
+
+
+def _said(value: Any, word: Callable[[str], ExprValue] | None) -> ExprValue:
+    if isinstance(value, ContentPart):
+        return value.expr()
+    if isinstance(value, tuple):
+        return tuple([_said(member, word) for member in value])
+    said: ExprValue = value if word is None else word(value)
+    return said
+
+
+class Content(ContentPart):
+    """A part that can be the whole content of an act; the others only occur inside."""
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **given: Any) -> None:
+        super().__pydantic_init_subclass__(**given)
+        _CONTENTS[cls.head] = cls
+
+
+_CONTENTS: dict[str, type[Content]] = {}
+_UNIT_FIELDS = (
+    "by",
+    "climber",
+    "coordinator",
+    "delegator",
+    "leader",
+    "missing_units",
+    "owner",
+    "to_units",
+    "unit",
+    "units",
+)
+_WORDS: dict[str, Callable[[str], ExprValue]] = {**dict.fromkeys(_UNIT_FIELDS, _unit_said), "verdict": _truth_said}
+"""Fields whose strings are printed as something else."""
+
+
+def prepare() -> None:
+    """Build all models now; else each is built when its head is first read, which takes a few milliseconds."""
+    for kind in _CONTENTS.values():
+        kind.model_rebuild()
+
+
+def heads() -> tuple[str, ...]:
+    """Every head that `read` understands."""
+    return tuple(_CONTENTS)
+
+
+def read(expr: Expr) -> Content:
+    """What an expression says.
+
+    Raises:
+        ContentError: its head or a parameter is unknown, missing, or not what it should be; the message names it.
+    """
+    kind = _CONTENTS.get(expr.head)
+    if kind is None:
+        raise ContentError(f"({expr.head} ...) is not understood here")
+    try:
+        return kind.model_validate(dict(expr.arguments))
+    except ValidationError as wrong:
+        first = wrong.errors(include_url=False, include_input=False)[0]
+        place = ".".join(str(step) for step in first["loc"])
+        message = first["msg"].removeprefix("Value error, ")
+        more = f" (and {wrong.error_count() - 1} more)" if wrong.error_count() > 1 else ""
+        raise ContentError(f"({expr.head} ...): {f'{place}: ' if place else ''}{message}{more}"[:400]) from None

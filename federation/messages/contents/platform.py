@@ -1,0 +1,117 @@
+"""Contents about a platform: its tasks, its audit log, its directory, its labels."""
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from federation.messages.contents import parts
+from federation.messages.descriptions import Count, SemanticLabel
+
+
+class Tasks(parts.Content):
+    """Which delegated tasks are there?"""
+
+
+class TaskEntry(parts.ContentPart):
+    head: ClassVar[str] = "task"
+
+    conversation: parts.Conversation
+    task: parts.Word
+    unit: parts.Unit
+    state: parts.Line
+    delegator: parts.Agent | None = None
+    since_us: parts.Instant | None = None
+
+
+class TaskList(parts.Content):
+    tasks: Annotated[tuple[TaskEntry, ...], Field(max_length=parts.MAX_LIST)]
+
+
+class Acts(parts.Content):
+    """Subscribe: tell me of every act that enters or leaves."""
+
+
+class ActLog(parts.Content):
+    """One act as it passed the Interface Agent; `act` is its text, missing for bytes that were no act."""
+
+    at_us: parts.Instant
+    direction: Literal["in", "out"]
+    peer: parts.Line
+    outcome: parts.Prose
+    act: parts.Formula | None = None
+
+
+class ActList(parts.Content):
+    """The acts that are remembered: the query is without `acts`, the answer with them."""
+
+    acts: Annotated[tuple[ActLog, ...], Field(max_length=parts.MAX_LIST)] | None = None
+    more: bool = False
+
+
+class Directory(parts.Content):
+    """Subscribe: tell me when a platform, a service or a label appears or goes."""
+
+
+class DirectoryEvent(parts.Content):
+    """Something in the directory changed: e.g. `platform-appeared`, `service-gone`; `what` is the service or label."""
+
+    event: parts.Word
+    unit: parts.Unit
+    at_us: parts.Instant
+    what: parts.Word | None = None
+
+
+class Search(parts.Content):
+    """Query for the platforms that provide a service or have a label."""
+
+    service: parts.Word | None = None
+    semantic_label: SemanticLabel | None = None
+
+
+class Found(parts.Content):
+    """Those platforms. `missing_units` timed out: they did not say good-bye, and no session ended first."""
+
+    agents: Annotated[tuple[parts.Agent, ...], Field(max_length=parts.MAX_LIST)]
+    missing_units: parts.Units = ()
+
+
+class Labels(parts.Content):
+    """Which labels has the local instance? For agents of the same platform."""
+
+
+class LabelList(parts.Content):
+    labels: Annotated[tuple[parts.Line, ...], Field(max_length=parts.MAX_LIST)]
+
+
+class Specification(parts.Content):
+    """What does your instance hold? `number`: what it held in an earlier configuration, counted from 0.
+
+    As KPL, or what runs of it now as a graph in another form.
+    """
+
+    number: Count | None = None
+    form: Literal["kpl", "text", "json", "mermaid", "dot"] = "kpl"
+
+
+class SpecificationText(parts.Content):
+    """Part of a specification; `at_us` is since when it is, or was, held (federation time), `last` the newest number."""
+
+    text: parts.Formula
+    number: Count
+    last: Count
+    at_us: parts.Instant
+    more: bool = False
+
+
+class RestoreSpecification(parts.Content):
+    """Hold again what you held in that configuration."""
+
+    number: Count
+
+
+class Leave(parts.Content):
+    """Leave the federation; streams that are set up continue (thesis 9.3.4)."""
+
+
+class Rejoin(parts.Content):
+    """Come back to the federation."""

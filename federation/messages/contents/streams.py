@@ -1,0 +1,145 @@
+"""Streams set up, and values asked for (thesis 9.3.3)."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from dyknow.model.instants import US_PER_S
+from dyknow.model.values import NoValue
+from federation.messages.contents import parts
+from federation.messages.descriptions import Count, Hash, SemanticLabel
+
+
+class CreateMulticast(parts.Content):
+    """Export the streams of some labels to some units: every `sample_period_s`, not later than `delay_s`."""
+
+    semantic_labels: parts.SemanticLabels
+    sample_period_s: parts.Period
+    delay_s: parts.Seconds
+    to_units: parts.Units
+    from_us: parts.Instant | None = None
+    to_us: parts.Instant | None = None
+
+    @property
+    def sample_us(self) -> int:
+        return round(self.sample_period_s * US_PER_S)
+
+    @property
+    def delay_us(self) -> int:
+        return round(self.delay_s * US_PER_S)
+
+
+class StopMulticast(parts.Content):
+    """Stop exporting some labels; to all receivers unless some are named, and in `task` alone if that is given.
+
+    `task` is the conversation in which the export was asked for.
+    """
+
+    semantic_labels: parts.SemanticLabels
+    to_units: parts.Units | None = None
+    task: parts.Conversation | None = None
+
+
+class Stream(parts.Content):
+    """For a receiver: these labels of `owner` come under this policy, on keys with this hash."""
+
+    owner: parts.Unit
+    semantic_labels: parts.SemanticLabels
+    policy: parts.Line
+    hash: Hash
+
+
+class EndStream(parts.Content):
+    """For a receiver: no more samples will come."""
+
+    owner: parts.Unit
+    semantic_labels: parts.SemanticLabels
+    hash: Hash
+    reason: parts.Prose | None = None
+
+
+class Query(parts.Content):
+    """The latest value of a label, its value at an instant, or all between two; here, or of all platforms."""
+
+    semantic_label: SemanticLabel
+    op: Literal["latest", "at", "between"] = "latest"
+    at_us: parts.Instant | None = None
+    from_us: parts.Instant | None = None
+    to_us: parts.Instant | None = None
+    scope: Literal["local", "global"] = "local"
+    select: Literal["newest", "best"] | None = None
+    merge: Literal["mean", "inverse-variance"] | None = None
+
+    @model_validator(mode="after")
+    def _instants_fit(self) -> Self:
+        given = {name for name in ("at", "from", "to") if getattr(self, f"{name}_us") is not None}
+        needed = {"latest": set[str](), "at": {"at"}, "between": {"from", "to"}}[self.op]
+        if given != needed:
+            raise ValueError(f"op {self.op} needs {' and '.join(sorted(needed)) or 'no instant'}, and nothing else")
+        if self.from_us is not None and self.to_us is not None and self.from_us > self.to_us:
+            raise ValueError("from lies after to")
+        if self.select and self.merge:
+            raise ValueError("select one value, or merge all: not both")
+        return self
+
+
+class Reading(parts.ContentPart):
+    """One sample: when it held, when it was available, its value by field, and its variance where it is known."""
+
+    valid_us: parts.Instant
+    available_us: parts.Instant
+    value: parts.Values | NoValue
+    variance: parts.Values | None = None
+
+
+class Missing(parts.ContentPart):
+    """A platform whose answer is not among these, and why."""
+
+    unit: parts.Unit
+    reason: parts.Prose
+
+
+class Samples(parts.Content):
+    """The answer of one platform to a query; `more`: the rest follows in further acts."""
+
+    unit: parts.Unit
+    semantic_label: SemanticLabel
+    samples: Annotated[tuple[Reading, ...], Field(max_length=parts.MAX_LIST)]
+    more: bool = False
+
+
+class Answers(parts.Content):
+    """The answer to a global query: what each platform answered, those that did not, and the one value of them all.
+
+    `more`: the rest follows in further acts; `missing` and the one value come with the last.
+    """
+
+    semantic_label: SemanticLabel
+    answers: Annotated[tuple[Samples, ...], Field(max_length=parts.MAX_LIST)]
+    missing: Annotated[tuple[Missing, ...], Field(max_length=parts.MAX_LIST)] = ()
+    merged: Reading | None = None
+    more: bool = False
+
+
+class ImportAccount(parts.ContentPart):
+    """What became of the samples of one imported stream, by number (`federation.sharing.streams.StreamAccount`).
+
+    `missing` are known to exist and asked for, `lost` are no longer held; both 0: no gap.
+    """
+
+    owner: parts.Unit
+    semantic_label: SemanticLabel
+    hash: Hash
+    received: Count
+    recovered: Count = 0
+    duplicates: Count = 0
+    stale: Count = 0
+    lost: Count = 0
+    missing: Count = 0
+
+
+class ImportList(parts.Content):
+    """The streams a platform imports: the query is without `imports`, the answer with them."""
+
+    imports: Annotated[tuple[ImportAccount, ...], Field(max_length=parts.MAX_LIST)] | None = None
+    more: bool = False

@@ -1,0 +1,220 @@
+"""Acts made reliable on a wire that drops: acknowledgement, retransmission, duplicate suppression.
+
+An act is put again every 200 ms, three times, until it is acknowledged, by a list of numbers that any act of the
+receiver carries or by a receipt. What ends or answers something is worth more patience than a question, which is
+of no use after its reply-by: it is put again every second after that, ten times. Acts to all are put once. A platform that hears an act twice acknowledges it
+twice and acts once.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+from federation import keys
+from federation.messages.acts import Act
+from federation.messages.codec import MAX_ACKS
+from federation.messages.receipts import Receipt, encode_receipt, receipt_key
+from federation.transport import Put, Urgency
+
+RETRANSMIT_US = 200_000
+RETRANSMISSIONS = 3
+SLOW_US = 1_000_000
+SLOW_RETRANSMISSIONS = 10
+UNACKNOWLEDGED = 4096
+WINDOW = 1024
+SENDERS = 512
+SUSPENDED = 256
+
+_MASK = (1 << WINDOW) - 1
+
+
+class SeenActs:
+    """Which acts of one life of a sender have arrived: the greatest number, and a bitmap below it."""
+
+    __slots__ = ("bitmap", "boot", "greatest")
+
+    def __init__(self, boot: int) -> None:
+        self.boot, self.greatest, self.bitmap = boot, -1, 0
+
+    def is_new(self, boot: int, seq: int) -> bool:
+        """Whether this act was not seen before; from now on it was. Earlier lives and very old numbers count as seen."""
+        if boot != self.boot:
+            if boot < self.boot:
+                return False
+            self.boot, self.greatest, self.bitmap = boot, -1, 0
+        if seq > self.greatest:
+            ahead = seq - self.greatest
+            self.bitmap = ((self.bitmap << ahead) & _MASK if ahead < WINDOW else 0) | 1
+            self.greatest = seq
+            return True
+        behind = self.greatest - seq
+        if behind >= WINDOW or self.bitmap >> behind & 1:
+            return False
+        self.bitmap |= 1 << behind
+        return True
+
+
+@dataclass(slots=True)
+class _Pending:
+    act: Act
+    put: Put
+    due_us: int
+    is_patient: bool
+    quick: int = RETRANSMISSIONS
+    slow: int = SLOW_RETRANSMISSIONS
+
+    def again(self, now_us: int) -> bool:
+        """Whether it is put again; then it is due later."""
+        if self.quick:
+            self.quick, self.due_us = self.quick - 1, now_us + RETRANSMIT_US
+        elif self.slow and self.is_patient:
+            self.slow, self.due_us = self.slow - 1, now_us + SLOW_US
+        else:
+            return False
+        return True
+
+
+class Delivery:
+    """Numbers, puts and repeats own acts, and acknowledges those of others. Times are the node clock."""
+
+    def __init__(self, unit: str, boot: int, encode: Callable[[Act], bytes]) -> None:
+        self.unit, self.boot = unit, boot
+        self.counts: Counter[str] = Counter()
+        self._encode = encode
+        self._seq = 0
+        self._pending: dict[tuple[str, int], _Pending] = {}
+        self._due_us: int | None = None
+        self._seen: dict[str, SeenActs] = {}
+        self._owed: dict[str, tuple[int, list[int]]] = {}
+        self._suspended: dict[str, tuple[int | None, list[Act]]] = {}
+
+    @property
+    def next_seq(self) -> int:
+        """The number that the next act gets."""
+        return self._seq + 1
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._due_us
+
+    def send(self, act: Act, now_us: int, *, patient: bool = True) -> tuple[Act, Put]:
+        """Return the numbered act and its first put. Raises ContentError when it cannot be encoded."""
+        receiver = act.receiver.unit
+        acks = tuple(self._owed.get(receiver, (0, ()))[1])
+        numbered = replace(act, boot=self.boot, seq=self._seq + 1, created_us=now_us, acks=acks)
+        put = self._put(numbered, now_us, patient=patient)
+        self._seq += 1
+        self._owed.pop(receiver, None)
+        self.counts["sent"] += 1
+        return numbered, put
+
+    def _put(self, act: Act, now_us: int, *, patient: bool) -> Put:
+        put = Put(act.key, self._encode(act), Urgency.ACT)
+        if act.receiver.unit != keys.EVERYBODY:
+            if len(self._pending) >= UNACKNOWLEDGED:
+                self._give_up(now_us)
+            self._pending[act.receiver.unit, act.seq] = _Pending(act, put, now_us + RETRANSMIT_US, patient)
+            self._wake(now_us + RETRANSMIT_US)
+        return put
+
+    def on_act(self, act: Act) -> bool:
+        """Note an act that arrived and the acknowledgements it carries; False if it was seen before."""
+        sender = act.sender.unit
+        self._acknowledged(sender, act.acks)
+        seen = self._seen.pop(sender, None) or SeenActs(act.boot)
+        self._seen[sender] = seen
+        if len(self._seen) > SENDERS:
+            del self._seen[next(iter(self._seen))]
+        is_new = seen.is_new(act.boot, act.seq)
+        if act.boot == seen.boot and act.receiver.unit != keys.EVERYBODY:
+            self._owe(sender, act.boot, act.seq)
+        self.counts["received" if is_new else "duplicate"] += 1
+        return is_new
+
+    def on_receipt(self, sender: str, receipt: Receipt) -> None:
+        """A bare acknowledgement of `sender`; one of acts of an earlier life of ours is ignored."""
+        if receipt.boot == self.boot:
+            self._acknowledged(sender, receipt.seqs)
+
+    def flush(self) -> list[Put]:
+        """Receipts for what no act of this step acknowledged. Call at the end of a step."""
+        if not self._owed:
+            return []
+        puts = [
+            Put(receipt_key(unit, self.unit), encode_receipt(Receipt(boot, seqs)), Urgency.ACT)
+            for unit, (boot, seqs) in self._owed.items()
+        ]
+        self._owed.clear()
+        return puts
+
+    def on_time(self, now_us: int) -> tuple[list[Put], list[Act]]:
+        """What is put again, and what is given up as undelivered."""
+        if self._due_us is None or now_us < self._due_us:
+            return [], []
+        self._due_us = None
+        puts, undelivered = [], []
+        for name, pending in list(self._pending.items()):
+            if now_us >= pending.due_us:
+                if not pending.again(now_us):
+                    del self._pending[name]
+                    undelivered.append(pending.act)
+                    continue
+                puts.append(pending.put)
+            self._wake(pending.due_us)
+        self.counts["retransmitted"] += len(puts)
+        self.counts["undelivered"] += len(undelivered)
+        return puts, undelivered
+
+    def peer_gone(self, unit: str) -> None:
+        """Nothing more is put to it; answers and ends that it may lack wait for its return."""
+        self._owed.pop(unit, None)
+        waiting = [name for name in self._pending if name[0] == unit]
+        acts = [pending.act for name in waiting if (pending := self._pending.pop(name)).is_patient]
+        if acts:
+            self._suspended[unit] = (self.boot_of(unit), acts[-SUSPENDED:])
+            while len(self._suspended) > SENDERS:
+                del self._suspended[next(iter(self._suspended))]
+
+    def peer_appeared(self, unit: str, boot: int, now_us: int) -> list[Put]:
+        """Life `boot` of a platform is there: if it is the one that went, what it may lack is put again.
+
+        The directory knows which life is there, should its number be less than that of the last.
+        """
+        seen = self._seen.get(unit)
+        if seen is not None and seen.boot != boot:
+            self._seen[unit] = SeenActs(boot)
+        went, acts = self._suspended.pop(unit, (boot, []))
+        return [
+            self._put(replace(act, created_us=now_us, acks=()), now_us, patient=True) for act in acts if went == boot
+        ]
+
+    def boot_of(self, unit: str) -> int | None:
+        """Which life of `unit` spoke last, if any was heard."""
+        seen = self._seen.get(unit)
+        return None if seen is None else seen.boot
+
+    def waiting(self, unit: str) -> int:
+        """How many acts to `unit` are not acknowledged yet."""
+        return sum(receiver == unit for receiver, _ in self._pending)
+
+    def _give_up(self, now_us: int) -> None:
+        """Too much is unacknowledged: the oldest act is not put again, and reported as undelivered."""
+        oldest = next((pending for pending in self._pending.values() if pending.quick or pending.slow), None)
+        if oldest is not None:
+            oldest.quick, oldest.slow, oldest.due_us = 0, 0, now_us
+            self._wake(now_us)
+
+    def _acknowledged(self, sender: str, seqs: Iterable[int]) -> None:
+        for seq in seqs:
+            self._pending.pop((sender, seq), None)
+
+    def _owe(self, sender: str, boot: int, seq: int) -> None:
+        owed = self._owed.get(sender)
+        if owed is None or owed[0] != boot:
+            owed = self._owed[sender] = (boot, [])
+        if len(owed[1]) < MAX_ACKS and seq not in owed[1]:
+            owed[1].append(seq)
+
+    def _wake(self, due_us: int) -> None:
+        if self._due_us is None or due_us < self._due_us:
+            self._due_us = due_us

@@ -1,0 +1,74 @@
+"""What a platform says of itself, as pydantic models: descriptions are rare, and are validated with these."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from dyknow.model.errors import NameRefused
+from federation import keys
+
+
+def _checked(check: Any) -> AfterValidator:
+    def named(value: str) -> str:
+        try:
+            found: str = check(value)
+        except NameRefused as refused:
+            raise ValueError(str(refused)) from None
+        return found
+
+    return AfterValidator(named)
+
+
+Unit = Annotated[str, _checked(keys.unit)]
+AgentWord = Annotated[str, _checked(keys.agent)]
+SemanticLabel = Annotated[str, _checked(keys.label)]
+Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{8}$")]
+Count = Annotated[int, Field(ge=0, le=2**63 - 1)]
+
+
+class DescriptionModel(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class ServiceEntry(DescriptionModel):
+    """A service and the agent that provides it. Private ones are not described outside their platform."""
+
+    agent: AgentWord
+    service: AgentWord
+    visibility: Literal["public", "protected"]
+    version: Count = 1
+
+
+class LabelEntry(DescriptionModel):
+    """A semantic label and the stream behind it; `period_us` is 0 for one without a period."""
+
+    label: SemanticLabel
+    sort: AgentWord
+    type_hash: Hash
+    period_us: Count = 0
+
+
+class Description(DescriptionModel):
+    """Answer of a platform to the question what it offers.
+
+    Attributes:
+        unit: its name.
+        boot: which life of the platform.
+        version: greater after each change; announced in heartbeats.
+        kind: what it is.
+        clock_epoch_us: epoch of the federation's clock, a UTC instant.
+        clock_speed: its speed.
+        roster: fingerprint of the roster it goes by, or None in an open federation.
+        services: public and protected ones.
+        labels: the semantic labels it can export.
+    """
+
+    unit: Unit
+    boot: Count
+    version: Count
+    kind: Literal["uav", "command-centre"]
+    clock_epoch_us: Count = 0
+    clock_speed: Annotated[float, Field(gt=0, le=1e6)] = 1.0
+    roster: Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")] | None = None
+    services: Annotated[tuple[ServiceEntry, ...], Field(max_length=256)] = ()
+    labels: Annotated[tuple[LabelEntry, ...], Field(max_length=256)] = ()

@@ -1,0 +1,60 @@
+"""One conversation that a member opened, as a record of what has come of it."""
+
+from dataclasses import dataclass, field
+
+from federation.messages.acts import Act, Performative
+from federation.messages.contents import Content, Reason
+
+P = Performative
+DECLINED = frozenset({P.REFUSE, P.FAILURE, P.NOT_UNDERSTOOD})
+
+
+@dataclass(slots=True)
+class Dialogue:
+    """What came back from `unit`.
+
+    Attributes:
+        said: the answers with their contents (None: not understood).
+        failed: why no further answer comes, or None.
+        over: whether no further answer comes.
+    """
+
+    unit: str
+    conversation: str = ""
+    said: list[tuple[Act, Content | None]] = field(default_factory=list)
+    failed: str | None = None
+    over: bool = False
+
+    def on_reply(self, act: Act, content: Content | None, is_last: bool, _now_us: int) -> None:
+        """Note an answer."""
+        self.said.append((act, content))
+        self.over = self.over or is_last
+
+    def on_silence(self, why: str, _now_us: int) -> None:
+        """Note that no further answer comes."""
+        self.failed, self.over = why, True
+
+    @property
+    def agreed(self) -> bool:
+        return any(act.performative is P.AGREE for act, _ in self.said)
+
+    @property
+    def results(self) -> list[Content]:
+        """What was informed of, in order."""
+        return [content for act, content in self.said if act.performative is P.INFORM and content is not None]
+
+    @property
+    def refusal(self) -> tuple[Performative, Reason | None] | None:
+        """How it was declined, and why; None if it was not."""
+        for act, content in self.said:
+            if act.performative in DECLINED:
+                return act.performative, content if isinstance(content, Reason) else None
+        return None
+
+    @property
+    def trouble(self) -> str | None:
+        """Why it did not succeed, or None: refusal, failure, not-understood or silence."""
+        if self.refusal is None:
+            return self.failed
+        performative, reason = self.refusal
+        return f"{performative}: {performative if reason is None else reason.text}"

@@ -1,0 +1,292 @@
+"""Authentication: the roster of platforms and keys, signatures, and the window against replays.
+
+Without a roster a federation is open. With one, every act is signed with Ed25519 over its body and the name of the
+federation; the roster says which key speaks for which unit. Private keys are made and kept by edges.
+"""
+
+import tomllib
+from base64 import b64decode, b64encode
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from hashlib import sha256
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
+
+from dyknow.model.errors import NameRefused, RosterError
+from federation import keys
+from federation.messages.acts import Act
+from federation.messages.codec import Signature
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+MAX_AGE_US: Final = 30_000_000
+WINDOW: Final = 1024
+LIVES: Final = 1024
+"""Windows kept for one member: its boots, and the processes of a command centre, of the last minute."""
+KEY_BYTES: Final = 32
+
+Role: TypeAlias = Literal["uav", "command-centre", "observer"]
+ROLES: Final[tuple[Role, ...]] = ("uav", "command-centre", "observer")
+
+Refusal: TypeAlias = Literal[
+    "unsigned",
+    "unknown sender",
+    "revoked",
+    "forged",
+    "too old",
+    "from the future",
+    "before start",
+    "replayed",
+    "too many lives",
+]
+"""Why an act is not listened to. One that was `replayed` is genuine: do not act again, but acknowledge again."""
+
+
+@dataclass(frozen=True, slots=True)
+class RosterMember:
+    """One platform of a roster: its Ed25519 public key (32 bytes), what it may do, and whether it is out.
+
+    A command centre `cc` speaks as `cc`, and as `cc-1`, `cc-2` ... when several of its processes run at once.
+
+    Raises:
+        RosterError: the name cannot be a unit, the key is not one, or the role is unknown.
+    """
+
+    unit: str
+    key: bytes
+    role: Role = "uav"
+    revoked: bool = False
+
+    def __post_init__(self) -> None:
+        try:
+            keys.unit(self.unit)
+        except NameRefused as refused:
+            raise RosterError(str(refused)) from None
+        if len(self.key) != KEY_BYTES:
+            raise RosterError(
+                f"the key of {self.unit} has {len(self.key)} bytes, an Ed25519 public key has {KEY_BYTES}"
+            )
+        if self.role not in ROLES:
+            raise RosterError(f"{self.role!r} is not a role: {', '.join(ROLES)}")
+
+    @property
+    def key_text(self) -> str:
+        return f"ed25519:{b64encode(self.key).decode()}"
+
+
+@dataclass(frozen=True)
+class Roster:
+    """The platforms of a federation and their keys, as `Roster.parse` and `str` read and write them."""
+
+    members: Mapping[str, RosterMember] = field(default_factory=dict)
+
+    @staticmethod
+    def parse(text: str) -> "Roster":
+        """Read the TOML text of a roster.
+
+        Raises:
+            RosterError: what is wrong, and where.
+        """
+        try:
+            tables = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as wrong:
+            raise RosterError(f"the roster is not TOML: {wrong}") from None
+        return Roster({unit: _member(unit, entry) for unit, entry in tables.items()})
+
+    def __str__(self) -> str:
+        parts = [
+            f'[{member.unit}]\nkey = "{member.key_text}"\nrole = "{member.role}"\nrevoked = {str(member.revoked).lower()}\n'
+            for _, member in sorted(self.members.items())
+        ]
+        return "\n".join(parts)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """16 hexadecimal digits that two platforms compare to see whether they go by the same roster."""
+        return sha256(str(self).encode()).hexdigest()[:16]
+
+    def member(self, unit: str) -> RosterMember | None:
+        """Return the member that speaks as `unit`."""
+        found = self.members.get(unit)
+        if found is None:
+            stem, _, number = unit.rpartition("-")
+            found = self.members.get(stem) if number.isdecimal() else None
+            if found is not None and found.role != "command-centre":
+                return None
+        return found
+
+    def added(self, member: RosterMember) -> "Roster":
+        """Raises RosterError if the unit has another key: revoke it first, a key is never replaced silently."""
+        known = self.members.get(member.unit)
+        if known is not None and not known.revoked and known.key != member.key:
+            raise RosterError(f"{member.unit} is in the roster with another key; revoke it first")
+        return Roster({**self.members, member.unit: member})
+
+    def revoked(self, unit: str) -> "Roster":
+        """Raises RosterError if no member has that name."""
+        if unit not in self.members:
+            raise RosterError(
+                f"{unit} is not in the roster, which has {', '.join(sorted(self.members)) or 'no members'}"
+            )
+        return Roster({**self.members, unit: replace(self.members[unit], revoked=True)})
+
+
+def _member(unit: str, entry: Any) -> RosterMember:
+    match entry:
+        case {"key": str(key), **rest} if rest.keys() <= {"role", "revoked"} and isinstance(
+            rest.get("revoked", False), bool
+        ):
+            role: Any = rest.get("role", "uav")
+            return RosterMember(unit, parse_key(key), role, bool(rest.get("revoked", False)))
+        case _:
+            raise RosterError(f'[{unit}] needs key = "ed25519:..." and may have role = "..." and revoked = true')
+
+
+def parse_key(text: str) -> bytes:
+    """The bytes of a public key written `ed25519:<base64>`; raises RosterError."""
+    kind, _, coded = text.partition(":")
+    try:
+        raw = b64decode(coded, validate=True)
+    except ValueError:
+        raw = b""
+    if kind != "ed25519" or len(raw) != KEY_BYTES:
+        raise RosterError(f"{text[:80]!r} is not a key: ed25519: and 32 bytes in base64")
+    return raw
+
+
+def _signed(federation: str, body: bytes) -> bytes:
+    """What is signed: an act of one federation is worth nothing in another with the same roster."""
+    return b"dyknow act 1\0" + federation.encode() + b"\0" + body
+
+
+class Signer:
+    """A platform's own key; call it with the body of an act. `seed` is the private key, 32 bytes."""
+
+    def __init__(self, seed: bytes, federation: str) -> None:
+        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+        if len(seed) != KEY_BYTES:
+            raise RosterError(f"a private key has {KEY_BYTES} bytes, this one {len(seed)}")
+        self._key = Ed25519PrivateKey.from_private_bytes(seed)
+        self._federation = federation
+
+    @property
+    def public_key(self) -> bytes:
+        """What the roster holds."""
+        return self._key.public_key().public_bytes_raw()
+
+    def __call__(self, body: bytes) -> Signature:
+        return self._key.sign(_signed(self._federation, body))
+
+
+class ReplayWindow:
+    """Which of the last `WINDOW` sequence numbers of one sender and boot were seen already."""
+
+    __slots__ = ("_seen", "_top", "last_us")
+
+    def __init__(self) -> None:
+        self._top = -1
+        self._seen = 0
+        self.last_us = 0
+
+    def is_new(self, seq: int) -> bool:
+        """Note `seq`; False if it was noted before or lies before the window."""
+        ahead = seq - self._top
+        if ahead > 0:
+            self._seen = ((self._seen << ahead) | 1) & _MASK if ahead < WINDOW else 1
+            self._top = seq
+            return True
+        bit = 1 << -ahead if -ahead < WINDOW else 0
+        if not bit or self._seen & bit:
+            return False
+        self._seen |= bit
+        return True
+
+
+_MASK: Final = (1 << WINDOW) - 1
+
+
+class Verifier:
+    """Judges received acts by a roster. Times are the node clock.
+
+    What was sent before this platform started is refused: the windows of an earlier life are gone.
+    """
+
+    def __init__(self, roster: Roster, federation: str, started_us: int) -> None:
+        self.roster = roster
+        self._federation, self._started_us = federation, started_us
+        self._public: dict[bytes, Ed25519PublicKey] = {}
+        self._windows: dict[str, dict[tuple[str, int], ReplayWindow]] = {}
+
+    def check(
+        self, act: Act, signature: Signature | None, body: bytes, now_us: int, *, offset_us: int = 0
+    ) -> Refusal | None:
+        """Why the act must not be carried out, or None.
+
+        Args:
+            act: what was decoded.
+            signature: that came with it.
+            body: the bytes it is over, as `decode_act` returned them.
+            now_us: when it arrived.
+            offset_us: the sender's clock minus ours, as estimated.
+        """
+        if signature is None:
+            return "unsigned"
+        member = self.roster.member(act.sender.unit)
+        if member is None:
+            return "unknown sender"
+        if member.revoked:
+            return "revoked"
+        if not self._is_genuine(member.key, signature, body):
+            return "forged"
+        said_us = act.created_us - offset_us
+        if abs(now_us - said_us) > MAX_AGE_US:
+            return "too old" if said_us < now_us else "from the future"
+        if said_us < self._started_us:
+            return "before start"
+        return self._replay(member, act, now_us)
+
+    def _is_genuine(self, key: bytes, signature: Signature, body: bytes) -> bool:
+        from cryptography.exceptions import InvalidSignature
+        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+        public = self._public.get(key)
+        try:
+            if public is None:
+                public = self._public[key] = Ed25519PublicKey.from_public_bytes(key)
+            public.verify(signature, _signed(self._federation, body))
+        except (InvalidSignature, ValueError):
+            return False
+        return True
+
+    def _replay(self, member: RosterMember, act: Act, now_us: int) -> Refusal | None:
+        windows = self._windows.setdefault(member.unit, {})
+        life = act.sender.unit, act.boot
+        window = windows.get(life)
+        if window is None:
+            for other in [other for other, old in windows.items() if now_us - old.last_us > 2 * MAX_AGE_US]:
+                del windows[other]  # whatever it has seen is too old by now
+            if len(windows) >= LIVES:
+                return "too many lives"
+            window = windows[life] = ReplayWindow()
+        window.last_us = now_us
+        return None if window.is_new(act.seq) else "replayed"
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """How one member signs its acts and checks those of others; without one, the federation is open."""
+
+    roster: Roster
+    signer: Signer
+    verifier: Verifier
+
+    @staticmethod
+    def of(roster: Roster, seed: bytes, federation: str, started_us: int) -> "Trust":
+        """The trust of a member whose private key is `seed` (32 bytes) and that started at `started_us` (node clock).
+
+        Raises:
+            RosterError: the key is not one.
+        """
+        return Trust(roster, Signer(seed, federation), Verifier(roster, federation, started_us))

@@ -1,0 +1,306 @@
+"""What semantic labels mean, and how a platform's own labels and units translate into them (thesis 9.3.3)."""
+
+import re
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from hashlib import sha256
+from importlib.resources import files
+from typing import Any, TypeAlias
+
+from dyknow.model.errors import DyknowError, NameRefused, TextError, UnknownLabel
+from dyknow.model.labels import Label
+from dyknow.model.sample import Value
+from dyknow.model.values import NO_VALUE, Field, NoValue, Sort
+from federation import keys
+
+Convert: TypeAlias = Callable[[Value], Value]
+
+_FIELD = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
+
+# unit: (dimension, factor to the first unit of the dimension, offset)
+_UNITS: Mapping[str, tuple[str, float, float]] = {
+    "m": ("length", 1.0, 0.0),
+    "mm": ("length", 1e-3, 0.0),
+    "cm": ("length", 1e-2, 0.0),
+    "km": ("length", 1e3, 0.0),
+    "ft": ("length", 0.3048, 0.0),
+    "nmi": ("length", 1852.0, 0.0),
+    "m/s": ("speed", 1.0, 0.0),
+    "cm/s": ("speed", 1e-2, 0.0),
+    "km/h": ("speed", 1 / 3.6, 0.0),
+    "kt": ("speed", 1852 / 3600, 0.0),
+    "ft/s": ("speed", 0.3048, 0.0),
+    "ft/min": ("speed", 0.3048 / 60, 0.0),
+    "deg": ("angle", 1.0, 0.0),
+    "rad": ("angle", 57.29577951308232, 0.0),
+    "degE7": ("angle", 1e-7, 0.0),
+    "cdeg": ("angle", 1e-2, 0.0),
+    "fraction": ("share", 1.0, 0.0),
+    "percent": ("share", 1e-2, 0.0),
+    "s": ("time", 1.0, 0.0),
+    "ms": ("time", 1e-3, 0.0),
+    "us": ("time", 1e-6, 0.0),
+    "m/s2": ("acceleration", 1.0, 0.0),
+    "g": ("acceleration", 9.80665, 0.0),
+    "V": ("voltage", 1.0, 0.0),
+    "mV": ("voltage", 1e-3, 0.0),
+    "degC": ("temperature", 1.0, 0.0),
+    "K": ("temperature", 1.0, -273.15),
+    "degF": ("temperature", 5 / 9, -160 / 9),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class SemanticLabel:
+    """One word of the ontology: `sort` has its fields and their units, `meaning` is for users."""
+
+    name: str
+    sort: Sort
+    meaning: str
+
+    @property
+    def type_hash(self) -> str:
+        """Eight hexadecimal digits that two platforms compare before they exchange the label."""
+        fields = ",".join(f"{field.name}:{field.unit}" for field in self.sort.fields)
+        return sha256(f"{self.name} {self.sort.name}({fields})".encode()).hexdigest()[:8]
+
+    def check(self, value: Value) -> None:
+        """Raises SortError if `value` is not of the sort, nor `no_value`."""
+        self.sort.check(value)
+
+
+class Ontology:
+    """Semantic labels by name; `ontology[name]` raises UnknownLabel for an unknown one."""
+
+    def __init__(self, labels: Mapping[str, SemanticLabel]) -> None:
+        self._labels = dict(labels)
+
+    def __getitem__(self, name: str) -> SemanticLabel:
+        try:
+            return self._labels[name]
+        except KeyError:
+            raise UnknownLabel(name, tuple(self._labels)) from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._labels
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._labels)
+
+    def __len__(self) -> int:
+        return len(self._labels)
+
+    def extended(self, text: str, file: str = "") -> "Ontology":
+        """This ontology with the labels of a TOML text; what both have, must be the same.
+
+        Raises:
+            TextError: the text is not TOML, or a label in it is not described as in ontology.toml.
+        """
+        added = {name: _semantic_label(name, entry, text, file) for name, entry in _toml(text, file).items()}
+        for name in added.keys() & self._labels.keys():
+            if added[name].type_hash != self._labels[name].type_hash:
+                raise _wrong(f"{name} is {self._labels[name].sort} already", name, text, file)
+        return Ontology({**self._labels, **added})
+
+
+@cache
+def default_ontology() -> Ontology:
+    """The labels of ontology.toml, which comes with this package."""
+    return Ontology({}).extended(
+        files("federation.sharing").joinpath("ontology.toml").read_text("utf-8"), "ontology.toml"
+    )
+
+
+def _toml(text: str, file: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as wrong:
+        place = re.search(r"line (\d+), column (\d+)", str(wrong))
+        line, column = (int(place[1]), int(place[2])) if place else (1, 1)
+        raise TextError(str(wrong), text=text, line=line, column=column, file=file) from None
+
+
+def _wrong(message: str, name: str, text: str, file: str) -> TextError:
+    """The error about the table `name`, which points at where the text first says the name."""
+    at = max(text.find(name), 0)
+    line, column = text.count("\n", 0, at) + 1, at - text.rfind("\n", 0, at)
+    return TextError(message, text=text, line=line, column=column, width=len(name), file=file)
+
+
+def _semantic_label(name: str, entry: Any, text: str, file: str) -> SemanticLabel:
+    match entry:
+        case {"sort": str(sort), "meaning": str(meaning), "fields": dict(fields), **rest} if fields and not rest:
+            pass
+        case _:
+            raise _wrong(f"{name} needs a sort, a meaning and fields, and nothing else", name, text, file)
+    try:
+        keys.label(name)
+        keys.agent(sort)
+    except NameRefused as refused:
+        raise _wrong(str(refused), name, text, file) from None
+    for field, unit in fields.items():
+        if not _FIELD.fullmatch(field) or not isinstance(unit, str):
+            raise _wrong(f'{field!r} of {name} cannot be a field: name = "unit"', name, text, file)
+    return SemanticLabel(name, Sort(sort, tuple(Field(field, unit) for field, unit in fields.items())), meaning)
+
+
+def convert_units(source: str, target: str) -> Callable[[float], float]:
+    """The function from a number in one unit to the number in another.
+
+    Raises:
+        DyknowError: there is none, since they measure different things or one is not known.
+    """
+    if source == target:
+        return float
+    if source not in _UNITS or target not in _UNITS or _UNITS[source][0] != _UNITS[target][0]:
+        raise DyknowError(f"{source!r} does not convert to {target!r}; known units: {', '.join(_UNITS)}")
+    (_, source_factor, source_offset), (_, target_factor, target_offset) = _UNITS[source], _UNITS[target]
+    scale, shift = source_factor / target_factor, (source_offset - target_offset) / target_factor
+    return lambda number: number * scale + shift
+
+
+@dataclass(frozen=True, slots=True)
+class LocalField:
+    """Where a platform keeps one field of a semantic label: its own name, unit and sign."""
+
+    name: str
+    unit: str
+    negated: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class LocalLabel:
+    """How a platform calls a semantic label.
+
+    Attributes:
+        template: the local label; `{unit}` stands for the platform the stream is about.
+        sort: what the platform calls the sort.
+        fields: one for each field of the ontology's sort, by its name there, in the platform's own order.
+    """
+
+    template: str
+    sort: str
+    fields: Mapping[str, LocalField]
+
+
+class Translation:
+    """Semantic labels <-> the labels and units of one platform.
+
+    A label that is not mentioned is called as in the ontology, `heli-altitude[0]`, and has its units.
+    """
+
+    def __init__(self, ontology: Ontology, local: Mapping[str, LocalLabel] | None = None) -> None:
+        self.ontology = ontology
+        self._local = dict(local or {})
+
+    @staticmethod
+    def parse(ontology: Ontology, text: str, file: str = "") -> "Translation":
+        """Read a TOML text such as
+
+            [heli-altitude]
+            local = "alt_baro[{unit}]"
+            fields = { altitude_m = { name = "alt_ft", unit = "ft" } }
+
+        Raises:
+            TextError: it is not TOML, the ontology lacks a label or field, or a unit does not convert.
+        """
+        local: dict[str, LocalLabel] = {}
+        for name, entry in _toml(text, file).items():
+            if name not in ontology:
+                raise _wrong(f"{name} is not in the ontology, which has {', '.join(ontology)}", name, text, file)
+            try:
+                local[name] = _local_label(ontology[name], entry)
+            except DyknowError as wrong:
+                raise _wrong(f"{name}: {wrong}", name, text, file) from None
+        return Translation(ontology, local)
+
+    def _entry(self, semantic_label: str) -> LocalLabel:
+        known = self._local.get(semantic_label)
+        return known if known is not None else _default_local(self.ontology[semantic_label])
+
+    def local_label(self, semantic_label: str, unit: str) -> Label:
+        """What this platform calls `semantic_label` of `unit`; raises UnknownLabel."""
+        return Label.parse(self._entry(semantic_label).template.replace("{unit}", keys.unit(unit)))
+
+    def semantic_label(self, local: Label, unit: str) -> str | None:
+        """The semantic label that this platform calls `local` when it is about `unit`."""
+        return next((name for name in self.ontology if self.local_label(name, unit) == local), None)
+
+    def local_sort(self, semantic_label: str) -> Sort:
+        """The sort of the local stream: the platform's field names, units and order."""
+        entry = self._entry(semantic_label)
+        return Sort(entry.sort, tuple(Field(field.name, field.unit) for field in entry.fields.values()))
+
+    def to_semantic(self, semantic_label: str) -> Convert:
+        """The function from values of the local stream to values of the semantic label."""
+        fields = self.ontology[semantic_label].sort.fields
+        entry = self._entry(semantic_label).fields
+        order = list(entry)
+        return _converter(
+            [
+                (order.index(field.name), entry[field.name].unit, field.unit, entry[field.name].negated)
+                for field in fields
+            ]
+        )
+
+    def to_local(self, semantic_label: str) -> Convert:
+        """The function from values of the semantic label to values of the local stream."""
+        fields = {field.name: at for at, field in enumerate(self.ontology[semantic_label].sort.fields)}
+        units = {field.name: field.unit for field in self.ontology[semantic_label].sort.fields}
+        entry = self._entry(semantic_label).fields
+        return _converter([(fields[name], units[name], own.unit, own.negated) for name, own in entry.items()])
+
+
+def _converter(steps: list[tuple[int, str, str, bool]]) -> Convert:
+    """Of (position in the source, its unit, unit in the target, negated), one for each field of the target."""
+    if all(
+        at == place and source == target and not negated for place, (at, source, target, negated) in enumerate(steps)
+    ):
+        return lambda value: value
+    numbers = [(at, convert_units(source, target), -1.0 if negated else 1.0) for at, source, target, negated in steps]
+
+    def convert(value: Value) -> Value:
+        if value is NO_VALUE:
+            return value
+        return tuple([_number(value[at], convert_one, sign) for at, convert_one, sign in numbers])
+
+    return convert
+
+
+def _number(value: Value, convert: Callable[[float], float], sign: float) -> Value:
+    return value if isinstance(value, NoValue) else sign * convert(value)
+
+
+def _default_local(label: SemanticLabel) -> LocalLabel:
+    fields = {field.name: LocalField(field.name, field.unit) for field in label.sort.fields}
+    return LocalLabel(f"{label.name}[{{unit}}]", label.sort.name, fields)
+
+
+def _local_label(label: SemanticLabel, entry: Any) -> LocalLabel:
+    plain = _default_local(label)
+    match entry:
+        case {**known} if known.keys() <= {"local", "sort", "fields"}:
+            template, sort = known.get("local", plain.template), known.get("sort", plain.sort)
+            given = known.get("fields", {})
+        case _:
+            raise DyknowError("a label has only local, sort and fields")
+    if not isinstance(template, str) or not isinstance(sort, str) or not isinstance(given, dict):
+        raise DyknowError('local and sort are texts, fields a table { field = { name = "...", unit = "..." } }')
+    Label.parse(template.replace("{unit}", "0"))
+    unknown = given.keys() - plain.fields.keys()
+    if unknown:
+        raise DyknowError(f"it has no field {', '.join(sorted(unknown))}; its fields are {', '.join(plain.fields)}")
+    fields = {name: _local_field(name, plain.fields[name], given.get(name, {})) for name in [*given, *plain.fields]}
+    return LocalLabel(template, sort, fields)
+
+
+def _local_field(name: str, plain: LocalField, given: Any) -> LocalField:
+    if not isinstance(given, dict) or not given.keys() <= {"name", "unit", "negated"}:
+        raise DyknowError(f"{name}: a field has only name, unit and negated")
+    own = LocalField(given.get("name", plain.name), given.get("unit", plain.unit), given.get("negated", False))
+    if not isinstance(own.name, str) or not isinstance(own.unit, str) or not isinstance(own.negated, bool):
+        raise DyknowError(f"{name}: name and unit are texts, negated is true or false")
+    convert_units(own.unit, plain.unit)
+    return own

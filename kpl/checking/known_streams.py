@@ -1,0 +1,162 @@
+"""Which streams there are, of which sort, and of what they are made: declared, or there without the specification."""
+
+from collections.abc import Collection, Mapping
+from functools import cached_property
+from typing import Final, NamedTuple
+
+from dyknow.model.labels import Label
+from dyknow.model.values import Sort
+from kpl.checking.declarations import NOTHING, Declarations, MadeGenerator, fit, is_pattern, stem
+from kpl.diagnostics.collector import nearest
+from kpl.syntax import specification as spec
+from reasoning.features.derivation import FEATURES
+
+STATE: Final = "state"
+ANY: Final = "?"
+"""How the sorts begin that stand for any: a unit with such a sort that is not declared is reported where it is made."""
+_NONE: Final[Mapping[str, str]] = {}
+
+
+class Known(NamedTuple):
+    """What is there without the specification.
+
+    Attributes:
+        sorts: the names of all sorts; None: any name is a sort.
+        sources: sorts of sources that need no declaration, by name.
+        units: sort and input sorts of computational units that need no declaration, by name.
+        labels: sorts of generators that are there already.
+        semantic: sorts of the ontology's semantic labels, by name; None: any name is one.
+        running: declarations that a running instance holds already.
+        figures: features of one object that an instance says of itself.
+        values: what the values of sorts are; those of others are unchecked.
+        offered: names of what else sources and units can be made from.
+        unread: words of statements that could not be read: nothing called so is missing.
+    """
+
+    sorts: Collection[str] | None = None
+    sources: Mapping[str, str] = _NONE
+    units: Mapping[str, tuple[str, tuple[str, ...]]] = {}
+    labels: Mapping[Label, str] = {}
+    semantic: Mapping[str, str] | None = None
+    running: Collection[spec.Declaration] = ()
+    figures: Collection[str] = ()
+    values: Mapping[str, Sort] = {}
+    offered: Collection[str] = ()
+    unread: Collection[str] = ()
+
+
+class Streams:
+    """The streams that are declared, and those that are known."""
+
+    def __init__(self, declared: Declarations, known: Known) -> None:
+        self.declared, self.known = declared, known
+        self._sorts: dict[int, str | None] = {}
+        self._known_by_stem: dict[str, list[Label]] = {}
+        for label in known.labels:
+            self._known_by_stem.setdefault(stem(label), []).append(label)
+
+    @cached_property
+    def derived(self) -> frozenset[str]:
+        """The features that are derived in a federation, without those that streams of values here are called like."""
+
+        def is_value(made: MadeGenerator) -> bool:
+            record = self.record(made.label, made.variables)
+            return record is None or not record.fields
+
+        return frozenset(name for name in FEATURES if not any(map(is_value, self.declared.of_feature(name))))
+
+    def derives(self, label: Label) -> bool:
+        """Whether it is a derived feature, with as many units as it takes."""
+        return label.feature in self.derived and FEATURES[label.feature].arity == len(label.objects)
+
+    def source(self, name: str) -> str | None:
+        """The sort of a source."""
+        declared = self.declared.maker(name)
+        return declared.sort if isinstance(declared, spec.SourceDeclaration) else self.known.sources.get(name)
+
+    def unit(self, name: str) -> tuple[str, tuple[str, ...]] | None:
+        """Sorts of a unit and of its inputs."""
+        declared = self.declared.maker(name)
+        return (
+            (declared.sort, declared.inputs)
+            if isinstance(declared, spec.UnitDeclaration)
+            else self.known.units.get(name)
+        )
+
+    def has(self, label: Label, variables: frozenset[str] = NOTHING) -> bool:
+        """Whether it has a producer, or what it is an attribute of has."""
+        whole = label._replace(feature=stem(label))
+        for made in self.declared.makers(label, variables):
+            is_of_all = isinstance(made.made, spec.Link)
+            if made.label.feature == label.feature or is_of_all or fit(whole, variables, made.label, made.variables):
+                return True
+        if label in self.known.labels and not is_pattern(label, variables):
+            return True
+        return any(fit(label, variables, known, NOTHING) for known in self._known_by_stem.get(stem(label), ()))
+
+    def has_feature(self, feature: str) -> bool:
+        """Whether there are streams of that feature, of whatever objects."""
+        return feature in self._known_by_stem or any(True for _ in self.declared.of_feature(feature))
+
+    def sort_of(self, label: Label, variables: frozenset[str] = NOTHING) -> str | None:
+        """The sort of a stream; None when it is not known, or not one."""
+        return self._sort_of(label, variables, frozenset())
+
+    def record(self, label: Label, variables: frozenset[str] = NOTHING) -> Sort | None:
+        """What the values of `label`, or of what it is an attribute of, are known to be; None if they are unchecked."""
+        if label.feature in self.known.figures:
+            return None
+        whole = label._replace(feature=stem(label))
+        makers = list(self.declared.makers(whole, variables))
+        sorts = {self._made_sort(made, frozenset()) for made in makers} or {self.known.labels.get(whole)}
+        name = sorts.pop()
+        return None if sorts or name is None else self.known.values.get(name)
+
+    def lacks(self, label: Label, variables: frozenset[str] = NOTHING) -> tuple[str, str] | None:
+        """What is wrong with an attribute that the values of a stream are known not to have, and which they have."""
+        whole, attribute = label._replace(feature=stem(label)), label.feature.partition(".")[2]
+        record = self.record(label, variables) if attribute else None
+        if record is None or any(made.label.feature == label.feature for made in self.declared.makers(label)):
+            return None
+        names = [each.name for each in record.fields]
+        if attribute in names:
+            return None
+        near = nearest(attribute, names, names[0] if names else "", cutoff=0)
+        repair = label._replace(feature=f"{whole.feature}.{near}") if near else whole
+        has = f"it has {', '.join(names)}" if names else "it is one value"
+        return f"{whole} is of sort {record.name}, which has no field {attribute}; {has}", str(repair)
+
+    def names_no_objects(self, label: Label, variables: frozenset[str] = NOTHING) -> str:
+        """What is wrong with a stream of members whose values are known not to name any."""
+        sort = self.sort_of(label, variables)
+        values = None if sort is None else self.known.values.get(sort)
+        if values is None or all(each.unit == "text" for each in values.fields):
+            return ""
+        return f"the values of {label} are of sort {sort}, and name no objects"
+
+    def _sort_of(self, label: Label, variables: frozenset[str], under: frozenset[int]) -> str | None:
+        for made in self.declared.makers(label, variables):
+            return None if made.label.feature != label.feature or id(made) in under else self._made_sort(made, under)
+        if label in self.known.labels or not self.derives(label):
+            return self.known.labels.get(label)
+        return FEATURES[label.feature].sort
+
+    def _made_sort(self, made: MadeGenerator, under: frozenset[int]) -> str | None:
+        if id(made) not in self._sorts:
+            self._sorts[id(made)] = self._found_sort(made, under | {id(made)})
+        return self._sorts[id(made)]
+
+    def _found_sort(self, made: MadeGenerator, under: frozenset[int]) -> str | None:
+        if isinstance(made.node, spec.Import):
+            return (self.known.semantic or _NONE).get(made.node.semantic)
+        match made.made:
+            case spec.FromSource(source):
+                return self.source(source)
+            case spec.Refinement(unit):
+                found = self.unit(unit)
+                return None if found is None or found[0].startswith(ANY) else found[0]
+            case spec.StateStream():
+                return STATE
+            case spec.Select(term, variable) | spec.Merge(term, variable):
+                return self._sort_of(term.label, made.variables | {variable}, under)
+        return None

@@ -1,0 +1,58 @@
+"""Formulas that are right as they stand and yet hardly meant (thesis 7.9), each with a formula that says more.
+
+A bare `always` over what a sensor says is violated by one wrong sample; `eventually` or `exists` over an implication
+holds as soon as its left side is false. That `always A -> B` reads as `(always A) -> B` is an error already (`parsing.py`).
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any, Final, NamedTuple
+
+from kpl.syntax.printing import print_formula
+from reasoning.formulas import tree
+
+SETTLES_US: Final = 500_000
+"""What the repair gives a value to come back; to be chosen for the sensor."""
+
+
+class Remark(NamedTuple):
+    """The message about a node, and what may have been meant."""
+
+    node: tree.Node
+    message: str
+    repair: str
+
+
+def remarks(
+    formula: tree.Formula, is_noisy: Callable[[tree.Feature], bool] = lambda _feature: True
+) -> Iterator[Remark]:
+    """Everything there is to say; `is_noisy` tells which features are values as a sensor gives them."""
+    for node in tree.walk(formula):
+        if isinstance(node, tree.Always) and node.hi_us is None and not tree.is_temporal(node.operand):
+            noisy = [one for one in _measured(node.operand) if is_noisy(one)]
+            if noisy:
+                feature = min(noisy, key=lambda one: one.place.start)
+                message = f"one wrong sample of {feature.name} violates this; what counts only if it lasts"
+                yield Remark(node, message, print_formula(replace(node, operand=_lasting(node.operand))))
+        elif isinstance(node, tree.Eventually | tree.Exists):
+            inside = node.operand if isinstance(node, tree.Eventually) else node.body
+            if isinstance(inside, tree.Implies):
+                name = "eventually" if isinstance(node, tree.Eventually) else "exists"
+                meant: Any = tree.And((inside.left, inside.right))
+                part = {"operand": meant} if isinstance(node, tree.Eventually) else {"body": meant}
+                message = f"this {name} holds as soon as the left side of its -> is false"
+                yield Remark(node, message, print_formula(replace(node, **part)))
+
+
+def _measured(formula: tree.Formula) -> Iterator[tree.Feature]:
+    """Features that are compared by size: what can be a little wrong."""
+    for node in tree.walk(formula):
+        if isinstance(node, tree.Compare) and node.operator not in {"=", "!="}:
+            yield from (one for one in tree.walk(node) if isinstance(one, tree.Feature))
+
+
+def _lasting(operand: tree.Formula) -> tree.Formula:
+    """The operand, to hold again within a time; for each member by itself."""
+    if isinstance(operand, tree.Forall):
+        return replace(operand, body=_lasting(operand.body))
+    return tree.Eventually(operand, 0, SETTLES_US)

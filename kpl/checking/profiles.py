@@ -1,0 +1,29 @@
+"""Formulas of named profiles, and what names mean to formulas over units."""
+
+from collections.abc import Mapping
+
+from dyknow.model.instants import parse_duration
+from kpl.checking.formulas import Constant, FeatureType, Vocabulary, read_formula
+from reasoning.features.derivation import FEATURES
+from reasoning.formulas.tree import Duration, Formula
+from reasoning.monitoring.profiles import Profile, Threshold
+
+
+def unit_vocabulary(unit: str, constants: Mapping[str, Constant] | None = None) -> Vocabulary:
+    """What names mean on the platform `unit`: the derived features, the domain `units`, and `self`."""
+    features = {name: FeatureType(feature.arity, feature.sort) for name, feature in FEATURES.items()}
+    return Vocabulary(features, domains=("units",), constants={**(constants or {}), "self": unit})
+
+
+def profile_formula(profile: Profile, unit: str) -> Formula:
+    """The formula of a profile for the platform `unit`, its thresholds put in.
+
+    Raises:
+        TextError: if the text of the profile is wrong.
+    """
+    constants = {name: _constant(value) for name, value in profile.thresholds.items()}
+    return read_formula(profile.formula, unit_vocabulary(unit, constants), profile.name)
+
+
+def _constant(value: Threshold) -> Constant:
+    return Duration(parse_duration(value)) if isinstance(value, str) else value

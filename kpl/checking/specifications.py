@@ -1,0 +1,295 @@
+"""Does a specification make a network? Names, arities, sorts, cycles, and what is unreachable (thesis 4.4, 4.5).
+
+Labels of members (`pos[car]` in `for car in ...`, select and merge) stand for all labels that they can become.
+"""
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+from dyknow.model.errors import TextError
+from dyknow.model.labels import Label
+from kpl.checking import declarations
+from kpl.checking.error_collector import DeclarationErrors
+from kpl.checking.formulas_in_context import FormulaChecker
+from kpl.checking.known_streams import ANY, Known, Streams
+from kpl.checking.warnings import warnings_of
+from kpl.syntax import specification as spec
+from reasoning.formulas.tree import Node
+
+LONGEST_CHAIN = 64
+"""Samples flow by plain calls: this is the longest chain of processes."""
+WORDS = ("state", "select", "merge", "link")
+
+
+class Findings(NamedTuple):
+    """Errors and warnings about a specification, each in the order of the text."""
+
+    errors: tuple[TextError, ...]
+    warnings: tuple[TextError, ...]
+
+
+def check_specification(
+    specification: Iterable[spec.Declaration], known: Known | None = None, text: str = "", file: str = ""
+) -> Findings:
+    """Look at all declarations together; `text` and `file` are what they were read from, for the drawing of errors."""
+    every = tuple(specification)
+    checker = _Checker(declarations.Declarations(every), known or Known(), text, file)
+    checker.check(every, every)
+    known = checker.known
+    warnings = warnings_of(every, checker.declared, known.labels, known.figures, checker)
+    return Findings(_in_order(checker.errors), _in_order(warnings))
+
+
+def check_change(
+    declared: declarations.Declarations,
+    gone: Sequence[spec.Declaration],
+    new: Sequence[spec.Declaration],
+    known: Known,
+    text: str = "",
+    file: str = "",
+) -> tuple[TextError, ...]:
+    """What is wrong with `declared` now that these have gone and come, if nothing was before: as if all were looked at.
+
+    Looked at is what is new, and what depends on what changed.
+    """
+    touched = {id(each): each for each in new}
+    waiting = [*gone, *new]
+    while waiting:
+        changed = waiting.pop()
+        for each in declared.dependent(changed):
+            if id(each) not in touched:
+                touched[id(each)] = each
+                waiting.append(each)  # its sort may be another one now, and chains through it longer
+    checker = _Checker(declared, known, text, file)
+    checker.check(new, tuple(touched.values()))
+    return _in_order(checker.errors)
+
+
+class _Checker(DeclarationErrors):
+    def __init__(self, declared: declarations.Declarations, known: Known, text: str, file: str) -> None:
+        super().__init__(text, file)
+        self.declared, self.known = declared, known
+        self.streams = Streams(declared, known)
+
+    @cached_property
+    def _formulas(self) -> FormulaChecker:
+        return FormulaChecker(self.streams, self)
+
+    def check(self, new: Sequence[spec.Declaration], touched: Sequence[spec.Declaration]) -> None:
+        """`new` are from the text, the others that are touched run already."""
+        from_text = {id(each) for each in new}
+        for each in touched:
+            self.of, self.is_old = each, id(each) not in from_text
+            if not self.is_old:
+                self._check_names(each)
+                self._check(each)
+            self._check_making(each)
+            self._check_inputs(each)
+            if isinstance(each, spec.Define | spec.MonitorDeclaration):
+                self._formulas.look_at(each)
+        self.of = None
+        self._check_chains(touched, from_text)
+
+    # Names
+
+    def _check_names(self, declaration: spec.Declaration) -> None:
+        for kind, name in declarations.names_of(declaration):
+            before = next(iter(self.declared.named[kind, name].values()))
+            said = name[0] if isinstance(name, tuple) and not isinstance(name, Label) else name
+            if before is not declaration:
+                where = "the running instance" if before in self.known.running else f"line {before.place.line}"
+                self.wrong(f"{said} is {kind} already, in {where}", declaration, "another name")
+            elif (kind == declarations.GENERATOR and name in self.known.labels) or (
+                kind == declarations.MAKER and self._is_other(declaration)
+            ):
+                self.wrong(f"{said} is {kind} already, in the running instance", declaration, "another name")
+
+    def _is_other(self, declaration: spec.Declaration) -> bool:
+        """Whether there is a unit under the name of a source, or a source under that of a unit."""
+        if isinstance(declaration, spec.SourceDeclaration):
+            return declaration.name in self.known.units
+        return isinstance(declaration, spec.UnitDeclaration) and declaration.name in self.known.sources
+
+    # declarations.Declarations, one by one
+
+    def _check(self, declaration: spec.Declaration) -> None:
+        match declaration:
+            case spec.SourceDeclaration(sort, _):
+                self._sort(sort, declaration)
+            case spec.UnitDeclaration(sort, _, inputs):
+                for each in dict.fromkeys((sort, *inputs)):
+                    self._sort(each, declaration)
+            case spec.ForEach(variable, _, body):
+                if variable not in body.label.objects:
+                    self.wrong(
+                        f"every member of the stream would make {body.label}",
+                        body,
+                        f"{body.label.feature}[{', '.join((variable, *body.label.objects))}]",
+                    )
+            case spec.Import(semantic) | spec.Export(semantic):
+                if self.known.semantic is not None and semantic not in self.known.semantic:
+                    some = ", ".join(sorted(self.known.semantic)[:8])
+                    repair = self.closest(semantic, self.known.semantic) or f"one that it has, such as {some}"
+                    self.wrong(f"the ontology has no label {semantic}", declaration, repair)
+
+    def _check_making(self, declaration: spec.Declaration) -> None:
+        match made := spec.making_of(declaration):
+            case spec.FromSource(source):
+                self._from_source(source, made)
+            case spec.Refinement(unit, inputs):
+                self._unit(unit, len(inputs), made)
+            case spec.Link(_, unit):
+                self._unit(unit, 1, made)
+            case spec.Select(term, variable) | spec.Merge(term, variable):
+                if variable not in term.label.objects:
+                    self.wrong(
+                        f"{term.label} is the same for every {variable}", made, f"{term.label.feature}[{variable}]"
+                    )
+
+    def _from_source(self, source: str, made: Node) -> None:
+        if self.streams.source(source) is not None or source in self.known.unread:
+            return
+        declared = self.streams.unit(source)
+        sources = (*self.declared.sources(), *self.known.sources, *self.known.offered)
+        if declared is not None:
+            self.wrong(f"{source} is a unit, which takes streams", made, f"{source}({', '.join(declared[1])})")
+        elif any(True for _ in self.declared.makers(Label(source))):
+            units = [*self.declared.units(), "Unit"]
+            self.wrong(f"{source} is a stream, and no source: units take streams", made, f"{units[0]}({source})")
+        else:
+            repair = self.closest(source, sources) or f"source SORT {source}, before it"
+            self.wrong(f"{source} is no source that is declared", made, repair)
+
+    def _unit(self, unit: str, arity: int, made: Node) -> None:
+        declared = self.streams.unit(unit)
+        if unit in self.known.unread:
+            return
+        if declared is None:
+            is_source = self.streams.source(unit) is not None
+            kind = "a source, which takes no streams" if is_source else "no computational unit that is declared"
+            units = (*self.declared.units(), *self.known.units, *self.known.offered, *WORDS)
+            repair = unit if is_source else self.closest(unit, units)
+            sorts = ", ".join(["SORT"] * arity)
+            self.wrong(f"{unit} is {kind}", made, repair or f"compunit SORT {unit}({sorts}), before it")
+        elif len(declared[1]) != arity:
+            takes = ", ".join(declared[1])
+            self.wrong(
+                f"{unit} takes {len(declared[1])} stream{'s' * (len(declared[1]) != 1)} ({takes}), not {arity}",
+                made,
+                f"{unit}({takes})",
+            )
+
+    def _sort(self, sort: str, node: Node) -> None:
+        if self.known.sorts is not None and sort not in self.known.sorts:
+            self.wrong(f"there is no sort {sort}", node, self.closest(sort, self.known.sorts))
+
+    # Inputs: are they there, and of the right sort
+
+    def _check_inputs(self, declaration: spec.Declaration) -> None:
+        for need in declarations.needs_of(declaration):
+            self._present(need.term, need.variables)
+        if isinstance(declaration, spec.ForEach):
+            self._names_objects(declaration.domain, frozenset())
+        made = spec.making_of(declaration)
+        if isinstance(made, spec.Select | spec.Merge):
+            self._names_objects(made.domain, self.declared.made[id(declaration)].variables)
+        elif isinstance(made, spec.Refinement):
+            self._check_sorts(made, self.declared.made[id(declaration)].variables)
+
+    def _check_sorts(self, made: spec.Refinement, variables: frozenset[str]) -> None:
+        declared = self.streams.unit(made.unit)
+        if declared is None or len(declared[1]) != len(made.inputs):
+            return
+        for wanted, term in zip(declared[1], made.inputs, strict=True):
+            sort = self.streams.sort_of(term.label, variables)
+            if sort is not None and sort != wanted and not wanted.startswith(ANY):
+                self.wrong(f"{made.unit} takes {wanted} here; {term.label} is {sort}", term, f"a stream of {wanted}")
+
+    def _present(self, term: spec.StreamTerm, variables: frozenset[str]) -> None:
+        label = term.label
+        if label.feature in self.known.figures and len(label.objects) == 1:
+            if label.feature == declarations.MARGIN and label.objects[0] not in variables:
+                self._formulas.margin(label.objects[0], term)
+            return
+        if label.feature == spec.RECOGNISED and any(
+            (declarations.CHRONICLE, name) in self.declared.named for name in label.objects[:1]
+        ):
+            return
+        if self.streams.has(label, variables):
+            lacking = self.streams.lacks(label, variables)
+            if lacking is not None:
+                self.wrong(lacking[0], term, lacking[1])
+            return
+        if declarations.stem(label) in self.known.unread or self.streams.derives(label):
+            return
+        if not label.objects and self.streams.source(label.feature) is not None:
+            said = f"nothing makes {label}, which is a source: a stream is taken from a generator that is made from it"
+            made = (one.label for one in self.declared.made.values() if one.made == spec.FromSource(label.feature))
+            self.wrong(said, term, str(next(made, f"strmgen {label}_stream = {label}, before it")))
+            return
+        own = self.declared.made.get(id(self.of))
+        names = (*(made.label for made in self.declared.made.values() if made is not own), *self.known.labels)
+        self.unmade(f"nothing makes {label}", term, label, self.closest(str(label), names))
+
+    def _names_objects(self, domain: spec.StreamTerm, variables: frozenset[str]) -> None:
+        """A stream of members is one of objects, or of sets of them."""
+        said = self.streams.names_no_objects(domain.label, variables)
+        if said:
+            self.wrong(said, domain, "a stream of objects, or of sets of them")
+
+    # The whole
+
+    def _check_chains(self, touched: Sequence[spec.Declaration], from_text: Collection[int]) -> None:
+        """A generator that needs, by whatever way, what it makes itself; each cycle is reported once. And long chains."""
+        depth: dict[int, int] = {}  # 0 while it is on the path
+        told = False
+        for start in touched:
+            made = self.declared.made.get(id(start))
+            path: list[tuple[declarations.MadeGenerator, Iterator[declarations.MadeGenerator]]] = []
+            if made is not None:
+                self._enter(made, depth, path)
+            while path:
+                made, rest = path[-1]
+                after = next(rest, None)
+                if after is None:
+                    path.pop()
+                    depth[id(made)] = 1 + max((depth[id(one)] for one in self._before(made)), default=0)
+                    if depth[id(made)] > LONGEST_CHAIN and not told:
+                        told = True
+                        self._at(made, from_text)
+                        self.wrong(
+                            f"{made.label} is at the end of a chain of more than {LONGEST_CHAIN} processes",
+                            made.node,
+                            f"chains of at most {LONGEST_CHAIN}",
+                        )
+                elif depth.get(id(after)) == 0:
+                    at = next(i for i, (one, _) in enumerate(path) if one is after)
+                    around = " <- ".join(str(one.label) for one in [*(one for one, _ in path[at:]), after])
+                    self._at(made, from_text)
+                    self.wrong(f"a cycle: {around}", made.node, "a stream from outside the cycle")
+                else:
+                    self._enter(after, depth, path)
+
+    def _at(self, made: declarations.MadeGenerator, from_text: Collection[int]) -> None:
+        self.of, self.is_old = made.node, id(made.node) not in from_text
+
+    def _before(self, made: declarations.MadeGenerator) -> Iterable[declarations.MadeGenerator]:
+        """What it needs."""
+        return {
+            id(one): one for need in made.needs for one in self.declared.makers(need.term.label, need.variables)
+        }.values()
+
+    def _enter(
+        self,
+        made: declarations.MadeGenerator,
+        depth: dict[int, int],
+        path: list[tuple[declarations.MadeGenerator, Iterator[declarations.MadeGenerator]]],
+    ) -> None:
+        if id(made) not in depth:
+            depth[id(made)] = 0
+            path.append((made, iter(self._before(made))))
+
+
+def _in_order(errors: list[TextError]) -> tuple[TextError, ...]:
+    return tuple(sorted(errors, key=lambda error: (error.line, error.column)))

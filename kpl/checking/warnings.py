@@ -1,0 +1,126 @@
+"""Warnings about a specification: streams without a subscriber or a producer, grids that need not meet."""
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+
+from dyknow.model.errors import ChronicleError, TextError
+from dyknow.model.instants import print_duration
+from dyknow.model.labels import Label
+from kpl.checking.declarations import CHRONICLE, Declarations, domains_of, needs_of, reads_of, stem, uses_of
+from kpl.checking.error_collector import DeclarationErrors
+from kpl.checking.lint import remarks
+from kpl.syntax import specification as spec
+from reasoning.chronicles import ChronicleFile as Chronicles
+from reasoning.chronicles import Recogniser
+from reasoning.features.derivation import FEATURES, needed_labels
+from reasoning.formulas.tree import Feature, Formula, Variable, walk
+
+
+def warnings_of(
+    every: Sequence[spec.Declaration],
+    declared: Declarations,
+    known: Iterable[Label],
+    figures: Collection[str],
+    errors: DeclarationErrors,
+) -> list[TextError]:
+    """Sources and units that nothing is made from, generators whose streams have no subscriber, features without a producer."""
+    found: list[TextError] = []
+    wanted, used, features = set[int](), set[str](), set[str]()
+    for each in every:
+        for need in (*needs_of(each), *reads_of(each)):
+            wanted.update(id(one) for one in declared.makers(need.term.label, need.variables))
+            features.update({need.term.label.feature} & FEATURES.keys())
+        used.update(uses_of(each))
+        if isinstance(each, spec.Define | spec.MonitorDeclaration):
+            features |= {node.name for node in walk(each.formula) if isinstance(node, Feature)}
+            features.update(domains_of(each.formula))
+        if isinstance(each, spec.ChronicleDeclaration) and each.content is not None:
+            features |= {name.partition(".")[0] for name in _event_names(each.content)}
+    features.update(needed_labels(features & FEATURES.keys()))
+    defined = {each.feature.name for each in every if isinstance(each, spec.Define)}
+    makers = Makers(declared, frozenset(known), {*figures, *FEATURES, *defined})
+    for each in every:
+        made = declared.made.get(id(each))
+        if isinstance(each, spec.SourceDeclaration | spec.UnitDeclaration) and each.name not in used:
+            found.append(errors.located(f"nothing is made from {each.name}", each, ""))
+        if made is not None and id(made) not in wanted and stem(made.label) not in features:
+            found.append(errors.located(f"{made.label} has no subscriber here", each, ""))
+        if isinstance(each, spec.Define | spec.MonitorDeclaration):
+            found += makers.unread(each.formula, errors)
+        if isinstance(each, spec.MonitorDeclaration):
+            said_of = remarks(each.formula, lambda feature: _is_raw(feature, declared))
+            found += [errors.located(one.message, one.node, one.repair) for one in said_of]
+    return [*found, *stray_grids(every, errors)]
+
+
+def grid_warnings(specification: Iterable[spec.Declaration], text: str, file: str) -> list[TextError]:
+    """The warnings that also matter when a specification is only run."""
+    return list(stray_grids(specification, DeclarationErrors(text, file)))
+
+
+def stray_grids(every: Iterable[spec.Declaration], errors: DeclarationErrors) -> Iterator[TextError]:
+    """Inputs of sampled states whose own grid is unknown before their first sample has come."""
+    for each in every:
+        made = spec.making_of(each)
+        if not isinstance(made, spec.StateStream):
+            continue
+        policies = [term.policy for term in made.inputs]
+        if made.policy.sample_us is None and (
+            made.policy.change != "any update" or any(p.sample_us is None for p in policies)
+        ):
+            continue
+        for term in made.inputs:
+            period_us = term.policy.sample_us
+            if period_us is not None and term.policy.from_us is None:
+                instead = "no values" if made.policy.exact or term.policy.exact else "approximated values"
+                said = (
+                    f"{term.label} is sampled on a grid that its first sample anchors, the states on one that it need "
+                    f"not meet: then they have {instead} of it"
+                )
+                yield errors.located(said, term, f"{term.label} with sample every {print_duration(period_us)}, from 0")
+
+
+def _event_names(content: Chronicles) -> tuple[str, ...]:
+    """Names of the events that the chronicles of a file speak of; none if they cannot be recognised."""
+    try:
+        return tuple(Recogniser.of(content).needed)
+    except ChronicleError:
+        return ()
+
+
+def _is_raw(feature: Feature, declared: Declarations) -> bool:
+    """Whether a feature is made from a source as it is, so that its noise is in it."""
+    label = Label(feature.name, tuple(map(str, feature.objects)))
+    return any(isinstance(made.made, spec.FromSource) for made in declared.makers(label))
+
+
+class Makers:
+    """Producers of a feature of given objects; what is known `by_name` alone is made."""
+
+    def __init__(self, declared: Declarations, known: frozenset[Label], by_name: Collection[str]) -> None:
+        self._declared, self._known, self._by_name = declared, known, by_name
+        of_features = (*(made.label for made in declared.made.values()), *known)
+        self._features = {*map(stem, of_features), *by_name, spec.RECOGNISED}
+
+    def unread(self, formula: Formula, errors: DeclarationErrors) -> Iterator[TextError]:
+        """Of features of objects that nothing is called like; names without objects may be more than features."""
+        for node in walk(formula):
+            if not isinstance(node, Feature) or not node.objects:
+                continue
+            if node.name not in self._features:
+                name, names = node.name, [*self._features]
+            elif not self._make(node):
+                name, names = str(node.label), [str(made.label) for made in self._declared.made.values()]
+            else:
+                continue
+            said = f"nothing here makes {name}, so that its value stays unknown"
+            yield errors.located(said, node, errors.closest(name, names))
+
+    def _make(self, feature: Feature) -> bool:
+        if feature.name in self._by_name or any(
+            isinstance(one, Variable) or one in self._by_name for one in feature.objects
+        ):
+            return True
+        label = Label(feature.name, tuple(map(str, feature.objects)))
+        if label.feature == spec.RECOGNISED:
+            return (CHRONICLE, label.objects[0]) in self._declared.named
+        return label in self._known or any(True for _ in self._declared.makers(label))

@@ -1,0 +1,383 @@
+"""What an instance does, as a graph: what makes which stream of what, how often, how late, and what was dropped.
+
+Figures come from what is kept anyway, so that nothing is spent without a reader: rate and delay from the last
+samples of a history, drops and gaps from the adapters.
+"""
+
+import json
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from dyknow import Label, Network, PolicyAdapter, Sample
+from dyknow.model.instants import print_span
+from dyknow.network.mediation import Mediation
+from dyknow.network.processes import OnDemand
+from dyknow.network.prototypes import SourcePrototype, UnitPrototype
+from dyknow.network.stream_proxy import StreamProxy
+from dyknow.states.state_streams import StateStreamProcess
+from dyknow.states.synchronization import Origin
+from kpl.running.figures import SAMPLE_BYTES, rate_and_delay
+from kpl.running.formula_monitors import FormulaMonitor
+from kpl.running.instance import Instance
+from kpl.running.parts import inputs_taken
+from kpl.syntax.listing import print_specification
+from kpl.syntax.specification import Export, Import
+
+_SHAPES = {
+    "source": ('[("{}")]', "cylinder"),
+    "stream": ('(["{}"])', "oval"),
+    "monitor": ('{{{{"{}"}}}}', "hexagon"),
+    **dict.fromkeys(("import", "export"), ('[/"{}"/]', "parallelogram")),
+}
+_BOX = ('["{}"]', "box")
+"""How a kind of node is drawn: in Mermaid, and for Graphviz."""
+
+
+@dataclass(frozen=True, slots=True)
+class GraphNode:
+    """A generator, a declared stream or a monitor.
+
+    Attributes:
+        kind: source, unit, state, select, merge, stream, monitor, family, import, export, made outside.
+        made_by: the source, the computational unit, or the platform it is imported from.
+        running: whether it computes; None: it does so always.
+        rate_hz: samples per second of available time; None: too few to say.
+        delay_us: mean of available minus valid time.
+        held: samples in its history; about `held_bytes` of memory.
+        note: what else there is to say, e.g. why there is no state yet.
+        states: of a monitor: the streams that its states are made of, in KPL.
+        counted: of a monitor: states that lacked something or came in no good order, by reason.
+    """
+
+    name: str
+    kind: str
+    sort: str = ""
+    made_by: str = ""
+    running: bool | None = None
+    rate_hz: float | None = None
+    delay_us: float | None = None
+    held: int = 0
+    held_bytes: int = 0
+    note: tuple[str, ...] = ()
+    states: str = ""
+    counted: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A stream from a generator to its subscriber.
+
+    Attributes:
+        policy: as declared; `in_force` as it is now, if that differs.
+        dropped: samples that did not come through, by reason.
+        linked: whether there is a generator.
+    """
+
+    source: str
+    target: str
+    policy: str = ""
+    in_force: str = ""
+    stretched: int = 1
+    importance: float = 1.0
+    dropped: Mapping[str, int] = field(default_factory=dict)
+    gaps: int = 0
+    linked: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    """The network of one instance at one time."""
+
+    nodes: tuple[GraphNode, ...]
+    edges: tuple[Edge, ...]
+
+
+def graph_of(instance: Instance) -> Graph:
+    """The network as it is now."""
+    network = instance.network
+    fed_from = {label: source for source, labels in instance.parts.fed.items() for label in labels}
+    nodes = [_generator_node(network, label, fed_from.get(label, "")) for label in network.labels()]
+    edges = [
+        edge
+        for label in network.labels()
+        for proxy, wanted in _inputs_of(network, label)
+        for edge in [_edge(str(wanted), str(label), proxy)]
+    ]
+    generators = {node.name for node in nodes}
+    for stream, proxy in instance.streams.items():
+        name = _other_than(generators, "stream", stream)
+        nodes.append(GraphNode(name, "stream"))
+        edges.append(_edge(str(proxy.label), name, proxy))
+    for declared, monitor in instance.monitors.items():
+        name = _other_than(generators, "monitor", declared)
+        nodes.append(_monitor_node(name, declared, monitor))
+        edges += [_edge(str(proxy.label), name, proxy) for proxy in monitor.states.proxies]
+    for path, chronicles in instance.chronicles.items():
+        nodes.append(GraphNode(path, "chronicles"))
+        edges += [_edge(str(proxy.label), path, proxy) for proxy in chronicles.watch.proxies.values()]
+        edges += [Edge(path, str(label)) for label in chronicles.labels]
+    for label, family in instance.families.members.items():
+        members = ", ".join(family.members) or "none now"
+        nodes.append(GraphNode(str(label), "family", note=(f"members: {members}",)))
+        edges.append(_edge(str(family.domain.label), str(label), family.proxy))
+    for prototype, labels in instance.lacking.items():
+        for label in labels:
+            nodes.append(GraphNode(str(label), "unit", made_by=prototype, note=(f"no host offers {prototype} yet",)))
+            edges += [Edge(str(source), str(label)) for source in instance.parts.inputs_of(label)]
+    return _with_federation(instance, nodes, edges)
+
+
+def _other_than(generators: Collection[str], kind: str, name: str) -> str:
+    """Streams, monitors and exports may be called like a generator; the nodes of a graph have names of their own."""
+    return f"{kind} {name}" if name in generators else name
+
+
+def _with_federation(instance: Instance, nodes: list[GraphNode], edges: list[Edge]) -> Graph:
+    """The network with what comes from other platforms and goes to them."""
+    compiler = instance.compiler
+    imported = {}
+    for each in instance.specification:
+        match each:
+            case Export(semantic, term):
+                name = _other_than({node.name for node in nodes}, "export", semantic)
+                nodes.append(GraphNode(name, "export"))
+                edges.append(Edge(str(compiler.label(term.label)), name, str(term.policy)))
+            case Import(semantic, unit, term):
+                label = str(compiler.label(term.label))
+                imported[label] = GraphNode(label, "import", made_by=f"{semantic} from {unit}")
+    there = {node.name for node in nodes}
+    nodes = [*(node for label, node in imported.items() if label not in there), *nodes]
+    return Graph(tuple(nodes), tuple(replace(e, linked=True) if e.source in imported else e for e in edges))
+
+
+def origins_of(instance: Instance, name: str, valid_us: int) -> dict[str, Origin]:
+    """How each value of a state was obtained that a declared stream has delivered, by input; of what is none: nothing."""
+    process = _process_of(instance, name)
+    if not isinstance(process, StateStreamProcess):
+        return {}
+    found = next((state for state in reversed(process.recent) if state.valid_us == valid_us), None)
+    labels = (str(each.label) for each in process.inputs())
+    return {} if found is None else dict(zip(labels, found.origins, strict=False))
+
+
+def maker_of(instance: Instance, name: str, sample: Sample) -> Label | None:
+    """The member from whose stream a sample of a declared stream is, if it is of a select or merge (3.3.4)."""
+    process = _process_of(instance, name)
+    return process.maker_of(sample) if isinstance(process, Mediation) else None
+
+
+def _process_of(instance: Instance, name: str) -> object:
+    """What makes a declared stream, if there is a process."""
+    label = instance.streams[name].label if name in instance.streams else None
+    return instance.network.process(label) if label is not None and instance.network.has(label) else None
+
+
+def awaits_us(instance: Instance) -> int:
+    """How long after its valid time a sample may still matter to a declared stream or a monitor that waits for others."""
+    network, known = instance.network, dict[Label, int]()
+
+    def behind(label: Label) -> int:
+        if label not in known:
+            process = network.process(label) if network.has(label) else None
+            waits = isinstance(process, StateStreamProcess)  # for nothing that comes later than it is made
+            own_us = process.max_delay_us if isinstance(process, StateStreamProcess) else 0
+            inputs = inputs_taken(process)
+            known[label] = own_us + max((behind(one.label) if waits else waited(one) for one in inputs), default=0)
+        return known[label]
+
+    def waited(proxy: StreamProxy) -> int:
+        approximated = proxy.policy.approximation == "most recent"
+        return (proxy.policy.max_delay_us or 0 if approximated else 0) + behind(proxy.label)
+
+    monitors = (
+        monitor.states.max_delay_us + max((behind(proxy.label) for proxy in monitor.states.proxies), default=0)
+        for monitor in instance.monitors.values()
+    )
+    recognised = max((each.watch.delay_us for each in instance.chronicles.values()), default=0)
+    return recognised + max((*map(waited, instance.streams.values()), *monitors), default=0)
+
+
+def _generator_node(network: Network, label: Label, fed_from: str) -> GraphNode:
+    generator = network.generator(label)
+    process = network.process(label)
+    rate_hz, delay_us = rate_and_delay(generator.history)
+    held = generator.history.get_size()
+    note: tuple[str, ...] = ()
+    if isinstance(process, StateStreamProcess):
+        note = tuple(map(str, process.awaited()))
+    return GraphNode(
+        str(label),
+        _kind(process),
+        generator.sort.name,
+        _made_by(process) or fed_from,
+        process.running if isinstance(process, OnDemand) else None,
+        rate_hz,
+        delay_us,
+        held,
+        held * SAMPLE_BYTES,
+        note,
+    )
+
+
+def _monitor_node(name: str, declared: str, monitor: FormulaMonitor) -> GraphNode:
+    states, watched = monitor.states, monitor.monitor
+    text = print_specification(states.declarations(declared))
+    return GraphNode(
+        name, "monitor", note=(watched.shows, *states.awaited()), states=text, counted=dict(watched.counted)
+    )
+
+
+def _made_by(process: object) -> str:
+    """What a process is made from, and where it runs unless that is here."""
+    prototype = getattr(process, "prototype", None)
+    if not isinstance(prototype, UnitPrototype | SourcePrototype):
+        return ""
+    return prototype.name if prototype.elsewhere is None else f"{prototype.name} at a host"
+
+
+def _kind(process: object) -> str:
+    match getattr(process, "prototype", None):
+        case UnitPrototype():
+            return "unit"
+        case SourcePrototype():
+            return "source"
+    match process:
+        case StateStreamProcess():
+            return "state"
+        case Mediation():
+            return "select" if process.single else "merge"
+        case None:
+            return "source"
+    return type(process).__name__.lower()
+
+
+def _inputs_of(network: Network, label: Label) -> Iterator[tuple[StreamProxy | None, Label]]:
+    process = network.process(label)
+    if not isinstance(process, OnDemand):
+        return
+    if process.proxies:
+        yield from ((proxy, proxy.label) for proxy in process.proxies)
+    else:
+        yield from ((None, each.label) for each in process.inputs())
+    if isinstance(process, Mediation):
+        yield from ((proxy, proxy.label) for proxy in process.members.values())
+
+
+def _edge(source: str, target: str, proxy: StreamProxy | None) -> Edge:
+    if proxy is None:
+        return Edge(source, target)
+    adapter: PolicyAdapter = proxy.adapter
+    declared, now = str(proxy.policy), str(adapter.policy)
+    return Edge(
+        source,
+        target,
+        declared,
+        "" if now == declared else now,
+        proxy.stretched,
+        proxy.policy.importance,
+        dict(adapter.dropped),
+        adapter.gaps,
+        proxy.linked,
+    )
+
+
+def drawn(graph: Graph, form: str) -> str:
+    """The graph as `text`, `json`, `mermaid` or `dot`."""
+    forms = {
+        "text": as_text,
+        "json": lambda found: json.dumps(as_json(found)) + "\n",
+        "mermaid": as_mermaid,
+        "dot": as_dot,
+    }
+    return forms[form](graph)
+
+
+def as_text(graph: Graph) -> str:
+    """For display: each node, and what it takes below it."""
+    lines: list[str] = []
+    for node in graph.nodes:
+        made = f" = {node.made_by}" if node.made_by else ""
+        sort = f"{node.sort} " if node.sort not in {"", node.kind} else ""
+        kind = "" if node.name.startswith(f"{node.kind} ") else f"{node.kind} "
+        lines.append(f"{kind}{sort}{node.name}{made}{_figures(node)}")
+        lines += [f"    <- {edge.source}{_conditions(edge)}" for edge in graph.edges if edge.target == node.name]
+        lines += [f"    {each}" for each in (*node.note, *node.states.splitlines())]
+        if node.counted:
+            lines.append(f"    states {', '.join(f'{reason}: {count}' for reason, count in node.counted.items())}")
+    return "".join(f"{line}\n" for line in lines)
+
+
+def as_json(graph: Graph) -> dict[str, Any]:
+    """Nodes and edges as JSON has them."""
+    return {
+        "nodes": [{name: getattr(node, name) for name in GraphNode.__slots__} for node in graph.nodes],
+        "edges": [{name: getattr(edge, name) for name in Edge.__slots__} for edge in graph.edges],
+    }
+
+
+def as_mermaid(graph: Graph) -> str:
+    """A flowchart for documents that draw Mermaid."""
+    ids = {node.name: f"n{i}" for i, node in enumerate(graph.nodes)}
+    lines = ["flowchart LR"]
+    for node in graph.nodes:
+        shape, _ = _SHAPES.get(node.kind, _BOX)
+        said = node.name if not node.made_by else f"{node.name}<br/>{node.made_by}"
+        lines.append(f"    {ids[node.name]}{shape.format(_quoted(said))}")
+    for edge in graph.edges:
+        source = ids.get(edge.source)
+        if source is None:
+            source = ids[edge.source] = f"n{len(ids)}"
+            lines.append(f'    {source}["{_quoted(edge.source)}?"]')
+        said = f'|"{_quoted(edge.in_force or edge.policy)}"|' if edge.policy or edge.in_force else ""
+        lines.append(f"    {source} -->{said} {ids[edge.target]}")
+    return "".join(f"{line}\n" for line in lines)
+
+
+def as_dot(graph: Graph) -> str:
+    """For Graphviz."""
+    lines = ["digraph dyknow {", "    rankdir=LR;", "    node [shape=box];"]
+    for node in graph.nodes:
+        said = node.name if not node.made_by else f"{node.name}\\n{node.made_by}"
+        _, shape = _SHAPES.get(node.kind, _BOX)
+        lines.append(f'    "{_escaped(node.name)}" [label="{_escaped(said)}", shape={shape}];')
+    for edge in graph.edges:
+        policy = edge.in_force or edge.policy
+        said = f' [label="{_escaped(policy)}"]' if policy else ""
+        lines.append(f'    "{_escaped(edge.source)}" -> "{_escaped(edge.target)}"{said};')
+    return "".join(f"{line}\n" for line in [*lines, "}"])
+
+
+def _figures(node: GraphNode) -> str:
+    parts = []
+    if node.running is False:
+        parts.append("dormant: no subscriber")
+    if node.rate_hz is not None:
+        parts.append(f"{node.rate_hz:.3g} Hz")
+    if node.delay_us is not None:
+        parts.append(f"{print_span(node.delay_us)} late")
+    if node.held:
+        parts.append(f"{node.held} held")
+    return f"  ({', '.join(parts)})" if parts else ""
+
+
+def _conditions(edge: Edge) -> str:
+    parts = [f" with {edge.policy}"] if edge.policy and edge.policy != "any update" else []
+    if edge.in_force:
+        parts.append(f", now {edge.in_force}")
+    lost = ", ".join(f"{count} {reason}" for reason, count in edge.dropped.items())
+    if lost:
+        parts.append(f"; dropped: {lost}")
+    if edge.gaps:
+        parts.append(f"; {edge.gaps} gap{'' if edge.gaps == 1 else 's'}")
+    if not edge.linked:
+        parts.append("; no producer")
+    return "".join(parts)
+
+
+def _quoted(text: str) -> str:
+    return text.replace('"', "#quot;")
+
+
+def _escaped(text: str) -> str:
+    return text.replace('"', '\\"')

@@ -1,0 +1,70 @@
+"""Output of a running specification as records for users and programs: samples, alarms, faults."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from dyknow import Label, Sample, as_json
+from dyknow.states.synchronization import Origin
+from reasoning import AlarmEvent
+
+TOLD = 3
+"""Faults of one stream that are reported."""
+_NONE: Mapping[str, Origin] = {}
+
+
+def sample_json(sample: Sample) -> dict[str, Any]:
+    """A sample; its quality only where it is not sure and exact."""
+    quality = sample.quality
+    return {
+        "valid_us": sample.valid_us,
+        "available_us": sample.available_us,
+        "value": as_json(sample.value),
+        **({"certainty": quality.certainty} if quality.certainty != 1.0 else {}),
+        **({"covariance": [list(row) for row in quality.covariance]} if quality.covariance else {}),
+    }
+
+
+def sample_record(
+    name: str, sample: Sample, origins: Mapping[str, Origin] = _NONE, maker: Label | None = None
+) -> dict[str, Any]:
+    """A sample of a declared stream; of a state, how each of its values was obtained, of a merge, its member."""
+    said: dict[str, Any] = {"event": "sample", "stream": name, **sample_json(sample)}
+    if maker is not None:
+        said["of"] = str(maker)
+    if origins:
+        said["origins"] = {label: {"manner": one.manner, "valid_us": one.valid_us} for label, one in origins.items()}
+    return said
+
+
+def alarm_record(event: AlarmEvent) -> dict[str, Any]:
+    """An alarm that opened or closed."""
+    return {
+        "event": f"alarm-{event.event}",
+        "monitor": event.monitor,
+        "id": event.id,
+        "units": list(event.units),
+        "valid_us": event.valid_us,
+        "detected_us": event.detected_us,
+        "values": {label: as_json(value) for label, value in event.values.items()},
+        "samples": dict(event.samples_us),
+    }
+
+
+class FaultLog:
+    """Tells the first faults of each stream, so that one that fails with every sample does not drown the others."""
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell = tell
+        self._counts: Counter[Label] = Counter()
+
+    def on_fault(self, label: Label, said: str) -> None:
+        """Something a person wrote does not work."""
+        self._counts[label] += 1
+        if self._counts[label] <= TOLD:
+            more = "; further ones of it are not reported" if self._counts[label] == TOLD else ""
+            self._tell(f"{label}: {said}{more}")
+
+    def clear(self) -> None:
+        """Restart: what failed may have been mended."""
+        self._counts.clear()

@@ -1,0 +1,84 @@
+"""In which order declarations are taken in, and how errors are reported."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
+
+from dyknow.model.errors import TextError, TextErrors, TooEarly
+from dyknow.model.instants import US_PER_MS, print_span
+from kpl.syntax import specification as spec
+
+
+class SpecificationChange(NamedTuple):
+    """The declarations that go, those that come, and all that are wanted."""
+
+    gone: list[spec.Declaration]
+    new: list[spec.Declaration]
+    wanted: spec.Specification
+
+
+def difference(before: spec.Specification, wanted: Iterable[spec.Declaration]) -> SpecificationChange:
+    """What goes, what comes, and what is wanted in terms of what is there: equal declarations are one.
+
+    What is there already is known by itself, so that little is compared where little changes.
+    """
+    running = {id(each): each for each in before}
+    staying = set[int]()
+    after: list[spec.Declaration] = []
+    others: list[int] = []
+    for each in wanted:
+        if id(each) in running and id(each) not in staying:
+            staying.add(id(each))
+            after.append(each)
+        else:
+            others.append(len(after))
+            after.append(replace(each))  # what is named twice is two
+    left = {each: each for each in before if id(each) not in staying} if others else {}
+    new: list[spec.Declaration] = []
+    for at in others:
+        same = left.pop(after[at], None)
+        if same is None:
+            new.append(after[at])
+        else:
+            staying.add(id(same))
+            after[at] = same
+    return SpecificationChange([each for each in before if id(each) not in staying], new, tuple(after))
+
+
+def rank(declaration: spec.Declaration) -> int:
+    """Makers first, then what goes to other platforms, then subscribers of streams."""
+    ranks = {spec.Import: 1, spec.Export: 2, spec.StreamDeclaration: 3, spec.MonitorDeclaration: 4}
+    return ranks.get(type(declaration), 0)
+
+
+def in_text(wrong: TextError, text: str, file: str, repair: str = "") -> TextError:
+    """The error with the text it is about."""
+    return wrong.but(text=wrong.text or text, repair=wrong.repair or repair, file=wrong.file or file)
+
+
+def as_text_errors(wrong: BaseException, text: str, file: str) -> TextErrors:
+    if isinstance(wrong, TextErrors):
+        return wrong
+    if isinstance(wrong, TextError):
+        return TextErrors((in_text(wrong, text, file),))
+    said = "a chain of streams is too long" if isinstance(wrong, RecursionError) else str(wrong)
+    return TextErrors((TextError(said, text=text, file=file),))
+
+
+def together(errors: Iterable[TextError], more: Iterable[TextError]) -> list[TextError]:
+    """Both, without repetitions, and one error a statement."""
+    found = list(errors)
+    lines = {each.line for each in found}
+    told = set[tuple[int, int, str]]()
+    for each in more:
+        if each.line not in lines and (each.line, each.column, each.message) not in told:
+            told.add((each.line, each.column, each.message))
+            found.append(each)
+    return found
+
+
+def too_early(wrong: TooEarly, now_us: int) -> tuple[str, str]:
+    """How long ago is too long ago, and the earliest beginning as it is written."""
+    asked, held = print_span(now_us - wrong.from_us), print_span(now_us - wrong.earliest_us)
+    possible = "it can begin now" if wrong.earliest_us >= now_us else f"the earliest possible time is {held} ago"
+    return f"{wrong.what} cannot begin {asked} ago: {possible}", f"from {-(-wrong.earliest_us // US_PER_MS)}"

@@ -1,0 +1,296 @@
+"""From declarations to processes: what a generator declaration makes, with names of members and of the unit put in."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import NamedTuple, TypeAlias
+
+from dyknow import Label, Policy, PolicyError, Sort
+from dyknow.model.errors import ChronicleError, SortError, TextError, TextErrors, WrongNumberOfInputs
+from dyknow.model.instants import US_PER_MS, print_duration
+from dyknow.network.factory import Prototypes, process_of
+from dyknow.network.mediation import Mediation
+from dyknow.network.process import Input, Process
+from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
+from dyknow.states.state_streams import StateStreamProcess, check_delay_before, exactly, state_policy
+from kpl.checking.declarations import Declarations
+from kpl.checking.definitions import Definitions
+from kpl.running.changes import in_text
+from kpl.running.formula_states import MAX_DELAY_US
+from kpl.running.ports import Admission
+from kpl.syntax import specification as spec
+from kpl.syntax.listing import print_declaration
+from reasoning.chronicles import Recogniser
+from reasoning.formulas.tree import Node
+
+Members: TypeAlias = Mapping[str, str]
+"""What variables stand for."""
+LEAST_PERIOD_US = US_PER_MS
+MAX_DECLARATIONS = 10_000
+MAX_ERRORS = 100
+"""Most errors that are looked for."""
+SELF = "self"
+LEFT_OUT = "nothing: leave the statement out"
+
+
+class CompiledGenerator(NamedTuple):
+    """What a generator declaration comes to.
+
+    Attributes:
+        process: None: samples are pushed, or it has no producer yet.
+        source: the source they are pushed from.
+        unit: the prototype it is made from.
+        lacks: there is no such prototype yet.
+    """
+
+    sort: Sort
+    process: Process | None
+    source: str = ""
+    unit: str = ""
+    lacks: bool = False
+
+
+class Compiler:
+    """Makes processes for one instance.
+
+    Attributes:
+        withdrawn: sources whose makers may come back: their samples are not pushed meanwhile.
+    """
+
+    def __init__(
+        self, unit: str, prototypes: Prototypes, sort: Callable[[str], Sort], admission: Admission = "refuse"
+    ) -> None:
+        self.unit, self.admission = unit, admission
+        self.withdrawn = set[str]()
+        self._prototypes, self._sort = prototypes, sort
+
+    def label(self, label: Label, members: Members | None = None) -> Label:
+        """The label with members for variables, and the unit for `self`."""
+        meant = {SELF: self.unit, **(members or {})}
+        return Label(label.feature, tuple(meant.get(one, one) for one in label.objects))
+
+    def term(self, term: spec.StreamTerm, members: Members | None = None) -> spec.StreamTerm:
+        return spec.StreamTerm(self.label(term.label, members), self._served(term.policy), place=term.place)
+
+    def input(self, term: spec.StreamTerm, members: Members | None = None) -> Input:
+        return Input(self.label(term.label, members), self._served(term.policy))
+
+    def _served(self, policy: Policy) -> Policy:
+        """The policy, or with the shortest period that is served if that is the choice."""
+        too_often = policy.sample_us is not None and policy.sample_us < LEAST_PERIOD_US
+        return replace(policy, sample_us=LEAST_PERIOD_US) if too_often else policy
+
+    def sources(self, declaration: spec.GeneratorDeclaration, members: Members | None = None) -> tuple[Label, ...]:
+        """The generators it is made from."""
+        return tuple(self.label(term.label, members) for term in _terms(declaration.made))
+
+    def making(
+        self, declaration: spec.GeneratorDeclaration, declared: Declarations, members: Members | None = None
+    ) -> CompiledGenerator:
+        """The process of a generator, not yet attached.
+
+        Raises:
+            TextError: it cannot be made here.
+        """
+        made = declaration.made
+        match made:
+            case spec.FromSource(name):
+                prototype = self._prototypes.find(name)
+                sort = self._sort(self._declared_sort(name, declared))
+                if isinstance(prototype, SourcePrototype) and (process := process_of(prototype)) is not None:
+                    return CompiledGenerator(sort, process, unit=name)
+                if name in self.withdrawn:
+                    return CompiledGenerator(sort, None, unit=name, lacks=True)
+                return CompiledGenerator(sort, None, name, unit=name)
+            case spec.Refinement(name, terms):
+                unit = self._prototypes.find(name)
+                if not isinstance(unit, UnitPrototype):
+                    return CompiledGenerator(Sort(""), None, unit=name, lacks=True)
+                inputs = [self.input(term, members) for term in terms]
+                named = self._unit_sort(unit, declared, made) if unit.of_any_sort else unit.sort
+                return CompiledGenerator(self._sort(named), process_of(unit, inputs), unit=name)
+            case spec.StateStream(terms, policy):
+                inputs = [self.input(term, members) for term in terms]
+                try:
+                    synchronised, when = state_policy(policy, [each.policy for each in inputs])
+                    return CompiledGenerator(
+                        Sort("state", is_open=True), StateStreamProcess(exactly(policy, inputs), synchronised, when)
+                    )
+                except PolicyError as wrong:
+                    raise located(made, str(wrong), wrong.repair) from None
+            case spec.Select(term, variable, domain) | spec.Merge(term, variable, domain):
+                return CompiledGenerator(
+                    self._sort_of(term.label, declared),
+                    Mediation(
+                        self.input(domain, members),
+                        lambda member: self.input(term, {**(members or {}), variable: member}),
+                        single=isinstance(made, spec.Select),
+                    ),
+                )
+            case spec.Link():
+                raise located(made, "links of objects are not run here yet: they come with anchoring", LEFT_OUT)
+
+    # What can be said beforehand
+
+    def check(
+        self, new: Iterable[spec.Declaration], wanted: spec.Specification, declared: Declarations, text: str, file: str
+    ) -> list[TextError]:
+        """What cannot run although it is well-formed: units without an implementation, periods that cannot be kept, limits."""
+        errors: list[TextError] = []
+        if len(wanted) > MAX_DECLARATIONS:
+            return [too_many(len(wanted), file)]
+        definitions = Definitions(wanted)
+        for each in new:
+            try:
+                self._check(each, definitions, declared, text, file)
+            except WrongNumberOfInputs:
+                continue  # that is told where units are looked at
+            except TextErrors as wrong:
+                errors += wrong.errors
+            except TextError as wrong:
+                errors.append(in_text(wrong, text, file))
+            if len(errors) >= MAX_ERRORS:
+                break
+        return errors
+
+    def _check(
+        self, declaration: spec.Declaration, definitions: Definitions, declared: Declarations, text: str, file: str
+    ) -> None:
+        match declaration:
+            case spec.GeneratorDeclaration():
+                self._check_made(declaration, declared)
+            case spec.ForEach(variable, domain, body):
+                self._check_policy(domain, domain.policy)
+                self._check_made(body, declared, {variable: variable})
+            case spec.UnitDeclaration(sort, name, inputs):
+                unit = self._prototypes.find(name)
+                if isinstance(unit, UnitPrototype) and not unit.fits(sort, inputs):
+                    takes = ", ".join(unit.inputs)
+                    raise located(
+                        declaration, f"{name} is implemented with other sorts", f"compunit {unit.sort} {name}({takes})"
+                    )
+            case spec.SourceDeclaration(sort, name):
+                source = self._prototypes.find(name)
+                if isinstance(source, SourcePrototype) and source.sort != sort:
+                    raise located(
+                        declaration, f"{name} is implemented with another sort", f"source {source.sort} {name}"
+                    )
+            case spec.Define():
+                definitions.check(declaration)
+            case spec.MonitorDeclaration():
+                definitions.resolved(declaration.formula, self.unit, text, file)
+                self._check_policy(declaration, declaration.policy, of_states=True)
+                max_delay_us = declaration.policy.max_delay_us
+                try:
+                    check_delay_before(
+                        declaration.policy.delay_before_us, MAX_DELAY_US if max_delay_us is None else max_delay_us
+                    )
+                except PolicyError as wrong:
+                    raise located(declaration, str(wrong), wrong.repair) from None
+            case spec.StreamDeclaration(_, term) | spec.Export(_, term) | spec.Import(_, _, term):
+                self._check_policy(term, term.policy)
+            case spec.ChronicleDeclaration():
+                self._check_chronicles(declaration)
+
+    def _check_chronicles(self, declaration: spec.ChronicleDeclaration) -> None:
+        if declaration.content is None:
+            raise located(
+                declaration, f"{declaration.path} was not read", "chronicles go with the file that names them"
+            )
+        if not declaration.content.chronicles:
+            raise located(declaration, f"{declaration.path} declares no chronicle", "chronicle name[?x] { ... }")
+        if declaration.policy != Policy(max_delay_us=declaration.policy.max_delay_us):
+            raise located(declaration, "chronicles know max delay only", "with max delay 500")
+        try:
+            Recogniser.of(declaration.content)
+        except ChronicleError as wrong:
+            raise located(declaration, f"{declaration.path}: {wrong}") from None
+
+    def _check_made(
+        self, declaration: spec.GeneratorDeclaration, declared: Declarations, members: Members | None = None
+    ) -> None:
+        self.making(declaration, declared, members)
+        made = declaration.made
+        if isinstance(made, spec.StateStream):
+            self._check_policy(made, made.policy, of_states=True)
+        for term in _terms(made):
+            self._check_policy(term, term.policy)
+
+    def _check_policy(self, node: Node, policy: Policy, *, of_states: bool = False) -> None:
+        """Periods that are kept, and constraints that mean something here (Def. 7.8.4: of states)."""
+        if policy.delay_before_us is not None and not of_states:
+            asked = replace(policy, delay_before_us=None)
+            raise located(
+                node,
+                "`delay before approximation` is a constraint of states, and says nothing of another stream",
+                f"with {asked}" if asked != Policy() else "nothing: leave it out",
+            )
+        if self.admission == "longer":
+            return
+        if policy.sample_us is not None and policy.sample_us < LEAST_PERIOD_US:
+            raise located(
+                node,
+                f"a sample every {print_duration(policy.sample_us)} cannot be served",
+                f"at least {print_duration(LEAST_PERIOD_US)}",
+            )
+
+    def _declared_sort(self, source: str, declared: Declarations) -> str:
+        found = declared.maker(source)
+        if isinstance(found, spec.SourceDeclaration):
+            return found.sort
+        prototype = self._prototypes.find(source)
+        return "" if prototype is None else prototype.sort
+
+    def _unit_sort(self, unit: UnitPrototype, declared: Declarations, place: Node) -> str:
+        """Of a unit for streams of any sort, as it is declared."""
+        found = declared.maker(unit.name)
+        if isinstance(found, spec.UnitDeclaration):
+            return found.sort
+        takes = ", ".join(each.removeprefix("?") for each in unit.inputs)
+        repair = f"compunit {unit.sort.removeprefix('?')} {unit.name}({takes})"
+        raise located(place, f"{unit.name} is for streams of any sort and not declared: name its sorts", repair)
+
+    def _sort_of(self, label: Label, declared: Declarations) -> Sort:
+        """The sort of what a label of a member is made of: that of any of its makers."""
+        for made in declared.of_feature(label.feature):
+            body = made.node.body if isinstance(made.node, spec.ForEach) else made.node
+            if isinstance(body, spec.GeneratorDeclaration) and not isinstance(body.made, spec.Select | spec.Merge):
+                return self.making(body, declared).sort
+        return Sort(label.feature, is_open=True)
+
+
+def too_many(declarations: int, file: str) -> TextError:
+    """The error for a specification that is too large."""
+    return TextError(
+        f"{declarations} declarations; an instance holds at most {MAX_DECLARATIONS}", file=file, repair="declare less"
+    )
+
+
+def check_offer(prototype: Prototype, specification: spec.Specification) -> None:
+    """Refuse what is offered under a name that is declared with other sorts; raises SortError."""
+    for each in specification:
+        match each:
+            case spec.UnitDeclaration(sort, name, inputs) if name == prototype.name:
+                fits = isinstance(prototype, UnitPrototype) and prototype.fits(sort, inputs)
+            case spec.SourceDeclaration(sort, name) if name == prototype.name:
+                fits = isinstance(prototype, SourcePrototype) and prototype.sort == sort
+            case _:
+                continue
+        if not fits:
+            said = print_declaration(each)
+            raise SortError(f"{prototype.name} is declared as `{said}`, which what is offered is not")
+
+
+def _terms(made: spec.Making) -> tuple[spec.StreamTerm, ...]:
+    match made:
+        case spec.Refinement(_, terms) | spec.StateStream(terms):
+            return terms
+        case spec.Select(term, _, domain) | spec.Merge(term, _, domain):
+            return (term, domain)
+        case spec.Link(source):
+            return (spec.StreamTerm(source),)
+    return ()
+
+
+def located(node: Node, message: str, repair: str = "") -> TextError:
+    """An error at a node of the syntax tree, whose text is not known here."""
+    return TextError.at(node.place, message, repair=repair)

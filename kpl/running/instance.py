@@ -1,0 +1,382 @@
+"""A running specification: declarations become processes, streams and monitors, and can be changed while they run."""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple, TypeAlias
+
+from dyknow import SURE, Label, Network, Quality, Sample, Sort, Value
+from dyknow.model.errors import DyknowError, TextError, TooEarly
+from dyknow.network.factory import Prototypes
+from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
+from dyknow.network.stream_proxy import StreamProxy
+from kpl.checking.declarations import MARGIN, Declarations, names_of
+from kpl.checking.definitions import Definitions
+from kpl.checking.known_streams import Known
+from kpl.checking.specifications import Findings, check_change, check_specification
+from kpl.running.changes import SpecificationChange, as_text_errors, difference, rank, together, too_early
+from kpl.running.chronicle_streams import ChronicleStreams, recognitions
+from kpl.running.compiling import MAX_DECLARATIONS, Compiler, located, too_many
+from kpl.running.figures import MEANINGS, InstanceFigures
+from kpl.running.formula_monitors import FormulaMonitor
+from kpl.running.parts import Families, Features, Parts, inputs_taken
+from kpl.running.ports import Admission, Federation, Hooks, LoadGovernor, Undo, nothing
+from kpl.syntax import specification as spec
+from kpl.syntax.parsing import raise_all
+from reasoning.features.derived_streams import derived_stream
+
+MAX_CONFIGURATIONS = 256
+
+
+class ConfigurationEntry(NamedTuple):
+    """What an instance held from a time on."""
+
+    at_us: int
+    specification: spec.Specification
+
+
+Part: TypeAlias = spec.SourceDeclaration | spec.UnitDeclaration | spec.GeneratorDeclaration
+
+
+class Instance:
+    """The specification of one network, as it is now.
+
+    Args:
+        network: may hold generators of its own, which declarations then use.
+        unit: what `self` means.
+        sorts: sorts whose values are checked; any other name is a sort of unchecked values.
+        semantic: sorts of the semantic labels there are; None: any.
+        prototypes: what sources and units can be made from.
+        catalogue: asked for others by name; None: there is none.
+        offered: names of what the catalogue has.
+        admission: what becomes of declarations while a governor sees no time for more: they are refused, or their
+            sampled streams begin at a longer period.
+        features: sort and process of a stream that is there while it is wanted, such as a derived feature; None: there
+            is no such stream.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        *,
+        unit: str = "0",
+        sorts: Mapping[str, Sort] | None = None,
+        semantic: Mapping[str, str] | None = None,
+        prototypes: Iterable[Prototype] = (),
+        catalogue: Callable[[str], Prototype | None] = lambda _name: None,
+        offered: Collection[str] = (),
+        hooks: Hooks | None = None,
+        federation: Federation | None = None,
+        admission: Admission = "refuse",
+        features: Features = derived_stream,
+    ) -> None:
+        self.governor: LoadGovernor | None = None
+        self.network, self.unit, self.hooks = network, unit, hooks or Hooks()
+        self.prototypes = Prototypes(prototypes)
+        self.specification: spec.Specification = ()
+        self.configurations: list[ConfigurationEntry] = []
+        self.streams: dict[str, StreamProxy] = {}
+        self.monitors: dict[str, FormulaMonitor] = {}
+        self.chronicles: dict[str, ChronicleStreams] = {}
+        self._catalogue, self._offered = catalogue, offered
+        self._sorts, self._semantic, self._federation = sorts or {}, semantic, federation
+        self._undo: dict[spec.Declaration, Undo] = {}
+        self._backlog: list[tuple[str, Sample]] = []
+        self._is_going_back = False
+        self.compiler = Compiler(unit, self.prototypes, self.sort, admission)
+        self.parts = Parts(network, self.prototypes, self.compiler)
+        self.families = Families(network, self.compiler, self.parts)
+        figures = InstanceFigures(network, self.streams, self.monitors)
+        network.resolve = lambda label: (
+            figures.find(label) or recognitions(network, label) or self.parts.undeclared(label, features)
+        )
+
+    # What a specification says
+
+    def add(self, declarations: Iterable[spec.Declaration], now_us: int, text: str = "", file: str = "") -> None:
+        """Declare more.
+
+        Raises:
+            TextErrors: with everything that is wrong; the instance is as it was.
+        """
+        self.change((*self.specification, *declarations), now_us, text, file)
+
+    def remove(self, declarations: Iterable[spec.Declaration], now_us: int) -> None:
+        """Take declarations back.
+
+        Raises:
+            TextErrors: what stays needs them; the instance is as it was.
+        """
+        gone = {id(self.parts.specified.find(each)) for each in declarations}
+        self.change([each for each in self.specification if id(each) not in gone], now_us)
+
+    def change(self, specification: Iterable[spec.Declaration], now_us: int, text: str = "", file: str = "") -> None:
+        """Become another specification; what both declare keeps running, what both make differently is replaced.
+
+        Raises:
+            TextErrors: with everything that is wrong; the instance is as it was.
+        """
+        before = self.specification
+        every = tuple(specification)
+        if len(every) > MAX_DECLARATIONS:
+            raise_all([too_many(len(every), file)])
+        change = difference(before, every)
+        self.network.now_us = max(self.network.now_us, now_us)
+        self._declare(change.gone, change.new)
+        try:
+            self._check(change, text, file)
+            if self.governor is not None and self.compiler.admission == "refuse":
+                raise_all(self.governor.refusals(change.new, text, file))
+            is_full = self.governor is not None and self.governor.full
+            known = {id(proxy) for _, proxy in self.proxies()} if is_full else ()
+            change.gone.sort(key=rank, reverse=True)
+            change.new.sort(key=rank)
+            self._take_over(change, text, file)
+        except TextError:
+            self._declare(change.new, change.gone)
+            raise
+        self.specification = change.wanted
+        self.network.sweep()
+        if self.governor is not None and self.governor.full:
+            self.governor.hold_back(known, self.network.now_us)
+        self.configurations.append(ConfigurationEntry(now_us, change.wanted))
+        del self.configurations[:-MAX_CONFIGURATIONS]
+
+    def restore(self, number: int, now_us: int) -> None:
+        """Become configuration `number`, counted from 0, again.
+
+        Raises:
+            IndexError: there is none.
+            TextErrors: it is no longer possible.
+        """
+        self.change(self.configurations[number].specification, now_us)
+
+    # Who makes it
+
+    def offer(self, prototypes: Iterable[Prototype], now_us: int) -> None:
+        """Offer more prototypes; streams that waited for them begin; see `Parts.offer`."""
+        self.network.now_us = max(self.network.now_us, now_us)
+        self.parts.offer(prototypes)
+
+    def withdraw(self, names: Iterable[str], now_us: int) -> None:
+        """End what was made from these prototypes until they are offered again; see `Parts.withdraw`."""
+        self.network.now_us = max(self.network.now_us, now_us)
+        self.parts.withdraw(names)
+
+    @property
+    def lacking(self) -> dict[str, tuple[Label, ...]]:
+        """Prototypes without an offer, and the generators that wait for them."""
+        return self.parts.lacking
+
+    # What runs
+
+    def push(self, source: str, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
+        """A source that is fed from outside has a new sample; where nothing is made from it, it is dropped."""
+        self.parts.push(source, valid_us, value, now_us, quality)
+
+    def sources(self) -> tuple[str, ...]:
+        """The declared sources that are fed from outside."""
+        return self.parts.sources()
+
+    def lookup(self, name: str) -> Prototype | None:
+        """The same, or what the catalogue has."""
+        return self.prototypes.find(name) or self._catalogue(name)
+
+    def sort(self, name: str) -> Sort:
+        """A sort by name; unknown ones take any value."""
+        return self._sorts.get(name) or Sort(name, is_open=True)
+
+    def known(self, running: Collection[spec.Declaration], unread: Collection[str] = ()) -> Known:
+        """What is there besides what is declared, which `running` is; nothing called like a word of `unread` is missing."""
+        prototypes = self.prototypes.all()
+        return Known(
+            sources={each.name: each.sort for each in prototypes if isinstance(each, SourcePrototype)},
+            units={each.name: (each.sort, each.inputs) for each in prototypes if isinstance(each, UnitPrototype)},
+            labels={
+                label: self.network.generator(label).sort.name
+                for label in self.network.labels()
+                if label not in self.parts.declared and not self.network.is_implicit(label)
+            },
+            semantic=self._semantic,
+            running=running,
+            figures=MEANINGS,
+            values=self._sorts,
+            offered=self._offered,
+            unread=unread,
+        )
+
+    def proxies(self) -> Iterator[tuple[str, StreamProxy]]:
+        """Every stream of the instance, with its subscribers."""
+        for label in self.network.labels():
+            for proxy in inputs_taken(self.network.process(label)):
+                yield str(label), proxy
+        yield from self.streams.items()
+
+    # How it becomes so
+
+    def _declare(self, gone: Iterable[spec.Declaration], new: Iterable[spec.Declaration]) -> None:
+        for each in gone:
+            self.parts.specified.discard(each)
+        for each in new:
+            self.parts.specified.add(each)
+
+    def _check(self, change: SpecificationChange, text: str, file: str) -> None:
+        """Check a change before anything changes."""
+        self._look_up(change.new)
+        specified = self.parts.specified
+        errors = check_change(specified, change.gone, change.new, self.known(self.specification), text, file)
+        raise_all(together(errors, self.compiler.check(change.new, change.wanted, specified, text, file)))
+
+    def findings(
+        self,
+        wanted: spec.Specification,
+        running: Collection[spec.Declaration] = (),
+        text: str = "",
+        file: str = "",
+        unread: Collection[str] = (),
+    ) -> Findings:
+        """All findings before it runs; `running` does already, nothing called like a word of `unread` is missing."""
+        self._look_up(wanted)
+        found = check_specification(wanted, self.known(running, unread), text, file)
+        more = self.compiler.check(wanted, wanted, Declarations(wanted), text, file)
+        return Findings(tuple(together(found.errors, more)), found.warnings)
+
+    def _look_up(self, wanted: Iterable[spec.Declaration]) -> None:
+        """Offer what the catalogue has under the names that are used."""
+        for each in wanted:
+            made = spec.making_of(each)
+            name = getattr(made, "unit", None) or getattr(made, "source", None)
+            if isinstance(name, str) and self.prototypes.find(name) is None:
+                prototype = self._catalogue(name)
+                if prototype is not None:
+                    self.prototypes.add(prototype)
+
+    def _take_over(self, change: SpecificationChange, text: str, file: str) -> None:
+        """Become what is wanted, or stay; what was never begun has reported nothing."""
+        (gone, new, wanted), before, self._backlog = change, self.specification, []
+        try:
+            self._begin_in_past(change)
+            other = self.parts.of_other_sorts((*gone, *new))
+            remade = [each for each in other if each in self._undo and each not in gone]
+            rest = [each for each in new if each not in self._undo]
+            self._become([*gone, *remade], sorted([*rest, *remade], key=rank), wanted)
+        except (DyknowError, RecursionError) as wrong:
+            self._is_going_back = True
+            done = [each for each in new if each in self._undo]
+            self._become(done[::-1], [each for each in before if each not in self._undo], before)
+            self._is_going_back = False
+            raise as_text_errors(wrong, text, file) from wrong
+        for name, sample in self._backlog:
+            self.hooks.on_output(name, sample)
+
+    def _begin_in_past(self, change: SpecificationChange) -> None:
+        """What may be refused comes first, with what it needs, while everything is still as it was."""
+        past = [
+            each
+            for each in change.new
+            if isinstance(each, spec.StreamDeclaration) and self._past_us(each.term) is not None
+        ]
+        if not past:
+            return
+        self.parts.wanted = change.wanted
+        taken = {name for each in change.gone for name in names_of(each)}
+        for each in (*(each for each in change.new if isinstance(each, Part)), *past):
+            label = each.label if isinstance(each, spec.GeneratorDeclaration) else None
+            if taken.isdisjoint(names_of(each)) and (label is None or label not in self.parts.declared):
+                self._undo[each] = self._realise(each)
+
+    def _become(
+        self, gone: Sequence[spec.Declaration], new: Iterable[spec.Declaration], wanted: spec.Specification
+    ) -> None:
+        self.parts.wanted = wanted
+        replaced = {each.label: each for each in new if isinstance(each, spec.GeneratorDeclaration)}
+        successors = list(new)
+        for each in gone:
+            by = replaced.get(each.label) if isinstance(each, spec.GeneratorDeclaration) else None
+            if by is not None and self.parts.replace(by):
+                successors.remove(by)
+                self._undo[by] = self._undo.pop(each)
+            else:
+                self._undo.pop(each)()
+        for declared in successors:
+            self._undo[declared] = self._realise(declared)
+        if any(isinstance(each, spec.GeneratorDeclaration) for each in gone):
+            self.families.renew()
+
+    def _realise(self, declaration: spec.Declaration) -> Undo:
+        match declaration:
+            case spec.GeneratorDeclaration():
+                return self.parts.add(declaration)
+            case spec.ForEach():
+                return self.families.add(declaration)
+            case spec.StreamDeclaration():
+                return self._deliver(declaration)
+            case spec.MonitorDeclaration():
+                return self._monitor(declaration)
+            case spec.ChronicleDeclaration(path, _, content) if content is not None:
+                self.chronicles[path] = ChronicleStreams(self.network, declaration, content)
+                return lambda: self.chronicles.pop(path).cancel()
+            case spec.Export(semantic, term) if self._federation is not None:
+                return self._federation.export(semantic, self.compiler.term(term))
+            case spec.Import(semantic, unit, term) if self._federation is not None:
+                return self._import(semantic, unit, self.compiler.term(term), declaration)
+            case spec.SourceDeclaration(_, name) if not isinstance(self.prototypes.find(name), SourcePrototype):
+                return self.parts.feed(name)
+        return nothing
+
+    def _import(self, semantic: str, unit: str, term: spec.StreamTerm, declaration: spec.Declaration) -> Undo:
+        assert self._federation is not None  # noqa: S101  (only then it is called)
+        take_back = self._federation.import_(semantic, unit, term)
+        self.parts.declared[term.label] = declaration
+
+        def undo() -> None:
+            self.parts.declared.pop(term.label, None)
+            take_back()
+
+        return undo
+
+    def _past_us(self, term: spec.StreamTerm) -> int | None:
+        """When a stream begins that began already."""
+        begins_us = term.policy.from_us
+        is_past = begins_us is not None and begins_us < self.network.now_us
+        return begins_us if is_past and not self._is_going_back else None
+
+    def _deliver(self, declaration: spec.StreamDeclaration) -> Undo:
+        name, term = declaration.name, declaration.term
+        wanted = self.compiler.input(term)
+        try:
+            proxy = self.network.connect(
+                wanted.label,
+                wanted.policy,
+                lambda sample: self.hooks.on_output(name, sample),
+                lambda linked: self.hooks.on_link(name, linked),
+                from_us=self._past_us(term),
+            )
+        except TooEarly as wrong:
+            raise located(declaration, *too_early(wrong, self.network.now_us)) from wrong
+        self.streams[name] = proxy
+        self._backlog += [(name, sample) for sample in proxy.take_backlog()]
+
+        def undo() -> None:
+            self.streams.pop(name, None)
+            proxy.cancel()
+
+        return undo
+
+    def _monitor(self, declaration: spec.MonitorDeclaration) -> Undo:
+        formula = Definitions(self.parts.wanted).resolved(declaration.formula, self.unit)
+        if self._federation is not None:
+            undo = self._federation.monitor(declaration, formula)
+            if undo is not None:
+                return undo
+        network = self.network
+        monitor = FormulaMonitor(network, declaration, formula, self.unit, self.hooks.on_alarm, network.now_us)
+        self.monitors[declaration.name] = monitor
+        margin = Label(MARGIN, (declaration.name,))
+        self.network.recall(margin)
+
+        def end() -> None:
+            self.monitors.pop(declaration.name, None)
+            if self.network.has(margin):
+                self.network.remove(margin)
+            monitor.cancel()
+
+        return end

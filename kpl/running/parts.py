@@ -1,0 +1,264 @@
+"""The generators of a running specification: what each is made from, and what waits for a producer."""
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from typing import TypeAlias
+
+from dyknow import SURE, DyknowError, Label, Network, Quality, Sort, SortError, Value
+from dyknow.network.factory import Prototypes
+from dyknow.network.mediation import Configuration, Mediation
+from dyknow.network.process import Process
+from dyknow.network.processes import OnDemand
+from dyknow.network.prototypes import Prototype, SourcePrototype
+from dyknow.network.stream_proxy import StreamProxy
+from kpl.checking.declarations import Declarations
+from kpl.running.compiling import CompiledGenerator, Compiler, Members, check_offer
+from kpl.running.ports import Undo, nothing
+from kpl.syntax import specification as spec
+
+Features: TypeAlias = Callable[[Label], tuple[Sort, Process] | None]
+
+MAX_OF_FAMILIES = 16_384
+"""Generators of all families together."""
+
+
+class Parts:
+    """Makes, replaces and takes away generators as declared.
+
+    Attributes:
+        wanted: the specification as it is to be; specified: the same, by what its declarations name and need.
+        declared: what declares each generator.
+        of_families: how to take away what members of families have.
+    """
+
+    def __init__(self, network: Network, prototypes: Prototypes, compiler: Compiler) -> None:
+        self._network, self._prototypes, self._compiler = network, prototypes, compiler
+        self.wanted: spec.Specification = ()
+        self.specified = Declarations()
+        self.declared: dict[Label, spec.Declaration] = {}
+        self.of_families: dict[Label, Undo] = {}
+        self.fed: dict[str, list[Label]] = {}
+        self._made_from: dict[str, dict[Label, tuple[spec.GeneratorDeclaration, Members | None]]] = {}
+
+    def offer(self, prototypes: Iterable[Prototype]) -> None:
+        """More can be made from now on; streams that waited for it begin.
+
+        Raises:
+            PrototypeExists: a name is taken; those before it are offered.
+            SortError: it is declared with other sorts; those before it are offered.
+        """
+        for prototype in prototypes:
+            check_offer(prototype, self.wanted)
+            self._prototypes.add(prototype)
+            self._compiler.withdrawn.discard(prototype.name)
+            for label, (declaration, members) in self._made_from.pop(prototype.name, {}).items():
+                self._release(label)
+                if self._network.has(label):  # a source that was fed from outside has somebody who reads it
+                    making = self._compiler.making(declaration, self.specified, members)
+                    self._network.replace_process(label, making.sort, making.process)
+                    self._hold(declaration, members, label, making)
+                else:
+                    self._generate(declaration, members, label)
+
+    def withdraw(self, names: Iterable[str]) -> None:
+        """What was made from these prototypes ends; its clients are notified, and served again when they are offered again.
+
+        Raises:
+            UnknownPrototype: there is none of that name; those before it are withdrawn.
+        """
+        for name in names:
+            if isinstance(self._prototypes.remove(name), SourcePrototype):
+                self._compiler.withdrawn.add(name)
+            for label, (declaration, members) in self._made_from.pop(name, {}).items():
+                self._release(label)
+                self._network.remove(label)
+                self._generate(declaration, members, label)
+
+    @property
+    def lacking(self) -> dict[str, tuple[Label, ...]]:
+        """Prototypes without an offer, and the generators that wait for them."""
+        return {
+            name: tuple(parts)
+            for name, parts in self._made_from.items()
+            if self._prototypes.find(name) is None and not self.fed.get(name)
+        }
+
+    def inputs_of(self, label: Label) -> tuple[Label, ...]:
+        """What a declared generator is made of, also without a producer."""
+        for parts in self._made_from.values():
+            if label in parts:
+                declaration, members = parts[label]
+                return self._compiler.sources(declaration, members)
+        return ()
+
+    def undeclared(self, label: Label, features: Features) -> tuple[Sort, Process] | None:
+        """A stream that is there while it is wanted; none where the specification declares streams of that name."""
+        is_declared = any(True for _ in self.specified.of_feature(label.feature))
+        return None if is_declared else features(label)
+
+    def push(self, source: str, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
+        """A source that is fed from outside has a new sample; where nothing is made from it, it is dropped."""
+        for label in tuple(self.fed.get(source, ())):
+            generator = self._network.generator(label)
+            try:
+                generator.sort.check(value)
+            except SortError as wrong:
+                self._network.on_fault(label, str(wrong))
+            else:
+                self._network.now_us = now_us
+                generator.push(valid_us, value, now_us, quality)
+
+    def sources(self) -> tuple[str, ...]:
+        """The declared sources that are fed from outside."""
+        return tuple(self.fed)
+
+    def replace(self, new: spec.GeneratorDeclaration) -> bool:
+        """Put another process behind a generator, whose subscribers stay; False: that is another stream altogether."""
+        making = self._compiler.making(new, self.specified)
+        label = self._compiler.label(new.label)
+        if making.lacks or not self._network.has(label) or self._network.generator(label).sort != making.sort:
+            return False
+        self._release(label)
+        self._network.replace_process(label, making.sort, making.process)
+        self._hold(new, None, label, making)
+        return True
+
+    def of_other_sorts(self, changed: Iterable[spec.Declaration]) -> list[spec.GeneratorDeclaration]:
+        """The generators that stay, though what they are made from has become another sort."""
+        found: dict[int, spec.GeneratorDeclaration] = {}
+        waiting: list[spec.Declaration] = [
+            each for each in changed if isinstance(each, spec.SourceDeclaration | spec.UnitDeclaration)
+        ]
+        while waiting:
+            for each in self.specified.dependent(waiting.pop()):
+                if (
+                    isinstance(each, spec.GeneratorDeclaration)
+                    and id(each) not in found
+                    and self._is_of_other_sort(each)
+                ):
+                    found[id(each)] = each
+                    waiting.append(each)
+        return list(found.values())
+
+    def _is_of_other_sort(self, declaration: spec.GeneratorDeclaration) -> bool:
+        label = self._compiler.label(declaration.label)
+        making = self._compiler.making(declaration, self.specified)
+        return self._network.has(label) and not making.lacks and self._network.generator(label).sort != making.sort
+
+    def _generate(self, declaration: spec.GeneratorDeclaration, members: Members | None, label: Label) -> None:
+        """Make what a declaration says, or wait for a producer."""
+        making = self._compiler.making(declaration, self.specified, members)
+        if making.lacks:
+            pass
+        elif making.process is None:
+            self._network.add_source(label, making.sort)
+        else:
+            self._network.add_process(label, making.sort, making.process)
+        self._hold(declaration, members, label, making)
+
+    def add(self, declaration: spec.GeneratorDeclaration, members: Members | None = None) -> Undo:
+        label = self._compiler.label(declaration.label, members)
+        if members is None and label in self.of_families:
+            self.of_families.pop(label)()
+        self._generate(declaration, members, label)
+        return partial(self.drop, label)
+
+    def feed(self, source: str) -> Undo:
+        """A declared source is fed from outside."""
+        self.fed.setdefault(source, [])
+
+        def forget() -> None:
+            if not self.fed.get(source):
+                self.fed.pop(source, None)
+
+        return forget
+
+    def drop(self, label: Label) -> None:
+        self._release(label)
+        if self._network.has(label):
+            self._network.remove(label)
+
+    def _hold(
+        self, declaration: spec.GeneratorDeclaration, members: Members | None, label: Label, making: CompiledGenerator
+    ) -> None:
+        self.declared[label] = declaration
+        if making.source:
+            self.fed.setdefault(making.source, []).append(label)
+        if making.unit:
+            self._made_from.setdefault(making.unit, {})[label] = declaration, members
+
+    def _release(self, label: Label) -> None:
+        """Forget the generator."""
+        self.declared.pop(label, None)
+        for source, labels in list(self.fed.items()):
+            if label in labels:
+                labels.remove(label)
+            if not labels and self.specified.maker(source) is None:
+                del self.fed[source]
+        for name, parts in list(self._made_from.items()):
+            parts.pop(label, None)
+            if not parts:
+                del self._made_from[name]
+
+
+class Families:
+    """All families of an instance; `members` has the members of each, by the label of what it makes."""
+
+    def __init__(self, network: Network, compiler: Compiler, parts: Parts) -> None:
+        self._network, self._compiler, self._parts = network, compiler, parts
+        self.members: dict[Label, Configuration] = {}
+
+    def renew(self) -> None:
+        """Some of what belongs to members may be gone: make it again where it is."""
+        for family in self.members.values():
+            family.renew()
+
+    def add(self, declaration: spec.ForEach) -> Undo:
+        """One process per member; a member for which there is a declaration of its own is left to that."""
+        own = set[Label]()
+        family_label = declaration.body.label
+
+        def create(member: str) -> None:
+            members = {declaration.variable: member}
+            label = self._compiler.label(family_label, members)
+            if label not in self._parts.declared:
+                try:
+                    self._parts.of_families[label] = self._parts.add(declaration.body, members)
+                    own.add(label)
+                except DyknowError as wrong:
+                    self._network.on_fault(label, str(wrong))
+
+        def remove(member: str) -> None:
+            label = self._compiler.label(family_label, {declaration.variable: member})
+            if label in own:
+                own.discard(label)
+                self._parts.of_families.pop(label, nothing)()
+                for other, family in self.members.items():
+                    if other.feature == family_label.feature and other != family_label:
+                        family.renew()
+
+        def admit(more: int) -> None:
+            there = len(self._parts.of_families)
+            if more > 0 and there + more > MAX_OF_FAMILIES:
+                raise SortError(
+                    f"{more} more members of {family_label.feature}, where families have {there} generators already; "
+                    f"an instance holds at most {MAX_OF_FAMILIES}"
+                )
+
+        domain = self._compiler.input(declaration.domain)
+        family = Configuration(self._network, domain, create, remove, admit)
+        self.members[family_label] = family
+
+        def undo() -> None:
+            self.members.pop(family_label, None)
+            family.cancel()
+
+        return undo
+
+
+def inputs_taken(process: object) -> Iterator[StreamProxy]:
+    """The streams that a process takes now."""
+    if isinstance(process, OnDemand):
+        yield from process.proxies
+    if isinstance(process, Mediation):
+        yield from process.members.values()

@@ -1,0 +1,55 @@
+"""Ports of a running specification: callbacks, and the federation for what concerns other platforms."""
+
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
+from typing import Literal, Protocol, TypeAlias
+
+from dyknow import Sample, TextError
+from kpl.syntax.specification import Declaration, MonitorDeclaration, StreamTerm
+from reasoning import AlarmEvent
+from reasoning.formulas.tree import Formula
+
+Undo: TypeAlias = Callable[[], None]
+Admission: TypeAlias = Literal["refuse", "longer"]
+
+
+def nothing() -> None:
+    """There is nothing to take back."""
+
+
+class Federation(Protocol):
+    """What the room above does for declarations that concern other platforms; each returns how to take it back."""
+
+    def export(self, semantic: str, term: StreamTerm) -> Undo: ...
+    def import_(self, semantic: str, unit: str, term: StreamTerm) -> Undo: ...
+    def monitor(self, declaration: MonitorDeclaration, formula: Formula) -> Undo | None:
+        """None: the formula is over streams of this instance."""
+
+
+class LoadGovernor(Protocol):
+    """Decides about new work while there is too much to do (10.7)."""
+
+    @property
+    def full(self) -> bool:
+        """Whether there is no time for more."""
+
+    def refusals(self, new: Iterable[Declaration], text: str, file: str) -> list[TextError]:
+        """Errors for declarations that are refused now."""
+
+    def hold_back(self, known: Collection[int], now_us: int) -> None:
+        """Lengthen the periods of new streams; `known` are the ids of the proxies of the others."""
+
+
+@dataclass(slots=True)
+class Hooks:
+    """Callbacks for what the instance does.
+
+    Attributes:
+        on_output: name of a declared stream, and a sample of it.
+        on_link: name of a declared stream, and whether its inputs have producers.
+        on_alarm: an alarm of a monitor opened or closed.
+    """
+
+    on_output: Callable[[str, Sample], None] = lambda _name, _sample: None
+    on_link: Callable[[str, bool], None] = lambda _name, _linked: None
+    on_alarm: Callable[[AlarmEvent], None] = lambda _event: None

@@ -1,0 +1,131 @@
+"""The parsers of our texts: two grammars, each read once, and the limits every text passes first.
+
+A hostile text can neither exhaust the stack nor the clock: length and bracket depth are looked at before parsing,
+nesting of the parse tree before anything walks it recursively.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from dyknow.model.errors import TextError
+from kpl.diagnostics.languages import Mistake, language
+from kpl.diagnostics.mistakes import Mark, explain, learn
+
+if TYPE_CHECKING:
+    from lark import Lark, Token, Tree
+
+LIMIT_CHARACTERS: Final = 64 * 1024
+LIMIT_NESTING: Final = 200
+_OPENING, _CLOSING = "([{", ")]}"
+_CHAINS = ("sum", "product", "combined", "intersection", "shifted")
+
+
+class Text(NamedTuple):
+    """A kind of text: its grammar, the rule it begins with, and the language of its diagnostics."""
+
+    grammar: str
+    begin: str
+    language: str
+    inner: str = "define the inner parts as features of their own"
+
+
+TEXTS: Final[Mapping[str, Text]] = {
+    "formula_only": Text("kpl.lark", "formula_only", "formulas"),
+    "start": Text("kpl.lark", "start", "statements"),
+    "chronicles": Text("chronicles.lark", "start", "chronicles", "name the inner parts: domain D = ..."),
+}
+
+
+@cache
+def parser(grammar: str = "kpl.lark") -> "Lark":
+    """The parser of a grammar, for all its beginnings; lark is imported here, at use."""
+    from lark import Lark
+
+    return Lark(
+        files("kpl.syntax").joinpath(grammar).read_text(encoding="utf-8"),
+        parser="lalr",
+        lexer="basic",
+        start=sorted({text.begin for text in TEXTS.values() if text.grammar == grammar}),
+        maybe_placeholders=False,
+        propagate_positions=True,
+    )
+
+
+@cache
+def _marks(kind: str) -> Mapping[Mark, Mistake]:
+    text = TEXTS[kind]
+    return learn(lambda sample: parser(text.grammar).parse(sample, start=text.begin), language(text.language).mistakes)
+
+
+def parse_tree(text: str, kind: str, file: str = "") -> "Tree[Token]":
+    """The parse tree of `text`, a text of `TEXTS`, no deeper than `LIMIT_NESTING`.
+
+    Raises:
+        TextError: at the first place where the text leaves the grammar, or a limit.
+    """
+    from lark.exceptions import UnexpectedInput
+
+    known = TEXTS[kind]
+    _check_length(text, file)
+    _check_brackets(text, file, known.inner)
+    try:
+        tree = parser(known.grammar).parse(text, start=known.begin)
+    except UnexpectedInput as error:
+        raise explain(error, text, file, lambda: _marks(kind), language(known.language)) from None
+    _check_depth(tree, text, file, known.inner)
+    return tree
+
+
+def _check_length(text: str, file: str) -> None:
+    if len(text) > LIMIT_CHARACTERS:
+        raise TextError(
+            f"the text has {len(text)} characters, {LIMIT_CHARACTERS} are allowed",
+            file=file,
+            repair="split it, or define its parts as features of their own",
+        )
+
+
+def _too_deep(text: str, file: str, offset: int, repair: str) -> TextError:
+    return TextError.at_offset(text, offset, f"nested more than {LIMIT_NESTING} deep", repair=repair, file=file)
+
+
+def _check_brackets(text: str, file: str, repair: str) -> None:
+    depth = 0
+    for offset, character in enumerate(text):
+        if character in _OPENING:
+            depth += 1
+            if depth > LIMIT_NESTING:
+                raise _too_deep(text, file, offset, repair)
+        elif character in _CLOSING:
+            depth -= 1
+
+
+def _check_depth(tree: "Tree[Token]", text: str, file: str, repair: str) -> None:
+    """What is long counts as deep where it is read as ((a + b) + c) + d."""
+    from lark import Tree
+
+    waiting = [(tree, 1)]
+    while waiting:
+        node, depth = waiting.pop()
+        if node.data in _CHAINS:
+            depth += len(node.children) // 2
+        if depth > LIMIT_NESTING:
+            raise _too_deep(text, file, node.meta.start_pos, repair)
+        waiting += [(child, depth + 1) for child in node.children if isinstance(child, Tree)]
+
+
+def moved(tree: "Tree[Token]", offset: int, lines: int) -> "Tree[Token]":
+    """The tree of a part of the text, with the places that it has in the whole."""
+    for node in tree.iter_subtrees():
+        inside: list[Any] = [node.meta, *(child for child in node.children if not hasattr(child, "children"))]
+        for at in inside:
+            if getattr(at, "start_pos", None) is not None:
+                at.start_pos, at.end_pos, at.line = at.start_pos + offset, at.end_pos + offset, at.line + lines
+    return tree
+
+
+def placed(wrong: TextError, text: str, lines: int) -> TextError:
+    """The error, in the whole text, of a part of it that begins `lines` lines later."""
+    return wrong.but(text=text, line=wrong.line + lines)

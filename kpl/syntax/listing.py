@@ -1,0 +1,72 @@
+"""Specifications to text: one declaration a line; parsing the text gives the specification back."""
+
+from collections.abc import Iterable
+
+from dyknow.policies.policy import Policy
+from kpl.syntax import specification as spec
+from kpl.syntax.printing import print_formula
+
+
+def print_specification(specification: Iterable[spec.Declaration]) -> str:
+    """The text of a specification; empty if it declares nothing."""
+    return "".join(f"{print_declaration(declaration)}\n" for declaration in specification)
+
+
+def print_declaration(declaration: spec.Declaration) -> str:
+    """One declaration as it is typed, on one line."""
+    match declaration:
+        case spec.SourceDeclaration(sort, name):
+            return f"source {sort} {name}"
+        case spec.UnitDeclaration(sort, name, inputs):
+            return f"compunit {sort} {name}({', '.join(inputs)})"
+        case spec.GeneratorDeclaration(label, made):
+            return f"strmgen {label} = {_made(made)}"
+        case spec.StreamDeclaration(name, term):
+            return f"stream {name} = {_term(term)}"
+        case spec.ForEach(variable, domain, body):
+            return f"for {variable} in {_term(domain)} {print_declaration(body)}"
+        case spec.Export(semantic, term):
+            return f"export {semantic} = {_term(term)}"
+        case spec.Import(semantic, unit, term):
+            return f"import {semantic} from {unit} as {_term(term)}"
+        case spec.Define(feature, formula):
+            return f"define {print_formula(feature)} = {print_formula(formula)}"
+        case spec.MonitorDeclaration():
+            return f"monitor {declaration.name} = {print_formula(declaration.formula)}{_options(declaration)}"
+        case spec.ChronicleDeclaration(path, policy):
+            return f'chronicle file "{path}"{_with(policy)}'
+
+
+def _made(made: spec.Making) -> str:
+    match made:
+        case spec.FromSource(source):
+            return source
+        case spec.Refinement(unit, inputs):
+            return f"{unit}({', '.join(map(_term, inputs))})"
+        case spec.StateStream(inputs, policy):
+            return f"state({', '.join(map(_term, inputs))}){_with(policy)}"
+        case spec.Link(source, unit, establish, reestablish, maintain):
+            conditions = ", ".join(map(print_formula, (establish, reestablish, maintain)))
+            return f"link({source}, {unit}, {conditions})"
+        case spec.Select(term, variable, domain):
+            return f"select {_term(term)} for {variable} in {_term(domain)}"
+        case spec.Merge(term, variable, domain):
+            return f"merge {_term(term)} for {variable} in {_term(domain)}"
+
+
+def _term(term: spec.StreamTerm) -> str:
+    return f"{term.label}{_with(term.policy)}"
+
+
+def _with(policy: Policy) -> str:
+    return "" if policy == spec.ANY_UPDATE else f" with {policy}"
+
+
+def _options(monitor: spec.MonitorDeclaration) -> str:
+    said = [
+        "" if monitor.policy == spec.ANY_UPDATE else str(monitor.policy),
+        "" if monitor.no_value == "undecided" else f"no value {monitor.no_value}",
+        "" if monitor.close_after == 2 else f"close after {monitor.close_after}",
+    ]
+    options = ", ".join(filter(None, said))
+    return f" with {options}" if options else ""

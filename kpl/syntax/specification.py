@@ -1,0 +1,189 @@
+"""The syntax tree of a KPL specification (thesis Def. 4.4.3, 7.8.6, 8.5.3, and our additions to them).
+
+A specification is a sequence of declarations. Equal declarations are equal whatever they were typed like; `place` says
+where each stood.
+"""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from dyknow.model.labels import Label
+from dyknow.policies.policy import Policy
+from reasoning.chronicles import ChronicleFile as Chronicles
+from reasoning.formulas.evaluation import NoValuePolicy
+from reasoning.formulas.tree import Feature, Formula, Node
+
+ANY_UPDATE = Policy()
+RECOGNISED = "chronicle"
+"""The feature of streams of recognitions: `chronicle[overtake]`."""
+
+
+@dataclass(frozen=True, slots=True)
+class StreamTerm(Node):
+    """A stream as a subscriber wants it: the label of its generator, and a policy (Def. 4.4.3, FLUENT_STREAM_TERM)."""
+
+    label: Label
+    policy: Policy = ANY_UPDATE
+
+
+@dataclass(frozen=True, slots=True)
+class SourceDeclaration(Node):
+    """`source SORT NAME`: a class of primitive processes (Def. 4.4.4)."""
+
+    sort: str
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class UnitDeclaration(Node):
+    """`compunit SORT NAME(SORT, ...)`: a class of refinement processes (Def. 4.4.5)."""
+
+    sort: str
+    name: str
+    inputs: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FromSource(Node):
+    """A primitive process: what a source provides."""
+
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class Refinement(Node):
+    """A refinement process: a computational unit and the streams it takes."""
+
+    unit: str
+    inputs: tuple[StreamTerm, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class StateStream(Node):
+    """Synchronised states of the inputs, one value of each (Def. 7.8.6)."""
+
+    inputs: tuple[StreamTerm, ...]
+    policy: Policy = ANY_UPDATE
+
+
+@dataclass(frozen=True, slots=True)
+class Link(Node):
+    """Objects of one stream linked to objects of another sort (Def. 8.5.3); in the formulas `from` and `to` are both."""
+
+    source: Label
+    unit: str
+    establish: Formula
+    reestablish: Formula
+    maintain: Formula
+
+
+@dataclass(frozen=True, slots=True)
+class Select(Node):
+    """Mediation, one input at a time: that of the member which `domain` names at the time."""
+
+    term: StreamTerm
+    variable: str
+    domain: StreamTerm
+
+
+@dataclass(frozen=True, slots=True)
+class Merge(Node):
+    """Mediation, a varying set of inputs: those of all members of `domain`."""
+
+    term: StreamTerm
+    variable: str
+    domain: StreamTerm
+
+
+Making: TypeAlias = FromSource | Refinement | StateStream | Link | Select | Merge
+
+
+@dataclass(frozen=True, slots=True)
+class GeneratorDeclaration(Node):
+    """`strmgen LABEL = ...`: a stream generator and the process it belongs to (Def. 4.4.7)."""
+
+    label: Label
+    made: Making
+
+
+@dataclass(frozen=True, slots=True)
+class StreamDeclaration(Node):
+    """`stream NAME = TERM`: an output of the application (Def. 4.4.3, FLUENT_STREAM_DECL)."""
+
+    name: str
+    term: StreamTerm
+
+
+@dataclass(frozen=True, slots=True)
+class ForEach(Node):
+    """`for NAME in TERM strmgen ...`: one process per member, removed with it (thesis 3.3, configuration)."""
+
+    variable: str
+    domain: StreamTerm
+    body: GeneratorDeclaration
+
+
+@dataclass(frozen=True, slots=True)
+class Export(Node):
+    """`export SEMANTIC-LABEL = TERM`: what other platforms may ask for."""
+
+    semantic: str
+    term: StreamTerm
+
+
+@dataclass(frozen=True, slots=True)
+class Import(Node):
+    """`import SEMANTIC-LABEL from UNIT as TERM`: a stream of another platform, under a label of our own."""
+
+    semantic: str
+    unit: str
+    term: StreamTerm
+
+
+@dataclass(frozen=True, slots=True)
+class Define(Node):
+    """`define LABEL = FORMULA`: a feature, or without objects a constant, defined by a formula."""
+
+    feature: Feature
+    formula: Formula
+
+
+@dataclass(frozen=True, slots=True)
+class MonitorDeclaration(Node):
+    """`monitor NAME = FORMULA [with OPTIONS]`; `policy` is that of its states, `close_after` counts states (F8)."""
+
+    name: str
+    formula: Formula
+    policy: Policy = ANY_UPDATE
+    no_value: NoValuePolicy = "undecided"
+    close_after: int = 2
+
+
+@dataclass(frozen=True, slots=True)
+class ChronicleDeclaration(Node):
+    """`chronicle file "PATH" [with max delay D]`; `content` is what the file declares, None where it was not read."""
+
+    path: str
+    policy: Policy = ANY_UPDATE
+    content: Chronicles | None = None
+
+
+Declaration: TypeAlias = (
+    SourceDeclaration
+    | UnitDeclaration
+    | GeneratorDeclaration
+    | StreamDeclaration
+    | ForEach
+    | Export
+    | Import
+    | Define
+    | MonitorDeclaration
+    | ChronicleDeclaration
+)
+Specification: TypeAlias = tuple[Declaration, ...]
+
+
+def making_of(declaration: Declaration) -> Making | None:
+    """How the generator of a declaration, or of the members of a family, is made; None: it declares none."""
+    body = declaration.body if isinstance(declaration, ForEach) else declaration
+    return body.made if isinstance(body, GeneratorDeclaration) else None

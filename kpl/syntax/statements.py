@@ -1,0 +1,281 @@
+"""KPL specifications from text: the parse tree becomes the tree of specification.py (grammar: kpl.lark).
+
+All errors of a text are reported. Where a text leaves the grammar its statements are read one by one, so that one wrong
+statement hides none after it. In `refinement(a with max delay 100, monotone order, b)` the commas of constraints and of
+arguments are one list in the parse tree; here each constraint goes to the stream before it.
+"""
+
+import re
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Sequence
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias, cast
+
+from dyknow.model.errors import PolicyError, TextError, TextErrors
+from dyknow.model.labels import Label
+from dyknow.policies.policy import Policy
+from kpl.diagnostics.suggestions import begins_statement
+from kpl.syntax import specification as spec
+from kpl.syntax.chronicles import parse_chronicles
+from kpl.syntax.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
+from kpl.syntax.numbers import is_time, parse_number
+from kpl.syntax.parsing import FormulaReader, place_of, raise_all
+from reasoning.formulas.evaluation import NoValuePolicy
+from reasoning.formulas.tree import Place
+
+if TYPE_CHECKING:
+    from lark import Token, Tree
+
+_STATEMENT = re.compile(r"^(?:[ \t]*(?:source|compunit|strmgen|stream|for|export|import|define|monitor|chronicle)\b|[A-Za-z]\w+)", re.MULTILINE)  # fmt: skip
+ReadFile: TypeAlias = Callable[[str], str]
+"""The text of a file that a specification names; raises OSError or UnicodeDecodeError."""
+_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
+_COMMENT = re.compile(r"#[^\n]*")
+_FREE: Final = frozenset[str]()
+_LINKED: Final = frozenset({"from", "to"})
+MAX_CLOSE_AFTER: Final = 1_000_000
+MAX_ERRORS: Final = 100
+"""Statements that leave the grammar after which reading ends."""
+
+
+class ReadSpecification(NamedTuple):
+    """A text as far as it could be read.
+
+    Attributes:
+        specification: the declarations that could be read.
+        errors: what is wrong with the text.
+        unread: the words of the statements that could not be read: what they would declare is not missing.
+    """
+
+    specification: spec.Specification
+    errors: list[TextError]
+    unread: frozenset[str]
+
+
+def parse_specification(text: str, file: str = "", read_file: ReadFile | None = None) -> spec.Specification:
+    """Read a KPL specification, and with `read_file` the chronicle files it names.
+
+    Raises:
+        TextErrors: with all that is wrong: where the text leaves the grammar, policies that cannot be, numbers,
+            formulas that read in two ways.
+        TextError: a limit is passed.
+    """
+    found = read_specification(text, file, read_file)
+    raise_all(found.errors)
+    return found.specification
+
+
+def read_specification(text: str, file: str = "", read_file: ReadFile | None = None) -> ReadSpecification:
+    """What could be read, and what is wrong with the text; raises TextError at a limit."""
+    reader = _StatementReader(text, file)
+    reader.read_file = read_file
+    try:
+        read = reader.declarations(parse_tree(text, "start", file))
+        return ReadSpecification(read, reader.errors, frozenset(reader.unread))
+    except TextError as wrong:
+        starts = [found.start() for found in _STATEMENT.finditer(text) if begins_statement(found[0].strip())]
+        if len(text) > LIMIT_CHARACTERS or len(starts) < 2:
+            raise
+        first = wrong
+    found: list[spec.Declaration] = []
+    unread = reader.unread
+    for start, end in zip([0, *starts[1:]], [*starts[1:], len(text)], strict=True):
+        lines = text.count("\n", 0, start)
+        try:
+            found += reader.declarations(moved(parse_tree(text[start:end], "start", file), start, lines))
+        except TextError as wrong:
+            unread.update(_WORD.findall(text[start:end]))
+            reader.errors.append(placed(wrong, text, lines))
+            if len(reader.errors) >= MAX_ERRORS:
+                unread.update(_WORD.findall(text[start:]))
+                break
+    return ReadSpecification(tuple(found), reader.errors or [first], frozenset(unread))
+
+
+class _StatementReader(FormulaReader):
+    """Reads declarations; offsets of the parse tree are those of the whole text."""
+
+    def __init__(self, text: str, file: str) -> None:
+        super().__init__(text, file)
+        self.read_file: ReadFile | None = None
+        self.unread = set[str]()
+
+    def declarations(self, tree: "Tree[Token]") -> tuple[spec.Declaration, ...]:
+        found = []
+        for node in tree.children:
+            try:
+                found.append(self.declaration(node))
+            except RecursionError:
+                self.error("nested too deep for where this is read", place_of(node, self.text), "nest less")
+        return tuple(found)
+
+    def declaration(self, node: Any) -> spec.Declaration:
+        """One declaration; each rule of the grammar has its method."""
+        read: Callable[[Any, Place], spec.Declaration] = getattr(self, f"_{node.data}")
+        return read(node, place_of(node, self.text))
+
+    # Declarations
+
+    def _source(self, node: Any, place: Place) -> spec.Declaration:
+        sort, name = map(_name, node.children)
+        return spec.SourceDeclaration(sort, name, place=place)
+
+    def _compunit(self, node: Any, place: Place) -> spec.Declaration:
+        sort, name, *inputs = map(_name, node.children)
+        return spec.UnitDeclaration(sort, name, tuple(inputs), place=place)
+
+    def _strmgen(self, node: Any, place: Place) -> spec.GeneratorDeclaration:
+        label, _equals, made = node.children
+        return spec.GeneratorDeclaration(self.label(label), self._made(made, place_of(made, self.text)), place=place)
+
+    def _made(self, node: Any, place: Place) -> spec.Making:
+        parts = node.children
+        match node.data:
+            case "from_source":
+                return spec.FromSource(str(parts[0]), place=place)
+            case "refine":
+                return spec.Refinement(str(parts[0]), self._terms(parts[1:]), place=place)
+            case "state":
+                constrained = parts[-1].data == "policy"
+                policy = self._policy(parts[-1].children) if constrained else spec.ANY_UPDATE
+                return spec.StateStream(self._terms(parts[:-1] if constrained else parts), policy, place=place)
+            case "link":
+                source, unit, *conditions = parts
+                establish, reestablish, maintain = (self.read(condition, _LINKED) for condition in conditions)
+                return spec.Link(self.label(source), _name(unit), establish, reestablish, maintain, place=place)
+        member, variable, domain = parts
+        make = spec.Select if node.data == "select" else spec.Merge
+        return make(self._member(member), _name(variable), self._member(domain), place=place)
+
+    def _stream(self, node: Any, place: Place) -> spec.Declaration:
+        name, _equals, label, *policy = node.children
+        return spec.StreamDeclaration(_name(name), self._term(label, policy), place=place)
+
+    def _for_each(self, node: Any, place: Place) -> spec.Declaration:
+        variable, domain, body = node.children
+        generator = self._strmgen(body, place_of(body, self.text))
+        return spec.ForEach(_name(variable), self._member(domain), generator, place=place)
+
+    def _export(self, node: Any, place: Place) -> spec.Declaration:
+        semantic, _equals, label, *policy = node.children
+        return spec.Export(_name(semantic), self._term(label, policy), place=place)
+
+    def _import_(self, node: Any, place: Place) -> spec.Declaration:
+        semantic, unit, label, *policy = node.children
+        return spec.Import(_name(semantic), str(self.object(unit, _FREE)), self._term(label, policy), place=place)
+
+    def _define(self, node: Any, place: Place) -> spec.Declaration:
+        label, _equals, formula = node.children
+        feature = self.feature(label, _FREE)
+        if len(set(feature.objects)) < len(feature.objects):
+            repair = f"{feature.name}[{', '.join(dict.fromkeys(map(str, feature.objects)))}]"
+            self.error("each parameter of a definition has a name of its own", feature.place, repair)
+        return spec.Define(feature, self.read(formula, frozenset(map(str, feature.objects))), place=place)
+
+    def _monitor(self, node: Any, place: Place) -> spec.Declaration:
+        name, _equals, formula, *options = node.children
+        no_value: NoValuePolicy = "undecided"
+        close_after, constraints = 2, []
+        seen = set[str]()
+        for option in options:
+            if option.data in seen and option.data in {"no_value", "close_after"}:
+                self.error("a monitor has one such option", place_of(option, self.text), "leave one out")
+            seen.add(option.data)
+            if option.data == "no_value":
+                no_value = cast("NoValuePolicy", str(option.children[-1]))
+            elif option.data == "close_after":
+                close_after = self._count(option.children[0])
+            else:
+                constraints.append(option)
+        inside = self.read(formula, _FREE)
+        return spec.MonitorDeclaration(
+            _name(name), inside, self._policy(constraints), no_value, close_after, place=place
+        )
+
+    def _chronicle_file(self, node: Any, place: Place) -> spec.Declaration:
+        quoted, *policy = node.children
+        path, content = str(quoted)[1:-1], None
+        if self.read_file is not None:
+            try:
+                content = parse_chronicles(self.read_file(path), path)
+            except TextErrors as wrong:
+                self.errors += wrong.errors
+            except (TextError, OSError, UnicodeDecodeError) as wrong:
+                self.error(f"{path} cannot be read: {wrong}", place, "the path, from where this file lies")
+            if content is None:
+                self.unread.add(spec.RECOGNISED)
+        return spec.ChronicleDeclaration(path, self._policy(policy[0].children if policy else []), content, place=place)
+
+    # What they are made of
+
+    def label(self, node: Any) -> Label:
+        feature = self.feature(node, _FREE)
+        stem = f"{feature.name}.{feature.attribute}" if feature.attribute else feature.name
+        return Label(stem, tuple(map(str, feature.objects)))
+
+    def _term(self, label: Any, policy: Sequence[Any]) -> spec.StreamTerm:
+        """A label, and the constraints of an optional policy."""
+        constraints = policy[0].children if policy else ()
+        return spec.StreamTerm(self.label(label), self._policy(constraints), place=place_of(label, self.text))
+
+    def _member(self, node: Any) -> spec.StreamTerm:
+        label, *policy = node.children
+        return self._term(label, policy)
+
+    def _terms(self, flat: Iterable[Any]) -> tuple[spec.StreamTerm, ...]:
+        """Streams and the constraints of those before them, as they come."""
+        grouped: list[tuple[Any, list[Any]]] = []
+        for node in flat:
+            if node.data == "label_with":
+                label, *first = node.children
+                grouped.append((label, first))
+            elif grouped[-1][1]:
+                grouped[-1][1].append(node)
+            else:
+                self.error("constraints follow a label and `with`", place_of(node, self.text), "pos[car1] with ...")
+        return tuple(
+            spec.StreamTerm(self.label(label), self._policy(constraints), place=place_of(label, self.text))
+            for label, constraints in grouped
+        )
+
+    def _policy(self, constraints: Sequence[Any]) -> Policy:
+        """One reader for policies wherever they stand: here it gets the words of the constraints, without comments."""
+        if not constraints:
+            return spec.ANY_UPDATE
+        places = [place_of(constraint, self.text) for constraint in constraints]
+        words = [_blank(self.text[place.start : place.end]) for place in places]
+        try:
+            return Policy.parse(", ".join(words))
+        except TextError as wrong:
+            starts = [0, *accumulate(len(each) + 2 for each in words[:-1])]
+            self.error(wrong.message, places[bisect_right(starts, wrong.column - 1) - 1], wrong.repair)
+        except PolicyError as wrong:
+            whole = places[0]._replace(width=max(1, _line_width(self.text, places[0].start, places[-1].end)))
+            self.error(str(wrong), whole, wrong.repair)
+        return spec.ANY_UPDATE
+
+    def _count(self, token: "Token") -> int:
+        place = place_of(token, self.text)
+        found = -1 if is_time(str(token)) else self.attempt(lambda: parse_number(str(token)), place, None)
+        if found is None:
+            return 1
+        if not isinstance(found, int) or not 1 <= found <= MAX_CLOSE_AFTER:
+            self.error(f"a number of states is from 1 to {MAX_CLOSE_AFTER}", place, "close after 3")
+            return 1
+        return found
+
+
+def _name(node: Any) -> str:
+    return str(node.children[0])
+
+
+def _blank(text: str) -> str:
+    """The same length on one line, without comments."""
+    return (
+        _COMMENT.sub(lambda found: " " * len(found[0]), text).replace("\n", " ").replace("\t", " ").replace("\r", " ")
+    )
+
+
+def _line_width(text: str, start: int, end: int) -> int:
+    line_end = text.find("\n", start)
+    return min(end, line_end if line_end >= 0 else end) - start

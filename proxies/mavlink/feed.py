@@ -1,0 +1,136 @@
+"""A vehicle on MAVLink as its platform sees it: reports are posted, orders are carried out.
+
+Stamp, map, post: everything else is elsewhere (frames, units, clocks, orders). All of it happens in the port's thread,
+but for `command`, which sends from the caller's thread and returns at once.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from navigation.vehicle import Command, CommandResult, HomeReport, PositionReport, Report
+from proxies.mavlink.device_clock import DeviceClock
+from proxies.mavlink.orders import Errands, OrderOutcome, Target, home_request, subscriptions
+from proxies.mavlink.port import MavlinkPort
+from proxies.mavlink.reports import VehicleReports, device_us, is_autopilot, tells_time
+
+_ASK_AGAIN_US = 2_000_000
+_SILENT_US = 3_000_000
+
+
+class MavlinkFeed:
+    """Hears one vehicle.
+
+    Args:
+        endpoint: `udpin:HOST:PORT`, `udpout:HOST:PORT`, or a `MavlinkPort` shared with other feeds.
+        sysid: the vehicle's system id; None takes the first autopilot heard that no other feed has.
+        post: takes a report; must not block. Reports of one message come in one go, velocity before position.
+        now_us: federation time.
+        compid: the autopilot's component id.
+        key: 32 bytes of MAVLink signing, for an endpoint given as text.
+        driven: the vehicle's clock is federation time (simulated vehicles); see `DeviceClock`.
+        requests: ask the vehicle for the messages that are fused; without it the feed only listens.
+    """
+
+    def __init__(
+        self,
+        endpoint: str | MavlinkPort,
+        sysid: int | None,
+        post: Callable[[Report], None],
+        now_us: Callable[[], int],
+        *,
+        compid: int = 1,
+        key: bytes | None = None,
+        driven: bool = False,
+        requests: bool = True,
+    ) -> None:
+        self.port = endpoint if isinstance(endpoint, MavlinkPort) else MavlinkPort(endpoint, key=key)
+        self.system, self.component = sysid, compid
+        self.known = VehicleReports()
+        self.clock = DeviceClock(driven=driven)
+        self._post, self._now_us, self._requests = post, now_us, requests
+        self._errands, self._lock = Errands(), threading.Lock()
+        self._heard_us: int | None = None
+        self._ask_us = 0
+        self._reboots = 0
+        self._positioned = self._homed = False
+
+    def start(self) -> None:
+        self.port.attach(self)
+
+    def stop(self) -> None:
+        self.port.detach(self)
+
+    def command(self, command: Command) -> None:
+        """Carry out an order; its `CommandResult` is posted. Returns at once."""
+        if self.system is None:
+            self._post(CommandResult(self._now_us(), command.number, False, "no vehicle heard"))
+            return
+        with self._lock:
+            target = Target(self.system, self.component)
+            outcome = self._errands.on_command(command, self.known, target, _wall_us())
+        self._perform(outcome)
+
+    def on_adopted(self, system: int) -> None:
+        self.system = system
+
+    def on_message(self, message: Any) -> None:
+        arrival_us = self._now_us()
+        kind = message.get_type()
+        if kind == "HEARTBEAT" and is_autopilot(message):
+            self._on_heartbeat()
+        elif kind == "SYSTEM_TIME":
+            self.clock.on_system_time(message.time_unix_usec, message.time_boot_ms * 1000)
+        elif kind == "COMMAND_ACK":
+            with self._lock:
+                outcome = self._errands.on_ack(message, _wall_us())
+            self._perform(outcome)
+        valid_us = self.clock.valid_us(device_us(message), arrival_us, witness=tells_time(message))
+        if self.clock.reboots != self._reboots:
+            self._reboots = self.clock.reboots
+            self.known.on_reboot()
+            self._heard_us = None
+        if valid_us is None:
+            return
+        for report in self.known.reports(message, valid_us):
+            self._positioned |= isinstance(report, PositionReport)
+            self._homed |= isinstance(report, HomeReport)
+            self._post(report)
+
+    def on_tick(self, monotonic_us: int) -> None:
+        with self._lock:
+            outcome = self._errands.on_time(monotonic_us)
+        self._perform(outcome)
+        if self._requests and self._heard_us is not None and monotonic_us >= self._ask_us:
+            self._ask(monotonic_us)
+
+    def _on_heartbeat(self) -> None:
+        now_us = _wall_us()
+        if self._heard_us is None or now_us - self._heard_us > _SILENT_US:
+            self._positioned = self._homed = False
+            self._ask_us = now_us
+        self._heard_us = now_us
+
+    def _ask(self, monotonic_us: int) -> None:
+        """Ask for messages when the vehicle is met or met again, and every two seconds for what does not come."""
+        self._ask_us = monotonic_us + _ASK_AGAIN_US
+        if self.system is None:
+            return
+        target = Target(self.system, self.component)
+        messages = [] if self._positioned else subscriptions(target, self.known)
+        if not self._homed:
+            messages.append(home_request(target))
+        for message in messages:
+            self.port.send(target.system, message)
+
+    def _perform(self, outcome: OrderOutcome) -> None:
+        for message in outcome.send:
+            if self.system is not None:
+                self.port.send(self.system, message)
+        for result in outcome.results:
+            self._post(result._replace(valid_us=self._now_us()))
+
+
+def _wall_us() -> int:
+    return time.monotonic_ns() // 1000

@@ -1,0 +1,146 @@
+"""The journal's file format: MCAP, so that other tools open it, with our events in msgpack and samples in JSON.
+
+    topic     encoding  message
+    event     msgpack   an event that reached the node; log time = node clock when it was handed over
+    time      (empty)   the node was stepped by time
+    lost      msgpack   how many entries before this one could not be kept
+    x/...     json      a sample of a stream: {"valid_us", "available_us", "value" or fields}; log time = available time
+
+Entries are in the order in which the node saw them. A file that was cut off by a crash reads up to the cut.
+"""
+
+import struct
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias, get_args
+
+import msgpack
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message, Metadata
+from mcap.stream_reader import StreamReader
+
+from agents.effects import Event, Fed, HostEvent, LeaveRequested, Reported, Specify, Waited
+from dyknow import Quality
+from dyknow.model.errors import DecodeError
+from federation.transport import WireEvent
+from navigation.vehicle import Report
+
+EVENT, TIME, LOST, SAMPLES = "event", "time", "lost", "x/"
+ABOUT = "node"
+CLOCK_EPOCH, CLOCK_SPEED = "clock_epoch_us", "clock_speed"
+"""What a journal says of the federation's clock: by it reports and samples are valid, while entries have the node's."""
+_NAMED, _TUPLE = 1, 2
+_NAMES: dict[type[Any], str] = {LeaveRequested: "Leave"}
+"""Events that a journal names otherwise than the code does: journals outlive names of classes."""
+_KINDS: dict[str, type[Any]] = {
+    _NAMES.get(kind, kind.__name__): kind
+    for kind in (
+        *get_args(WireEvent),
+        *get_args(Report),
+        *get_args(HostEvent),
+        Reported,
+        LeaveRequested,
+        Specify,
+        Fed,
+        Waited,
+        Quality,
+    )
+}
+
+
+class Stepped(NamedTuple):
+    """The node got `event` at `now_us`; None: it was stepped by time."""
+
+    now_us: int
+    event: Event | None
+
+
+class Lost(NamedTuple):
+    """The journal could not keep `entries` here: what follows does not replay exactly."""
+
+    now_us: int
+    entries: int
+
+
+Entry: TypeAlias = Stepped | Lost
+
+
+def encode_event(event: Any) -> bytes:
+    """Named tuples by name, tuples as such; raises TypeError or ValueError for what an event never holds."""
+    packed: bytes = msgpack.packb(event, strict_types=True, default=_extended)
+    return packed
+
+
+def _extended(value: Any) -> msgpack.ExtType:
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return msgpack.ExtType(_NAMED, encode_event([_NAMES.get(type(value), type(value).__name__), *value]))
+    if isinstance(value, tuple):
+        return msgpack.ExtType(_TUPLE, encode_event(list(value)))
+    raise TypeError(f"{type(value).__name__} is no part of an event")
+
+
+def decode_event(data: bytes) -> Any:
+    """Raises DecodeError for what is not one of our events."""
+    try:
+        return msgpack.unpackb(data, ext_hook=_restored)
+    except (ValueError, TypeError, KeyError) as malformed:
+        raise DecodeError("journal", repr(malformed)[:80]) from None
+
+
+def _restored(code: int, data: bytes) -> Any:
+    values = msgpack.unpackb(data, ext_hook=_restored)
+    return _KINDS[values[0]](*values[1:]) if code == _NAMED else tuple(values)
+
+
+def read_about(path: Path) -> Mapping[str, str]:
+    """What the journal says of its node: the first thing in the file.
+
+    Raises:
+        DecodeError: it is not a journal.
+    """
+    for record in _records(path):
+        if isinstance(record, Metadata) and record.name == ABOUT:
+            found: Mapping[str, str] = record.metadata
+            return found
+    raise DecodeError("journal", f"{path} does not say whose it is")
+
+
+def read_journal(path: Path) -> Iterator[Entry]:
+    """Every entry, in the order in which the node saw them; up to the cut in a file that was cut off.
+
+    Raises:
+        DecodeError: it is not a journal.
+    """
+    for topic, now_us, data in _messages(path):
+        if topic == EVENT:
+            yield Stepped(now_us, decode_event(data))
+        elif topic == TIME:
+            yield Stepped(now_us, None)
+        elif topic == LOST:
+            yield Lost(now_us, int(msgpack.unpackb(data)))
+
+
+def _messages(path: Path) -> Iterator[tuple[str, int, bytes]]:
+    topics: dict[int, str] = {}
+    for record in _records(path):
+        if isinstance(record, Channel):
+            topics[record.id] = record.topic
+        elif isinstance(record, Message):
+            yield topics[record.channel_id], record.log_time // 1000, record.data
+
+
+def _records(path: Path) -> Iterator[object]:
+    with path.open("rb") as stream:
+        records = StreamReader(stream).records
+        begun = False
+        while True:
+            try:
+                record = next(records)
+            except StopIteration:
+                return
+            except (McapError, ValueError, EOFError, struct.error, RuntimeError) as cut:
+                if not begun:
+                    raise DecodeError("journal", f"{path}: {cut}") from None
+                return
+            begun = True
+            yield record

@@ -1,0 +1,151 @@
+"""Derived features as streams that are there while they are wanted: `xy_dist[0, 1]` of `heli-position[0]` and `[1]`."""
+
+from collections.abc import Callable, Sequence
+from math import prod
+from typing import Final, TypeAlias
+
+from dyknow.model.errors import UnknownLabel
+from dyknow.model.labels import Label
+from dyknow.model.sample import SURE, Quality, Sample, Value
+from dyknow.model.values import NO_VALUE, Sort
+from dyknow.network.network import Network
+from dyknow.network.process import Input, Process
+from dyknow.network.processes import OnDemand
+from dyknow.policies.sampling import Grid
+from reasoning.features.derivation import FEATURES, Derivation, FeatureInput
+
+Find: TypeAlias = Callable[[FeatureInput], tuple[Label, Callable[[Value], Value]]]
+"""The local label of an input, and how its values become those of the semantic label."""
+Demand: TypeAlias = Callable[[FeatureInput, bool], None]
+"""An input is needed from now on, or no longer."""
+
+DERIVED: Final = "derived."
+"""Before the name of a feature: the derived one, where a stream of the instance has the name."""
+MOST_ROWS: Final = 1024
+"""Valid times at which an input is still missing; the oldest are dropped."""
+
+
+def local_input(needed: FeatureInput) -> tuple[Label, Callable[[Value], Value]]:
+    """An input in an instance by itself: the stream that is called like the semantic label."""
+    return Label(needed.label, (needed.unit,)), lambda value: value
+
+
+def derived_label(label: Label) -> Label | None:
+    """The derived feature that a label names, without the prefix; None if it names none."""
+    name = label.feature.removeprefix(DERIVED)
+    feature = FEATURES.get(name)
+    return label._replace(feature=name) if feature is not None and feature.arity == len(label.objects) else None
+
+
+def is_own_input(label: Label) -> bool:
+    """Whether a feature is derived from the stream that is called like it: `battery[0]` from `battery[0]`."""
+    feature = FEATURES.get(label.feature)
+    return feature is not None and label.feature in feature.needs
+
+
+class DerivedStream(OnDemand):
+    """One derived feature: a sample for each valid time at which every input has brought one, in order.
+
+    Args:
+        label: of the feature, `xy_dist[0, 1]`.
+        find: where its inputs are.
+        demand: called for each input when the stream begins to be computed, and when it ends.
+
+    Raises:
+        UnknownLabel: there is no such feature of this number of units.
+    """
+
+    def __init__(self, label: Label, find: Find = local_input, demand: Demand | None = None) -> None:
+        super().__init__()
+        feature = derived_label(label)
+        if feature is None:
+            raise UnknownLabel(str(label), tuple(FEATURES))
+        self._name = str(feature)
+        self._derivation, self._demand = Derivation([self._name]), demand
+        found = [find(each) for each in self._derivation.inputs]
+        self._wanted = tuple(Input(local) for local, _ in found)
+        self._converters = tuple(convert for _, convert in found)
+        self._rows: dict[int, list[Sample | None]] = {}
+        self._last_us = 0
+        self._missing: dict[str, None] = {}
+
+    @property
+    def sort(self) -> Sort:
+        """Its values are numbers: of durations microseconds."""
+        return Sort(FEATURES[self._name.partition("[")[0]].sort, is_open=True)
+
+    @property
+    def needed(self) -> tuple[FeatureInput, ...]:
+        """What it is made from, by semantic labels."""
+        return self._derivation.inputs
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The inputs that have brought no value yet, by their semantic labels."""
+        return tuple(self._missing)
+
+    def inputs(self) -> Sequence[Input]:
+        return self._wanted
+
+    def begin(self) -> None:
+        self._rows, self._last_us = {}, -(2**80)
+        self._missing = dict.fromkeys(self._derivation.input_names)
+        self._ask(wanted=True)
+
+    def end(self) -> None:
+        self._rows = {}
+        self._ask(wanted=False)
+
+    def want(self, grid: Grid | None) -> bool:
+        for proxy in self.proxies:
+            proxy.want(grid)
+        return grid is not None
+
+    def on_sample(self, i: int, sample: Sample) -> None:
+        value = self._converters[i](sample.value)
+        if self._missing and value is not NO_VALUE:
+            self._missing.pop(self._derivation.input_names[i], None)
+        if sample.valid_us <= self._last_us:
+            return
+        row = self._rows.setdefault(sample.valid_us, [None] * len(self._wanted))
+        row[i] = sample._replace(value=value)
+        samples = [each for each in row if each is not None]
+        if len(samples) == len(row):
+            self._hand_on(sample.valid_us, samples, sample.available_us)
+        elif len(self._rows) > MOST_ROWS:
+            del self._rows[min(self._rows)]
+
+    def _hand_on(self, valid_us: int, samples: list[Sample], now_us: int) -> None:
+        self._last_us = valid_us
+        self._rows = {at_us: row for at_us, row in self._rows.items() if at_us > valid_us}
+        certainty = prod(each.quality.certainty for each in samples)
+        value = self._derivation.values([each.value for each in samples])[self._name]
+        self.emit(valid_us, value, now_us, SURE if certainty == 1.0 else Quality(certainty))
+
+    def _ask(self, *, wanted: bool) -> None:
+        if self._demand is not None:
+            for needed in self._derivation.inputs:
+                self._demand(needed, wanted)
+        elif wanted and self._network is not None:
+            for label, _ in self._wanted:
+                if self._network.find(label) is None:
+                    self.fault(f"derived from {label}, which has no producer here; the stream begins when there is one")
+
+
+def derived_stream(label: Label, find: Find = local_input, demand: Demand | None = None) -> tuple[Sort, Process] | None:
+    """The sort and the process of a derived feature; None if the label names none."""
+    if derived_label(label) is None or is_own_input(label):
+        return None
+    process = DerivedStream(label, find, demand)
+    return process.sort, process
+
+
+def stream_of(network: Network, feature: Label) -> Label:
+    """The stream that a formula means by a feature: where a stream of records is called like it, the derived one."""
+    if derived_label(feature) is None:
+        return feature
+    if network.has(feature) and not network.is_implicit(feature):
+        is_record = bool(network.generator(feature).sort.fields)
+    else:
+        is_record = is_own_input(feature)
+    return feature._replace(feature=f"{DERIVED}{feature.feature}") if is_record else feature

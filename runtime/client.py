@@ -1,0 +1,278 @@
+"""A program's connection to its federation: a command centre stepped in the caller's thread."""
+
+from collections.abc import Callable, Generator, Sequence
+from contextlib import suppress
+from functools import cached_property
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from types import TracebackType
+from typing import NamedTuple, Protocol, Self, TypeAlias, TypeVar
+
+from dyknow.model.errors import NothingFound, did_you_mean
+from federation.members.command_centre import CommandCentre, PlatformView
+from federation.messages.acts import Performative
+from federation.messages.contents import Content
+from federation.messages.dialogue import Dialogue
+from federation.sharing.ontology import Ontology, default_ontology
+from federation.transport import WireEffect, WireEvent
+from runtime.clock import NodeClock
+from runtime.configuration.config import WireConfig
+from runtime.configuration.reach import COMMAND_CENTRE, trust_files
+from runtime.configuration.session import load_trust
+from runtime.configuration.settings import Settings
+
+T = TypeVar("T")
+SETTLE_S = 1.0
+QUIET_US = 250_000
+_LAST_WORDS_S = 0.3
+_STEP_S = 0.05
+
+
+class Wait(NamedTuple):
+    """What a job waits for, and for how many seconds at most; it is sent whether the condition holds."""
+
+    condition: Callable[[], bool]
+    within_s: float
+
+
+Job: TypeAlias = Generator[Wait, bool, T]
+"""Steps of a member, between which it takes events: alone (`Client.run`) or among others (`MemberThread.post`)."""
+
+
+class WireEdge(Protocol):
+    """An open edge."""
+
+    @property
+    def zid(self) -> str: ...
+    def perform(self, effect: WireEffect) -> None: ...
+    def close(self) -> None: ...
+
+
+class EventQueue(Protocol):
+    """Where the wire's events wait; `get` raises queue.Empty when `timeout` seconds pass without one."""
+
+    def put(self, item: WireEvent, /) -> None: ...
+    def get(self, block: bool = True, timeout: float | None = None) -> WireEvent: ...
+
+
+Clock = Callable[[], int]
+
+
+class Surroundings(NamedTuple):
+    """What a client lives in: its mailbox, the node clock in microseconds, and how its wire is opened."""
+
+    mailbox: EventQueue
+    now_us: Clock
+    open_wire: Callable[[Callable[[WireEvent], None], Clock], WireEdge]
+
+
+class Client:
+    """A command centre, its mailbox and its wire. Nothing happens but inside `step`, which its waiting calls.
+
+    Args:
+        around: what it lives in.
+        make_centre: given the identity of the session, for tokens, and the time.
+        federation: its name, for messages.
+        extensions: modules that bring further tasks and semantic labels.
+    """
+
+    def __init__(
+        self,
+        around: Surroundings,
+        make_centre: Callable[[str, int], CommandCentre],
+        federation: str = "default",
+        extensions: tuple[str, ...] = (),
+    ) -> None:
+        self.federation, self.extensions = federation, extensions
+        self.now_us, self._mailbox = around.now_us, around.mailbox
+        self._wire = around.open_wire(self._mailbox.put, self.now_us)
+        self.centre = make_centre(self._wire.zid, self.now_us())
+        self._perform(self.centre.start(self.now_us()))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Leave: acts that are not acknowledged yet get a last moment, unless something went wrong."""
+        try:
+            if kind is None:
+                self.wait_for(lambda: not self.centre.member.acts.conversations.delivery.deadline_us, _LAST_WORDS_S)
+            self._perform(self.centre.leave(self.now_us()))
+        finally:
+            self._wire.close()
+
+    def _perform(self, effects: list[WireEffect]) -> None:
+        for effect in effects:
+            self._wire.perform(effect)
+
+    # Waiting
+
+    def step(self, timeout_s: float) -> None:
+        """Wait for the next event or deadline, at most `timeout_s`, and act on it."""
+        with suppress(Empty):
+            self.take(self._mailbox.get(timeout=min(timeout_s, self.due_s)))
+        self.pass_time()
+
+    def take(self, event: WireEvent) -> None:
+        """Act on one event of the wire."""
+        self._perform(self.centre.on_event(event, self.now_us()))
+
+    @property
+    def due_s(self) -> float:
+        """How long until `pass_time` has work; seconds, 0 if it has."""
+        return max(0, self.centre.deadline_us - self.now_us()) / 1e6
+
+    def pass_time(self) -> None:
+        """Do what is due by now."""
+        if self.centre.deadline_us <= (now_us := self.now_us()):
+            self._perform(self.centre.on_time(now_us))
+
+    def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Step until `condition` holds or the time is over; whether it holds."""
+        until_us = self.now_us() + round(timeout_s * 1e6)
+        while not condition():
+            left_us = until_us - self.now_us()
+            if left_us <= 0:
+                return False
+            self.step(min(left_us / 1e6, _STEP_S))
+        return True
+
+    def run(self, job: "Job[T]") -> T:
+        """Do a job in the caller's thread; its result, or its error."""
+        try:
+            wait = next(job)
+            while True:
+                wait = job.send(self.wait_for(wait.condition, wait.within_s))
+        except StopIteration as done:
+            result: T = done.value
+            return result
+
+    def settle(self, timeout_s: float = SETTLE_S) -> list[PlatformView]:
+        """Wait until the directory has settled; the platforms that are there."""
+        self.wait_for(lambda: self.centre.settled(self.now_us(), QUIET_US), timeout_s)
+        return self.centre.platforms()
+
+    @cached_property
+    def ontology(self) -> Ontology:
+        """The semantic labels there are, with those of extensions.
+
+        Raises:
+            UnitError: an extension does not load.
+        """
+        if not self.extensions:
+            return default_ontology()
+        from agents.extensions import labels_of
+
+        return labels_of(self.extensions)
+
+    # Asking
+
+    def federation_us(self) -> int:
+        """Federation time."""
+        return self.centre.clock.federation_us(self.now_us())
+
+    def say(
+        self, unit: str, performative: Performative, content: Content, *, within_s: float = 2.0, standing: bool = False
+    ) -> Dialogue:
+        """Open a conversation with a platform's Interface Agent."""
+        dialogue, effects = self.centre.say(
+            unit, performative, content, self.now_us(), within_us=round(within_s * 1e6), standing=standing
+        )
+        self._perform(effects)
+        return dialogue
+
+    def cancel(self, unit: str, conversation: str, *, within_s: float = 2.0) -> Dialogue:
+        """End a task; the answer comes in the dialogue."""
+        dialogue, effects = self.centre.cancel(unit, conversation, self.now_us(), within_us=round(within_s * 1e6))
+        self._perform(effects)
+        return dialogue
+
+    def chosen(self, unit: str | None) -> list[str]:
+        """The platforms to ask: this one, or all that are there.
+
+        Raises:
+            NothingFound: there is none, or not the one that was named; the message says what to do.
+        """
+        self.settle()
+        return self.pick(unit)
+
+    def pick(self, unit: str | None) -> list[str]:
+        """The same, of those that are known by now.
+
+        Raises:
+            NothingFound: as `chosen`.
+        """
+        units = [view.unit for view in self.centre.platforms()]
+        if not units:
+            raise NothingFound(
+                f"no platform of federation {self.federation} is there; start some with dyknow up, "
+                "or name the federation they are in with --federation (and how to reach it with --connect)."
+            )
+        if unit is None:
+            return units
+        if unit not in units:
+            raise NothingFound(f"no platform {unit!r} is there.{did_you_mean(unit, units)}")
+        return [unit]
+
+    def answers(
+        self,
+        units: Sequence[str],
+        content: Content,
+        performative: Performative,
+        within_s: float,
+        take: Callable[[Dialogue], object] = lambda _dialogue: None,
+    ) -> "Job[list[Dialogue]]":
+        """Ask these platforms; the dialogues in the order in which they were over. `take` gets each as soon as it is."""
+        waiting = [self.say(unit, performative, content, within_s=within_s) for unit in units]
+        until_us, ended = self.now_us() + round((within_s + _LAST_WORDS_S) * 1e6), list[Dialogue]()
+        while waiting:
+            if not (yield Wait(lambda: any(one.over for one in waiting), max(0, until_us - self.now_us()) / 1e6)):
+                for dialogue in waiting:
+                    dialogue.failed, dialogue.over = dialogue.failed or "no answer in time", True
+            for dialogue in [one for one in waiting if one.over]:
+                waiting.remove(dialogue)
+                ended.append(dialogue)
+                take(dialogue)
+        return ended
+
+    def ask(
+        self, units: Sequence[str], content: Content, performative: Performative, timeout_s: float
+    ) -> list[Dialogue]:
+        """The same, done."""
+        return self.run(self.answers(units, content, performative, timeout_s))
+
+
+def command_centre(settings: Settings, unit: str, key: Path | None = None) -> Callable[[str, int], CommandCentre]:
+    """What makes the member of a `Client`, given the identity of its session and the time.
+
+    Raises:
+        RosterError: the roster does not load; the key, when the member is made.
+    """
+    files = trust_files(settings, COMMAND_CENTRE, key)
+
+    def made(zid: str, now_us: int) -> CommandCentre:
+        return CommandCentre(unit, now_us, zid=zid, trust=load_trust(files, settings.federation, now_us))
+
+    return made
+
+
+def surroundings(wire: WireConfig) -> Surroundings:
+    """A Zenoh session and the clock of this process.
+
+    Raises:
+        SessionFailed: on opening; an endpoint cannot be listened on, or the configuration is refused.
+        RosterError: the security file does not load.
+    """
+    from proxies.zenoh.edge import ZenohEdge
+    from runtime.configuration.session import wire_options
+
+    options = wire_options(wire)
+
+    def opened(post: Callable[[WireEvent], None], now_us: Clock) -> WireEdge:
+        edge = ZenohEdge(options, post, now_us)
+        edge.open()
+        return edge
+
+    return Surroundings(SimpleQueue(), NodeClock().now_us, opened)

@@ -1,0 +1,121 @@
+"""The configuration of one platform process, as `dyknow up` and `dyknow join` hand it over (JSON, validated here)."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class Strict(BaseModel):
+    """Unknown keys are errors: a misspelt option must not be ignored."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class WireConfig(Strict):
+    """How processes of one federation find each other."""
+
+    federation: str = "default"
+    listen: tuple[str, ...] = ()
+    connect: tuple[str, ...] = ()
+    discover: Literal["multicast", "none"] = "multicast"
+    interface: str = "lo"
+    lease_ms: int = Field(2000, ge=500, le=60_000)
+    open: bool = False
+    """Without a roster every process that reaches a platform may command it: beyond loopback only if allowed here."""
+    security: Path | None = None
+    """JSON file with mTLS and access-control settings, made by `dyknow roster`."""
+
+
+class ClockConfig(Strict):
+    """The federation's clock: now = epoch + speed x (node clock - epoch)."""
+
+    epoch_us: int | None = None
+    speed: float = Field(1.0, gt=0, le=1000)
+    yields: bool = False
+    """Whether the epoch of a federation that is there already, at this speed, goes before ours."""
+    skew_us: int = 0
+    """A wrong node clock, for tests of what a federation does about it."""
+
+
+class SimulatedVehicleConfig(Strict):
+    """A simulated UAV with its own MAVLink autopilot in the same process."""
+
+    kind: Literal["simulated"] = "simulated"
+    scenario: str = "hover"
+    index: int = Field(0, ge=0)
+    count: int = Field(1, ge=1)
+    seed: int = 0
+    persona: Literal["ardupilot", "px4"] = "ardupilot"
+    gcs: str | None = None
+    origin: tuple[float, float, float] | None = None
+    """Where the scenario takes place: latitude and longitude in degrees, metres above mean sea level of the ground."""
+    start_us: int | None = None
+    """Federation time at which routes begin; None: when the process starts."""
+
+
+class MavlinkVehicle(Strict):
+    """Any vehicle that speaks MAVLink over UDP."""
+
+    kind: Literal["mavlink"] = "mavlink"
+    endpoint: str
+    sysid: int | None = Field(None, ge=1, le=255)
+    control: bool = False
+
+
+class ReplayedVehicle(Strict):
+    """A recorded flight (.tlog, .bin, .ulg, .mcap)."""
+
+    kind: Literal["replay"] = "replay"
+    file: Path
+    from_us: int = 0
+    epoch_us: int | None = None
+    """Federation time at which the recording's first position plus `from_us` is played; None: when the process starts."""
+
+
+class NoVehicle(Strict):
+    """A platform without a vehicle: an observer."""
+
+    kind: Literal["none"] = "none"
+
+
+Vehicle = Annotated[SimulatedVehicleConfig | MavlinkVehicle | ReplayedVehicle | NoVehicle, Field(discriminator="kind")]
+
+
+class TrustConfig(Strict):
+    """With a roster acts are signed and checked; without one the federation is open, on loopback only."""
+
+    roster: Path | None = None
+    key: Path | None = None
+
+
+class NodeConfig(Strict):
+    """One platform process."""
+
+    unit: str
+    wire: WireConfig = WireConfig()
+    clock: ClockConfig = ClockConfig()
+    vehicle: Vehicle = Field(default_factory=NoVehicle)
+    trust: TrustConfig = TrustConfig()
+    avoidance: bool = True
+    period_ms: int = Field(100, ge=10, le=10_000)
+    floor_m: float = 10.0
+    ceiling_m: float = 120.0
+    translation: Path | None = None
+    profiles: Path | None = None
+    journal: Path | None = None
+    spec: Path | None = None
+    """A specification of knowledge processing, taken in again whenever the file changes."""
+    units: tuple[str, ...] = ()
+    """Modules with sources and computational units of the specification."""
+    extensions: tuple[str, ...] = ()
+    """Extensions that bring parts of the platform, by entry point or module; see `agents.extensions`."""
+    govern_ms: float | None = Field(None, gt=0, le=60_000)
+    """While delays are longer than this the periods of the least important streams are lengthened."""
+    admit: Literal["refuse", "longer"] = "refuse"
+    """What becomes of declarations there is no time for: refused, or served at a longer period until there is."""
+    feed: Path | None = None
+    """Samples of the specification's sources."""
+    hosts: Path | None = None
+    """The socket at which knowledge process hosts of this machine register."""
+    duration_s: float | None = Field(None, gt=0)

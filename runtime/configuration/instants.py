@@ -1,0 +1,67 @@
+"""Instants and durations as users type them, and as they read them."""
+
+import re
+from datetime import UTC, datetime, timedelta
+
+from dyknow.model.errors import WrongCall
+from dyknow.model.instants import US_PER_UNIT, print_span
+
+_DURATION = re.compile(r"(?P<number>[0-9]+(?:\.[0-9]+)?)(?P<unit>us|ms|s|min|h)?")
+SHORTEST_US = 1_000
+"""The least that a period or a limit on the command line may be."""
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def duration_us(text: str, *, option: str, least_us: int = 0) -> int:
+    """A duration such as `200ms`, `5s`, `1.5min`, of at least `least_us`.
+
+    Raises:
+        WrongCall: if the text is no duration, has no unit, or is too short; `option` names the place.
+    """
+    found = _DURATION.fullmatch(text.strip())
+    if found is None:
+        raise WrongCall(
+            f"{option}: {text!r} is not a duration; write a number and a unit, as in 200ms, 5s, 1.5min "
+            f"(units: {', '.join(US_PER_UNIT)})."
+        )
+    if found["unit"] is None:
+        number = found["number"]
+        raise WrongCall(f"{option}: {text!r} has no unit; say {number}ms or {number}s.")
+    duration = round(float(found["number"]) * US_PER_UNIT[found["unit"]])
+    if duration < least_us:
+        raise WrongCall(
+            f"{option}: {text} is too short; write {print_span(least_us).replace(' ', '')} or more, as in 5s."
+        )
+    return duration
+
+
+def instant_us(text: str, now_us: int, *, option: str) -> int:
+    """An instant: ISO 8601, microseconds since the epoch, `now`, or relative to now (`-10s`, `0s`, `+2s`).
+
+    A date without a zone is UTC. Raises WrongCall if the text is none of these.
+    """
+    given = text.strip()
+    if given == "now":
+        return now_us
+    if re.fullmatch(r"[0-9]+", given):
+        return int(given)
+    if given[:1] in {"-", "+"}:
+        offset = duration_us(given[1:], option=option)
+        return now_us - offset if given[0] == "-" else now_us + offset
+    if (found := _DURATION.fullmatch(given)) is not None and float(found["number"]) == 0:
+        return now_us
+    try:
+        when = datetime.fromisoformat(given)
+    except ValueError:
+        raise WrongCall(
+            f"{option}: {text!r} is not an instant; write -10s (ten seconds ago), an ISO 8601 time such as "
+            "2026-05-01T12:00:00Z, or microseconds since 1970-01-01."
+        ) from None
+    if when.tzinfo is None:
+        when = when.replace(tzinfo=UTC)
+    return (when - _EPOCH) // timedelta(microseconds=1)
+
+
+def clock_time(instant: int) -> str:
+    """The time of day of an instant, UTC, to the millisecond: `12:00:01.250`."""
+    return (_EPOCH + timedelta(microseconds=instant)).strftime("%H:%M:%S.%f")[:-3]

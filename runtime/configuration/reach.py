@@ -1,0 +1,102 @@
+"""How a process reaches its federation, and as whom it signs: from options to the session's configuration."""
+
+import re
+import socket
+from collections.abc import Sequence
+from pathlib import Path
+
+from dyknow.model.errors import WrongCall
+from runtime.configuration.config import TrustConfig, WireConfig
+from runtime.configuration.run_directory import read_state, run_directory
+from runtime.configuration.settings import Settings, UnitFile
+
+COMMAND_CENTRE = "cc"
+"""The member of a roster that commands and Python programs speak as; each process adds its number."""
+_NOTHING = UnitFile()
+_PROTOCOLS = ("tcp", "tls", "udp", "quic", "ws")
+_ENDPOINT = re.compile(rf"(?:{'|'.join(_PROTOCOLS)})/[^/\s]+:[0-9]{{1,5}}(?:[?#]\S*)?|unixsock-stream/\S+")
+
+
+def wire_of(settings: Settings, unit: str, special: UnitFile = _NOTHING) -> WireConfig:
+    """How the process of `unit` finds the others. With endpoints to connect to there is no multicast.
+
+    Where an endpoint begins with `tls/`, both sides show the certificates that belong to the roster.
+
+    Raises:
+        WrongCall: an endpoint that is none, an interface that is not there; such an endpoint without a roster, or
+            without a certificate for `unit`.
+    """
+    _checked_wire(settings.listen or (), settings.connect or (), settings.interface)
+    _checked_wire(special.listen or (), special.connect or (), None)
+    connect = special.connect if special.connect is not None else settings.connect or ()
+    listen = special.listen if special.listen is not None else settings.listen or ()
+    security = None
+    if any(endpoint.startswith("tls/") for endpoint in (*connect, *listen)):
+        security = _beside_roster(settings.roster, f"{unit}.wire.json")
+        if security is None:
+            raise WrongCall(
+                f"endpoints that begin with tls/ need a roster with a certificate for {unit}; "
+                f"make one with dyknow roster init (or add {unit}), and name it with --roster."
+            )
+    return WireConfig.model_validate(
+        {
+            "federation": settings.federation,
+            "listen": listen,
+            "connect": connect,
+            "discover": settings.discover or ("none" if connect else "multicast"),
+            "interface": settings.interface or "lo",
+            "security": security,
+        }
+    )
+
+
+def _checked_wire(listen: Sequence[str], connect: Sequence[str], interface: str | None) -> None:
+    """Raises WrongCall for what no session could be opened with."""
+    for option, endpoints in (("--listen", listen), ("--connect", connect)):
+        for endpoint in endpoints:
+            if not _ENDPOINT.fullmatch(endpoint):
+                raise WrongCall(
+                    f"{option}: {endpoint!r} is no endpoint; write protocol/host:port, e.g. tcp/127.0.0.1:7447 "
+                    f"(protocols: {', '.join(_PROTOCOLS)})."
+                )
+    if interface is None:
+        return
+    import psutil
+
+    present = psutil.net_if_addrs()
+    if not any(address.family == socket.AF_INET for address in present.get(interface, [])):
+        raise WrongCall(
+            f"--interface: {interface!r} has no IPv4 address on this machine; there are {', '.join(sorted(present))}."
+        )
+
+
+def client_wire(settings: Settings, unit: str = COMMAND_CENTRE) -> WireConfig:
+    """How a program finds the platforms: as they find each other, or at the endpoints noted by `dyknow up`."""
+    noted = read_state(run_directory(settings.federation)).endpoints
+    if noted and not settings.connect:
+        settings = settings.model_copy(update={"connect": noted, "listen": None, "discover": "none"})
+    return wire_of(settings, unit)
+
+
+def trust_files(settings: Settings, unit: str, key: Path | None = None) -> TrustConfig:
+    """The roster, and the unit's own key: `key`, or `keys/UNIT.key` next to the roster.
+
+    Raises:
+        WrongCall: there is a roster but no key for `unit`.
+    """
+    roster = settings.roster
+    if roster is None:
+        return TrustConfig()
+    key = key or _beside_roster(roster, f"keys/{unit}.key")
+    if key is None:
+        raise WrongCall(
+            f"--roster {roster}: there is no key for {unit} next to it (keys/{unit}.key); "
+            f"make one: dyknow roster add {unit} --roster {roster}"
+        )
+    return TrustConfig(roster=roster, key=key)
+
+
+def _beside_roster(roster: Path | None, name: str) -> Path | None:
+    """A file that belongs to the roster, if it is there."""
+    path = roster.parent / name if roster is not None else None
+    return path if path is not None and path.exists() else None

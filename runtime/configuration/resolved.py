@@ -1,0 +1,43 @@
+"""What a platform's configuration comes to, with the files it names read."""
+
+from agents.config import PlatformConfig
+from agents.extensions import labels_of, load_extension
+from compunits import catalogue
+from federation.members.clock import FederationClock
+from federation.sharing.ontology import Translation
+from reasoning import builtin_profiles, parse_profiles
+from runtime.configuration.config import NodeConfig
+from runtime.configuration.session import load_trust
+
+
+def platform_config(config: NodeConfig, clock: FederationClock, started_us: int, zid: str) -> PlatformConfig:
+    """What the platform is to know, files read.
+
+    Raises:
+        TextError, RosterError: a file is wrong, and where.
+        UnitError: an extension does not load.
+    """
+    ontology = labels_of(config.extensions)
+    translation = None
+    if config.translation is not None:
+        translation = Translation.parse(ontology, config.translation.read_text("utf-8"), str(config.translation))
+    profiles = dict(builtin_profiles())
+    if config.profiles is not None:
+        profiles |= parse_profiles(config.profiles.read_text("utf-8"), str(config.profiles))
+    return PlatformConfig(
+        unit=config.unit,
+        boot=started_us // 1000,
+        zid=zid,
+        clock=clock,
+        vehicle=config.vehicle.kind != "none",
+        avoidance=config.avoidance,
+        period_us=config.period_ms * 1000,
+        ontology=ontology,
+        translation=translation,
+        profiles=profiles,
+        trust=load_trust(config.trust, config.wire.federation, started_us),
+        catalogue=catalogue(config.units).offered,
+        extensions=tuple(part for name in config.extensions for part in load_extension(name).parts),
+        admission=config.admit,
+        govern_us=None if config.govern_ms is None else round(config.govern_ms * 1000),
+    )

@@ -1,0 +1,73 @@
+"""The run directory of a federation on this machine: its processes here, and their endpoints.
+
+It is `$XDG_RUNTIME_DIR/dyknow/<federation>` or `~/.cache/dyknow/<federation>`; `dyknow up` writes `state.json` there. A
+process is known by its id together with its start time: ids are used again.
+"""
+
+import json
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import psutil
+
+STATE_FILE = "state.json"
+
+
+class Running(NamedTuple):
+    """One process: its platform, id, and start time in seconds since the epoch as the system states it."""
+
+    unit: str
+    pid: int
+    started: float
+
+    def process(self) -> psutil.Process | None:
+        """The process itself, or None if it has ended, even if its id is in use again."""
+        try:
+            found = psutil.Process(self.pid)
+            alive = found.create_time() == self.started and found.status() != psutil.STATUS_ZOMBIE
+        except psutil.NoSuchProcess:
+            return None
+        return found if alive else None
+
+
+class ProcessState(NamedTuple):
+    """Recorded state of a federation on this machine: its processes (unit "" is the supervisor) and their endpoints."""
+
+    running: tuple[Running, ...] = ()
+    endpoints: tuple[str, ...] = ()
+
+
+def run_directory(federation: str) -> Path:
+    """Where the run directory of a federation is, or would be."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    base = Path(runtime) if runtime and Path(runtime).is_dir() else Path.home() / ".cache"
+    return base / "dyknow" / federation
+
+
+def noted_state(directory: Path) -> ProcessState:
+    """What was noted of this federation, whether those processes still run or not."""
+    try:
+        noted = json.loads((directory / STATE_FILE).read_text(encoding="utf-8"))
+        running = tuple(
+            Running(str(entry["unit"]), int(entry["pid"]), float(entry["started"])) for entry in noted["running"]
+        )
+        endpoints = tuple(str(endpoint) for endpoint in noted["endpoints"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return ProcessState()
+    return ProcessState(running, endpoints)
+
+
+def read_state(directory: Path) -> ProcessState:
+    """The processes of this federation that still run; the endpoints only if any does."""
+    noted = noted_state(directory)
+    alive = tuple(found for found in noted.running if found.process() is not None)
+    return ProcessState(alive, noted.endpoints if alive else ())
+
+
+def write_state(directory: Path, state: ProcessState) -> None:
+    """Write the state, whole or not at all."""
+    noted = {"running": [found._asdict() for found in state.running], "endpoints": state.endpoints}
+    new = directory / f"{STATE_FILE}.new"
+    new.write_text(json.dumps(noted), encoding="utf-8")
+    new.replace(directory / STATE_FILE)

@@ -1,0 +1,53 @@
+"""What a process needs to take part in a federation: the session's options, and its trust, with their files read."""
+
+import json
+
+from dyknow.model.errors import RosterError
+from federation.security.trust import Roster, Trust
+from proxies.zenoh.configuration import LOOPBACK, ZenohOptions
+from runtime.configuration.config import TrustConfig, WireConfig
+
+
+def reaches_beyond(wire: WireConfig) -> str:
+    """The first endpoint or interface that is not loopback; empty if there is none."""
+    for endpoint in (*wire.listen, *wire.connect):
+        host = endpoint.partition("/")[2].rpartition(":")[0].strip("[]")
+        if host not in {"localhost", "::1"} and not host.startswith("127."):
+            return endpoint
+    meets = not wire.listen or (wire.discover == "multicast" and not wire.connect)
+    return wire.interface if meets and wire.interface != LOOPBACK else ""
+
+
+def wire_options(wire: WireConfig) -> ZenohOptions:
+    """The session's options; the security file is read here.
+
+    Raises:
+        RosterError: it is not the JSON that `dyknow roster` writes.
+    """
+    security = None
+    if wire.security is not None:
+        try:
+            security = json.loads(wire.security.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as wrong:
+            raise RosterError(f"{wire.security}: {wrong}; make it again with `dyknow roster`") from None
+    return ZenohOptions(**{**wire.model_dump(exclude={"open"}), "security": security})
+
+
+def load_trust(files: TrustConfig, federation: str, started_us: int) -> Trust | None:
+    """The roster and a member's own key, read; None without a roster.
+
+    Raises:
+        RosterError: one is there without the other, or does not read.
+    """
+    if files.roster is None:
+        return None
+    if files.key is None:
+        raise RosterError(f"{files.roster} is a roster, but this platform was given no key: set trust.key")
+    try:
+        roster = Roster.parse(files.roster.read_text("utf-8"))
+        seed = bytes.fromhex(files.key.read_text("ascii").strip())
+    except OSError as error:
+        raise RosterError(f"--roster: {error.filename} cannot be read ({error.strerror}); check the path.") from None
+    except ValueError as wrong:
+        raise RosterError(f"{files.key}: {wrong}; a private key is 64 hexadecimal digits") from None
+    return Trust.of(roster, seed, federation, started_us)

@@ -1,0 +1,84 @@
+"""TOML files that users write: unknown and mistyped keys are errors with file, line and remedy."""
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from dyknow.model.errors import WrongCall, did_you_mean
+
+M = TypeVar("M", bound=BaseModel)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The file as a dictionary; raises WrongCall with place and remedy if it is missing or malformed."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise WrongCall(f"{path}: cannot be read ({error.strerror}); check the path and its rights.") from None
+    except UnicodeDecodeError:
+        raise WrongCall(f"{path}: is not UTF-8 text; a federation or configuration is a TOML file.") from None
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise WrongCall(f"{path}: is not TOML: {error}.") from None
+
+
+def read_model(path: Path, model: type[M]) -> M:
+    """The file as a `model`; every wrong key is reported, not the first."""
+    found = read_toml(path)
+    try:
+        return model.model_validate(found)
+    except ValidationError as error:
+        raise WrongCall("\n".join(explained(error, str(path), path.read_text(encoding="utf-8"), model))) from None
+
+
+def explained(error: ValidationError, place: str, text: str, model: type[BaseModel]) -> list[str]:
+    """One sentence a mistake: place, what is wrong, what to write instead."""
+    sentences = []
+    for mistake in error.errors():
+        path = [str(part) for part in mistake["loc"]]
+        name = ".".join(path)
+        where = f"{place}:{_line_of(text, path)}" if text else place
+        if mistake["type"] == "extra_forbidden":
+            known = _keys_at(model, path[:-1])
+            sentences.append(f"{where}: unknown key {name!r}.{did_you_mean(path[-1], known)}")
+        else:
+            sentences.append(f"{where}: {name}: {mistake['msg']} (got {mistake['input']!r}).")
+    return sentences
+
+
+def _keys_at(model: type[BaseModel], path: list[str]) -> list[str]:
+    """The keys a table of the file may have: the fields of the model that `path` leads to."""
+    found: type[BaseModel] | None = model
+    for part in path:
+        fields = found.model_fields.items() if found else ()
+        # A part that is no field is a key of a dictionary of models: the model stays the same.
+        annotation = next((field.annotation for name, field in fields if part in {name, field.alias}), found)
+        found = _model_in(annotation)
+    return [field.alias or name for name, field in found.model_fields.items()] if found else []
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """The model inside an annotation such as `dict[str, UnitFile]`."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((model for part in getattr(annotation, "__args__", ()) if (model := _model_in(part)) is not None), None)
+
+
+def _line_of(text: str, path: list[str]) -> int:
+    """The line in which the last key of `path` is written, as well as a scan can tell; 1 if it is not found."""
+    table: list[str] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        header = re.match(r"\s*\[\[?\s*([^\]]+?)\s*\]\]?", line)
+        if header:
+            table = [part.strip().strip("\"'") for part in header[1].split(".")]
+            if table == path:
+                return number
+            continue
+        key = re.match(r"\s*([A-Za-z0-9_.\"'-]+)\s*=", line)
+        if key and table + [part.strip("\"'") for part in key[1].split(".")] == path:
+            return number
+    return 1

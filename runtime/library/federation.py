@@ -1,0 +1,333 @@
+"""`dyknow.connect`: ask a federation, watch its streams and alarms, and delegate tasks to its platforms."""
+
+import asyncio
+import os
+from collections.abc import Generator
+from itertools import count
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal, TypeAlias, TypeVar
+
+from federation.members.command_centre import PlatformView
+from federation.messages.contents import Alarm, Content, MonitorEntry
+from federation.messages.dialogue import Dialogue
+from runtime.client import Job, command_centre, surroundings
+from runtime.configuration.reach import COMMAND_CENTRE, client_wire
+from runtime.configuration.settings import Settings, load
+from runtime.library import jobs
+from runtime.library.feed import Feed
+from runtime.library.member_thread import MemberThread
+from runtime.library.results import QueryResult, UnitSample
+
+T = TypeVar("T")
+Time: TypeAlias = str | int
+"""An instant of federation time: microseconds since 1970, or a text: `-5s` (ago), `now`, ISO 8601."""
+TaskState: TypeAlias = Literal["running", "done", "failed", "cancelled"]
+_CONNECTIONS = count()
+
+
+def settings_of(federation: str | Path, **options: Any) -> Settings:
+    """The options as the command finds them: these arguments, then `DYKNOW_*` variables, then the federation's file.
+
+    Raises:
+        WrongCall: an option or file that is not right, with the remedy.
+    """
+    given = {name: value for name, value in options.items() if value is not None}
+    flags = {
+        name: (value,) if name in {"listen", "connect", "extensions"} and isinstance(value, str) else value
+        for name, value in given.items()
+    }
+    if str(federation):
+        flags["federation"] = str(federation)
+    return load(flags, None)
+
+
+def connect(
+    federation: str | Path = "",
+    *,
+    listen: str | tuple[str, ...] | None = None,
+    connect: str | tuple[str, ...] | None = None,
+    interface: str | None = None,
+    roster: str | Path | None = None,
+    key: str | Path | None = None,
+    extensions: str | tuple[str, ...] | None = None,
+) -> "Connection":
+    """A connection to a federation, to be entered by `with ... as fed`, or by `async with ... as fed`.
+
+    Args:
+        federation: its name, or the path of its TOML file; empty: DYKNOW_FEDERATION, or `default`.
+        listen: Zenoh endpoints to listen on, e.g. `tcp/127.0.0.1:7447`.
+        connect: Zenoh endpoints to connect to; no multicast then.
+        interface: network interface of multicast; `lo` (nothing leaves the machine) unless set.
+        roster: file with the public keys of all members, if the federation has one.
+        key: file with the private key; `keys/cc.key` next to the roster unless set.
+        extensions: modules that bring further tasks and semantic labels.
+
+    What is not given is taken from `DYKNOW_*` variables and the federation's file, as `dyknow` does.
+
+    Raises:
+        WrongCall: on entering: an option that is not right.
+        RosterError: on entering: the roster or the key does not load.
+        SessionFailed: on entering: the session does not open.
+        UnitError: when it is first needed: an extension does not load.
+    """
+    options = {
+        "listen": listen, "connect": connect, "interface": interface, "roster": roster, "extensions": extensions,
+    }  # fmt: skip
+    return Connection(federation, options, None if key is None else Path(key))
+
+
+class Connection:
+    """A connection to be entered: `with` gives a `FederationClient`, `async with` an `AsyncFederationClient`."""
+
+    def __init__(self, federation: str | Path, options: dict[str, Any], key: Path | None) -> None:
+        self._federation, self._options, self._key = federation, options, key
+        self._thread: MemberThread | None = None
+
+    def _open(self) -> MemberThread:
+        settings = settings_of(self._federation, **self._options)
+        number = next(_CONNECTIONS)
+        unit = f"{COMMAND_CENTRE}-{f'{number}{os.getpid():08}' if number else os.getpid()}"
+
+        centre = command_centre(settings, unit, self._key)
+        self._thread = MemberThread(
+            surroundings(client_wire(settings)), centre, settings.federation, settings.extensions
+        )
+        return self._thread
+
+    def _close(self) -> None:
+        if self._thread is not None:
+            self._thread.close()
+
+    def __enter__(self) -> "FederationClient":
+        return FederationClient(self._open())
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._close()
+
+    async def __aenter__(self) -> "AsyncFederationClient":
+        return AsyncFederationClient(await asyncio.to_thread(self._open))
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await asyncio.to_thread(self._close)
+
+
+class _Face:
+    """What both faces of a connection share."""
+
+    def __init__(self, thread: MemberThread) -> None:
+        self._thread, self._client = thread, thread.client
+        self._streams = jobs.WatchedStreams(thread.client)
+
+    def _do(self, job: Job[T]) -> T:
+        return self._thread.post(job).result()
+
+    async def _done(self, job: Job[T]) -> T:
+        return await asyncio.wrap_future(self._thread.post(job))
+
+    def _query(
+        self, label: str, unit: str | int | None, at: Time | None, between: Any, within: str
+    ) -> Job[QueryResult]:
+        return jobs.query(self._client, label, _name(unit), at, between, within)
+
+    def _watch(
+        self, label: str, unit: str | int | None, every: str, max_delay: str
+    ) -> Generator[Any, bool, Feed[UnitSample]]:
+        feed: Feed[UnitSample] = Feed()
+        keep = yield from jobs.watch(self._client, self._streams, label, _name(unit), every, max_delay, feed)
+        self._thread.post(keep)
+        return feed
+
+    def _delegate(
+        self, task: str, to: str | int | None, given: dict[str, Any], within: str
+    ) -> Generator[Any, bool, tuple[Dialogue, Feed[Content]]]:
+        dialogue = yield from jobs.delegate(self._client, task, _name(to), given, within)
+        feed: Feed[Content] = Feed()
+        self._thread.post(jobs.follow_task(dialogue, feed))
+        return dialogue, feed
+
+    def alarms(self) -> Feed[Alarm]:
+        """Alarms as they open and close, on every platform, those that appear later included.
+
+        Each has `.event` (`opened` or `closed`), `.monitor`, `.by` (the platform that raised it), `.units` (which it is
+        about), `.valid_us`, `.detected_us` and `.values`.
+        """
+        feed: Feed[Alarm] = Feed()
+        self._thread.post(jobs.follow_alarms(self._client, feed))
+        return feed
+
+
+class DelegatedTask:
+    """A delegated task. It continues when the connection is closed, until it is done or cancelled.
+
+    Attributes:
+        unit: the platform that it was delegated to.
+        conversation: its name everywhere: `dyknow cancel CONVERSATION` ends it.
+        events: what the platform reports: `Progress`, `Alarm`, `Verdict`, `Done`; the iteration ends with the task.
+    """
+
+    def __init__(self, face: _Face, dialogue: Dialogue, events: Feed[Content]) -> None:
+        self._face, self._dialogue, self.events = face, dialogue, events
+        self.unit, self.conversation = dialogue.unit, dialogue.conversation
+        self._is_cancelled = False
+
+    def __repr__(self) -> str:
+        return f"<DelegatedTask {self.conversation} on {self.unit}: {self.state}>"
+
+    @property
+    def state(self) -> TaskState:
+        """`running`, `done`, `failed` or `cancelled`."""
+        found: Any = "cancelled" if self._is_cancelled else jobs.state_of(self._dialogue)
+        state: TaskState = found
+        return state
+
+    def _cancel(self) -> Job[None]:
+        yield from jobs.cancel(self._face._client, self.unit, self.conversation)  # noqa: SLF001  (its own)
+        self._is_cancelled = True
+        self.events.close()
+
+    def cancel(self) -> None:
+        """End the task and all that it set up.
+
+        Raises:
+            Refused: another member delegated it.
+            FederationFailed: it is over already, or the platform does not answer.
+        """
+        self._face._do(self._cancel())  # noqa: SLF001
+
+
+class AsyncDelegatedTask(DelegatedTask):
+    """A delegated task, for an event loop."""
+
+    async def cancel(self) -> None:  # type: ignore[override]  # the same, to be awaited
+        """End the task and all that it set up; raises as `DelegatedTask.cancel`."""
+        await self._face._done(self._cancel())  # noqa: SLF001
+
+
+class FederationClient(_Face):
+    """A federation, for a program that waits for its answers. `with dyknow.connect() as fed` gives one.
+
+    Platforms are named by text (`"0"`) or number, labels and times by text as on the command line.
+    """
+
+    def query(
+        self,
+        label: str,
+        *,
+        unit: str | int | None = None,
+        at: Time | None = None,
+        between: tuple[Time, Time] | None = None,
+        within: str = "2s",
+    ) -> QueryResult:
+        """The newest sample of a label of each platform, its value at an instant, or all between two.
+
+        Args:
+            label: a semantic label, e.g. `heli-position`.
+            unit: one platform; None: all.
+            at: an instant of federation time.
+            between: two instants, both included.
+            within: how long to wait for answers.
+
+        Returns:
+            The samples; its `.missing` says of each platform that is not among them why.
+
+        Raises:
+            NothingFound: no platform is there, or none has such a label.
+            WrongCall: an argument that is not right.
+            NameRefused: a text that cannot be a label.
+        """
+        return self._do(self._query(label, unit, at, between, within))
+
+    def watch(
+        self, label: str, *, unit: str | int | None = None, every: str = "200ms", max_delay: str = "1s"
+    ) -> Feed[UnitSample]:
+        """Samples of a label as they come, until the feed or the connection is closed.
+
+        Args:
+            label: a semantic label.
+            unit: one platform; None: all that are there.
+            every: the period; samples are valid at its multiples.
+            max_delay: what is later than this after its valid time is dropped.
+
+        Raises:
+            NothingFound: no platform is there, or none has such a label.
+            Refused: the platform does not export it.
+            WrongCall: an argument that is not right.
+        """
+        return self._do(self._watch(label, unit, every, max_delay))
+
+    def delegate(self, task: str, *, to: str | int | None = None, within: str = "3s", **content: Any) -> DelegatedTask:
+        """Ask a platform for a task, as `dyknow delegate` does; returns once it is agreed to.
+
+        Args:
+            task: `monitor-proximity`, `goto`, `hold`, `land`, `check-formula`, ...
+            to: the platform; may be left out where any will do, or only one is there.
+            within: how long to wait for an answer.
+            content: what the task takes, e.g. `profile="proximity"`, `sample_period="1s"`.
+
+        Raises:
+            Refused: the platform declines; `.code` says why, for programs.
+            WrongCall: an unknown task or key, or a value that does not fit.
+            NothingFound: the platform is not there.
+            FederationFailed: no answer came, or the task failed.
+        """
+        return DelegatedTask(self, *self._do(self._delegate(task, to, content, within)))
+
+    def monitors(self) -> list[MonitorEntry]:
+        """The monitors of all platforms: `.by`, `.name`, `.units`, `.verdict`, `.inputs`, `.shows`, `.since_us`.
+
+        Raises:
+            NothingFound: no platform is there.
+        """
+        return self._do(jobs.monitors(self._client))
+
+    def ls(self) -> list[PlatformView]:
+        """The platforms: `.unit`, `.state` (`alive`, `suspect`, `refused`), `.labels`, `.services`."""
+        return self._do(jobs.platforms(self._client))
+
+
+class AsyncFederationClient(_Face):
+    """A federation, for a program with an event loop: the methods of `FederationClient`, to be awaited.
+
+    Feeds (`watch`, `alarms`, the events of a task) are iterated by `async for`.
+    """
+
+    async def query(
+        self,
+        label: str,
+        *,
+        unit: str | int | None = None,
+        at: Time | None = None,
+        between: tuple[Time, Time] | None = None,
+        within: str = "2s",
+    ) -> QueryResult:
+        """See `FederationClient.query`."""
+        return await self._done(self._query(label, unit, at, between, within))
+
+    async def watch(
+        self, label: str, *, unit: str | int | None = None, every: str = "200ms", max_delay: str = "1s"
+    ) -> Feed[UnitSample]:
+        """See `FederationClient.watch`."""
+        return await self._done(self._watch(label, unit, every, max_delay))
+
+    async def delegate(
+        self, task: str, *, to: str | int | None = None, within: str = "3s", **content: Any
+    ) -> AsyncDelegatedTask:
+        """See `FederationClient.delegate`."""
+        return AsyncDelegatedTask(self, *await self._done(self._delegate(task, to, content, within)))
+
+    async def monitors(self) -> list[MonitorEntry]:
+        """See `FederationClient.monitors`."""
+        return await self._done(jobs.monitors(self._client))
+
+    async def ls(self) -> list[PlatformView]:
+        """See `FederationClient.ls`."""
+        return await self._done(jobs.platforms(self._client))
+
+
+def _name(unit: str | int | None) -> str | None:
+    return None if unit is None else str(unit)

@@ -1,0 +1,311 @@
+"""What a connection does for its program, step by step on the node thread."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from dyknow.model.errors import ContentError, DyknowError, FederationFailed, Refused
+from federation.keys import label as label_name
+from federation.members.command_centre import PlatformView
+from federation.members.directory import unit_order
+from federation.members.imports import ImportName
+from federation.messages.acts import Performative
+from federation.messages.codec import WireSample
+from federation.messages.contents import (
+    Alarm,
+    Alarms,
+    Content,
+    CreateMulticast,
+    Done,
+    MonitorEntry,
+    MonitorList,
+    Monitors,
+    Reading,
+    Samples,
+    TaskEntry,
+    TaskList,
+    Tasks,
+    Verdict,
+)
+from federation.messages.dialogue import Dialogue
+from runtime.client import QUIET_US, SETTLE_S, Client, Job, Wait
+from runtime.configuration.instants import SHORTEST_US, duration_us
+from runtime.configuration.wording import content_with
+from runtime.library.questions import ask_who_is_missing, check_label, missing_units, query_of, receiver_of
+from runtime.library.results import QueryResult, UnitSample, sample_of_reading, sample_of_wire
+
+if TYPE_CHECKING:
+    from runtime.library.feed import Feed  # asyncio takes commands a tenth of a second
+
+P = Performative
+C = TypeVar("C", bound=Content)
+GRACE_S = 0.5
+SET_UP_S = 2.0
+REMEMBERED = 10_000
+"""Alarms by which repetitions are known: each is reported by every platform that it is about."""
+_LOOK_S = 0.2
+
+
+def platforms(client: Client, *, all_kinds: bool = False) -> Job[list[PlatformView]]:
+    """Wait until the directory has settled; return the platforms."""
+    yield Wait(lambda: client.centre.settled(client.now_us(), QUIET_US), SETTLE_S)
+    return client.centre.platforms(all_kinds=all_kinds)
+
+
+def query(
+    client: Client, label: str, unit: str | None, at: str | int | None, between: Any, within: str
+) -> Job[QueryResult]:
+    """Ask, and wait for all answers."""
+    label_name(label)
+    within_s = duration_us(within, option="within", least_us=SHORTEST_US) / 1e6
+    query_of(label, at, between, client.federation_us())
+    samples, missing = list[UnitSample](), dict[str, str]()
+
+    def take(unit: str, readings: list[Reading], why: str) -> None:
+        samples.extend(sample_of_reading(unit, label, reading) for reading in readings)
+        if not readings:
+            missing[unit] = why or "no sample"
+
+    yield from platforms(client)
+    yield from readings_of(client, label, unit, at, between, within_s, take)
+    return QueryResult(sorted(samples, key=lambda sample: unit_order(sample.unit)), missing)
+
+
+def readings_of(
+    client: Client,
+    label: str,
+    unit: str | None,
+    at: str | int | None,
+    between: Any,
+    within_s: float,
+    take: Callable[[str, list[Reading], str], None],
+) -> Job[None]:
+    """Query a label; `take` gets a platform, its readings and why it has not answered, as soon as that is known."""
+    units = client.pick(unit)
+    around = ask_who_is_missing(client, units) if unit is None else []
+    content = query_of(label, at, between, client.federation_us())
+    answered = False
+
+    def take_answer(dialogue: Dialogue) -> None:
+        nonlocal answered
+        pages = [said for said in dialogue.results if isinstance(said, Samples)]
+        why = dialogue.trouble or ("" if pages else "no answer")
+        readings = [] if why else [reading for page in pages for reading in page.samples]
+        answered = answered or bool(readings)
+        take(dialogue.unit, readings, why)
+
+    yield from client.answers(units, content, P.QUERY_REF, within_s, take_answer)
+    for name in (yield from missing_units(units, around)):
+        take(name, [], "lost: it no longer answers")
+    check_label(client, label, answered=answered)
+
+
+def lists(client: Client, units: Sequence[str], content: Content, kind: type[C]) -> Job[list[tuple[str, C]]]:
+    """What platforms answer to a question about themselves, with their names."""
+    dialogues = yield from client.answers(units, content, P.QUERY_REF, SET_UP_S)
+    return [(one.unit, said) for one in dialogues for said in one.results if isinstance(said, kind)]
+
+
+def monitors(client: Client) -> Job[list[MonitorEntry]]:
+    """Ask every platform for its monitors, by platform, name and units."""
+    yield from platforms(client)
+    found = yield from lists(client, client.pick(None), Monitors(), MonitorList)
+    return sorted((m for _, said in found for m in said.monitors), key=lambda m: (m.by, m.name, m.units))
+
+
+def tasks(client: Client, units: Sequence[str]) -> Job[list[tuple[str, TaskEntry]]]:
+    """Ask these platforms for their tasks; with the platform that answers."""
+    found = yield from lists(client, units, Tasks(), TaskList)
+    return [(unit, task) for unit, said in found for task in said.tasks]
+
+
+# WatchedStreams and subscriptions
+
+
+class WatchedStreams:
+    """The feeds that take imported samples, by semantic label and policy hash."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._feeds: dict[tuple[str, str], list[tuple[frozenset[str], Feed[UnitSample]]]] = {}
+        client.centre.on_sample = self._on_sample
+
+    def add(self, stream: tuple[str, str], units: Iterable[str], feed: "Feed[UnitSample]") -> Callable[[], None]:
+        """Have a feed take the samples of these units; returns how to take it off."""
+        entry = (frozenset(units), feed)
+        self._feeds.setdefault(stream, []).append(entry)
+        return lambda: self._feeds[stream].remove(entry)
+
+    def _on_sample(self, name: ImportName, sample: WireSample, at_us: int) -> None:
+        owner, label, policy_hash = name
+        for units, feed in self._feeds.get((label, policy_hash), ()):
+            if owner in units:
+                feed.put(
+                    sample_of_wire(
+                        self._client.ontology, owner, label, sample, self._client.centre.clock.federation_us(at_us)
+                    )
+                )
+
+
+def request_streams(
+    client: Client, label: str, units: Sequence[str], every_s: float, delay_s: float
+) -> Job[list[Dialogue]]:
+    """Have platforms export a stream to us; each dialogue has results, a refusal or no answer."""
+    content = CreateMulticast(
+        semantic_labels=(label,), sample_period_s=every_s, delay_s=delay_s, to_units=(client.centre.unit,)
+    )
+    asked = [client.say(name, P.REQUEST, content, within_s=SET_UP_S, standing=True) for name in units]
+    yield Wait(lambda: all(task.results or task.trouble for task in asked), SET_UP_S + GRACE_S)
+    return asked
+
+
+def watch(
+    client: Client,
+    streams: WatchedStreams,
+    label: str,
+    unit: str | None,
+    every: str,
+    max_delay: str,
+    feed: "Feed[UnitSample]",
+) -> Job[Job[None]]:
+    """Have platforms export a stream to us; returns the job that ends that when the feed is closed."""
+    from agents.exchange.gateway import stream_policy
+
+    label_name(label)
+    every_s = duration_us(every, option="every", least_us=SHORTEST_US) / 1e6
+    delay_s = duration_us(max_delay, option="max_delay", least_us=SHORTEST_US) / 1e6
+    yield from platforms(client)
+    units = client.pick(unit)
+    remove = streams.add((label, stream_policy(every_s, delay_s).content_hash()), units, feed)
+    asked = yield from request_streams(client, label, units, every_s, delay_s)
+    tasks = [task for task in asked if task.results]
+    if not tasks:
+        remove()
+        check_label(client, label, answered=False)
+        raise failure_of(asked[0], f"no platform streams {label}")
+    return _keep_streams(client, tasks, feed, remove)
+
+
+def _keep_streams(
+    client: Client, tasks: list[Dialogue], feed: "Feed[UnitSample]", remove: Callable[[], None]
+) -> Job[None]:
+    try:
+        while not (feed.is_closed or all(task.over for task in tasks)):
+            yield Wait(lambda: feed.is_closed or all(task.over for task in tasks), _LOOK_S)
+        feed.close(FederationFailed(f"the streams have ended: {tasks[0].trouble or 'their platforms are gone'}"))
+    finally:
+        feed.close()
+        remove()
+        for task in tasks:
+            if not task.over:
+                client.cancel(task.unit, task.conversation)
+
+
+class Subscriptions:
+    """A subscription to every platform that is there, those that appear later included."""
+
+    def __init__(self, client: Client, content: Content) -> None:
+        self._client, self._content = client, content
+        self._open: dict[str, Dialogue] = {}
+
+    def news(self, within_s: float) -> Job[list[tuple[str, Content]]]:
+        """Wait a moment; what came since, with the platform that sent it."""
+        for view in self._client.centre.platforms():
+            known = self._open.get(view.unit)
+            if view.state == "alive" and (known is None or known.over):
+                self._open[view.unit] = self._client.say(view.unit, P.SUBSCRIBE, self._content, standing=True)
+        yield Wait(lambda: any(one.said for one in self._open.values()), within_s)
+        found = [(unit, content) for unit, one in self._open.items() for content in one.results]
+        for one in self._open.values():
+            one.said.clear()
+        return found
+
+    def cancel(self) -> None:
+        """End them."""
+        for unit, one in self._open.items():
+            if not one.over:
+                self._client.cancel(unit, one.conversation)
+
+
+def follow_alarms(client: Client, feed: "Feed[Alarm]") -> Job[None]:
+    """Subscribe to the alarms of every platform, until the feed is closed."""
+    subscriptions = Subscriptions(client, Alarms())
+    reported: dict[tuple[str, str], None] = {}
+    try:
+        while not feed.is_closed:
+            for _, alarm in (yield from subscriptions.news(_LOOK_S)):
+                if isinstance(alarm, Alarm) and (alarm.id, alarm.event) not in reported:
+                    reported[alarm.id, alarm.event] = None
+                    if len(reported) > REMEMBERED:
+                        del reported[next(iter(reported))]
+                    feed.put(alarm)
+    finally:
+        feed.close()
+        subscriptions.cancel()
+
+
+# Tasks
+
+
+def begin_task(client: Client, task: str, to: str | None, given: Mapping[str, Any], within_s: float) -> Job[Dialogue]:
+    """Request a task of the platform that shall do it; the answers come in the dialogue."""
+    content_with(task, given, client.federation_us(), client.extensions)
+    yield from platforms(client)  # the federation's clock may be learned meanwhile
+    content = content_with(task, given, client.federation_us(), client.extensions)
+    unit = receiver_of(client, content, to)
+    return client.say(unit, P.REQUEST, content, within_s=within_s, standing=True)
+
+
+def delegate(client: Client, task: str, to: str | None, given: Mapping[str, Any], within: str) -> Job[Dialogue]:
+    """Delegate a task; returns its conversation once it is agreed to, or raises why it is not."""
+    within_s = duration_us(within, option="within", least_us=SHORTEST_US) / 1e6
+    dialogue = yield from begin_task(client, task, to, given, within_s)
+    yield Wait(lambda: bool(dialogue.said or dialogue.over), within_s + GRACE_S)
+    if dialogue.trouble is not None or not dialogue.said:
+        raise failure_of(dialogue, "no answer in time")
+    return dialogue
+
+
+def follow_task(dialogue: Dialogue, feed: "Feed[Content]") -> Job[None]:
+    """Pass on what the platform reports, until the task is over or the feed is closed."""
+    seen = 0
+
+    def has_news() -> bool:
+        return feed.is_closed or len(dialogue.said) > seen or dialogue.over
+
+    try:
+        while not feed.is_closed:
+            for _, content in dialogue.said[seen:]:
+                if content is not None:
+                    feed.put(content)
+            seen = len(dialogue.said)
+            if state_of(dialogue) != "running":
+                feed.close(None if dialogue.trouble is None else failure_of(dialogue, "it ended"))
+            yield Wait(has_news, _LOOK_S)
+    finally:
+        feed.close()
+
+
+def state_of(dialogue: Dialogue) -> str:
+    """`running`, `done` or `failed`."""
+    if any(isinstance(content, Done | Verdict) for content in dialogue.results):
+        return "done"
+    return "failed" if dialogue.trouble is not None else "done" if dialogue.over else "running"
+
+
+def cancel(client: Client, unit: str, conversation: str) -> Job[None]:
+    """End a task and all that it set up."""
+    end = client.cancel(unit, conversation)
+    yield Wait(lambda: end.over, SET_UP_S + GRACE_S)
+    if end.trouble is not None or not end.said:
+        raise failure_of(end, "no answer in time")
+
+
+def failure_of(dialogue: Dialogue, otherwise: str) -> DyknowError:
+    """The error for a conversation that did not succeed: Refused, ContentError or FederationFailed."""
+    text = f"platform {dialogue.unit}: {dialogue.trouble or otherwise}"
+    performative, reason = dialogue.refusal or (None, None)
+    if performative is P.NOT_UNDERSTOOD:
+        return ContentError(text)
+    if performative is P.REFUSE and reason is not None:
+        return Refused(text, reason.code or "", leader=reason.leader, generation=reason.generation)
+    return FederationFailed(text)

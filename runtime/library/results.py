@@ -1,0 +1,79 @@
+"""What a federation answers, as a program reads it. Instants are microseconds of federation time."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, overload
+
+from dyknow import SURE, Quality, as_json
+from dyknow.model.values import NO_VALUE, NoValue
+from federation.messages.codec import QualifiedSample, WireSample
+from federation.messages.contents import Reading
+from federation.sharing.ontology import Ontology
+
+
+class UnitSample(NamedTuple):
+    """One sample of one platform.
+
+    Attributes:
+        unit: whose it is.
+        label: the semantic label, e.g. `heli-altitude`.
+        value: by field, in the units of the label (docs/python.md lists them); empty: it had no value then.
+        valid_us: when the value held.
+        available_us: when it could be used: by the platform that answers, or here if it was watched.
+        quality: its certainty in [0, 1], and the covariance of its fields, units squared, if that is known.
+    """
+
+    unit: str
+    label: str
+    value: Mapping[str, Any]
+    valid_us: int
+    available_us: int
+    quality: Quality = SURE
+
+
+class QueryResult(Sequence[UnitSample]):
+    """The samples that answer a query, by unit and then by valid time.
+
+    Attributes:
+        missing: why other platforms are not among them, by unit.
+    """
+
+    def __init__(self, samples: Sequence[UnitSample], missing: Mapping[str, str]) -> None:
+        self._samples, self.missing = tuple(samples), dict(missing)
+
+    @overload
+    def __getitem__(self, index: int) -> UnitSample: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[UnitSample]: ...
+    def __getitem__(self, index: int | slice) -> UnitSample | Sequence[UnitSample]:
+        return self._samples[index]
+
+    def __len__(self) -> int:
+        return len(self._samples)
+
+    def __repr__(self) -> str:
+        return f"QueryResult({list(self._samples)!r}, missing={self.missing!r})"
+
+
+def sample_of_reading(unit: str, label: str, reading: Reading) -> UnitSample:
+    """One sample of the answer to a query."""
+    value = {} if isinstance(reading.value, NoValue) else dict(reading.value)
+    return UnitSample(unit, label, value, reading.valid_us, reading.available_us, _quality(value, reading.variance))
+
+
+def _quality(value: Mapping[str, Any], variance: Mapping[str, Any] | None) -> Quality:
+    """The covariance is diagonal: an answer has the variance of each field."""
+    if variance is None or set(variance) != set(value):
+        return SURE
+    fields = list(value)
+    rows = [tuple(float(variance[one]) if one == other else 0.0 for other in fields) for one in fields]
+    return Quality(covariance=tuple(rows))
+
+
+def sample_of_wire(ontology: Ontology, unit: str, label: str, sample: WireSample, available_us: int) -> UnitSample:
+    """One sample of a stream that is watched."""
+    value: Mapping[str, Any] = {}
+    if sample.value is not NO_VALUE:
+        is_known = label in ontology
+        value = ontology[label].sort.as_record(sample.value) if is_known else {"value": as_json(sample.value)}
+    quality = Quality(sample.certainty, sample.covariance) if isinstance(sample, QualifiedSample) else SURE
+    return UnitSample(unit, label, value, sample.valid_us, available_us, quality)

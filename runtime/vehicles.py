@@ -1,0 +1,140 @@
+"""What a platform flies: kinds of vehicles by name, as the configuration names them.
+
+A kind is registered by the module that builds it. The kinds of real vehicles are registered here; a room above, such
+as the simulator, registers its own, and the process is started with the name of that module (`--vehicles`).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any, NamedTuple, Protocol
+
+from agents.effects import InjectFault
+from agents.flight.pilot import FlightLimits
+from dyknow.model.errors import Refused, UnitError
+from federation.members.clock import FederationClock
+from navigation.vehicle import Command, Report
+from runtime.clock import NodeClock
+from runtime.configuration.config import NodeConfig
+
+
+class VehiclePart(Protocol):
+    """A thread or socket of a vehicle: started with the process, stopped with it."""
+
+    def start(self) -> None: ...
+    def stop(self) -> None: ...
+
+
+def _no_command(command: Command) -> None:
+    raise Refused(f"{type(command.order).__name__}: this platform has no vehicle that can be commanded")
+
+
+def _no_fault(fault: InjectFault) -> None:
+    raise Refused(f"{fault.kind}: only simulated vehicles take faults")
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """What a platform flies, ready to start.
+
+    Attributes:
+        parts: started in this order, stopped in the opposite one.
+        settings: fields of `PlatformConfig` that follow from it.
+        command: gives it an order; raises Refused.
+        inject: makes it fail; raises Refused, or TextError for an unknown fault.
+    """
+
+    parts: Sequence[VehiclePart] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    command: Callable[[Command], None] = _no_command
+    inject: Callable[[InjectFault], None] = _no_fault
+
+    def start(self) -> None:
+        for part in self.parts:
+            part.start()
+
+    def stop(self) -> None:
+        for part in reversed(self.parts):
+            part.stop()
+
+
+class VehiclePorts(NamedTuple):
+    """What a vehicle is built from: configuration, clocks, where its reports go, and what to call when it has ended."""
+
+    config: NodeConfig
+    clock: FederationClock
+    node_clock: NodeClock
+    post: Callable[[Report], None]
+    ended: Callable[[], None]
+
+    @property
+    def limits(self) -> FlightLimits:
+        """Floor and ceiling of commanded flight."""
+        return FlightLimits(self.config.floor_m, self.config.ceiling_m)
+
+    def now_us(self) -> int:
+        """Federation time."""
+        return self.clock.federation_us(self.node_clock.now_us())
+
+
+BuildVehicle = Callable[[Any, VehiclePorts], Vehicle]
+"""(the `vehicle` table of the configuration, ports) -> the vehicle."""
+_KINDS: dict[str, BuildVehicle] = {}
+
+
+def vehicle_kind(name: str) -> Callable[[BuildVehicle], BuildVehicle]:
+    """Register a function that builds vehicles of the kind `name`."""
+
+    def register(build: BuildVehicle) -> BuildVehicle:
+        _KINDS[name] = build
+        return build
+
+    return register
+
+
+def build_vehicle(ports: VehiclePorts, modules: Sequence[str] = ()) -> Vehicle:
+    """The vehicle that the configuration names; `modules` register further kinds, and are imported only for them.
+
+    Raises:
+        UnitError: no module registers the kind.
+    """
+    table = ports.config.vehicle
+    for module in modules if table.kind not in _KINDS else ():
+        import_module(module)
+    if table.kind not in _KINDS:
+        raise UnitError(f"no vehicle is of kind {table.kind!r}; kinds are {', '.join(sorted(_KINDS))}")
+    return _KINDS[table.kind](table, ports)
+
+
+@vehicle_kind("none")
+def _none(_table: Any, _ports: VehiclePorts) -> Vehicle:
+    """An observer."""
+    return Vehicle()
+
+
+@vehicle_kind("mavlink")
+def _mavlink(table: Any, ports: VehiclePorts) -> Vehicle:
+    """A vehicle outside this process, heard and commanded over MAVLink."""
+    from proxies.mavlink.feed import MavlinkFeed
+
+    feed = MavlinkFeed(table.endpoint, table.sysid, ports.post, ports.now_us)
+    return Vehicle((feed,), {"control": table.control, "limits": ports.limits}, feed.command)
+
+
+@vehicle_kind("replay")
+def _replay(table: Any, ports: VehiclePorts) -> Vehicle:
+    """A recorded flight; it cannot be commanded."""
+    from proxies.recordings.formats import open_recording
+    from proxies.recordings.replay import Replay
+
+    epoch_us = ports.now_us() if table.epoch_us is None else table.epoch_us
+    replay = Replay(
+        open_recording(table.file),
+        epoch_us,
+        table.from_us,
+        ports.post,
+        ports.now_us,
+        speed=ports.clock.speed,
+        on_end=lambda _problem: ports.ended(),
+    )
+    return Vehicle((replay,))

@@ -1,0 +1,166 @@
+"""COMMAND_LONG, COMMAND_INT and their older and faster cousins: wire order to flight order, flight answer to MAV_RESULT."""
+
+from collections.abc import Callable
+from math import isfinite, nan
+from typing import NamedTuple
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from navigation.geodesy import LocalFrame
+from sim_uavs.autopilot.link import Message
+from sim_uavs.autopilot.personas import Persona
+from sim_uavs.autopilot.points import local_point
+from sim_uavs.dynamics.flight import Flight, FlightAnswer, Mode, Said
+from sim_uavs.dynamics.quadcopter import Vector
+
+_FORCE = 21196.0  # the number that overrides the checks of arming
+_IGNORE_POSITION, _IGNORE_VELOCITY, _IGNORE_YAW = 0b111, 0b111000, mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
+
+_RESULTS: dict[FlightAnswer, int] = {
+    FlightAnswer.ACCEPTED: mavlink.MAV_RESULT_ACCEPTED,
+    FlightAnswer.OUT_OF_RANGE: mavlink.MAV_RESULT_DENIED,
+    FlightAnswer.NO_MISSION: mavlink.MAV_RESULT_DENIED,
+}
+
+
+class FlightOrder(NamedTuple):
+    """A command whichever message carried it: degrees, and altitude in the sense of `frame` (MAV_FRAME)."""
+
+    command: int
+    params: tuple[float, float, float, float]
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    frame: int
+
+
+def read_order(message: Message) -> FlightOrder:
+    """COMMAND_LONG carries degrees as floats, COMMAND_INT degrees times 1e7."""
+    params = (message.param1, message.param2, message.param3, message.param4)
+    if message.get_msgId() == mavlink.MAVLINK_MSG_ID_COMMAND_INT:
+        return FlightOrder(message.command, params, message.x / 1e7, message.y / 1e7, message.z, message.frame)
+    at = (message.param5, message.param6, message.param7)
+    return FlightOrder(message.command, params, *at, mavlink.MAV_FRAME_GLOBAL)
+
+
+class Commands:
+    """Orders to one flight. Every answer that is not an acceptance is also sent as a text."""
+
+    def __init__(self, flight: Flight, frame: LocalFrame, persona: Persona) -> None:
+        self._flight, self._frame, self._persona = flight, frame, persona
+        self._known: dict[int, Callable[[FlightOrder], FlightAnswer]] = {
+            mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm,
+            mavlink.MAV_CMD_DO_SET_MODE: self._set_mode,
+            mavlink.MAV_CMD_DO_SET_STANDARD_MODE: self._set_standard_mode,
+            mavlink.MAV_CMD_NAV_TAKEOFF: self._take_off,
+            mavlink.MAV_CMD_NAV_LAND: lambda _: flight.set_mode(Mode.LAND),
+            mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda _: flight.set_mode(Mode.RTL),
+            mavlink.MAV_CMD_NAV_LOITER_UNLIM: lambda _: flight.set_mode(self._holding),
+            mavlink.MAV_CMD_MISSION_START: lambda _: flight.set_mode(Mode.AUTO),
+            mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: self._set_item,
+            mavlink.MAV_CMD_DO_REPOSITION: self._reposition,
+            mavlink.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
+        }
+
+    def obey(self, order: FlightOrder) -> int:
+        """The MAV_RESULT of a command; UNSUPPORTED for those no flight knows."""
+        perform = self._known.get(order.command)
+        return int(mavlink.MAV_RESULT_UNSUPPORTED) if perform is None else self._result(perform(order))
+
+    def set_custom_mode(self, custom_mode: int) -> int:
+        mode = self._persona.mode(custom_mode)
+        return int(mavlink.MAV_RESULT_DENIED) if mode is None else self._result(self._flight.set_mode(mode))
+
+    def go_to_item(self, message: Message) -> int:
+        """A mission item that is not for the mission (current = 2): fly there now. MAV_MISSION_RESULT."""
+        point = local_point(self._frame, message.frame, message.x / 1e7, message.y / 1e7, message.z)
+        answer = FlightAnswer.OUT_OF_RANGE if point is None else self._flight.go_to(point)
+        self._result(answer)
+        return int(mavlink.MAV_MISSION_ACCEPTED if answer is FlightAnswer.ACCEPTED else mavlink.MAV_MISSION_DENIED)
+
+    def set_global_target(self, message: Message) -> None:
+        point = local_point(
+            self._frame, message.coordinate_frame, message.lat_int / 1e7, message.lon_int / 1e7, message.alt
+        )
+        self._set_target(message, point)
+
+    def set_local_target(self, message: Message) -> None:
+        """From home, or as an offset from where the vehicle is."""
+        point: Vector | None = Vector(message.x, message.y, message.z)
+        if point and message.coordinate_frame == mavlink.MAV_FRAME_LOCAL_OFFSET_NED:
+            point = self._flight.body.position.plus(point)
+        elif message.coordinate_frame != mavlink.MAV_FRAME_LOCAL_NED:
+            point = None
+        self._set_target(message, point)
+
+    def _set_target(self, message: Message, point: Vector | None) -> None:
+        mask = message.type_mask
+        if point is None:
+            return
+        if mask & _IGNORE_POSITION != _IGNORE_POSITION:
+            self._flight.go_to(point, None if mask & _IGNORE_YAW else message.yaw)
+        elif mask & _IGNORE_VELOCITY != _IGNORE_VELOCITY:
+            self._flight.drift(Vector(message.vx, message.vy, message.vz))
+
+    def _result(self, answer: FlightAnswer) -> int:
+        if answer is not FlightAnswer.ACCEPTED:
+            self._flight.events.append(Said(mavlink.MAV_SEVERITY_WARNING, f"Refused: {answer.value}"))
+        return _RESULTS.get(answer, int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED))
+
+    @property
+    def _holding(self) -> Mode:
+        """PX4 holds in the mode that takes positions, ArduPilot in one of its own."""
+        return Mode.GUIDED if self._persona.names_take_off else Mode.LOITER
+
+    def _arm(self, order: FlightOrder) -> FlightAnswer:
+        wanted, force = order.params[0], order.params[1] == _FORCE
+        if wanted not in {0.0, 1.0}:
+            return FlightAnswer.OUT_OF_RANGE
+        return self._flight.arm(force=force) if wanted == 1.0 else self._flight.disarm(force=force)
+
+    def _set_mode(self, order: FlightOrder) -> FlightAnswer:
+        flags, first, second, _ = order.params
+        if not all(map(isfinite, (flags, first, second))) or not int(flags) & 1:
+            return FlightAnswer.OUT_OF_RANGE
+        number = int(first) << 16 | int(second) << 24 if self._persona.names_take_off else int(first)
+        mode = self._persona.mode(number)
+        return FlightAnswer.OUT_OF_RANGE if mode is None else self._flight.set_mode(mode)
+
+    def _set_standard_mode(self, order: FlightOrder) -> FlightAnswer:
+        mode = next((m for m, number in self._persona.standard.items() if number == order.params[0]), None)
+        return FlightAnswer.OUT_OF_RANGE if mode is None else self._flight.set_mode(mode)
+
+    def _take_off(self, order: FlightOrder) -> FlightAnswer:
+        """ArduPilot: above home, in GUIDED only. PX4: above sea or, when not a number, as its parameter says."""
+        height_m = order.altitude_m
+        if self._persona.names_take_off:
+            height_m = height_m - self._frame.altitude_m if isfinite(height_m) else self._flight.settings.take_off_m
+            if self._flight.armed and not self._flight.airborne:
+                self._flight.set_mode(Mode.GUIDED)
+        return self._flight.take_off(height_m)
+
+    def _reposition(self, order: FlightOrder) -> FlightAnswer:
+        """Speed below 0 keeps the present one; coordinates that are not numbers mean the present ones."""
+        speed_m_s, flags, _, yaw_rad = order.params
+        here = self._frame.from_ned(*self._flight.body.position)
+        latitude_deg = order.latitude_deg if isfinite(order.latitude_deg) else here[0]
+        longitude_deg = order.longitude_deg if isfinite(order.longitude_deg) else here[1]
+        point = local_point(self._frame, order.frame, latitude_deg, longitude_deg, order.altitude_m)
+        if point is None:
+            return FlightAnswer.OUT_OF_RANGE
+        if isfinite(flags) and int(flags) & mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE and self._flight.airborne:
+            self._flight.set_mode(Mode.GUIDED)
+        answer = self._flight.go_to(point, yaw_rad if isfinite(yaw_rad) else nan)
+        if answer is FlightAnswer.ACCEPTED and isfinite(speed_m_s) and speed_m_s > 0.0:
+            self._flight.change_speed(speed_m_s)
+        return answer
+
+    def _change_speed(self, order: FlightOrder) -> FlightAnswer:
+        kind, speed_m_s, _, _ = order.params
+        if kind not in {mavlink.SPEED_TYPE_AIRSPEED, mavlink.SPEED_TYPE_GROUNDSPEED}:
+            return FlightAnswer.OUT_OF_RANGE
+        return self._flight.change_speed(speed_m_s)
+
+    def _set_item(self, order: FlightOrder) -> FlightAnswer:
+        index = order.params[0]
+        return self._flight.set_item(int(index)) if isfinite(index) else FlightAnswer.OUT_OF_RANGE

@@ -1,0 +1,193 @@
+"""The mission protocol: upload with re-requests, download, clear. Fence and rally lists are always empty."""
+
+from typing import NamedTuple
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from navigation.geodesy import LocalFrame
+from sim_uavs.autopilot.link import Message
+from sim_uavs.autopilot.personas import Persona
+from sim_uavs.autopilot.points import FRAMES, local_point
+from sim_uavs.dynamics.flight import Flight
+from sim_uavs.dynamics.missions import Item, MissionAction
+from sim_uavs.dynamics.settings import Peer
+
+_MISSION = mavlink.MAV_MISSION_TYPE_MISSION
+_MOST_ITEMS = 200
+_ASK_AGAIN_US = 500_000
+_MOST_ASKS = 20
+
+_PLACED = {
+    mavlink.MAV_CMD_NAV_TAKEOFF,
+    mavlink.MAV_CMD_NAV_LAND,
+    mavlink.MAV_CMD_NAV_WAYPOINT,
+    mavlink.MAV_CMD_NAV_LOITER_TIME,
+    mavlink.MAV_CMD_NAV_LOITER_UNLIM,
+}
+
+
+class Asker(NamedTuple):
+    """The requester: the address bytes come from, and the system and component in the frame."""
+
+    peer: Peer
+    system: int
+    component: int
+
+
+class _Stored(NamedTuple):
+    """An item as it was uploaded, downloaded unchanged."""
+
+    frame: int
+    command: int
+    autocontinue: int
+    params: tuple[float, float, float, float]
+    x: int
+    y: int
+    z: float
+
+
+class _Upload(NamedTuple):
+    """An upload under way: the items so far, and when the next was last asked for."""
+
+    asker: Asker
+    total: int
+    stored: tuple[_Stored, ...]
+    asked_us: int
+    asks: int
+
+
+class Missions:
+    """One vehicle's mission list on the wire; what can be flown of it goes to `flight.items`."""
+
+    def __init__(self, flight: Flight, frame: LocalFrame, persona: Persona) -> None:
+        self._flight, self._frame, self._persona = flight, frame, persona
+        self._stored: tuple[_Stored, ...] = ()
+        self._upload: _Upload | None = None
+        self._last: Asker | None = None
+        flight.first_item = 1 if persona.home_is_item_0 else 0
+
+    @property
+    def count(self) -> int:
+        return len(self._stored)
+
+    @property
+    def deadline_us(self) -> int | None:
+        return None if self._upload is None else self._upload.asked_us + _ASK_AGAIN_US
+
+    def on_time(self, now_us: int) -> list[tuple[Asker, Message]]:
+        """Ask again for an item that did not come; give up after ten seconds."""
+        upload = self._upload
+        if upload is None or now_us < upload.asked_us + _ASK_AGAIN_US:
+            return []
+        if upload.asks >= _MOST_ASKS:
+            self._upload = None
+            return [(upload.asker, self._ack(upload.asker, mavlink.MAV_MISSION_OPERATION_CANCELLED))]
+        return [(upload.asker, self._ask(upload, now_us))]
+
+    def on_count(self, asker: Asker, message: Message, now_us: int) -> list[Message]:
+        """The start of an upload; a repeated start restarts it."""
+        if message.mission_type != _MISSION:
+            return [self._ack(asker, mavlink.MAV_MISSION_UNSUPPORTED, message.mission_type)]
+        if message.count > _MOST_ITEMS:
+            return [self._ack(asker, mavlink.MAV_MISSION_NO_SPACE)]
+        if self._upload is not None and self._upload.asker != asker:
+            return [self._ack(asker, mavlink.MAV_MISSION_DENIED)]
+        if message.count == 0:
+            return self.on_clear(asker, message)
+        return [self._ask(_Upload(asker, message.count, (), now_us, 0), now_us)]
+
+    def on_item(self, asker: Asker, message: Message, now_us: int) -> list[Message]:
+        upload = self._upload
+        if upload is None or upload.asker != asker:
+            done = asker == self._last and message.seq == len(self._stored) - 1
+            return [self._ack(asker, mavlink.MAV_MISSION_ACCEPTED if done else mavlink.MAV_MISSION_INVALID_SEQUENCE)]
+        if message.seq != len(upload.stored):
+            return [self._ask(upload, now_us)]
+        params = (message.param1, message.param2, message.param3, message.param4)
+        item = _Stored(message.frame, message.command, message.autocontinue, params, message.x, message.y, message.z)
+        upload = upload._replace(stored=(*upload.stored, item), asks=0)
+        if len(upload.stored) < upload.total:
+            return [self._ask(upload, now_us)]
+        self._upload = None
+        return [self._ack(asker, self._take(asker, upload.stored))]
+
+    def on_clear(self, asker: Asker, message: Message) -> list[Message]:
+        if message.mission_type in {_MISSION, mavlink.MAV_MISSION_TYPE_ALL}:
+            self._upload, self._stored, self._flight.items = None, (), ()
+        return [self._ack(asker, mavlink.MAV_MISSION_ACCEPTED, message.mission_type)]
+
+    def on_list(self, asker: Asker, message: Message) -> list[Message]:
+        count = len(self._stored) if message.mission_type == _MISSION else 0
+        return [mavlink.MAVLink_mission_count_message(asker.system, asker.component, count, message.mission_type)]
+
+    def on_request(self, asker: Asker, message: Message) -> list[Message]:
+        if message.mission_type != _MISSION or message.seq >= len(self._stored):
+            return [self._ack(asker, mavlink.MAV_MISSION_INVALID_SEQUENCE, message.mission_type)]
+        s = self._stored[message.seq]
+        current = int(message.seq == self._flight.progress.item)
+        return [
+            mavlink.MAVLink_mission_item_int_message(
+                asker.system,
+                asker.component,
+                message.seq,
+                s.frame,
+                s.command,
+                current,
+                s.autocontinue,
+                *s.params,
+                s.x,
+                s.y,
+                s.z,
+                _MISSION,
+            )
+        ]
+
+    def _ask(self, upload: _Upload, now_us: int) -> Message:
+        self._upload = upload._replace(asked_us=now_us, asks=upload.asks + 1)
+        seq, asker = len(upload.stored), upload.asker
+        return mavlink.MAVLink_mission_request_int_message(asker.system, asker.component, seq, _MISSION)
+
+    @staticmethod
+    def _ack(asker: Asker, result: int, mission_type: int = _MISSION) -> Message:
+        return mavlink.MAVLink_mission_ack_message(asker.system, asker.component, result, mission_type)
+
+    def _take(self, asker: Asker, stored: tuple[_Stored, ...]) -> int:
+        """Store a whole mission, or none of it when an item cannot be flown."""
+        items = []
+        for index, one in enumerate(stored):
+            item = self._read(one, is_home=index < self._flight.first_item)
+            if isinstance(item, int):
+                return item
+            items.append(item)
+        self._stored, self._last = stored, asker
+        self._flight.items = tuple(items)
+        self._flight.set_item(min(self._flight.first_item, len(items) - 1))
+        return int(mavlink.MAV_MISSION_ACCEPTED)
+
+    def _read(self, s: _Stored, *, is_home: bool) -> Item | int:
+        """An item to fly, or the MAV_MISSION_RESULT that says why not."""
+        if s.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            return Item(MissionAction.RETURN)
+        if s.command == mavlink.MAV_CMD_DO_CHANGE_SPEED:
+            return Item(MissionAction.SET_SPEED, speed_m_s=s.params[1])
+        if s.command == mavlink.MAV_CMD_NAV_LAND and not (s.x or s.y):
+            return Item(MissionAction.LAND)
+        if s.command not in _PLACED:
+            return int(mavlink.MAV_MISSION_UNSUPPORTED)
+        if s.frame not in FRAMES:
+            return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
+        rising = s.command == mavlink.MAV_CMD_NAV_TAKEOFF or is_home
+        latitude_deg = self._frame.latitude_deg if rising else s.x / 1e7
+        longitude_deg = self._frame.longitude_deg if rising else s.y / 1e7
+        point = local_point(self._frame, s.frame, latitude_deg, longitude_deg, s.z)
+        if point is None:
+            return int(mavlink.MAV_MISSION_INVALID)
+        if s.command == mavlink.MAV_CMD_NAV_TAKEOFF:
+            return Item(MissionAction.TAKE_OFF, point)
+        if s.command == mavlink.MAV_CMD_NAV_LAND:
+            return Item(MissionAction.LAND, point)
+        if s.command == mavlink.MAV_CMD_NAV_LOITER_UNLIM:
+            return Item(MissionAction.FLY_TO, point, stay_us=None)
+        stay_s = s.params[0] if 0.0 <= s.params[0] < 86_400.0 else 0.0
+        within_m = s.params[1] if 0.5 <= s.params[1] <= 100.0 else 1.5
+        return Item(MissionAction.FLY_TO, point, round(stay_s * 1e6), within_m)

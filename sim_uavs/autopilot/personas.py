@@ -1,0 +1,154 @@
+"""What sets an ArduPilot copter and a PX4 multicopter apart on the wire: numbers of modes, firmware, habits."""
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from sim_uavs.dynamics.flight import Mode
+from sim_uavs.dynamics.settings import PersonaName
+
+
+class ParameterKind(NamedTuple):
+    """A parameter and the field of `Settings` it shows, in `scale` parameter units per unit of the field.
+
+    `field` empty: the system id, which is read only.
+    """
+
+    name: str
+    field: str
+    scale: float
+    kind: int
+    least: float
+    most: float
+
+
+@dataclass(frozen=True, slots=True)
+class Persona:
+    """`modes` maps each mode to its custom_mode; `standard` to MAVLink's standard modes where there is one.
+
+    Attributes:
+        version: firmware, one byte each: major, minor, patch, type (255: release).
+        bytewise: parameters carry integers as bits rather than as a rounded float.
+        names_take_off: rising is a mode of its own, and the height of it is a parameter, not an argument.
+        home_is_item_0: the first mission item is home and is not flown.
+    """
+
+    autopilot: int
+    version: tuple[int, int, int, int]
+    modes: Mapping[Mode, int]
+    standard: Mapping[Mode, int]
+    parameters: tuple[ParameterKind, ...]
+    bytewise: bool
+    names_take_off: bool
+    home_is_item_0: bool
+    take_off_mode: int = 0
+    names: Mapping[Mode, str] = field(default_factory=dict)
+
+    def name(self, mode: Mode) -> str:
+        """What the maker calls the mode."""
+        return self.names.get(mode, mode.value)
+
+    def custom_mode(self, mode: Mode, *, taking_off: bool) -> int:
+        return self.take_off_mode if taking_off and self.names_take_off and mode is Mode.GUIDED else self.modes[mode]
+
+    def mode(self, custom_mode: int) -> Mode | None:
+        """The mode with this number, or None when there is none."""
+        return next((mode for mode, number in self.modes.items() if number == custom_mode), None)
+
+    def on_wire(self, kind: ParameterKind, value: float) -> float:
+        if not self.bytewise or kind.kind == mavlink.MAV_PARAM_TYPE_REAL32:
+            return value
+        number: float = struct.unpack("<f", struct.pack("<i", round(value)))[0]
+        return number
+
+    def off_wire(self, kind: ParameterKind, sent: float) -> float:
+        if not self.bytewise or kind.kind == mavlink.MAV_PARAM_TYPE_REAL32:
+            return sent
+        number: int = struct.unpack("<i", struct.pack("<f", sent))[0]
+        return float(number)
+
+
+def _px4(main: int, sub: int = 0) -> int:
+    return main << 16 | sub << 24
+
+
+_REAL, _INT = mavlink.MAV_PARAM_TYPE_REAL32, mavlink.MAV_PARAM_TYPE_INT32
+_STANDARD = {
+    Mode.LOITER: mavlink.MAV_STANDARD_MODE_POSITION_HOLD,
+    Mode.AUTO: mavlink.MAV_STANDARD_MODE_MISSION,
+    Mode.RTL: mavlink.MAV_STANDARD_MODE_SAFE_RECOVERY,
+    Mode.LAND: mavlink.MAV_STANDARD_MODE_LAND,
+}
+
+ARDUPILOT = Persona(
+    autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+    version=(4, 5, 7, 255),
+    modes={
+        Mode.STABILIZE: 0,
+        Mode.AUTO: 3,
+        Mode.GUIDED: 4,
+        Mode.LOITER: 5,
+        Mode.RTL: 6,
+        Mode.LAND: 9,
+        Mode.BRAKE: 17,
+    },
+    standard=_STANDARD,
+    parameters=(
+        ParameterKind("SYSID_THISMAV", "", 1.0, _INT, 1, 255),
+        ParameterKind("WPNAV_SPEED", "cruise_m_s", 100.0, _REAL, 10, 2000),
+        ParameterKind("WPNAV_SPEED_UP", "climb_m_s", 100.0, _REAL, 10, 1000),
+        ParameterKind("WPNAV_SPEED_DN", "descent_m_s", 100.0, _REAL, 10, 500),
+        ParameterKind("LAND_SPEED", "land_m_s", 100.0, _REAL, 30, 200),
+        ParameterKind("RTL_ALT", "return_m", 100.0, _REAL, 200, 300_000),
+        ParameterKind("PILOT_TKOFF_ALT", "take_off_m", 100.0, _REAL, 100, 100_000),
+        ParameterKind("DISARM_DELAY", "disarm_s", 1.0, _REAL, 1, 127),
+    ),
+    bytewise=False,
+    names_take_off=False,
+    home_is_item_0=True,
+)
+
+PX4 = Persona(
+    autopilot=mavlink.MAV_AUTOPILOT_PX4,
+    version=(1, 15, 4, 255),
+    modes={
+        Mode.STABILIZE: _px4(7),
+        Mode.LOITER: _px4(3),
+        Mode.GUIDED: _px4(4, 3),
+        Mode.AUTO: _px4(4, 4),
+        Mode.RTL: _px4(4, 5),
+        Mode.LAND: _px4(4, 6),
+        Mode.OFFBOARD: _px4(6),
+    },
+    standard=_STANDARD,
+    parameters=(
+        ParameterKind("MAV_SYS_ID", "", 1.0, _INT, 1, 255),
+        ParameterKind("MIS_TAKEOFF_ALT", "take_off_m", 1.0, _REAL, 1, 1000),
+        ParameterKind("MPC_XY_CRUISE", "cruise_m_s", 1.0, _REAL, 0.1, 20),
+        ParameterKind("MPC_Z_VEL_MAX_UP", "climb_m_s", 1.0, _REAL, 0.1, 10),
+        ParameterKind("MPC_Z_VEL_MAX_DN", "descent_m_s", 1.0, _REAL, 0.1, 5),
+        ParameterKind("MPC_LAND_SPEED", "land_m_s", 1.0, _REAL, 0.3, 2),
+        ParameterKind("RTL_RETURN_ALT", "return_m", 1.0, _REAL, 2, 3000),
+        ParameterKind("BAT_LOW_THR", "battery_low", 1.0, _REAL, 0.05, 0.5),
+        ParameterKind("BAT_CRIT_THR", "battery_critical", 1.0, _REAL, 0.02, 0.3),
+        ParameterKind("COM_DISARM_PRFLT", "disarm_s", 1.0, _REAL, 1, 127),
+    ),
+    bytewise=True,
+    names_take_off=True,
+    home_is_item_0=False,
+    take_off_mode=_px4(4, 2),
+    names={
+        Mode.STABILIZE: "Stabilized",
+        Mode.LOITER: "Position",
+        Mode.GUIDED: "Hold",
+        Mode.AUTO: "Mission",
+        Mode.RTL: "Return",
+        Mode.LAND: "Land",
+        Mode.OFFBOARD: "Offboard",
+    },
+)
+
+PERSONAS: Mapping[PersonaName, Persona] = {"ardupilot": ARDUPILOT, "px4": PX4}

@@ -1,0 +1,113 @@
+"""One simulated vehicle on one UDP socket in one thread: the only place here that waits."""
+
+import contextlib
+import socket
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Self
+
+from federation.members.clock import FederationClock
+from runtime.clock import NodeClock
+from sim_uavs.autopilot.autopilot import Autopilot, Sent
+from sim_uavs.dynamics.faults import SimulatedFault
+from sim_uavs.dynamics.settings import VehicleConfig
+
+_LARGEST = 65_535
+_LONGEST_WAIT_S = 0.5
+
+
+def _is_here(address: str) -> bool:
+    return address.startswith("127.")
+
+
+class AutopilotServer:
+    """Runs an `Autopilot` from `start` to `stop` on `host`, on `port` (0: any free one; then `port` says which).
+
+    Names of given peers are resolved once, here. Without a `host` the vehicle is on loopback only, unless it is given
+    a peer elsewhere: then that host, and no other, may speak to it as well.
+
+    Attributes:
+        clock: how the vehicle's time follows `wall_us`; at speed 10 it flies ten times as fast.
+
+    Raises:
+        OSError: a given peer's name cannot be resolved, or the port is taken.
+    """
+
+    def __init__(
+        self,
+        config: VehicleConfig,
+        *,
+        host: str | None = None,
+        port: int = 0,
+        clock: FederationClock | None = None,
+        wall_us: Callable[[], int] | None = None,
+    ) -> None:
+        peers = tuple((socket.gethostbyname(name), number) for name, number in config.peers)
+        self.config, self.clock = replace(config, peers=peers), clock or FederationClock()
+        self._elsewhere = frozenset(address for address, _ in peers if not _is_here(address))
+        self._wall_us = wall_us or NodeClock().now_us
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind((host or ("0.0.0.0" if self._elsewhere else "127.0.0.1"), port))  # noqa: S104  asked for
+        self._autopilot = Autopilot(self.config, self.now_us())
+        self._lock, self._stopping = threading.Lock(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"autopilot-{config.system_id}", daemon=True)
+
+    @property
+    def port(self) -> int:
+        port: int = self._socket.getsockname()[1]
+        return port
+
+    def now_us(self) -> int:
+        """The vehicle's time, before any clock fault."""
+        return self.clock.federation_us(self._wall_us())
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread and close the socket; harmless when repeated."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._socket.close()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def inject(self, fault: SimulatedFault, duration_us: int | None = None) -> int | None:
+        """Begin a fault for `duration_us` of the vehicle's time, or for good; returns when it ends."""
+        with self._lock:
+            now_us = self.now_us()
+            until_us = None if duration_us is None else now_us + duration_us
+            self._autopilot.inject(fault, now_us, until_us)
+        return until_us
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            self._socket.settimeout(self._wait_s())
+            try:
+                data, peer = self._socket.recvfrom(_LARGEST)
+            except TimeoutError:
+                data, peer = b"", ("", 0)
+            except OSError:  # a peer's closed port, told by ICMP: it may come back
+                continue
+            if data and not (_is_here(peer[0]) or peer[0] in self._elsewhere):
+                continue
+            with self._lock:
+                now_us = self.now_us()
+                sent = self._autopilot.on_bytes(data, peer, now_us) if data else self._autopilot.on_time(now_us)
+            self._send(sent)
+
+    def _wait_s(self) -> float:
+        due_us = self.clock.wall_us(self._autopilot.deadline_us)
+        return min(_LONGEST_WAIT_S, max(1e-6, (due_us - self._wall_us()) / 1e6))
+
+    def _send(self, sent: Sent) -> None:
+        for peer, datagram in sent:
+            with contextlib.suppress(OSError):  # nobody listens there at the moment
+                self._socket.sendto(datagram, peer)

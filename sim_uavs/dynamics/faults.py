@@ -1,0 +1,136 @@
+"""Faults on demand: text <-> fault, how long each holds, and what it does to a reading. Pure.
+
+`gps-loss`, `frozen-position`, `nan`, `silence` take no amount; `packet-loss=30` (per cent, each way), `clock=+5s`,
+`clock-drift=100` (parts per million), `teleport=500` (metres to the north-east), `gps-noise=10` (times the usual) and
+`battery-low=15` (per cent left) do.
+"""
+
+from math import nan, sqrt
+from typing import NamedTuple
+
+from dyknow.model.errors import TextError
+from dyknow.model.instants import US_PER_S, parse_duration, print_duration
+from sim_uavs.dynamics.quadcopter import Vector
+from sim_uavs.dynamics.sensors import GpsReading
+
+
+class _Kind(NamedTuple):
+    """`default` is the amount when none is written; None: this kind takes no amount."""
+
+    default: float | None
+    least: float
+    most: float
+
+
+_KINDS = {
+    "gps-loss": _Kind(None, 0, 0),
+    "frozen-position": _Kind(None, 0, 0),
+    "nan": _Kind(None, 0, 0),
+    "silence": _Kind(None, 0, 0),
+    "packet-loss": _Kind(30.0, 0.0, 100.0),
+    "clock": _Kind(5.0 * US_PER_S, -1e15, 1e15),
+    "clock-drift": _Kind(100.0, -100_000.0, 100_000.0),
+    "teleport": _Kind(500.0, -100_000.0, 100_000.0),
+    "gps-noise": _Kind(10.0, 0.0, 1000.0),
+    "battery-low": _Kind(15.0, 0.0, 100.0),
+}
+KINDS = tuple(_KINDS)
+
+
+class SimulatedFault(NamedTuple):
+    """`amount` is in the unit of its kind; of `clock` microseconds; 0 for kinds without one."""
+
+    kind: str
+    amount: float = 0.0
+
+    def __str__(self) -> str:
+        if _KINDS[self.kind].default is None:
+            return self.kind
+        if self.kind == "clock":
+            sign = "-" if self.amount < 0 else "+"
+            return f"clock={sign}{print_duration(abs(round(self.amount)))}"
+        return f"{self.kind}={self.amount:g}"
+
+
+def parse_fault(text: str) -> SimulatedFault:
+    """Read what `str(fault)` writes. Raises TextError with the kinds there are, or the amounts a kind takes."""
+    name, equals, written = text.strip().partition("=")
+    kind = _KINDS.get(name)
+    if kind is None:
+        raise TextError(f"no fault is called {name!r}", text=text, width=len(name), repair=", ".join(KINDS))
+    if kind.default is None:
+        if equals:
+            raise TextError(f"{name} takes no amount", text=text, column=len(name) + 1, repair=name)
+        return SimulatedFault(name)
+    amount = _parse_amount(name, written, text) if equals else kind.default
+    if not kind.least <= amount <= kind.most:
+        raise TextError(
+            f"{name} takes {kind.least:g} to {kind.most:g}",
+            text=text,
+            column=len(name) + 2,
+            width=len(written),
+            repair=str(SimulatedFault(name, kind.default)),
+        )
+    return SimulatedFault(name, amount)
+
+
+def _parse_amount(name: str, written: str, text: str) -> float:
+    try:
+        if name == "clock":
+            sign = -1 if written.startswith("-") else 1
+            return float(sign * parse_duration(written.removeprefix("+").removeprefix("-"), "s"))
+        return float(written)
+    except (ValueError, TextError) as wrong:
+        repair = str(SimulatedFault(name, _KINDS[name].default or 0.0))
+        raise TextError(
+            f"{written!r} is no amount for {name}", text=text, column=len(name) + 2, width=len(written), repair=repair
+        ) from wrong
+
+
+class ActiveFaults:
+    """The faults that hold: one per kind, each until its end (None: for good) or until another of its kind begins."""
+
+    def __init__(self) -> None:
+        self._held: dict[str, tuple[SimulatedFault, int, int | None]] = {}
+
+    def inject(self, fault: SimulatedFault, now_us: int, until_us: int | None = None) -> None:
+        self._held[fault.kind] = (fault, now_us, until_us)
+
+    def amount(self, kind: str, now_us: int) -> float | None:
+        """The amount of the fault of this kind that holds now, or None."""
+        held = self._held.get(kind)
+        if held is None:
+            return None
+        fault, _, until_us = held
+        if until_us is not None and now_us >= until_us:
+            del self._held[kind]
+            return None
+        return fault.amount
+
+    def holds(self, kind: str, now_us: int) -> bool:
+        return self.amount(kind, now_us) is not None
+
+    def step_us(self, now_us: int) -> int:
+        """How far the vehicle's UTC, but not its time since boot, is ahead."""
+        return round(self.amount("clock", now_us) or 0.0)
+
+    def drift_us(self, now_us: int) -> int:
+        """How far the vehicle's oscillator has run ahead since its drift began."""
+        ppm = self.amount("clock-drift", now_us)
+        return 0 if ppm is None else round(ppm * 1e-6 * (now_us - self._held["clock-drift"][1]))
+
+
+def spoil(reading: GpsReading, last: GpsReading | None, faults: ActiveFaults, now_us: int) -> GpsReading | None:
+    """What the position sensor reports under the faults that hold; None: nothing, it has no fix."""
+    if faults.holds("gps-loss", now_us):
+        return None
+    if faults.holds("nan", now_us):
+        nowhere = Vector(nan, nan, nan)
+        return reading._replace(position=nowhere, velocity=nowhere)
+    if faults.holds("frozen-position", now_us) and last is not None:
+        return last
+    far = faults.amount("teleport", now_us)
+    if far is not None:
+        side = far / sqrt(2.0)
+        return reading._replace(position=reading.position.plus(Vector(side, side, 0.0)))
+    return reading

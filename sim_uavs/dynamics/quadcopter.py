@@ -1,0 +1,196 @@
+"""A quadcopter as a point mass with a heading: pure, stepped by `dt_s`.
+
+Frame: north, east, down in metres from the take-off point, on flat ground at `down_m` = 0 (above it is negative).
+With the motors on the acceleration never exceeds `Limits`, nor does the speed, whatever is demanded and however
+the wind blows; too strong a wind carries the vehicle off its demand instead. Without motors it falls.
+"""
+
+from math import atan2, copysign, cos, exp, hypot, pi, sin, sqrt
+from typing import NamedTuple
+
+from numpy.random import Generator
+
+GRAVITY_M_S2 = 9.80665
+_IDLE_W = 8.0  # avionics, motors off
+
+
+class Vector(NamedTuple):
+    """North, east, down."""
+
+    north: float
+    east: float
+    down: float
+
+    def plus(self, other: "Vector", factor: float = 1.0) -> "Vector":
+        return Vector(
+            self.north + factor * other.north, self.east + factor * other.east, self.down + factor * other.down
+        )
+
+    def minus(self, other: "Vector") -> "Vector":
+        return Vector(self.north - other.north, self.east - other.east, self.down - other.down)
+
+    @property
+    def horizontal(self) -> float:
+        return hypot(self.north, self.east)
+
+    def is_close_to(self, other: "Vector", within: float) -> bool:
+        return sqrt(sum((a - b) ** 2 for a, b in zip(self, other, strict=True))) <= within
+
+
+ZERO = Vector(0.0, 0.0, 0.0)
+
+
+class AirframeLimits(NamedTuple):
+    """What the airframe can do: a 2 kg quadcopter that hovers for about 25 minutes.
+
+    `response_s` is how fast its attitude loop turns an error of velocity into acceleration.
+    """
+
+    speed_m_s: float = 15.0
+    climb_m_s: float = 5.0
+    descent_m_s: float = 3.0
+    acceleration_m_s2: float = 4.0
+    vertical_acceleration_m_s2: float = 3.0
+    yaw_rate_rad_s: float = 1.5
+    drag_per_s: float = 0.15
+    response_s: float = 0.3
+    mass_kg: float = 2.0
+    hover_w: float = 190.0
+    capacity_wh: float = 80.0
+
+
+class Wind(NamedTuple):
+    """A steady wind (the direction it blows to, m/s) with gusts of standard deviation `gust_sd_m_s`."""
+
+    north_m_s: float = 0.0
+    east_m_s: float = 0.0
+    gust_sd_m_s: float = 0.0
+    correlation_s: float = 3.0
+
+    def next_gust(self, gust: Vector, dt_s: float, rng: Generator) -> Vector:
+        """A first-order Gauss-Markov process with the stated standard deviation and correlation time."""
+        if self.gust_sd_m_s == 0.0:
+            return ZERO
+        keep = exp(-dt_s / self.correlation_s)
+        fresh = self.gust_sd_m_s * sqrt(1.0 - keep * keep)
+        north, east = rng.standard_normal(2)
+        return Vector(keep * gust.north + fresh * float(north), keep * gust.east + fresh * float(east), 0.0)
+
+    def with_gust(self, gust: Vector) -> Vector:
+        return Vector(self.north_m_s + gust.north, self.east_m_s + gust.east, gust.down)
+
+
+class Body(NamedTuple):
+    """Position m, velocity m/s, acceleration m/s^2 (of the last step), heading rad in [-pi, pi), charge 0..1."""
+
+    position: Vector = ZERO
+    velocity: Vector = ZERO
+    acceleration: Vector = ZERO
+    yaw_rad: float = 0.0
+    yaw_rate_rad_s: float = 0.0
+    charge: float = 1.0
+    power_w: float = 0.0
+
+    @property
+    def on_ground(self) -> bool:
+        return self.position.down >= 0.0
+
+    @property
+    def height_m(self) -> float:
+        return -self.position.down
+
+    @property
+    def pitch_rad(self) -> float:
+        """Nose up is positive: accelerating forwards needs the nose down."""
+        return -atan2(self._forward_m_s2, GRAVITY_M_S2 - self.acceleration.down)
+
+    @property
+    def roll_rad(self) -> float:
+        """Right side down is positive."""
+        right = self.acceleration.east * cos(self.yaw_rad) - self.acceleration.north * sin(self.yaw_rad)
+        return atan2(right, hypot(GRAVITY_M_S2 - self.acceleration.down, self._forward_m_s2))
+
+    @property
+    def _forward_m_s2(self) -> float:
+        return self.acceleration.north * cos(self.yaw_rad) + self.acceleration.east * sin(self.yaw_rad)
+
+
+def step(
+    body: Body, demand: Vector, yaw_rad: float, wind: Vector, dt_s: float, limits: AirframeLimits, *, motors: bool
+) -> Body:
+    """Fly for `dt_s` towards the demanded velocity (m/s over ground) and heading.
+
+    Semi-implicit Euler; a = clip((demand - v) / response - drag) + drag * (wind - v), clipped again, so that the wind
+    is compensated as far as thrust allows.
+    """
+    if not motors and body.on_ground:
+        return _drained(body._replace(velocity=ZERO, acceleration=ZERO, yaw_rate_rad_s=0.0), ZERO, dt_s, limits, motors)
+    velocity = _next_velocity(body.velocity, demand, wind, dt_s, limits, motors)
+    position = body.position.plus(velocity, dt_s)
+    if position.down >= 0.0:
+        position, velocity = Vector(position.north, position.east, 0.0), ZERO
+    turn = _turn(wrapped(yaw_rad - body.yaw_rad), limits.yaw_rate_rad_s * dt_s) if motors else 0.0
+    north, east, down = velocity.minus(body.velocity)
+    moved = Body(
+        position,
+        velocity,
+        Vector(north / dt_s, east / dt_s, down / dt_s),
+        wrapped(body.yaw_rad + turn),
+        turn / dt_s,
+        body.charge,
+        body.power_w,
+    )
+    return _drained(moved, velocity.minus(wind), dt_s, limits, motors)
+
+
+def _next_velocity(
+    velocity: Vector, demand: Vector, wind: Vector, dt_s: float, limits: AirframeLimits, motors: bool
+) -> Vector:
+    north, east, down = wind.minus(velocity)
+    drag_per_s = limits.drag_per_s
+    drag = Vector(drag_per_s * north, drag_per_s * east, drag_per_s * down)
+    if not motors:
+        return velocity.plus(drag.plus(Vector(0.0, 0.0, GRAVITY_M_S2)), dt_s)
+    north, east, down = _within_speed(demand, limits).minus(velocity)
+    response_s = max(limits.response_s, dt_s)
+    wanted = Vector(north / response_s - drag.north, east / response_s - drag.east, down / response_s - drag.down)
+    thrust = _within_acceleration(wanted, limits)
+    return _within_speed(velocity.plus(_within_acceleration(thrust.plus(drag), limits), dt_s), limits)
+
+
+def _within_speed(velocity: Vector, limits: AirframeLimits) -> Vector:
+    north, east, down = velocity
+    scale = _shortened(hypot(north, east), limits.speed_m_s)
+    return Vector(north * scale, east * scale, min(limits.descent_m_s, max(-limits.climb_m_s, down)))
+
+
+def _within_acceleration(wanted: Vector, limits: AirframeLimits) -> Vector:
+    north, east, down = wanted
+    scale = _shortened(hypot(north, east), limits.acceleration_m_s2)
+    most = limits.vertical_acceleration_m_s2
+    return Vector(north * scale, east * scale, min(most, max(-most, down)))
+
+
+def _shortened(length: float, most: float) -> float:
+    """The factor that makes a length no more than `most`."""
+    return min(1.0, most / length) if length > 0 else 1.0
+
+
+def _drained(body: Body, airspeed: Vector, dt_s: float, limits: AirframeLimits, motors: bool) -> Body:
+    """Power: hovering, plus a third of it at full speed through the air, plus what lifting the mass takes."""
+    power_w = _IDLE_W
+    if motors:
+        fast = airspeed.horizontal / limits.speed_m_s
+        lift_w = limits.mass_kg * GRAVITY_M_S2 * max(0.0, -body.velocity.down)
+        power_w += limits.hover_w * (1.0 + fast * fast / 3.0) + lift_w
+    used = power_w * dt_s / 3600.0 / limits.capacity_wh
+    return body._replace(charge=max(0.0, body.charge - used), power_w=power_w)
+
+
+def _turn(error_rad: float, most_rad: float) -> float:
+    return copysign(min(abs(error_rad), most_rad), error_rad)
+
+
+def wrapped(angle_rad: float) -> float:
+    """The same angle in [-pi, pi)."""
+    return (angle_rad + pi) % (2.0 * pi) - pi

@@ -1,0 +1,166 @@
+"""Named situations: starting points, routes, and the vehicles that would meet. Pure data, near one fixed origin.
+
+Every vehicle stands below the first place of its route; its route begins at a common instant, when it hovers there.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from dyknow.model.errors import TextError
+from navigation.geodesy import LocalFrame
+from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector
+from sim_uavs.dynamics.routes import Route, circle, hover, patrol, through
+from sim_uavs.dynamics.settings import HomePlace, PersonaName, VehicleConfig
+
+ORIGIN = HomePlace(55.7240, 13.4600, 20.0)  # a training area in southern Sweden, flat enough
+HEIGHT_M = 40.0
+_SPEED_M_S = 6.0
+_ACROSS_M = 120.0  # from the start of a leg to where two of them meet
+_APART_M = 600.0  # where those fly that are to meet nobody
+_SPACING_M = 150.0
+_BETWEEN_RNG = 11  # keeps the generator of scenarios apart from those of vehicles
+
+
+class Unit(NamedTuple):
+    """One vehicle of a scenario. `home` is on the ground below `route.waypoints[0]`."""
+
+    number: int
+    home: HomePlace
+    route: Route
+    height_m: float
+    seed: int
+
+    def vehicle(self, system_id: int, *, persona: PersonaName = "ardupilot", airborne: bool = False) -> VehicleConfig:
+        """The vehicle that flies it: on the ground or, `airborne`, hovering at the first place of its route."""
+        start_m = self.height_m if airborne else 0.0
+        return VehicleConfig(system_id, self.home, persona, airborne_m=start_m, seed=self.seed)
+
+
+class Meeting(NamedTuple):
+    """Two units that, undisturbed, are at `place` at once, `after_us` from the beginning of their routes."""
+
+    units: tuple[int, int]
+    place: HomePlace
+    after_us: int
+
+
+class Scenario(NamedTuple):
+    name: str
+    units: tuple[Unit, ...]
+    meetings: tuple[Meeting, ...] = ()
+
+
+_Legs = list[Vector]
+_FRAME = LocalFrame(*ORIGIN)
+_UP = Vector(0.0, 0.0, -HEIGHT_M)
+
+
+def scenario(name: str, count: int | None = None, seed: int = 0, origin: HomePlace = ORIGIN) -> Scenario:
+    """The situation called `name` with `count` vehicles (None: as many as it is usual with), about `origin`.
+
+    Raises:
+        TextError: there is none of that name, or it needs more vehicles.
+    """
+    found = _SCENARIOS.get(name)
+    if found is None:
+        raise TextError(f"no scenario is called {name!r}", text=name, width=len(name), repair=", ".join(NAMES))
+    build, least, usual = found
+    wanted = usual if count is None else count
+    if wanted < least:
+        raise TextError(f"{name} needs {least} vehicles or more, got {wanted}", text=name, width=len(name))
+    return _moved(build(name, wanted, seed), origin)
+
+
+def _moved(found: Scenario, origin: HomePlace) -> Scenario:
+    """The same situation elsewhere: every place as far north, east and up of `origin` as it was of ours."""
+    if origin == ORIGIN:
+        return found
+    there = LocalFrame(*origin)
+
+    def moved(place: HomePlace) -> HomePlace:
+        return HomePlace(*there.from_ned(*_FRAME.to_ned(*place)))
+
+    units = []
+    for unit in found.units:
+        route = unit.route._replace(waypoints=tuple(map(moved, unit.route.waypoints)))
+        first = route.waypoints[0]
+        home = HomePlace(first.latitude_deg, first.longitude_deg, origin.altitude_m)
+        units.append(unit._replace(home=home, route=route, height_m=first.altitude_m - origin.altitude_m))
+    meetings = tuple(meeting._replace(place=moved(meeting.place)) for meeting in found.meetings)
+    return Scenario(found.name, tuple(units), meetings)
+
+
+def _unit(index: int, route: Route, seed: int) -> Unit:
+    first = route.waypoints[0]
+    home = HomePlace(first.latitude_deg, first.longitude_deg, ORIGIN.altitude_m)
+    return Unit(index, home, route, first.altitude_m - ORIGIN.altitude_m, seed)
+
+
+def _hovering(name: str, count: int, seed: int) -> Scenario:
+    """In a row to the east, 150 m apart."""
+    points = [_UP.plus(Vector(0.0, index * _SPACING_M, 0.0)) for index in range(count)]
+    return Scenario(name, tuple(_unit(i, hover(_FRAME, point), seed) for i, point in enumerate(points)))
+
+
+def _patrolling(name: str, count: int, seed: int) -> Scenario:
+    """Each around a square of its own, 80 m wide, 150 m from the next."""
+    corners = [_UP.plus(Vector(0.0, index * _SPACING_M, 0.0)) for index in range(count)]
+    routes = [patrol(_FRAME, corner, 80.0, 80.0, _SPEED_M_S) for corner in corners]
+    return Scenario(name, tuple(_unit(i, route, seed) for i, route in enumerate(routes)))
+
+
+def _encountering(name: str, count: int, seed: int) -> Scenario:
+    """Two fly towards each other on one line; the others stay apart."""
+    north, south = Vector(_ACROSS_M, 0.0, 0.0), Vector(-_ACROSS_M, 0.0, 0.0)
+    return _meeting(name, count, seed, ([south, north], [north, south]))
+
+
+def _crossing(name: str, count: int, seed: int) -> Scenario:
+    """One flies north, one flies east, through one point at one height at once; the others stay apart."""
+    reach = _ACROSS_M
+    northward = [Vector(-reach, 0.0, 0.0), Vector(reach, 0.0, 0.0)]
+    eastward = [Vector(0.0, -reach, 0.0), Vector(0.0, reach, 0.0)]
+    return _meeting(name, count, seed, (northward, eastward))
+
+
+def _meeting(name: str, count: int, seed: int, legs: tuple[_Legs, _Legs]) -> Scenario:
+    routes = [through(_FRAME, [point.plus(_UP) for point in leg], _SPEED_M_S) for leg in legs]
+    for index in range(count - len(legs)):
+        corner = _UP.plus(Vector(-40.0, _APART_M + index * _SPACING_M, 0.0))
+        routes.append(patrol(_FRAME, corner, 80.0, 80.0, _SPEED_M_S))
+    met = Meeting((0, 1), HomePlace(*_FRAME.from_ned(*_UP)), _leg_us(_ACROSS_M, _SPEED_M_S))
+    return Scenario(name, tuple(_unit(i, route, seed) for i, route in enumerate(routes)), (met,))
+
+
+def _leg_us(distance_m: float, speed_m_s: float) -> int:
+    """How long the beginning of a leg takes from a hover: s / v, and v / 2a + a tau^2 / 2v lost in speeding up."""
+    limits = AirframeLimits()
+    acceleration = limits.acceleration_m_s2
+    lag_s = speed_m_s / (2.0 * acceleration) + acceleration * limits.response_s**2 / (2.0 * speed_m_s)
+    return round((distance_m / speed_m_s + lag_s) * 1e6)
+
+
+def _swarming(name: str, count: int, seed: int) -> Scenario:
+    """Each on a circle of its own, in a grid 150 m apart, from a direction and at a speed that the seed draws."""
+    rng = np.random.default_rng((seed, _BETWEEN_RNG))
+    columns = max(1, round(count**0.5))
+    units = []
+    for index in range(count):
+        row, column = divmod(index, columns)
+        centre = _UP.plus(Vector(row * _SPACING_M, column * _SPACING_M, 0.0))
+        angle, speed = rng.uniform(0.0, 6.283), rng.uniform(4.0, 8.0)
+        route = circle(_FRAME, centre, 40.0, round(speed, 2), from_rad=float(angle))
+        units.append(_unit(index, route, seed))
+    return Scenario(name, tuple(units))
+
+
+_SCENARIOS: dict[str, tuple[Callable[[str, int, int], Scenario], int, int]] = {
+    "crossing": (_crossing, 2, 3),
+    "encounter": (_encountering, 2, 3),
+    "hover": (_hovering, 1, 3),
+    "patrol": (_patrolling, 1, 3),
+    "swarm": (_swarming, 1, 8),
+}
+NAMES = tuple(_SCENARIOS)

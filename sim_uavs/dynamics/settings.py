@@ -1,0 +1,55 @@
+"""What a simulated vehicle is built from: where it stands, how it flies, what blows, how it errs. Pure data."""
+
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple, TypeAlias
+
+from sim_uavs.dynamics.quadcopter import AirframeLimits, Wind
+from sim_uavs.dynamics.sensors import GpsNoise, ImuNoise
+
+Peer: TypeAlias = tuple[str, int]  # host and UDP port
+PersonaName: TypeAlias = Literal["ardupilot", "px4"]
+
+
+class HomePlace(NamedTuple):
+    """WGS-84 degrees, metres above mean sea level."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+
+
+@dataclass(slots=True)
+class VehicleSettings:
+    """What an operator may change in flight through the vehicle's parameters. Speeds m/s, heights m above home."""
+
+    cruise_m_s: float = 8.0
+    climb_m_s: float = 3.0
+    descent_m_s: float = 2.0
+    land_m_s: float = 1.0
+    take_off_m: float = 10.0
+    return_m: float = 20.0
+    battery_low: float = 0.25
+    battery_critical: float = 0.08
+    disarm_s: float = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleConfig:
+    """One vehicle. `airborne_m` above 0 starts it armed and guided, hovering at that height above home.
+
+    `peers` are sent everything from the start and never forgotten; others are learned when they speak.
+    """
+
+    system_id: int
+    home: HomePlace
+    persona: PersonaName = "ardupilot"
+    heading_deg: float = 0.0
+    airborne_m: float = 0.0
+    charge: float = 1.0
+    seed: int = 0
+    peers: tuple[Peer, ...] = ()
+    limits: AirframeLimits = field(default_factory=AirframeLimits)
+    wind: Wind = field(default_factory=Wind)
+    gps: GpsNoise = field(default_factory=GpsNoise)
+    imu: ImuNoise = field(default_factory=ImuNoise)
+    settings: VehicleSettings = field(default_factory=VehicleSettings)

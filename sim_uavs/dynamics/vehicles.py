@@ -1,0 +1,156 @@
+"""A simulated vehicle without a protocol: it takes orders and gives reports, as a platform's edge would. Pure.
+
+The same flight, sensors and faults as the autopilot that speaks MAVLink, for the world in a box.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from navigation import vehicle
+from navigation.geodesy import LocalFrame
+from sim_uavs.dynamics.faults import ActiveFaults, SimulatedFault, spoil
+from sim_uavs.dynamics.flight import GUIDED_MODES, Flight, FlightAnswer, GoingTo, Mode
+from sim_uavs.dynamics.quadcopter import ZERO, Vector
+from sim_uavs.dynamics.sensors import GpsReading, next_wander, read_gps
+from sim_uavs.dynamics.settings import VehicleConfig
+
+REPORT_US = 100_000
+SELDOM = 10
+_SOURCE = "GLOBAL_POSITION_INT"
+
+
+class TrueState(NamedTuple):
+    """Where a vehicle really is: WGS-84 degrees, metres above mean sea level, metres per second (NED)."""
+
+    at_us: int
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    north_m_s: float
+    east_m_s: float
+    down_m_s: float
+
+
+class SensedFlight:
+    """A flight with its position sensor and the faults that hold, whichever protocol it is reported by.
+
+    Args:
+        period_us: how often its position is measured.
+        rest_mode: of the flight.
+    """
+
+    def __init__(self, config: VehicleConfig, now_us: int, period_us: int, rest_mode: Mode | None = None) -> None:
+        self.config = config
+        self.flight = Flight(config, now_us, rest_mode)
+        self._frame = LocalFrame(*config.home)
+        self._faults = ActiveFaults()
+        self._rng = np.random.default_rng((config.seed, config.system_id, 2))
+        self._wander = ZERO
+        self._gps: GpsReading | None = None
+        self._period_us = period_us
+
+    def inject(self, fault: SimulatedFault, now_us: int, until_us: int | None = None) -> None:
+        """Begin a fault, until `until_us` or for good. `battery-low` empties the battery once."""
+        if fault.kind == "battery-low":
+            body = self.flight.body
+            self.flight.body = body._replace(charge=min(body.charge, fault.amount / 100.0))
+        else:
+            self._faults.inject(fault, now_us, until_us)
+
+    def _measure(self, now_us: int) -> None:
+        noise = self.config.gps
+        factor = self._faults.amount("gps-noise", now_us)
+        self._wander = next_wander(self._wander, noise, self._period_us / 1e6, self._rng)
+        reading = read_gps(self.flight.body, self._wander, noise if factor is None else noise.scaled(factor), self._rng)
+        self._gps = spoil(reading, self._gps, self._faults, now_us)
+        self.flight.position_ok = self._gps is not None
+
+
+class SimulatedVehicle(SensedFlight):
+    """One vehicle, from `now_us` on. It flies by the world's time; its reports are stamped by their receiver.
+
+    Args:
+        report_us: how often it reports position and velocity; the rest comes every `SELDOM`-th time.
+        phase_us: when, within that period, it does.
+    """
+
+    def __init__(self, config: VehicleConfig, now_us: int, *, report_us: int = REPORT_US, phase_us: int = 0) -> None:
+        super().__init__(config, now_us, report_us)
+        self._phase_us = phase_us
+        self._reports = 0
+        self.deadline_us = self._next_us(now_us)
+
+    def _next_us(self, now_us: int) -> int:
+        return ((now_us - self._phase_us) // self._period_us + 1) * self._period_us + self._phase_us
+
+    def truth(self, now_us: int) -> TrueState:
+        """Fly up to `now_us`; where it is then."""
+        self.flight.on_time(now_us)
+        body = self.flight.body
+        return TrueState(now_us, *self._frame.from_ned(*body.position), *body.velocity)
+
+    def on_time(self, now_us: int, stamp_us: int) -> list[vehicle.Report]:
+        """Fly, and report what is due, as valid at `stamp_us`."""
+        self.flight.on_time(now_us)
+        if now_us < self.deadline_us:
+            return []
+        self.deadline_us = self._next_us(now_us)
+        self._measure(now_us)
+        seldom = self._reports % SELDOM == 0
+        self._reports += 1
+        if self._faults.holds("silence", now_us):
+            return []
+        reports = self._seldom(stamp_us) if seldom else []
+        loss = self._faults.amount("packet-loss", now_us)
+        if self._gps is not None and (loss is None or self._rng.random() * 100.0 >= loss):
+            reports += self._often(self._gps, stamp_us)
+        return reports
+
+    def _often(self, gps: GpsReading, stamp_us: int) -> list[vehicle.Report]:
+        latitude, longitude, altitude = self._frame.from_ned(*gps.position)
+        height_m = altitude - self.config.home.altitude_m
+        return [
+            vehicle.PositionReport(stamp_us, _SOURCE, latitude, longitude, altitude, height_m=height_m),
+            vehicle.VelocityReport(stamp_us, _SOURCE, *gps.velocity),
+        ]
+
+    def _seldom(self, stamp_us: int) -> list[vehicle.Report]:
+        flight = self.flight
+        found: list[vehicle.Report] = [
+            vehicle.StatusReport(
+                stamp_us, flight.armed, flight.mode in GUIDED_MODES, flight.airborne, flight.mode.value
+            ),
+            vehicle.HomeReport(stamp_us, *self.config.home),
+            vehicle.BatteryReport(stamp_us, flight.body.charge),
+        ]
+        if isinstance(flight.target, GoingTo):
+            found.append(vehicle.TargetReport(stamp_us, *self._frame.from_ned(*flight.target.point)))
+        return found
+
+    def on_command(self, command: vehicle.Command, now_us: int, stamp_us: int) -> vehicle.CommandResult:
+        """Carry out an order, or say why not."""
+        self.flight.on_time(now_us)
+        answer = self._obey(command.order)
+        return vehicle.CommandResult(stamp_us, command.number, answer is FlightAnswer.ACCEPTED, answer.value)
+
+    def _obey(self, order: vehicle.Order) -> FlightAnswer:
+        flight = self.flight
+        match order:
+            case vehicle.GoToOrder():
+                if order.speed_m_s is not None:
+                    flight.change_speed(order.speed_m_s)
+                place = self._frame.to_ned(order.latitude_deg, order.longitude_deg, order.altitude_m)
+                return flight.go_to(Vector(*place))
+            case vehicle.HoldOrder():
+                return flight.hold()
+            case vehicle.LandOrder():
+                return flight.set_mode(Mode.LAND)
+            case vehicle.ReturnHomeOrder():
+                return flight.set_mode(Mode.RTL)
+            case vehicle.Arm():
+                return flight.arm() if order.armed else flight.disarm()
+            case vehicle.SetGuided():
+                return flight.set_mode(Mode.GUIDED)
+            case vehicle.TakeOffOrder():
+                return flight.take_off(order.height_m)

@@ -1,0 +1,103 @@
+"""The table of actions is what platforms do: every content, every role, every way, generated from the table itself."""
+
+import pytest
+
+from agents.actions import COMMON_ANSWERS, QUERIED, Action, Role
+from agents.admission.admission import Admission, admitted
+from agents.parts import PARTS
+from federation.members.offers import Service, Visibility
+from federation.messages.acts import Act, AgentName, Performative
+from federation.messages.codec import encode_act
+from federation.messages.contents import Content, Hold, Reason, heads, parts, read
+from tests.agents.admission.test_hostile import signer, trust
+from tests.agents.wire import Wire
+from tests.federation.expressions import parse_expr
+from tests.federation.messages.test_contents import TEXTS
+
+P = Performative
+ACTIONS = [(offer.service, action) for part in PARTS for offer in part.offers for action in offer.actions]
+IDS = [action.head for _, action in ACTIONS]
+ROLES = {"eye": Role.OBSERVER, "1": Role.DELEGATE, "cc": Role.COMMAND_CENTRE}
+
+
+def own(kind: type[Content]) -> bool:
+    return kind.__module__.startswith("federation.")
+
+
+def test_every_content_is_an_action_of_one_part_or_an_answer() -> None:
+    handled = [action.content for _, action in ACTIONS]
+    answers = {kind for part in PARTS for kind in part.answers} | set(COMMON_ANSWERS)
+    assert len(handled) == len(set(handled))
+    kinds = {parts._CONTENTS[head] for head in heads()}
+    assert {kind for kind in kinds if own(kind)} == set(handled) | answers
+    assert not answers & set(handled)
+
+
+def test_every_action_has_a_handler() -> None:
+    for part in PARTS:
+        for offer in part.offers:
+            for action in offer.actions:
+                assert callable(getattr(part, action.handler)), f"{part.__name__}.{action.handler}"
+
+
+@pytest.fixture(scope="module")
+def roster() -> Wire:
+    """0 has every service; cc commands, 1 is a platform, eye observes."""
+    wire = Wire()
+    wire.join("0", simulated=True, control=True, trust=trust("0"))
+    wire.join("1", trust=trust("1"))
+    for unit in ("cc", "eye"):
+        wire.centre(unit, trust=trust(unit))
+    wire.run(1.0)
+    return wire
+
+
+def example(action: Action) -> Content:
+    return next(read(parse_expr(text)) for text in TEXTS if parse_expr(text).head == action.head)
+
+
+def denied(wire: Wire, by: str, agent: str, action: Action) -> str | None:
+    """By which code the door refuses it; None if it gets through to the part."""
+    platform = wire.platform("0")
+    before = dict(platform.ports.agent.audit_log.counts)
+    performative = P.QUERY_REF if action.performatives == QUERIED else next(iter(action.performatives))
+    number = next(wire._numbers)
+    boot = wire.platform(by).config.boot
+    act = Act(
+        performative, AgentName("interface", by), AgentName(agent, "0"), example(action).expr(),
+        conversation_id=f"{by}-{number}", boot=boot + 1, seq=number, created_us=wire.now_us,
+    )  # fmt: skip
+    wire.inject(act.key, encode_act(act, signer(by)))
+    wire.run(0.2)
+    after = platform.ports.agent.audit_log.counts
+    changed = {name for name, n in after.items() if n != before.get(name, 0) and name[0] == "in"}
+    codes = {name[1] for name in changed} & {"role", "protected", "private"}
+    return next(iter(codes), None)
+
+
+@pytest.mark.parametrize(("service", "action"), ACTIONS, ids=IDS)
+@pytest.mark.parametrize("by", list(ROLES))
+@pytest.mark.parametrize("way", ["directly", "through the interface"])
+def test_the_answer_is_what_the_action_says(roster: Wire, service: Service, action: Action, by: str, way: str) -> None:
+    through = way != "directly"
+    agent = "interface" if through else service.agent
+    if not admitted(service.visibility, same_platform=False, through_interface=through):
+        expected: str | None = str(service.visibility)
+    else:
+        expected = None if ROLES[by] >= action.role else "role"
+    assert denied(roster, by, agent, action) == expected
+
+
+@pytest.mark.parametrize(("service", "action"), ACTIONS, ids=IDS)
+def test_agents_of_the_own_platform_reach_every_action(roster: Wire, service: Service, action: Action) -> None:
+    heard: list[Act] = []
+    admission = roster.platform("0").part(Admission)
+    admission.ask_locally(service.agent, example(action), roster.now_us, heard.append, by="coordination")
+    roster.settle("0")
+    codes = {read(act.content).code for act in heard if act.content is not None and act.content.head == Reason.head}
+    assert codes.isdisjoint({"role", *map(str, Visibility)})
+
+
+def test_hold_is_typed_and_commands() -> None:
+    (hold,) = [action for _, action in ACTIONS if action.content is Hold]
+    assert (hold.typed, hold.role, hold.lasting) == (True, Role.COMMAND_CENTRE, False)

@@ -1,0 +1,250 @@
+"""Queries by semantic label: latest, at and between, of one platform and of all, with whoever does not answer named."""
+
+from collections.abc import Callable
+
+import pytest
+
+from agents.effects import LeaveRequested
+from agents.platform import Platform
+from dyknow import US_PER_S, Sample, print_span
+from federation.messages.acts import Performative
+from federation.messages.codec import decode_heartbeat
+from federation.messages.contents import Answers, Content, Found, Query, Samples, Search
+from tests.agents.wire import Question, Vehicle, Wire
+
+P = Performative
+LABEL = "heli-altitude"
+CAPACITY = 4096 + 1024  # samples a local history may hold before it forgets
+
+
+@pytest.fixture
+def quiet(wire: Wire) -> Platform:
+    """Platform 0, whose vehicle says nothing, so that its samples are those of the test; and a command centre."""
+    platform = wire.join("0", Vehicle(is_silent=True), simulated=True)
+    wire.centre()
+    wire.run(1.0)
+    return platform
+
+
+def push(platform: Platform, *samples: tuple[int, int, float]) -> None:
+    """Samples of the label as (available, valid, altitude)."""
+    history = platform.ports.network.generator(platform.ports.gateway.local(LABEL)).history
+    for available_us, valid_us, altitude in samples:
+        history.add(Sample(available_us, valid_us, (altitude,)))
+
+
+def ask(wire: Wire, unit: str = "0", **query: object) -> Question:
+    return wire.asked("cc", unit, Query(semantic_label=LABEL, **query), P.QUERY_REF)
+
+
+def altitudes(contents: list[Content | None]) -> list[float]:
+    """The values of all pages, in order."""
+    return [
+        reading.value["altitude_m"]  # type: ignore[index]  # no page of these tests holds no value
+        for said in contents
+        if isinstance(said, Samples)
+        for reading in said.samples
+    ]
+
+
+def test_the_latest_is_the_sample_that_held_last_not_the_one_that_came_last(wire: Wire, quiet: Platform) -> None:
+    t = wire.now_us - US_PER_S
+    push(quiet, (t, t, 1.0), (t + 1, t + 200_000, 2.0), (t + 2, t + 100_000, 3.0), (t + 3, t + 200_000, 4.0))
+    assert altitudes(ask(wire).contents) == [4.0], "of equal valid times the one that was available last"
+
+
+@pytest.mark.parametrize(
+    ("at_us", "altitude"),
+    [(0, 1.0), (99_999, 1.0), (100_000, 3.0), (150_000, 3.0), (399_999, 3.0), (400_000, 5.0), (900_000, 5.0)],
+)
+def test_at_an_instant_the_most_recent_sample_holds_through_ties_and_gaps(
+    wire: Wire, quiet: Platform, at_us: int, altitude: float
+) -> None:
+    t = wire.now_us - US_PER_S
+    push(quiet, (t, t, 1.0), (t + 100_000, t + 100_000, 2.0), (t + 100_001, t + 100_000, 3.0))
+    push(quiet, (t + 500_000, t + 400_000, 5.0))
+    assert altitudes(ask(wire, op="at", at_us=t + at_us).contents) == [altitude]
+
+
+def test_a_correction_that_came_late_holds_from_when_it_was_valid(wire: Wire, quiet: Platform) -> None:
+    t = wire.now_us - US_PER_S
+    push(quiet, (t, t, 1.0), (t + 1, t + 300_000, 3.0), (t + 2, t + 100_000, 2.0))
+    assert altitudes(ask(wire, op="at", at_us=t + 200_000).contents) == [2.0]
+    assert altitudes(ask(wire, op="at", at_us=t + 300_000).contents) == [3.0]
+
+
+def test_the_future_is_refused_as_not_yet(wire: Wire, quiet: Platform) -> None:
+    push(quiet, (wire.now_us, wire.now_us, 1.0))
+    question = ask(wire, op="at", at_us=wire.now_us + 5 * US_PER_S)
+    assert question.performatives == [P.REFUSE]
+    assert "not yet: 5.0 s in the future" in question.reason
+
+
+def test_before_the_first_sample_nothing_held(wire: Wire, quiet: Platform) -> None:
+    t = wire.now_us - US_PER_S
+    push(quiet, (t, t, 1.0))
+    question = ask(wire, op="at", at_us=t - 1)
+    assert question.performatives == [P.FAILURE]
+    assert question.reason == f"1 us before the first {LABEL} that is held, 1.0 s ago"
+
+
+@pytest.mark.parametrize("query", [{"op": "at", "at_us": 0}, {"op": "between", "from_us": 0, "to_us": 50_000}])
+def test_before_the_history_fails_and_names_its_start(wire: Wire, quiet: Platform, query: dict[str, object]) -> None:
+    t = wire.now_us - CAPACITY * 100
+    push(quiet, *((t + 100 * n, t + 100 * n, float(n)) for n in range(CAPACITY)))
+    starts_us = quiet.ports.network.generator(quiet.ports.gateway.local(LABEL)).history.starts_us
+    assert starts_us is not None
+    assert starts_us > t + 50_000
+    shifted = {name: t + value if isinstance(value, int) else value for name, value in query.items()}
+    question = ask(wire, **shifted)
+    assert question.performatives == [P.FAILURE]
+    asked_us = shifted.get("at_us", shifted.get("from_us"))
+    assert f"{print_span(starts_us - asked_us)} before the first {LABEL} that is held, " in question.reason
+    assert altitudes(ask(wire, op="at", at_us=starts_us).contents) == [(starts_us - t) / 100]
+
+
+def test_between_is_inclusive_ordered_by_valid_then_available_time_and_holds_corrections(
+    wire: Wire, quiet: Platform
+) -> None:
+    t = wire.now_us - US_PER_S
+    push(quiet, (t, t, 1.0), (t + 1, t + 200_000, 3.0), (t + 2, t + 100_000, 2.0), (t + 3, t + 200_000, 3.5))
+    push(quiet, (t + 4, t + 300_000, 4.0))
+    assert altitudes(ask(wire, op="between", from_us=t, to_us=t + 300_000).contents) == [1.0, 2.0, 3.0, 3.5, 4.0]
+    assert altitudes(ask(wire, op="between", from_us=t + 100_000, to_us=t + 200_000).contents) == [2.0, 3.0, 3.5]
+    assert altitudes(ask(wire, op="between", from_us=t + 1, to_us=t + 99_999).contents) == []
+    assert altitudes(ask(wire, op="between", from_us=t - 5, to_us=wire.now_us + US_PER_S).contents)[0] == 1.0
+
+
+def test_a_label_that_nobody_has_is_refused_with_those_there_are(wire: Wire, quiet: Platform) -> None:
+    question = wire.asked("cc", "0", Query(semantic_label="heli-altitud"), P.QUERY_REF)
+    assert question.performatives == [P.REFUSE]
+    assert LABEL in question.reason
+
+
+def test_without_a_sample_there_is_a_failure_and_no_value_is_invented(wire: Wire, quiet: Platform) -> None:
+    assert ask(wire).performatives == [P.FAILURE]
+
+
+# Everybody
+
+
+@pytest.fixture
+def eight(wire: Wire) -> list[str]:
+    units = [str(number) for number in range(8)]
+    for unit in units:
+        wire.join(unit, Vehicle(east_m=500.0 * int(unit), altitude_m=100.0 + int(unit)), simulated=True)
+    wire.centre()
+    wire.run(2.0)
+    return units
+
+
+def test_one_frozen_platform_of_eight_delays_nobody_elses_answer(wire: Wire, eight: list[str]) -> None:
+    """As `dyknow query` does it: each platform is asked itself."""
+    wire.freeze("3")
+    questions = {unit: wire.ask("cc", unit, Query(semantic_label=LABEL), P.QUERY_REF) for unit in eight}
+    wire.run(0.01)
+    answered = {unit for unit, question in questions.items() if question.answers}
+    assert answered == set(eight) - {"3"}
+    wire.run(3.0)
+    assert questions["3"].answers == []
+    assert questions["3"].why_silent
+
+
+@pytest.mark.parametrize("query", [{}, {"op": "at"}, {"op": "between"}])
+def test_of_a_question_to_all_the_missing_one_is_named_and_the_others_answers_are_there(
+    wire: Wire, eight: list[str], query: dict[str, object]
+) -> None:
+    at_us = wire.now_us - 500_000
+    instants = {"at": {"at_us": at_us}, "between": {"from_us": at_us - 300_000, "to_us": at_us}}
+    wire.freeze("3")
+    asked = Query(semantic_label=LABEL, scope="global", **query, **instants.get(str(query.get("op")), {}))
+    question = wire.ask("cc", "0", asked, P.QUERY_REF)
+    wire.run(1.9)
+    (answers,) = question.contents
+    assert isinstance(answers, Answers)
+    assert {said.unit for said in answers.answers} == set(eight) - {"3"}
+    assert {len(said.samples) for said in answers.answers} == ({4} if query.get("op") == "between" else {1})
+    assert [missing.unit for missing in answers.missing] == ["3"]
+    assert answers.missing[0].reason
+
+
+def test_a_platform_that_lacks_the_instant_says_so_and_the_others_answer(wire: Wire, eight: list[str]) -> None:
+    at_us = wire.now_us - 500_000
+    wire.join("8", Vehicle(east_m=5_000.0), simulated=True)
+    wire.run(1.0)
+    question = wire.ask("cc", "0", Query(semantic_label=LABEL, op="at", at_us=at_us, scope="global"), P.QUERY_REF)
+    wire.run(0.2)
+    (answers,) = question.contents
+    assert isinstance(answers, Answers)
+    assert {said.unit for said in answers.answers} == set(eight)
+    assert [missing.unit for missing in answers.missing] == ["8"]
+    assert f"before the first {LABEL} that is held, " in answers.missing[0].reason
+
+
+@pytest.mark.parametrize(("by", "least"), [("select", "newest"), ("select", "best"), ("merge", "mean")])
+def test_of_all_answers_one_is_selected_or_made(wire: Wire, eight: list[str], by: str, least: str) -> None:
+    wire.freeze("3")
+    question = wire.ask("cc", "0", Query(semantic_label=LABEL, scope="global", **{by: least}), P.QUERY_REF)
+    wire.run(1.9)
+    (answers,) = question.contents
+    assert isinstance(answers, Answers)
+    assert answers.merged is not None
+    assert [missing.unit for missing in answers.missing] == ["3"]
+
+
+@pytest.fixture
+def missing(wire: Wire, eight: list[str]) -> Callable[[], tuple[str, ...]]:
+    """Whom platform 0 misses."""
+
+    def asked() -> tuple[str, ...]:
+        (found,) = wire.asked("cc", "0", Search(), P.QUERY_REF).contents
+        assert isinstance(found, Found)
+        return found.missing_units
+
+    return asked
+
+
+def test_who_fell_silent_is_missed_for_a_minute(wire: Wire, missing: Callable[[], tuple[str, ...]]) -> None:
+    assert missing() == ()
+    wire.freeze("3")
+    wire.run(1.5)
+    assert missing() == ("3",)
+    wire.run(0.5)
+    wire.expire("3")
+    wire.run(3.0)
+    assert missing() == ("3",), "gone from the directory, not from memory, also when its session expires"
+    wire.run(54.0)
+    assert missing() == ("3",)
+    wire.run(4.0)
+    assert missing() == ()
+
+
+def test_who_fell_silent_and_returns_is_not_missed(wire: Wire, missing: Callable[[], tuple[str, ...]]) -> None:
+    wire.freeze("3")
+    wire.run(5.0)
+    wire.thaw("3")
+    wire.run(1.0)
+    assert missing() == ()
+
+
+def test_who_left_is_not_missed(wire: Wire, missing: Callable[[], tuple[str, ...]]) -> None:
+    wire.perform("5", wire.platform("5").on_event(LeaveRequested(wire.now_us), wire.now_us))
+    wire.run(1.0)
+    assert missing() == ()
+
+
+def test_who_crashed_while_it_still_spoke_is_not_missed(wire: Wire, missing: Callable[[], tuple[str, ...]]) -> None:
+    wire.kill("6")
+    for _ in range(8):
+        wire.run(0.4)
+        assert missing() == ()
+
+
+def test_who_crashed_is_not_said_to_be_heard_once_it_is_gone(wire: Wire, eight: list[str]) -> None:
+    wire.kill("6")
+    wire.run(0.6)
+    gone_us = wire.now_us
+    wire.run(0.5)
+    beats = [decode_heartbeat(c.put.payload) for c in wire.log if c.at_us > gone_us and c.put.key.startswith("hb/")]
+    assert {beat.unit for beat in beats} == set(eight) - {"6"} | {"cc"}
+    assert not any("6" in beat.hears for beat in beats)

@@ -1,0 +1,110 @@
+"""Chronicles over the live streams of a platform, asked for from elsewhere (thesis 8.2, language.md)."""
+
+import pytest
+
+from agents.config import PlatformConfig
+from agents.monitoring.recognitions import MOST, Recognitions
+from dyknow import prototypes_in, source
+from federation.messages.acts import Performative
+from federation.messages.contents import Reason, Recognise, Recognised
+from sim_uavs.world.world import World
+
+TURN = """
+chronicle turns[?car, ?from, ?to] {
+    event(link[?car]:(?from, no_link), t1)
+    event(link[?car]:(no_link, ?to), t2)
+    t1 < t2
+    t2 - t1 <= 1s
+}
+"""
+PERIOD_US = 500_000
+
+
+@source("link")
+def links(from_us):
+    """A car that turns every two seconds, between two links."""
+    for n in range(1_000_000):
+        valid_us = (from_us // PERIOD_US + 1 + n) * PERIOD_US
+        yield valid_us, ("l1", "no_link", "l2", "no_link")[valid_us // PERIOD_US % 4]
+
+
+@pytest.fixture
+def world():
+    found = World(1, truth_us=None)
+    ours = {each.name: each for each in prototypes_in([links])}
+    for unit in ("0", "1"):
+        found.add(unit, PlatformConfig(unit, 0, catalogue=ours.get))
+    found.specify("1", "source link links\nstrmgen link[a] = links\n")
+    found.run_for(1)
+    return found
+
+
+def ask(world, **given):
+    return world.ask("0", "1", Recognise(**{"text": TURN, "timeout_s": 8.0, **given}), Performative.SUBSCRIBE)
+
+
+def recognised(dialogue):
+    return [said for _, _, said in dialogue.replies if isinstance(said, Recognised)]
+
+
+def running(world):
+    return [
+        label
+        for label in world.platform("1").ports.network.labels()
+        if world.platform("1").ports.network.generator(label).subscriptions
+    ]
+
+
+def test_each_instance_is_told_when_it_is_certain_and_the_end_when_the_time_is_over(world):
+    assert running(world) == []
+    dialogue = ask(world, delay_s=0.2)
+    world.run_for(6)
+    found = recognised(dialogue)
+    assert len(found) in {4, 5}
+    assert {(each.bindings["?from"], each.bindings["?to"]) for each in found} == {("l1", "l2"), ("l2", "l1")}
+    for each in found:
+        assert each.chronicle == "turns"
+        assert each.recognised_us == each.instants["t2"] == each.instants["t1"] + PERIOD_US
+    times = {said.recognised_us: at_us for at_us, _, said in dialogue.replies if isinstance(said, Recognised)}
+    assert all(200_000 <= at_us - certain_us <= 300_000 for certain_us, at_us in times.items())
+    world.run_for(4)
+    assert dialogue.replies[-1][2] == Reason(text="its time is over")
+    assert running(world) == []
+
+
+def test_who_does_not_want_to_know_any_more_ends_it(world):
+    dialogue = ask(world, timeout_s=600.0)
+    world.run_for(4)
+    world.cancel(dialogue)
+    world.run_for(1)
+    heard = len(recognised(dialogue))
+    world.run_for(4)
+    assert heard
+    assert len(recognised(dialogue)) == heard
+    assert running(world) == []
+    assert world.platform("1").part(Recognitions).deadline_us is None
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("chronicle turns { event(", "never closed"),
+        ("domain d = {a}\n", "no chronicle"),
+        ("chronicle t[?a] { event(link[?a]:(?, l1), t1) event(link[?a]:(?, l2), t2) t1 < t2 t2 < t1 }", "t1"),
+    ],
+)
+def test_what_cannot_be_recognised_is_refused_in_words(world, text, said):
+    dialogue = ask(world, text=text)
+    world.run_for(1)
+    (reply,) = dialogue.replies
+    _, act, why = reply
+    assert act.performative is not Performative.AGREE
+    assert isinstance(why, Reason)
+    assert said in why.text
+    assert running(world) == []
+
+
+def test_there_are_no_more_than_so_many(world):
+    dialogues = [ask(world) for _ in range(MOST + 1)]
+    world.run_for(1)
+    assert [dialogue.replies[0][1].performative.value for dialogue in dialogues] == ["agree"] * MOST + ["refuse"]

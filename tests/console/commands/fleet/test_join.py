@@ -1,0 +1,45 @@
+"""What `join` refuses before it starts anything."""
+
+from pathlib import Path
+
+import pytest
+
+from console.centre import client
+from console.command import Call
+from console.commands.fleet.join import join
+from dyknow.model.errors import WrongCall
+from federation.members.clock import FederationClock
+from tests.console.world import START_US, World
+from tests.proxies import logs
+
+
+def _join(call: Call, unit: str, file: Path, *, speed: float = 1.0, from_: str = "0s") -> int:
+    return join(call, unit=unit, replay=file, from_=from_, speed=speed)
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> Path:
+    found = tmp_path / "flight.tlog"
+    found.write_bytes(logs.tlog())
+    return found
+
+
+def test_a_beginning_after_the_end_of_the_recording_is_refused_with_its_length(call: Call, flight: Path) -> None:
+    lasts_s = 49 * logs.STEP_US // 1_000_000
+    with pytest.raises(WrongCall, match=rf"--replay from: .*flight\.tlog ends {lasts_s} s after its first position"):
+        _join(call, "9", flight, from_="5000s")
+
+
+def test_a_speed_that_is_not_the_federations_is_refused(
+    monkeypatch: pytest.MonkeyPatch, call: Call, flight: Path
+) -> None:
+    world = World(FederationClock(START_US - 5_000_000, 4.0))
+    world.add("0", 0.0, 0.0)
+    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    with pytest.raises(WrongCall, match=r"runs 4 times as fast as the wall, .* 2 times as fast; join with --speed 4\."):
+        _join(call, "9", flight, speed=2.0)
+
+
+def test_a_name_that_is_taken_is_refused(world: World, call: Call, flight: Path) -> None:
+    with pytest.raises(WrongCall, match="there is a platform 1"):
+        _join(call, "1", flight)

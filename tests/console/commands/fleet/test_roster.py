@@ -1,0 +1,93 @@
+import json
+import stat
+import subprocess
+from pathlib import Path
+
+import pytest
+from cryptography import x509
+
+from federation.security.trust import Roster, Signer
+from tests.console.conftest import Run
+
+
+@pytest.fixture
+def path(tmp_path: Path, dyknow: Run) -> Path:
+    found = tmp_path / "trust" / "roster.toml"
+    assert dyknow("roster", "init", "0", "1", "--roster", str(found), "--federation", "alpha").returncode == 0
+    return found
+
+
+def _lines(done: "subprocess.CompletedProcess[str]") -> list[dict[str, object]]:
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def test_a_new_roster_has_the_platforms_and_a_command_centre(path: Path) -> None:
+    members = Roster.parse(path.read_text()).members
+    assert {unit: member.role for unit, member in members.items()} == {"0": "uav", "1": "uav", "cc": "command-centre"}
+
+
+def test_each_private_key_belongs_to_its_member_and_is_its_owners_alone(path: Path) -> None:
+    for unit, member in Roster.parse(path.read_text()).members.items():
+        key = path.parent / "keys" / f"{unit}.key"
+        assert stat.S_IMODE(key.stat().st_mode) == 0o600
+        assert Signer(bytes.fromhex(key.read_text()), "alpha").public_key == member.key
+        assert stat.S_IMODE((path.parent / "pki" / f"{unit}.key").stat().st_mode) == 0o600
+
+
+def test_certificates_carry_the_units_name_and_are_signed_by_the_authority(path: Path) -> None:
+    pki = path.parent / "pki"
+    authority = x509.load_pem_x509_certificate((pki / "ca.pem").read_bytes())
+    for unit in ("0", "1", "cc"):
+        certificate = x509.load_pem_x509_certificate((pki / f"{unit}.pem").read_bytes())
+        certificate.verify_directly_issued_by(authority)
+        assert certificate.subject.rfc4514_string() == f"CN={unit}"
+
+
+def test_a_member_that_is_added_is_known_to_the_wire_settings_of_all(path: Path, dyknow: Run) -> None:
+    done = dyknow("roster", "add", "7", "--roster", str(path), "--federation", "alpha", "--json")
+    [told] = _lines(done)
+    assert (told["unit"], told["revoked"]) == (7, False)
+    assert str(told["key"]).startswith("ed25519:")
+    for unit in ("0", "1", "cc", "7"):
+        wire = json.loads((path.parent / f"{unit}.wire.json").read_text())
+        assert {s["id"] for s in wire["access_control"]["subjects"]} == {"0", "1", "cc", "7"}
+
+
+def test_a_revoked_member_is_marked_and_no_session_listens_to_it(path: Path, dyknow: Run) -> None:
+    [told] = _lines(dyknow("roster", "revoke", "1", "--roster", str(path), "--federation", "alpha", "--json"))
+    assert (told["unit"], told["revoked"]) == (1, True)
+    wire = json.loads((path.parent / "0.wire.json").read_text())
+    assert {s["id"] for s in wire["access_control"]["subjects"]} == {"0", "cc"}
+    assert not (path.parent / "1.wire.json").exists()
+
+
+def test_a_revoked_member_may_come_back_with_a_new_key(path: Path, dyknow: Run) -> None:
+    before = Roster.parse(path.read_text()).members["1"].key
+    dyknow("roster", "revoke", "1", "--roster", str(path))
+    assert dyknow("roster", "add", "1", "--roster", str(path)).returncode == 0
+    after = Roster.parse(path.read_text()).members["1"]
+    assert after.key != before
+    assert not after.revoked
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("init", "0"), "exists already; add to it with dyknow roster add"),
+        (("add", "0"), "is in .* already; to give it a new key revoke it first"),
+        (("add", "a/b"), "cannot be a unit"),
+        (("revoke", "9"), "9 is not in the roster, which has 0, 1, cc"),
+    ],
+)
+def test_a_wrong_call_is_told_with_its_remedy(path: Path, dyknow: Run, arguments: tuple[str, ...], said: str) -> None:
+    import re
+
+    done = dyknow("roster", *arguments, "--roster", str(path))
+    assert done.returncode == 2
+    assert re.search(said, done.stderr.replace("\n", " "))
+
+
+def test_a_roster_that_is_not_there_is_told_with_its_remedy(tmp_path: Path, dyknow: Run) -> None:
+    done = dyknow("roster", "show", "--roster", str(tmp_path / "none.toml"))
+    assert done.returncode == 2
+    assert "dyknow roster init" in done.stderr

@@ -1,0 +1,80 @@
+"""What `up` and `join` say of the platforms that they have started."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from console.command import Call
+from console.commands.fleet.up import FleetStart, down, tell_notes
+from console.errors import DONE, NO
+from console.output.output import Output
+from runtime.configuration.run_directory import STATE_FILE, ProcessState, Running, write_state
+from runtime.configuration.settings import Settings
+
+OPEN = "open federation: acts are not signed"
+
+
+@pytest.fixture
+def gathering() -> FleetStart:
+    """Of two platforms that say the same."""
+    found = FleetStart(["0", "1"])
+    for unit in ("0", "1"):
+        found.on_heard(unit, {"event": "note", "unit": unit, "text": OPEN, "at_us": 1})
+        found.on_heard(unit, {"event": "joined", "unit": unit, "labels": [], "at_us": 2})
+        found.on_heard(unit, {"event": "directory", "units": ["0", "1"], "at_us": 3})
+    return found
+
+
+def test_what_all_of_them_note_is_told_once(gathering: FleetStart, capsys: pytest.CaptureFixture[str]) -> None:
+    assert gathering.all_found()
+    tell_notes(Call(Settings(federation="test"), Output(json_lines=False)), gathering)
+    caught = capsys.readouterr()
+    assert (caught.out, caught.err) == ("", f"{OPEN}\n")
+
+
+def test_json_lines_hold_no_notes(gathering: FleetStart, capsys: pytest.CaptureFixture[str]) -> None:
+    tell_notes(Call(Settings(federation="test", json_lines=True), Output(json_lines=True)), gathering)
+    caught = capsys.readouterr()
+    assert (caught.out, caught.err) == ("", "")
+
+
+@pytest.fixture
+def child() -> Iterator["subprocess.Popen[bytes]"]:
+    found = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    yield found
+    found.kill()
+    found.wait(timeout=20)
+
+
+def _down(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *running: Running) -> int:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    directory = tmp_path / "dyknow" / "test"
+    directory.mkdir(parents=True)
+    write_state(directory, ProcessState(running))
+    code = down(Call(Settings(federation="test"), Output(json_lines=False)))
+    assert not (directory / STATE_FILE).exists()
+    return code
+
+
+def test_down_names_who_had_died_before(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    child: "subprocess.Popen[bytes]",
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    died = Running("0", child.pid, 1.0)
+    runs = Running("1", child.pid, psutil.Process(child.pid).create_time())
+    assert _down(tmp_path, monkeypatch, died, runs) == DONE
+    assert capsys.readouterr().out == "stopped: platforms 1; platform 0 had ended before\n"
+    assert child.wait(timeout=20) < 0
+
+
+def test_down_says_what_it_looked_for_when_nothing_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _down(tmp_path, monkeypatch) == NO
+    assert capsys.readouterr().out == "nothing that up --detach started runs in federation test\n"

@@ -1,0 +1,190 @@
+"""What each platform process is configured with."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.command import Call
+from console.commands.fleet.up import planned
+from console.output.output import Output
+from console.processes.launch import FleetPlan, fleet_of, free_ports
+from dyknow.model.errors import WrongCall
+from runtime.configuration.config import MavlinkVehicle, ReplayedVehicle, SimulatedVehicleConfig
+from runtime.configuration.reach import wire_of
+from runtime.configuration.settings import Settings, load
+from tests.proxies import logs
+
+COMPOSE = sorted((Path(__file__).resolve().parents[3] / "compose").glob("*.toml"))
+NOW_US = 1_800_000_000_000_000
+PLAN = FleetPlan(2, "patrol", seed=4, start_us=7)
+
+
+def _settings(**settings: Any) -> Settings:
+    return Settings.model_validate({"federation": "test", **settings})
+
+
+def _call(**settings: Any) -> Call:
+    return Call(_settings(**settings), Output(json_lines=True))
+
+
+def _vehicles(call: Call, **chosen: Any) -> dict[str, Any]:
+    return {config.unit: config.vehicle for config in fleet_of(call, PLAN._replace(**chosen), NOW_US)}
+
+
+def test_each_simulated_uav_gets_its_place_in_the_scenario() -> None:
+    found = _vehicles(_call(), units=3)
+    assert {unit: (v.index, v.count, v.seed, v.start_us) for unit, v in found.items()} == {
+        str(number): (number, 3, 4, 7) for number in range(3)
+    }
+
+
+@pytest.mark.parametrize("source", ["flag", "variable", "options", "federation"])
+def test_extensions_that_are_named_anywhere_reach_every_platform(
+    source: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    line = 'extensions = ["examples.extension"]\n'
+    (tmp_path / "options.toml").write_text(line)
+    (tmp_path / "federation.toml").write_text(f'name = "f"\n{line}')
+    if source == "variable":
+        monkeypatch.setenv("DYKNOW_EXTENSIONS", "examples.extension")
+    flags = {
+        "flag": {"extensions": ["examples.extension"]},
+        "federation": {"federation": str(tmp_path / "federation.toml")},
+    }.get(source, {})
+    settings = load(flags, tmp_path / "options.toml" if source == "options" else None)
+    configs = fleet_of(Call(settings, Output(json_lines=True)), PLAN, NOW_US)
+    assert [config.extensions for config in configs] == [("examples.extension",)] * 2
+
+
+def test_an_extension_that_a_federations_file_names_as_a_file_is_relative_to_it(tmp_path: Path) -> None:
+    (tmp_path / "federation.toml").write_text('name = "f"\nextensions = ["beep.py"]\n')
+    settings = load({"federation": str(tmp_path / "federation.toml")}, None)
+    assert settings.extensions == (str(tmp_path / "beep.py"),)
+
+
+def test_a_federations_file_has_its_say_per_unit(tmp_path: Path) -> None:
+    (tmp_path / "a.tlog").write_bytes(logs.tlog())
+    own = _call(
+        unit={
+            "1": {"persona": "px4", "avoidance": False},
+            "visitor": {"mavlink": "udpin:127.0.0.1:14560", "sysid": 3, "control": True},
+            "log": {"replay": str(tmp_path / "a.tlog"), "from": "3s"},
+        }
+    )
+    configs = {config.unit: config for config in fleet_of(own, PLAN, NOW_US)}
+    assert list(configs) == ["0", "1", "visitor", "log"]
+    second, visitor, log = configs["1"].vehicle, configs["visitor"].vehicle, configs["log"].vehicle
+    assert isinstance(second, SimulatedVehicleConfig)
+    assert (second.persona, second.index, second.count) == ("px4", 1, 2)
+    assert (configs["0"].avoidance, configs["1"].avoidance) == (True, False)
+    assert isinstance(visitor, MavlinkVehicle)
+    assert (visitor.endpoint, visitor.sysid, visitor.control) == ("udpin:127.0.0.1:14560", 3, True)
+    assert isinstance(log, ReplayedVehicle)
+    assert (log.from_us, log.epoch_us) == (3_000_000, NOW_US)
+
+
+def test_only_starts_one_of_them_in_its_own_place() -> None:
+    found = _vehicles(_call(), units=3, only=("2",))
+    assert list(found) == ["2"]
+    assert (found["2"].index, found["2"].count) == (2, 3)
+    with pytest.raises(WrongCall, match="no platform '7'"):
+        _vehicles(_call(), only=("7",))
+
+
+def test_with_endpoints_to_connect_to_there_is_no_multicast() -> None:
+    assert wire_of(_settings(), "0").discover == "multicast"
+    assert wire_of(_settings(connect=("tcp/127.0.0.1:7447",)), "0").discover == "none"
+
+
+def test_without_multicast_each_dials_those_before_it_and_never_both() -> None:
+    configs = fleet_of(_call(discover="none"), PLAN._replace(units=4), NOW_US)
+    endpoints = [config.wire.listen[0] for config in configs]
+    assert len(set(endpoints)) == 4
+    for at, config in enumerate(configs):
+        assert list(config.wire.connect) == endpoints[:at]
+
+
+def test_certificates_need_a_roster() -> None:
+    with pytest.raises(WrongCall, match="need a roster"):
+        wire_of(_settings(connect=("tls/127.0.0.1:7447",)), "0")
+
+
+def test_a_unit_without_a_key_is_told_how_to_get_one(tmp_path: Path) -> None:
+    roster = tmp_path / "roster.toml"
+    roster.write_text("")
+    with pytest.raises(WrongCall, match="dyknow roster add 0"):
+        fleet_of(_call(roster=roster), PLAN, NOW_US)
+
+
+def test_a_faster_clock_begins_now_and_is_one_for_all() -> None:
+    clocks = {config.clock for config in fleet_of(_call(), PLAN._replace(speed=10.0), NOW_US)}
+    assert [(clock.epoch_us, clock.speed) for clock in clocks] == [(NOW_US, 10.0)]
+
+
+@pytest.mark.parametrize("gcs", ["127.0.0.1", "here:there", ":14550", "127.0.0.1:0"])
+def test_a_ground_station_needs_host_and_port(gcs: str) -> None:
+    with pytest.raises(WrongCall, match="--gcs"):
+        _vehicles(_call(), gcs=gcs)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "units", "said"), [("patrl", 3, "Did you mean 'patrol'"), ("crossing", 1, "crossing needs 2 vehicles")]
+)
+def test_a_scenario_that_cannot_be_flown_is_a_wrong_call(scenario: str, units: int, said: str) -> None:
+    with pytest.raises(WrongCall, match=said):
+        planned(_call(), FleetPlan(units, scenario))
+
+
+@pytest.mark.parametrize("path", COMPOSE, ids=lambda path: path.name)
+def test_every_federation_that_is_ready_to_start_can_be_started(path: Path) -> None:
+    settings = load({"federation": str(path)}, None)
+    call = Call(settings, Output(json_lines=True))
+    configs = planned(call, FleetPlan(settings.units or 3, settings.scenario or "patrol", settings.seed or 1))
+    assert len(configs) >= (settings.units or 3)
+
+
+def test_free_ports_are_distinct() -> None:
+    assert len(set(free_ports(8))) == 8
+
+
+def test_platforms_keep_their_journals_where_the_file_says(tmp_path: Path) -> None:
+    path = tmp_path / "f.toml"
+    path.write_text('name = "f"\njournal = "flights/today"\n')
+    configs = fleet_of(Call(load({"federation": str(path)}, None), Output(json_lines=True)), PLAN, NOW_US)
+    assert [config.journal for config in configs] == [
+        tmp_path / "flights" / "today" / f"{unit}.mcap" for unit in (0, 1)
+    ]
+    assert all(config.journal is None for config in fleet_of(_call(), PLAN, NOW_US))
+
+
+def test_a_journal_that_cannot_be_kept_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_bytes(b"")
+    with pytest.raises(WrongCall, match=r"journal: .*taken is no directory that can be written"):
+        fleet_of(_call(journal=tmp_path / "taken"), PLAN, NOW_US)
+    flown = tmp_path / "log.mcap"
+    flown.write_bytes(b"")
+    own = _call(journal=str(tmp_path), unit={"log": {"replay": str(flown), "from": "0s"}})
+    with pytest.raises(WrongCall, match="is what platform log replays"):
+        fleet_of(own, PLAN, NOW_US)
+    assert flown.exists()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"connect": ("garbage",)},
+        {"connect": ("tcp/127.0.0.1",)},
+        {"listen": ("foo/1.2.3.4:5",)},
+        {"interface": "nope0"},
+    ],
+)
+def test_what_no_session_opens_with_is_a_wrong_call(wrong: dict[str, Any]) -> None:
+    [option] = wrong
+    with pytest.raises(WrongCall, match=f"^--{option}: "):
+        wire_of(_settings(**wrong), "0")
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/[::1]:7447", "udp/router:7447", "ws/10.0.0.1:80", "unixsock-stream//tmp/x"])
+def test_endpoints_of_every_kind_are_taken(endpoint: str) -> None:
+    assert wire_of(_settings(connect=(endpoint,)), "0").connect == (endpoint,)

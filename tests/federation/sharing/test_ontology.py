@@ -1,0 +1,173 @@
+from math import pi
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dyknow.model.errors import DyknowError, SortError, TextError, UnknownLabel
+from dyknow.model.labels import Label
+from dyknow.model.values import NO_VALUE, Field, Sort
+from federation import keys
+from federation.sharing.ontology import Ontology, Translation, convert_units, default_ontology
+
+FEET = """
+[heli-altitude]
+local = "alt_baro[{unit}]"
+sort = "feet"
+fields = { altitude_m = { name = "alt_ft", unit = "ft" } }
+
+[heli-position]
+local = "where[{unit}]"
+fields = { longitude_deg = { name = "lon", unit = "rad" }, latitude_deg = { name = "lat", unit = "degE7" } }
+
+[heli-velocity]
+fields = { down_m_s = { name = "climb", unit = "ft/min", negated = true } }
+"""
+FLOATS = st.floats(-1e6, 1e6)
+
+
+def test_the_built_in_labels_are_those_of_the_federation() -> None:
+    ontology = default_ontology()
+    assert ontology["heli-position"].sort == Sort(
+        "position", (Field("latitude_deg", "deg"), Field("longitude_deg", "deg"))
+    )
+    assert ontology["heli-altitude"].sort.fields == (Field("altitude_m", "m"),)
+    assert ontology["heli-height"].sort.fields == (Field("height_m", "m"),)
+    assert [field.name for field in ontology["heli-velocity"].sort.fields] == ["north_m_s", "east_m_s", "down_m_s"]
+    assert ontology["battery"].sort.fields == (Field("fraction", "fraction"),)
+    for name in ontology:
+        assert keys.label(name) == name
+        assert keys.token_label("a", "0", name, ontology[name].type_hash, 0)
+    assert len({ontology[name].type_hash for name in ontology}) == len(ontology)
+
+
+def test_an_unknown_label_names_what_is_known() -> None:
+    assert "wings" not in default_ontology()
+    with pytest.raises(UnknownLabel, match="heli-position"):
+        default_ontology()["wings"]
+
+
+def test_a_file_adds_labels_and_changes_none() -> None:
+    added = default_ontology().extended(
+        '[max-speed]\nsort = "speed"\nmeaning = "at most"\nfields = { speed_m_s = "m/s" }\n'
+    )
+    assert len(added) == len(default_ontology()) + 1
+    added["max-speed"].check((30.0,))
+    with pytest.raises(SortError):
+        added["max-speed"].check((30.0, 1.0))
+    again = added.extended('[max-speed]\nsort = "speed"\nmeaning = "in other words"\nfields = { speed_m_s = "m/s" }\n')
+    assert again["max-speed"].type_hash == added["max-speed"].type_hash
+    with pytest.raises(TextError, match="already"):
+        added.extended('[max-speed]\nsort = "speed"\nmeaning = "at most"\nfields = { speed_km_h = "km/h" }\n')
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("[", 1),
+        ('\n[Wings]\nsort = "s"\nmeaning = "m"\nfields = { a = "m" }', 2),
+        ('\n["a/*"]\nsort = "s"\nmeaning = "m"\nfields = { a = "m" }', 2),
+        ('[a]\nsort = "s"\nmeaning = "m"', 1),
+        ('[a]\nsort = "s"\nmeaning = "m"\nfields = {}', 1),
+        ('[a]\nsort = "s"\nmeaning = "m"\nfields = { a = 5 }', 1),
+        ('[a]\nsort = "s"\nmeaning = "m"\nfields = { A = "m" }', 1),
+        ('[a]\nsort = "s"\nmeaning = "m"\nfields = { a = "m" }\ncolour = "red"', 1),
+    ],
+)
+def test_a_wrong_ontology_says_where(text: str, line: int) -> None:
+    with pytest.raises(TextError) as wrong:
+        default_ontology().extended(text, "mine.toml")
+    assert wrong.value.line == line
+    assert "mine.toml" in str(wrong.value)
+
+
+@pytest.mark.parametrize(
+    ("number", "source", "target", "expected"),
+    [
+        (1000.0, "ft", "m", 304.8),
+        (1.0, "nmi", "m", 1852.0),
+        (36.0, "km/h", "m/s", 10.0),
+        (1.0, "kt", "km/h", 1.852),
+        (180.0, "deg", "rad", pi),
+        (pi, "rad", "deg", 180.0),
+        (584000000.0, "degE7", "deg", 58.4),
+        (42.0, "percent", "fraction", 0.42),
+        (100.0, "degC", "degF", 212.0),
+        (0.0, "K", "degC", -273.15),
+        (1.5, "s", "us", 1.5e6),
+        (600.0, "ft/min", "m/s", 3.048),
+    ],
+)
+def test_units_convert_in_both_directions(number: float, source: str, target: str, expected: float) -> None:
+    assert convert_units(source, target)(number) == pytest.approx(expected, rel=1e-12)
+    assert convert_units(target, source)(expected) == pytest.approx(number, rel=1e-12)
+
+
+def test_units_of_different_things_do_not_convert() -> None:
+    for source, target in [("m", "s"), ("m", "cubit"), ("deg", "degC")]:
+        with pytest.raises(DyknowError, match="does not convert"):
+            convert_units(source, target)
+
+
+def test_without_a_translation_a_platform_speaks_as_the_ontology() -> None:
+    plain = Translation(default_ontology())
+    assert plain.local_label("heli-altitude", "0") == Label("heli-altitude", ("0",))
+    assert plain.local_sort("heli-altitude") == default_ontology()["heli-altitude"].sort
+    value = (58.4, 15.6)
+    assert plain.to_local("heli-position")(value) is value
+    assert plain.to_semantic("heli-position")(value) is value
+
+
+def test_a_platform_with_other_names_units_and_order_is_understood() -> None:
+    platform = Translation.parse(default_ontology(), FEET)
+    assert platform.local_label("heli-altitude", "uav1") == Label.parse("alt_baro[uav1]")
+    assert platform.local_sort("heli-altitude") == Sort("feet", (Field("alt_ft", "ft"),))
+    assert platform.to_semantic("heli-altitude")((1000.0,)) == (pytest.approx(304.8),)
+    assert platform.local_sort("heli-position").fields == (Field("lon", "rad"), Field("lat", "degE7"))
+    assert platform.to_semantic("heli-position")((pi / 12, 584000000.0)) == (pytest.approx(58.4), pytest.approx(15.0))
+    assert platform.local_sort("heli-velocity").fields[0] == Field("climb", "ft/min")
+    assert platform.to_semantic("heli-velocity")((600.0, 1.0, 2.0)) == (1.0, 2.0, pytest.approx(-3.048))
+    assert platform.semantic_label(Label.parse("alt_baro[uav1]"), "uav1") == "heli-altitude"
+    assert platform.semantic_label(Label.parse("alt_baro[uav1]"), "0") is None
+
+
+@given(FLOATS, FLOATS, FLOATS)
+def test_translation_there_and_back_is_the_same_value(one: float, two: float, three: float) -> None:
+    platform = Translation.parse(default_ontology(), FEET)
+    for name in default_ontology():
+        sort = platform.local_sort(name)
+        value = (one, two, three)[: len(sort.fields)]
+        sort.check(value)
+        there = platform.to_semantic(name)(value)
+        default_ontology()[name].check(there)
+        assert platform.to_local(name)(there) == pytest.approx(value, rel=1e-9, abs=1e-9)
+
+
+def test_no_value_stays_no_value() -> None:
+    platform = Translation.parse(default_ontology(), FEET)
+    assert platform.to_semantic("heli-altitude")(NO_VALUE) is NO_VALUE
+    assert platform.to_semantic("heli-position")((NO_VALUE, 584000000.0)) == (pytest.approx(58.4), NO_VALUE)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[wings]", "not in the ontology"),
+        ('[battery]\ncolour = "red"', "only local"),
+        ("battery = 5", "only local"),
+        ("[battery]\nlocal = 5", "texts"),
+        ('[battery]\nlocal = "a b"', "battery"),
+        ('[battery]\nfields = { volts = { unit = "V" } }', "no field volts"),
+        ('[battery]\nfields = { fraction = { unit = "V" } }', "does not convert"),
+        ("[battery]\nfields = { fraction = { scale = 5 } }", "only name"),
+        ("[battery]\nfields = { fraction = { unit = 5 } }", "texts"),
+        ("[battery]\nfields = { fraction = 5 }", "only name"),
+    ],
+)
+def test_a_wrong_translation_is_explained(text: str, said: str) -> None:
+    with pytest.raises(TextError, match=said):
+        Translation.parse(default_ontology(), text)
+
+
+def test_an_ontology_can_be_made_from_nothing() -> None:
+    assert len(Ontology({})) == 0

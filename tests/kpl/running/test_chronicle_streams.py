@@ -1,0 +1,188 @@
+"""Chronicles over streams of an instance, and formulas that ask whether one was recognised (thesis 8.7.3, 8.7.5)."""
+
+import pytest
+
+from dyknow import Network
+from dyknow.model.errors import TextErrors
+from kpl import Hooks, Instance, parse_specification, print_specification
+
+MS = 1000
+TURNS = """
+attribute link[?car]
+message in_crossing[?car, ?crossing]
+
+chronicle enters[?car, ?from, ?to] {
+    event(link[?car]:(?from, no_link), t1)
+    event(in_crossing[?car, ?x], t2)
+    event(link[?car]:(no_link, ?to), t3)
+    t1 <= t2 <= t3
+    t3 - t1 <= 10s
+}
+"""
+STREAMS = """
+source text links
+source text others
+source object cars
+source text crossings
+strmgen car_ids = cars
+for car in car_ids strmgen link[car] = links
+strmgen link[lorry] = others
+strmgen in_crossing[a, x2] = crossings
+chronicle file "turns.chr" with max delay 100
+stream turned = chronicle[enters]
+stream lorry_turned = chronicle[enters, lorry, l1, l2]
+"""
+
+
+class Run:
+    """An instance that is fed, and what came of it; times in ms."""
+
+    def __init__(self, text=STREAMS, chronicles=TURNS):
+        self.told, self.faults, self.alarms, self.chronicles = [], [], [], chronicles
+        self.network = Network()
+        self.network.on_fault = lambda label, said: self.faults.append(f"{label}: {said}")
+        hooks = Hooks(lambda name, sample: self.told.append((name, sample)), on_alarm=self.alarms.append)
+        self.instance = Instance(self.network, hooks=hooks)
+        self.change(text)
+
+    def change(self, text, at_ms=0):
+        found = parse_specification(text, "run.kpl", lambda _path: self.chronicles)
+        self.instance.change(found, at_ms * MS, text, "run.kpl")
+
+    def at(self, now_ms):
+        while (due_us := self.network.deadline_us) is not None and due_us <= now_ms * MS:
+            self.network.on_time(due_us)
+        self.network.on_time(now_ms * MS)
+
+    def feed(self, source, valid_ms, value, now_ms=None):
+        now_ms = valid_ms if now_ms is None else now_ms
+        self.at(now_ms)
+        self.instance.push(source, valid_ms * MS, value, now_ms * MS)
+
+
+def drive(run, source="links"):
+    run.feed(source, 1000, "l1")
+    run.feed(source, 2000, "no_link")
+    run.feed(source, 2500, "no_link")
+    run.feed("crossings", 3000, True)
+    run.feed(source, 4000, "l2")
+    run.at(4099)
+    before = len(run.told)
+    run.at(4100)
+    return before
+
+
+def test_changes_of_streams_are_events_and_what_is_recognised_is_a_stream():
+    run = Run()
+    run.feed("cars", 0, ("a",))
+    assert drive(run) == 0, "samples may be 100 ms late"
+    ((name, sample),) = run.told
+    assert name == "turned"
+    assert sample.valid_us == 4_000_000
+    arguments, bindings, instants = sample.value
+    assert arguments == ("a", "l1", "l2")
+    assert dict(bindings) == {"?car": "a", "?from": "l1", "?x": "x2", "?to": "l2"}
+    assert instants == (("t1", 2000), ("t2", 3000), ("t3", 4000))
+    assert run.faults == []
+
+
+def test_samples_that_come_in_another_order_than_they_are_valid_are_told_in_that():
+    run = Run()
+    run.feed("cars", 0, ("a",))
+    run.feed("links", 1000, "l1")
+    run.feed("crossings", 2010, True, 2011)
+    run.feed("links", 2000, "no_link", 2050)
+    run.feed("links", 4000, "l2")
+    run.at(5000)
+    assert [name for name, _ in run.told] == ["turned"]
+
+
+def test_arguments_choose_among_what_is_recognised_and_members_come_and_go():
+    other = STREAMS.replace("in_crossing[a, x2]", "in_crossing[lorry, x2]")
+    run = Run(other)
+    drive(run, "others")
+    assert sorted(name for name, _ in run.told) == ["lorry_turned", "turned"]
+    run.feed("cars", 5000, ("a", "b"))
+    held = run.instance.chronicles["turns.chr"].watch.proxies
+    assert {str(label) for label in held} == {"link[a]", "link[b]", "link[lorry]", "in_crossing[lorry, x2]"}
+    run.feed("cars", 6000, ("b",))
+    assert {str(label) for label in held} == {"link[b]", "link[lorry]", "in_crossing[lorry, x2]"}
+
+
+def test_a_formula_may_say_that_one_occurred():
+    text = STREAMS + "monitor none = always not occurred(chronicle[enters]) with sample every 100, max delay 200\n"
+    run = Run(text)
+    run.feed("cars", 0, ("a",))
+    drive(run)
+    assert run.alarms == []
+    run.at(4400)
+    assert [(alarm.event, alarm.valid_us) for alarm in run.alarms] == [("opened", 4_000_000), ("closed", 4_100_000)]
+
+
+def test_what_is_no_symbol_is_told_once_and_ends_nothing():
+    run = Run()
+    run.feed("cars", 0, ("a",))
+    for at_ms in range(0, 500, 100):
+        run.feed("links", at_ms, 1.5)
+    drive(run)
+    (fault,) = run.faults
+    assert "link[a]: 1.5 is no symbol" in fault
+    assert [name for name, _ in run.told] == ["turned"]
+
+
+def test_taking_a_file_back_leaves_nothing_and_another_text_is_another_chronicle():
+    run = Run()
+    run.feed("cars", 0, ("a",))
+    labels = len(run.network.labels())
+    rest = "\n".join(line for line in STREAMS.splitlines() if "chronicle" not in line)
+    run.change(rest, 10)
+    assert not run.instance.chronicles
+    assert not any(label.feature == "chronicle" for label in run.network.labels())
+    run.change(STREAMS, 20)
+    assert len(run.network.labels()) == labels
+    run.chronicles = TURNS.replace("10s", "1s")
+    run.change(STREAMS, 30)
+    drive(run)
+    assert run.told == []
+
+
+def test_it_is_printed_as_it_was_written():
+    run = Run()
+    assert 'chronicle file "turns.chr" with max delay 100' in print_specification(run.instance.specification)
+
+
+@pytest.mark.parametrize(
+    ("chronicles", "line", "said"),
+    [
+        (TURNS.replace("?car, ?x]", "?car]"), "", "in_crossing"),
+        (TURNS, "stream x = chronicle[leaves]\n", "nothing makes chronicle[leaves]"),
+        (TURNS, 'chronicle file "more.chr"\n', "enters is a chronicle already"),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_place(chronicles, line, said):
+    refused(STREAMS + line, chronicles, said)
+
+
+@pytest.mark.parametrize(
+    ("chronicles", "policy", "said"),
+    [(TURNS, "sample every 100", "max delay only"), ("domain d = {a}\n", "max delay 1s", "declares no chronicle")],
+)
+def test_what_cannot_be_recognised_is_refused(chronicles, policy, said):
+    refused(f'chronicle file "turns.chr" with {policy}\n', chronicles, said)
+
+
+def refused(text, chronicles, said):
+    with pytest.raises(TextErrors) as wrong:
+        Run(text, chronicles)
+    assert said in " ".join(str(each) for each in wrong.value.errors)
+
+
+def test_a_file_that_cannot_be_read_is_told_where_it_is_named():
+    def missing(path):
+        raise FileNotFoundError(path)
+
+    with pytest.raises(TextErrors) as wrong:
+        parse_specification(STREAMS, "run.kpl", missing)
+    (error,) = wrong.value.errors
+    assert "turns.chr cannot be read" in str(error)
+    assert error.line == STREAMS.splitlines().index('chronicle file "turns.chr" with max delay 100') + 1

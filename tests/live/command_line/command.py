@@ -1,0 +1,99 @@
+"""The command `dyknow` in processes of its own, in a federation and a run directory that nobody else uses."""
+
+import json
+import os
+import secrets
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from runtime.configuration.run_directory import STATE_FILE
+from tests import command
+
+PATIENCE_S = 100.0
+RUN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from console.main import main; main()"
+"""As a terminal starts it: what runs in the background of a shell ignores Ctrl-C, and so would its children."""
+
+
+@dataclass
+class Dyknow:
+    """Runs commands; `close` ends whatever of them is left, by id."""
+
+    directory: Path
+    federation: str = field(default_factory=lambda: f"cli-{secrets.token_hex(4)}")
+    options: tuple[str, ...] = ()
+    started: list["subprocess.Popen[str]"] = field(default_factory=list)
+
+    def start(self, *arguments: str) -> "subprocess.Popen[str]":
+        started = subprocess.Popen(
+            [sys.executable, "-c", RUN, *self._words(arguments)],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=self._environment(),
+        )  # fmt: skip
+        self.started.append(started)
+        return started
+
+    def _words(self, arguments: tuple[str, ...]) -> list[str]:
+        """Options before the command's own arguments: what looks like a negative number is a time."""
+        words = 2 if arguments[0] == "kpl" else 1
+        return [*arguments[:words], "--federation", self.federation, *self.options, *arguments[words:]]
+
+    def _environment(self) -> dict[str, str]:
+        kept = {name: value for name, value in os.environ.items() if not name.startswith("DYKNOW_")}
+        return {**kept, "XDG_RUNTIME_DIR": str(self.directory), "COLUMNS": "80"}
+
+    def run(self, *arguments: str, code: int = 0) -> list[dict[str, Any]]:
+        """The JSON lines of a command that must end with `code`."""
+        out, err = self.raw(*arguments, "--json", code=code)
+        del err
+        return [json.loads(line) for line in out.splitlines()]
+
+    def raw(self, *arguments: str, code: int = 0) -> tuple[str, str]:
+        done = command.run(self._words(arguments), self._environment())
+        assert done.returncode == code, f"dyknow {' '.join(arguments)} ended with {done.returncode}\n{done}"
+        return done.stdout, done.stderr
+
+    def until(self, *arguments: str, within_s: float = 20.0, **wanted: Any) -> list[dict[str, Any]]:
+        """Ask again until every line has what is wanted; the command itself paces the asking."""
+        until = time.monotonic() + within_s
+        while True:
+            done = command.run(self._words((*arguments, "--json")), self._environment())
+            found = [json.loads(line) for line in done.stdout.splitlines()]
+            if found and all(line.get(name) == value for line in found for name, value in wanted.items()):
+                return found
+            assert time.monotonic() < until, f"dyknow {' '.join(arguments)} still says {found}"
+
+    def close(self) -> None:
+        if (self.directory / "dyknow" / self.federation / STATE_FILE).exists():
+            self.start("down").wait(timeout=PATIENCE_S)
+        for started in self.started:
+            if started.poll() is None:
+                started.terminate()
+                started.wait(timeout=PATIENCE_S)
+            for pipe in (started.stdout, started.stderr):
+                if pipe is not None:
+                    pipe.close()
+
+
+def lines(started: "subprocess.Popen[str]") -> Iterator[dict[str, Any]]:
+    """The JSON lines of a running command, as they come."""
+    assert started.stdout is not None
+    for line in started.stdout:
+        yield json.loads(line)
+
+
+def gone(pids: list[int], within_s: float = 15.0) -> bool:
+    """Whether none of these processes is there any more, at the latest after that long."""
+    left = []
+    for pid in pids:
+        try:
+            left.append(psutil.Process(pid))
+        except psutil.NoSuchProcess:
+            continue
+    _ended, alive = psutil.wait_procs(left, timeout=within_s)
+    return not alive

@@ -1,0 +1,107 @@
+"""A specification that is changed while its platform runs, printed back, drawn, and restored from elsewhere."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.live.command_line.command import Dyknow, lines
+
+pytestmark = pytest.mark.live
+EXAMPLES = Path(__file__).parents[3] / "examples"
+FIRST = "source altitude barometer_0\nstrmgen alt[self] = barometer_0\nstream height = alt[self]\n"
+SECOND = FIRST + "stream sometimes = alt[self] with sample every 500\n"
+WRONG = FIRST + "stream none = nothing[self]\n"
+
+
+def test_a_file_is_taken_in_again_when_it_changes_and_what_was_held_is_restored(dyknow: Dyknow, tmp_path: Path) -> None:
+    spec = tmp_path / "mission.kpl"
+    spec.write_text(FIRST, encoding="utf-8")
+    units = str(EXAMPLES / "flights.py")
+    joined = dyknow.start("join", "--unit", "0", "--spec", str(spec), "--units", units, "--json")
+    said = lines(joined)
+    assert next(line for line in said if line.get("stream") == "height")
+
+    spec.write_text(SECOND, encoding="utf-8")
+    assert next(line for line in said if line.get("stream") == "sometimes" and line["event"] == "sample")
+    [held] = dyknow.run("kpl", "show", "--unit", "0")
+    assert (held["number"], held["last"], held["specification"]) == (1, 1, SECOND)
+
+    spec.write_text(WRONG, encoding="utf-8")
+    refused = next(
+        line for line in said if line.get("event") == "note" and "the previous one keeps running" in line["text"]
+    )
+    assert "mission.kpl:4:15: nothing makes nothing[self]" in refused["text"]
+
+    [before] = dyknow.run("kpl", "show", "--unit", "0", "--configuration", "0")
+    assert before["specification"] == FIRST
+    dyknow.run("kpl", "show", "--unit", "0", "--restore", "0")
+    [held] = dyknow.run("kpl", "show", "--unit", "0")
+    assert (held["number"], held["specification"]) == (2, FIRST)
+    [graph] = dyknow.run("kpl", "graph", "--unit", "0")
+    assert {node["name"] for node in graph["nodes"]} >= {"alt[0]", "height"}
+    assert "sometimes" not in {node["name"] for node in graph["nodes"]}
+    out, err = dyknow.raw("kpl", "show", "--unit", "0", "--restore", "7", code=1)
+    assert "there are 3 configurations" in err
+    del out
+
+
+CAR = '''
+from dyknow import source
+
+PERIOD_US = 250_000
+
+
+@source("link")
+def links(from_us):
+    """A car that turns every half second."""
+    for n in range(1_000_000):
+        valid_us = (from_us // PERIOD_US + 1 + n) * PERIOD_US
+        yield valid_us, ("l1", "no_link", "l2", "no_link")[valid_us // PERIOD_US % 4]
+'''
+TURNS = """
+chronicle turns[?car, ?from, ?to] {
+    event(link[?car]:(?from, no_link), t1)
+    event(link[?car]:(no_link, ?to), t2)
+    t1 < t2
+    t2 - t1 <= 400
+}
+"""
+
+
+def test_chronicles_are_recognised_in_the_live_streams_of_a_platform(dyknow: Dyknow, tmp_path: Path) -> None:
+    units, spec, chronicles = tmp_path / "cars.py", tmp_path / "cars.kpl", tmp_path / "turns.chr"
+    units.write_text(CAR, encoding="utf-8")
+    chronicles.write_text(TURNS, encoding="utf-8")
+    spec.write_text(
+        'source link links\nstrmgen link[a] = links\nchronicle file "turns.chr" with max delay 100\n'
+        "stream turned = chronicle[turns]\n",
+        encoding="utf-8",
+    )
+    joined = dyknow.start("join", "--unit", "0", "--spec", str(spec), "--units", str(units), "--json")
+    declared = next(line for line in lines(joined) if line.get("stream") == "turned" and line["event"] == "sample")
+    assert declared["value"][0] in [["a", "l1", "l2"], ["a", "l2", "l1"]]
+    watched = dyknow.run("chronicle", str(chronicles), "--unit", "0", "--timeout", "3s", "--max-delay", "200ms")
+    assert {(each["bindings"]["?from"], each["bindings"]["?to"]) for each in watched} == {("l1", "l2"), ("l2", "l1")}
+    assert all(each["instants"]["t2"] - each["instants"]["t1"] == 250 for each in watched)
+
+
+def test_a_formula_is_checked_over_the_live_streams_of_a_specification(dyknow: Dyknow, tmp_path: Path) -> None:
+    units, spec = tmp_path / "cars.py", tmp_path / "cars.kpl"
+    units.write_text(CAR, encoding="utf-8")
+    spec.write_text(
+        'source link links\nstrmgen link[a] = links\ndefine crossing[c] = link[c] = "no_link"\n'
+        "monitor driving = always not crossing[a] with sample every 50, max delay 100\n",
+        encoding="utf-8",
+    )
+    joined = dyknow.start("join", "--unit", "0", "--spec", str(spec), "--units", str(units), "--json")
+    assert next(line for line in lines(joined) if line.get("event") == "alarm-opened")
+    [told] = dyknow.run("check", "eventually crossing[a]", "--unit", "0")
+    assert (told["verdict"], told["because"][0]["samples"]) == ("true", {"link[a]": "no_link"})
+    assert told["states"].startswith("strmgen check_states = state(link[a] with max delay 500) with sample every 100")
+    [told] = dyknow.run("check", "always not crossing[a]", "--unit", "0", code=1)
+    assert told["verdict"] == "false"
+    _, err = dyknow.raw("check", "always not crosing[a]", "--unit", "0", code=2)
+    assert "write: crossing" in err
+    [graph] = dyknow.run("kpl", "graph", "--unit", "0")
+    states = next(node["states"] for node in graph["nodes"] if node["name"] == "driving")
+    assert states.startswith("strmgen driving_states = state(link[a] with max delay 100) with sample every 50")

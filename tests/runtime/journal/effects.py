@@ -1,0 +1,105 @@
+"""A journal's replayed effects in a form that outlives the code: decoded, without class names and without prose."""
+
+import json
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from agents.effects import InjectFault, Tell
+from agents.flight.pilot import FlightLimits, FlightPlan, Waypoint
+from agents.platform import Platform
+from federation import keys
+from federation.members.clock import FederationClock
+from federation.messages.codec import decode_act, decode_description, decode_heartbeat, decode_samples
+from federation.transport import Answer, Ask, Put
+from navigation.vehicle import Command
+from proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED, read_about, read_journal
+from runtime.configuration.config import NodeConfig
+from runtime.configuration.resolved import platform_config
+from runtime.journal.journal import replayed
+
+PROSE = {"text", "reason"}
+"""Fields that hold sentences: a sentence may be worded better without being another effect."""
+
+
+def replayed_effects(path: Path) -> dict[str, list[Any]]:
+    """What a fresh platform does with the events of a journal, by kind of effect, in order; times in microseconds.
+
+    Beyond what every journal says of its node this one names `started_us`, `zid` and the flight `plan`.
+    """
+    about = read_about(path)
+    started_us, plan = int(about["started_us"]), json.loads(about["plan"])
+    config = replace(
+        platform_config(
+            NodeConfig.model_validate_json(about["config"]),
+            FederationClock(int(about[CLOCK_EPOCH]), float(about[CLOCK_SPEED])),
+            started_us,
+            about["zid"],
+        ),
+        control=True,
+        simulated=True,
+        limits=FlightLimits(10.0, 120.0),
+        plan=FlightPlan(
+            tuple(Waypoint(*waypoint) for waypoint in plan["waypoints"]),
+            plan["speed_m_s"],
+            plan["start_us"],
+            plan["loop"],
+        ),
+    )
+    platform = Platform(config, started_us)
+    platform.start(started_us)
+    effects: dict[str, list[Any]] = defaultdict(list)
+    for now_us, step in replayed(read_journal(path), platform):
+        for effect in step:
+            kind, content = _plain(effect)
+            if kind:
+                effects[kind].append([now_us - started_us, *content])
+    return json.loads(json.dumps(effects), parse_float=lambda text: float(f"{float(text):.9g}"))
+
+
+def _plain(effect: Any) -> tuple[str, list[Any]]:
+    match effect:
+        case Put(key, payload):
+            return _put(key, keys.parse_key(key), payload)
+        case Command(number, order):
+            return "commands", [number, type(order).__name__.removesuffix("Order").lower(), *order]
+        case Tell(record):
+            return "told", [{name: value for name, value in record.items() if name not in PROSE}]
+        case Ask(_, key, _, timeout_us):
+            return "questions", [key, timeout_us]
+        case Answer(_, key, payload):
+            return "answers", [key, len(payload)]
+        case InjectFault():
+            return "faults", list(effect)
+        case _:
+            return "", []
+
+
+def _put(key: str, parsed: Any, payload: bytes) -> tuple[str, list[Any]]:
+    match parsed:
+        case keys.StreamKey():
+            boot, samples = decode_samples(payload)
+            return "samples", [key, boot, [list(sample) for sample in samples]]
+        case keys.HeartbeatKey():
+            return "heartbeats", list(decode_heartbeat(payload))
+        case keys.AnnouncementKey():
+            return "descriptions", [key, decode_description(payload).model_dump(mode="json")]
+        case keys.ActKey(agent="receipt"):
+            return "receipts", [key]
+        case keys.ActKey():
+            act = decode_act(payload)[0]
+            return "acts", [
+                act.performative,
+                str(act.sender),
+                str(act.receiver),
+                None if act.content is None else str(act.content),
+                act.conversation_id,
+                act.reply_by_us,
+                act.boot,
+                act.seq,
+                act.created_us,
+                act.acks,
+            ]
+        case _:
+            raise AssertionError(f"nothing is put on {key}")

@@ -1,0 +1,52 @@
+"""What `import dyknow` offers of the rooms above: every name, lazily, and typed as it is."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import dyknow
+from dyknow.library import _PLACES
+from federation.sharing.ontology import default_ontology
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_what_leads_through_the_door_is_exported_typed_and_there() -> None:
+    stub = (ROOT / "dyknow" / "library.pyi").read_text()
+    typed = {name: module for module, name in re.findall(r"^from (\S+) import (\w+) as \2$", stub, re.MULTILINE)}
+    assert typed == _PLACES
+    assert set(_PLACES) <= set(dyknow.__all__)
+    for name in _PLACES:
+        assert getattr(dyknow, name).__name__ == name
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        dyknow.nothing  # noqa: B018
+
+
+def test_the_rooms_above_are_loaded_when_they_are_used() -> None:
+    asked = "import sys, dyknow; print(any(name.split('.')[0] in {'runtime', 'federation', 'zenoh'} for name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout == "False\n"
+
+
+def test_every_package_ships_its_types() -> None:
+    rooms = [path.parent for path in ROOT.glob("*/__init__.py") if path.parent.name not in {"tests", "bench"}]
+    assert len(rooms) >= 11
+    assert [room.name for room in rooms if not (room / "py.typed").exists()] == []
+
+
+def test_the_page_lists_every_semantic_label_with_its_fields_and_units() -> None:
+    page, ontology = (ROOT / "docs" / "python.md").read_text(), default_ontology()
+    for name in ontology:
+        sort = ontology[name].sort
+        fields = ", ".join(f"`{field.name}` [{field.unit}]" for field in sort.fields)
+        assert f"| `{name}` | `{sort.name}` | {fields} |" in page
+
+
+def test_help_has_what_a_reader_needs() -> None:
+    for made in (dyknow.connect, dyknow.join, dyknow.FederationClient.query, dyknow.FederationClient.watch):
+        assert "Raises:" in str(made.__doc__)
+        assert "Args:" in str(made.__doc__)
+    assert "dyknow.connect()" in str(dyknow.__doc__)

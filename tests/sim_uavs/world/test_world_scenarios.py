@@ -1,0 +1,144 @@
+"""The scenario of 9.4 and what may come between, step by step, in the simulated world."""
+
+import pytest
+
+from agents.flight.giving_way import GivingWay
+from federation.messages.acts import Performative
+from federation.messages.contents import Answers, MonitorProximity, Query
+from federation.sharing.ontology import Translation, default_ontology
+from navigation.vehicle import Command, GoToOrder
+from tests.sim_uavs.worlds import (
+    PLAN_US,
+    alarms,
+    cancel_task,
+    fly_scenario,
+    is_down,
+    leaders,
+    place,
+    raised,
+    separations_m,
+)
+
+S = 1_000_000
+LATEST_US = 300_000
+"""One sample period and 200 ms."""
+
+
+def delegated(world, to="0", **content):
+    world.run_for(2)
+    return world.ask("cc", to, MonitorProximity(**content))
+
+
+@pytest.mark.parametrize("name", ["crossing", "encounter"])
+def test_two_that_meet_warn_in_time_fly_apart_and_resume(name):
+    world = fly_scenario(1, name, 3)
+    task = delegated(world)
+    world.run_for(70)
+    assert {alarm.by for alarm in alarms(task, "proximity-warn")} == {"0", "1"}
+    for unit in ("0", "1"):
+        opened = raised(world, unit, "proximity-warn")
+        assert len(opened) == 1, "the warning does not flicker into a second manoeuvre"
+        assert opened[0].detected_us - opened[0].valid_us <= LATEST_US
+        plan = world.nodes[unit].config.plan
+        end = place(plan.waypoints[-1])
+        assert max(abs(a - b) for a, b in zip(place(world.nodes[unit].truth[-1]), end, strict=True)) < 3.0
+    assert all(not raised(world, unit, "proximity") for unit in "012")
+    assert min(metres for _, metres in separations_m(world, "0", "1")) > 10.0
+    assert not raised(world, "2", "proximity-warn")
+
+
+def test_told_not_to_give_way_they_meet_and_both_alarms_open():
+    world = fly_scenario(1, "crossing", 2)
+    task = delegated(world, avoidance=False)
+    world.run_for(45)
+    for monitor in ("proximity", "proximity-warn"):
+        assert {alarm.by for alarm in alarms(task, monitor)} == {"0", "1"}
+    assert min(metres for _, metres in separations_m(world, "0", "1")) < 5.0
+
+
+@pytest.mark.parametrize("partner", [{"control": False}, {"avoidance": False}])
+def test_a_partner_that_cannot_be_commanded_leaves_the_manoeuvre_to_the_other(partner):
+    world = fly_scenario(2, "crossing", 2, settings={"0": partner})
+    node = world.nodes["0"]
+    goal = GoToOrder(*node.config.plan.waypoints[-1][:3], node.config.plan.speed_m_s)
+    world.at(world.start_us + PLAN_US, node.vehicle.on_command, Command(0, goal), 0, 0)  # somebody else flies it
+    delegated(world)
+    world.run_for(60)
+    assert any("leaves the manoeuvre to 1" in line for line in world.platform("1").part(GivingWay).log)
+    assert not raised(world, "1", "proximity")
+    assert min(metres for _, metres in separations_m(world, "0", "1")) > 10.0
+
+
+def test_when_the_leader_dies_an_heir_leads_on_takes_newcomers_in_and_can_be_cancelled():
+    world = fly_scenario(3, "patrol", 4)
+    world.kill("3")
+    task = delegated(world)
+    world.run_for(3)
+    world.kill("0")
+    world.run_for(6)
+    assert leaders(world) == ["1"]
+    world.restart("3")
+    world.run_for(5)
+    over = world.platform("3").ports.monitors.named["proximity"].instances
+    assert set(over) >= {"1", "2"}
+    assert all(over[unit].monitor.inputs == "fresh" for unit in ("1", "2"))
+    cancel_task(world, "cc", "1", task.conversation)
+    world.run_for(40)  # what the dead leader had asked for lingers half a minute, in case it returns
+    assert all(is_down(world.platform(unit)) for unit in "123")
+
+
+def test_a_partition_with_two_leaders_heals_to_one():
+    world = fly_scenario(4, "patrol", 4)
+    delegated(world)
+    world.run_for(3)
+    world.partition(["0", "1", "cc"], ["2", "3"])
+    world.run_for(10)
+    assert leaders(world) == ["0", "2"]
+    world.heal(["0", "1", "cc"], ["2", "3"])
+    world.run_for(8)
+    assert len(leaders(world)) == 1
+    for unit in "0123":
+        instances = world.platform(unit).ports.monitors.named["proximity"].instances
+        assert {u: i.monitor.inputs for u, i in instances.items()} == {u: "fresh" for u in "0123" if u != unit}
+
+
+def test_who_delegated_and_was_out_of_sight_for_a_while_finds_the_task_going_on():
+    world = fly_scenario(5, "patrol", 3)
+    task = delegated(world)
+    world.run_for(3)
+    world.partition(["cc"], "012")
+    world.run_for(6)
+    world.heal(["cc"], "012")
+    world.run_for(8)
+    assert leaders(world) == ["0"]
+    assert all("proximity" in world.platform(unit).ports.monitors.named for unit in "012")
+    cancel_task(world, "cc", "0", task.conversation)
+    world.run_for(4)
+    assert all(is_down(world.platform(unit)) for unit in "012")
+
+
+def test_a_global_query_names_whom_it_misses():
+    world = fly_scenario(6, "patrol", 4)
+    world.run_for(3)
+    world.freeze("3")
+    query = Query(semantic_label="heli-position", op="latest", scope="global")
+    asked = world.ask("cc", "0", query, Performative.QUERY_REF, within_us=3 * S)
+    world.run_for(3)
+    (answers,) = asked.contents(Answers)
+    assert {samples.unit for samples in answers.answers} == {"0", "1", "2"}
+    assert [missing.unit for missing in answers.missing] == ["3"]
+
+
+def test_platforms_with_other_labels_and_feet_federate():
+    ontology = default_ontology()
+    feet = Translation.parse(
+        ontology,
+        '[heli-altitude]\nlocal = "alt_baro[{unit}]"\nfields = { altitude_m = { name = "alt_ft", unit = "ft" } }\n',
+        "feet.toml",
+    )
+    world = fly_scenario(7, "crossing", 2, settings={"1": {"translation": feet}})
+    delegated(world, avoidance=False)
+    world.run_for(40)
+    here, there = raised(world, "0", "proximity"), raised(world, "1", "proximity")
+    assert len(here) == len(there) == 1
+    assert here[0].valid_us == there[0].valid_us
