@@ -66,7 +66,10 @@ class Peer:
         return self.heard
 
     def hears(self, event: type[E], **fields: object) -> E:
-        """The first event of that kind and with those fields; waits for it, and forgets what came before."""
+        """The first event of that kind and with those fields; waits for it, and forgets those of its kind before it.
+
+        Samples, questions and tokens come on threads of their own, so that only those of one kind have an order.
+        """
 
         def wanted(found: WireEvent) -> bool:
             return isinstance(found, event) and all(getattr(found, name) == value for name, value in fields.items())
@@ -75,7 +78,7 @@ class Peer:
         at = next(number for number, found in enumerate(self.heard) if wanted(found))
         found = self.heard[at]
         assert isinstance(found, event)
-        del self.heard[: at + 1]
+        self.heard[: at + 1] = [before for before in self.heard[:at] if not isinstance(before, event)]
         return found
 
     def perform(self, *effects: object) -> None:
