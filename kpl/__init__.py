@@ -1,10 +1,10 @@
 """KPL, the thesis' knowledge processing language: reading, checking and running specifications."""
 
-from kpl.checking.formulas import Constant, FeatureType, Vocabulary, check, read_formula
-from kpl.checking.known_streams import Known
+from kpl.checking.formulas import FeatureType, Vocabulary, check, read_formula
 from kpl.checking.lint import Remark, remarks
 from kpl.checking.profiles import profile_formula, unit_vocabulary
 from kpl.checking.specifications import Findings, check_specification
+from kpl.checking.symbols import Constant, Known
 from kpl.running.instance import ConfigurationEntry, Instance
 from kpl.running.ports import Federation, Hooks
 from kpl.syntax.chronicle_printing import print_chronicles

@@ -174,7 +174,7 @@ class HostDesk:
         for prototype in host.prototypes:
             if instance.prototypes.find(prototype.name) is not None:
                 raise PrototypeExists(prototype.name)
-            check_offer(prototype, instance.specification)
+            check_offer(prototype, instance.symbols)
         for label in host.own:
             if instance.network.has(label):
                 raise LabelAlreadyExists(str(label))

@@ -32,7 +32,7 @@ from federation.messages.acts import Act
 from federation.messages.descriptions import LabelEntry
 from federation.sharing.ontology import Translation
 from kpl import Hooks, Instance, Specification, parse_specification, print_specification
-from kpl.checking.declarations import domains_of
+from kpl.checking.symbols import domains_of
 from kpl.checking.warnings import grid_warnings
 from kpl.introspection.governor import Governor
 from kpl.introspection.graph import drawn, graph_of, maker_of, origins_of

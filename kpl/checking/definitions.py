@@ -6,10 +6,9 @@ from functools import cached_property
 from typing import Any
 
 from dyknow.model.errors import TextError
-from dyknow.model.labels import Label
-from kpl.checking.declarations import GENERATOR, names_of, needs_of
-from kpl.checking.formulas import Constant, Vocabulary, check
-from kpl.syntax.specification import Declaration, Define, ForEach, MonitorDeclaration
+from kpl.checking.formulas import Vocabulary, check
+from kpl.checking.symbols import DEFINITION, Constant, SymbolTable, constant_of
+from kpl.syntax.specification import Define, MonitorDeclaration
 from reasoning.formulas import tree
 
 LIMIT_EXPANDED = 2 * tree.LIMIT_NODES
@@ -23,41 +22,33 @@ class Definitions:
         TextError: a definition uses itself.
     """
 
-    def __init__(self, declarations: Iterable[Declaration]) -> None:
+    def __init__(self, symbols: SymbolTable) -> None:
         self._left = LIMIT_EXPANDED
-        self._declarations = tuple(declarations)
+        self._symbols = symbols
         self.constants: dict[str, Constant] = {}
         self.features: dict[tuple[str, int], Define] = {}
-        for each in self._declarations:
+        for each in symbols.of_kind(DEFINITION):
             if isinstance(each, Define):
-                value = _constant(each)
+                value = constant_of(each)
                 if value is None:
                     self.features[each.feature.name, len(each.feature.objects)] = each
                 else:
                     self.constants[each.feature.name] = value
 
     @cached_property
-    def monitors(self) -> tuple[MonitorDeclaration, ...]:
-        """The monitors of the same specification."""
-        return tuple(each for each in self._declarations if isinstance(each, MonitorDeclaration))
-
-    @cached_property
     def objects(self) -> frozenset[str]:
         """The objects that streams are called by, or that sets list; a stream called so itself is that stream."""
-        found, streams = set[str](), set[str]()
-        for each in self._declarations:
-            for need in needs_of(each):
-                found.update(one for one in need.term.label.objects if one not in need.variables)
-            for kind, name in names_of(each):
-                if kind == GENERATOR and isinstance(name, Label):
-                    inside = each.variable if isinstance(each, ForEach) else None
-                    found.update(one for one in name.objects if one != inside)
-                    streams.update(() if name.objects else (name.feature,))
-            if isinstance(each, Define | MonitorDeclaration):
-                domains = [node for node in tree.walk(each.formula) if isinstance(node, tree.Domain)]
+        objects, streams = set[str](), set[str]()
+        for each in self._symbols.symbols():
+            for need in each.takes:
+                objects.update(one for one in need.term.label.objects if one not in need.variables)
+            objects.update(one for one in each.label.objects if one not in each.variables)
+            streams.update(() if each.label.objects else (each.label.feature,))
+            if isinstance(each.declaration, Define | MonitorDeclaration):
+                domains = [node for node in tree.walk(each.declaration.formula) if isinstance(node, tree.Domain)]
                 listed = (one for each in domains for one in (each.base, *each.minus) if isinstance(one, tuple))
-                found.update(one for members in listed for one in members if isinstance(one, str))
-        return frozenset(found - streams)
+                objects.update(one for members in listed for one in members if isinstance(one, str))
+        return frozenset(objects - streams)
 
     def check(self, definition: Define) -> None:
         """Raise TextError where a definition is made of itself, used or not."""
@@ -161,13 +152,3 @@ def _circular(use: tree.Feature, around: Iterable[Define]) -> TextError:
 
 def _wrong(message: str, use: tree.Feature, repair: str) -> TextError:
     return TextError.at(use.place, message, repair=repair)
-
-
-def _constant(definition: Define) -> Constant | None:
-    """The value, if the definition is a number, a time, a text or a truth value without objects."""
-    formula = definition.formula
-    if definition.feature.objects:
-        return None
-    if isinstance(formula, tree.Duration):
-        return formula
-    return formula.value if isinstance(formula, tree.Const) else None

@@ -11,13 +11,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal, TypeAlias
 
 from dyknow.model.errors import TextError
+from kpl.checking.symbols import Constant
 from kpl.diagnostics.collector import ErrorCollector, nearest
 from kpl.syntax.numbers import number_time_us
 from kpl.syntax.parsing import raise_all, read_tree
 from reasoning.formulas import tree
 
 Sort: TypeAlias = Literal["boolean", "number", "duration", "object", "record", "any"]
-Constant: TypeAlias = bool | int | float | str | tree.Duration
 _MEASURED: Final = ("number", "duration", "any")
 
 

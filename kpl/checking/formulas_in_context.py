@@ -9,11 +9,11 @@ from typing import Final
 
 from dyknow.model.errors import TextError
 from dyknow.model.labels import Label
-from kpl.checking.declarations import MARGIN, SELF, label_of
 from kpl.checking.definitions import Definitions
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.formulas import Checker, Sort, Vocabulary
-from kpl.checking.known_streams import Streams
+from kpl.checking.streams import Streams
+from kpl.checking.symbols import MARGIN, MONITOR, SELF, label_of
 from kpl.syntax.specification import Define, MonitorDeclaration
 from reasoning.features.derivation import FEATURES
 from reasoning.formulas import tree
@@ -30,11 +30,11 @@ class FormulaChecker(Checker):
 
     def __init__(self, streams: Streams, errors: DeclarationErrors) -> None:
         self._streams, self._collector = streams, errors
-        declared, known = streams.declared, streams.known
-        self._definitions = Definitions(declared.declarations())
+        known = streams.known
+        self._definitions = Definitions(streams.symbols)
         self._arities = dict(self._definitions.features.keys())
         self._objects_there = {*self._definitions.objects, *(one for label in known.labels for one in label.objects)}
-        self._labels = (*(made.label for made in declared.made.values()), *known.labels)
+        self._labels = streams.symbols.labels()
         bare = [label.feature for label in self._labels if not label.objects]
         constants = {**self._definitions.constants, SELF: SELF}
         self._domains = {*bare, *known.unread, OF_A_PLATFORM}
@@ -89,16 +89,15 @@ class FormulaChecker(Checker):
 
     def margin(self, name: str, node: tree.Node) -> None:
         """How far a monitor is from violation is known of formulas over streams whose windows end."""
-        monitors = [each for each in self._definitions.monitors if each.name == name]
-        if not monitors:
-            names = (each.name for each in self._definitions.monitors)
-            near = self._collector.closest(name, names)
+        monitor = self._streams.symbols.named(MONITOR, name)
+        if not isinstance(monitor, MonitorDeclaration):
+            near = self._collector.closest(name, self._streams.symbols.names(MONITOR))
             self.error(
                 f"no monitor is called {name}", node.place, f"{MARGIN}[{near}]" if near else f"monitor {name} = ..."
             )
             return
         try:
-            formula = self._definitions.resolved(monitors[0].formula, SELF)
+            formula = self._definitions.resolved(monitor.formula, SELF)
         except TextError:
             return  # that is told where it is declared
         features = {one.name for one in tree.walk(formula) if isinstance(one, tree.Feature)}

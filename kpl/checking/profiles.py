@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 
 from dyknow.model.instants import parse_duration
-from kpl.checking.formulas import Constant, FeatureType, Vocabulary, read_formula
+from kpl.checking.formulas import FeatureType, Vocabulary, read_formula
+from kpl.checking.symbols import Constant
 from reasoning.features.derivation import FEATURES
 from reasoning.formulas.tree import Duration, Formula
 from reasoning.monitoring.profiles import Profile, Threshold

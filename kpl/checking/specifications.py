@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 from dyknow.model.errors import TextError
 from dyknow.model.labels import Label
-from kpl.checking import declarations
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.formulas_in_context import FormulaChecker
-from kpl.checking.known_streams import ANY, Known, Streams
+from kpl.checking.streams import ANY, Streams
+from kpl.checking.symbols import CHRONICLE, GENERATOR, MAKER, MARGIN, Known, Symbol, SymbolTable, stem
 from kpl.checking.warnings import warnings_of
 from kpl.syntax import specification as spec
 from reasoning.formulas.tree import Node
@@ -34,22 +34,24 @@ def check_specification(
 ) -> Findings:
     """Look at all declarations together; `text` and `file` are what they were read from, for the drawing of errors."""
     every = tuple(specification)
-    checker = _Checker(declarations.Declarations(every), known or Known(), text, file)
+    return check_symbols(SymbolTable(every, known), every, text, file)
+
+
+def check_symbols(symbols: SymbolTable, every: Sequence[spec.Declaration], text: str = "", file: str = "") -> Findings:
+    """The same of declarations that are in a table already."""
+    checker = _Checker(symbols, text, file)
     checker.check(every, every)
-    known = checker.known
-    warnings = warnings_of(every, checker.declared, known.labels, known.figures, checker)
-    return Findings(_in_order(checker.errors), _in_order(warnings))
+    return Findings(_in_order(checker.errors), _in_order(warnings_of(every, symbols, checker)))
 
 
 def check_change(
-    declared: declarations.Declarations,
+    symbols: SymbolTable,
     gone: Sequence[spec.Declaration],
     new: Sequence[spec.Declaration],
-    known: Known,
     text: str = "",
     file: str = "",
 ) -> tuple[TextError, ...]:
-    """What is wrong with `declared` now that these have gone and come, if nothing was before: as if all were looked at.
+    """What is wrong with `symbols` now that these have gone and come, if nothing was before: as if all were looked at.
 
     Looked at is what is new, and what depends on what changed.
     """
@@ -57,20 +59,20 @@ def check_change(
     waiting = [*gone, *new]
     while waiting:
         changed = waiting.pop()
-        for each in declared.dependent(changed):
+        for each in symbols.dependent(changed):
             if id(each) not in touched:
                 touched[id(each)] = each
                 waiting.append(each)  # its sort may be another one now, and chains through it longer
-    checker = _Checker(declared, known, text, file)
+    checker = _Checker(symbols, text, file)
     checker.check(new, tuple(touched.values()))
     return _in_order(checker.errors)
 
 
 class _Checker(DeclarationErrors):
-    def __init__(self, declared: declarations.Declarations, known: Known, text: str, file: str) -> None:
+    def __init__(self, symbols: SymbolTable, text: str, file: str) -> None:
         super().__init__(text, file)
-        self.declared, self.known = declared, known
-        self.streams = Streams(declared, known)
+        self.symbols, self.known = symbols, symbols.known
+        self.streams = Streams(symbols)
 
     @cached_property
     def _formulas(self) -> FormulaChecker:
@@ -94,15 +96,14 @@ class _Checker(DeclarationErrors):
     # Names
 
     def _check_names(self, declaration: spec.Declaration) -> None:
-        for kind, name in declarations.names_of(declaration):
-            before = next(iter(self.declared.named[kind, name].values()))
+        symbol = self.symbols.of(declaration)
+        for name in symbol.names:
+            before, kind = self.symbols.named(symbol.kind, name), symbol.kind
             said = name[0] if isinstance(name, tuple) and not isinstance(name, Label) else name
-            if before is not declaration:
+            if before is not None and before is not declaration:
                 where = "the running instance" if before in self.known.running else f"line {before.place.line}"
                 self.wrong(f"{said} is {kind} already, in {where}", declaration, "another name")
-            elif (kind == declarations.GENERATOR and name in self.known.labels) or (
-                kind == declarations.MAKER and self._is_other(declaration)
-            ):
+            elif (kind == GENERATOR and name in self.known.labels) or (kind == MAKER and self._is_other(declaration)):
                 self.wrong(f"{said} is {kind} already, in the running instance", declaration, "another name")
 
     def _is_other(self, declaration: spec.Declaration) -> bool:
@@ -111,7 +112,7 @@ class _Checker(DeclarationErrors):
             return declaration.name in self.known.units
         return isinstance(declaration, spec.UnitDeclaration) and declaration.name in self.known.sources
 
-    # declarations.Declarations, one by one
+    # Declarations, one by one
 
     def _check(self, declaration: spec.Declaration) -> None:
         match declaration:
@@ -148,27 +149,27 @@ class _Checker(DeclarationErrors):
                     )
 
     def _from_source(self, source: str, made: Node) -> None:
-        if self.streams.source(source) is not None or source in self.known.unread:
+        if self.symbols.source(source) is not None or source in self.known.unread:
             return
-        declared = self.streams.unit(source)
-        sources = (*self.declared.sources(), *self.known.sources, *self.known.offered)
+        declared = self.symbols.unit(source)
+        sources = (*self.symbols.sources(), *self.known.sources, *self.known.offered)
         if declared is not None:
             self.wrong(f"{source} is a unit, which takes streams", made, f"{source}({', '.join(declared[1])})")
-        elif any(True for _ in self.declared.makers(Label(source))):
-            units = [*self.declared.units(), "Unit"]
+        elif any(True for _ in self.symbols.makers(Label(source))):
+            units = [*self.symbols.units(), "Unit"]
             self.wrong(f"{source} is a stream, and no source: units take streams", made, f"{units[0]}({source})")
         else:
             repair = self.closest(source, sources) or f"source SORT {source}, before it"
             self.wrong(f"{source} is no source that is declared", made, repair)
 
     def _unit(self, unit: str, arity: int, made: Node) -> None:
-        declared = self.streams.unit(unit)
+        declared = self.symbols.unit(unit)
         if unit in self.known.unread:
             return
         if declared is None:
-            is_source = self.streams.source(unit) is not None
+            is_source = self.symbols.source(unit) is not None
             kind = "a source, which takes no streams" if is_source else "no computational unit that is declared"
-            units = (*self.declared.units(), *self.known.units, *self.known.offered, *WORDS)
+            units = (*self.symbols.units(), *self.known.units, *self.known.offered, *WORDS)
             repair = unit if is_source else self.closest(unit, units)
             sorts = ", ".join(["SORT"] * arity)
             self.wrong(f"{unit} is {kind}", made, repair or f"compunit SORT {unit}({sorts}), before it")
@@ -187,18 +188,18 @@ class _Checker(DeclarationErrors):
     # Inputs: are they there, and of the right sort
 
     def _check_inputs(self, declaration: spec.Declaration) -> None:
-        for need in declarations.needs_of(declaration):
+        for need in self.symbols.of(declaration).takes:
             self._present(need.term, need.variables)
         if isinstance(declaration, spec.ForEach):
             self._names_objects(declaration.domain, frozenset())
         made = spec.making_of(declaration)
         if isinstance(made, spec.Select | spec.Merge):
-            self._names_objects(made.domain, self.declared.made[id(declaration)].variables)
+            self._names_objects(made.domain, self.symbols.of(declaration).variables)
         elif isinstance(made, spec.Refinement):
-            self._check_sorts(made, self.declared.made[id(declaration)].variables)
+            self._check_sorts(made, self.symbols.of(declaration).variables)
 
     def _check_sorts(self, made: spec.Refinement, variables: frozenset[str]) -> None:
-        declared = self.streams.unit(made.unit)
+        declared = self.symbols.unit(made.unit)
         if declared is None or len(declared[1]) != len(made.inputs):
             return
         for wanted, term in zip(declared[1], made.inputs, strict=True):
@@ -209,27 +210,24 @@ class _Checker(DeclarationErrors):
     def _present(self, term: spec.StreamTerm, variables: frozenset[str]) -> None:
         label = term.label
         if label.feature in self.known.figures and len(label.objects) == 1:
-            if label.feature == declarations.MARGIN and label.objects[0] not in variables:
+            if label.feature == MARGIN and label.objects[0] not in variables:
                 self._formulas.margin(label.objects[0], term)
             return
-        if label.feature == spec.RECOGNISED and any(
-            (declarations.CHRONICLE, name) in self.declared.named for name in label.objects[:1]
-        ):
+        if label.feature == spec.RECOGNISED and any(self.symbols.named(CHRONICLE, name) for name in label.objects[:1]):
             return
         if self.streams.has(label, variables):
             lacking = self.streams.lacks(label, variables)
             if lacking is not None:
                 self.wrong(lacking[0], term, lacking[1])
             return
-        if declarations.stem(label) in self.known.unread or self.streams.derives(label):
+        if stem(label) in self.known.unread or self.streams.derives(label):
             return
-        if not label.objects and self.streams.source(label.feature) is not None:
+        if not label.objects and self.symbols.source(label.feature) is not None:
             said = f"nothing makes {label}, which is a source: a stream is taken from a generator that is made from it"
-            made = (one.label for one in self.declared.made.values() if one.made == spec.FromSource(label.feature))
+            made = (one.label for one in self.symbols.symbols() if one.made == spec.FromSource(label.feature))
             self.wrong(said, term, str(next(made, f"strmgen {label}_stream = {label}, before it")))
             return
-        own = self.declared.made.get(id(self.of))
-        names = (*(made.label for made in self.declared.made.values() if made is not own), *self.known.labels)
+        names = self.symbols.labels(but=self.of)
         self.unmade(f"nothing makes {label}", term, label, self.closest(str(label), names))
 
     def _names_objects(self, domain: spec.StreamTerm, variables: frozenset[str]) -> None:
@@ -245,10 +243,8 @@ class _Checker(DeclarationErrors):
         depth: dict[int, int] = {}  # 0 while it is on the path
         told = False
         for start in touched:
-            made = self.declared.made.get(id(start))
-            path: list[tuple[declarations.MadeGenerator, Iterator[declarations.MadeGenerator]]] = []
-            if made is not None:
-                self._enter(made, depth, path)
+            path: list[tuple[Symbol, Iterator[Symbol]]] = []
+            self._enter(self.symbols.of(start), depth, path)
             while path:
                 made, rest = path[-1]
                 after = next(rest, None)
@@ -260,33 +256,33 @@ class _Checker(DeclarationErrors):
                         self._at(made, from_text)
                         self.wrong(
                             f"{made.label} is at the end of a chain of more than {LONGEST_CHAIN} processes",
-                            made.node,
+                            made.declaration,
                             f"chains of at most {LONGEST_CHAIN}",
                         )
                 elif depth.get(id(after)) == 0:
                     at = next(i for i, (one, _) in enumerate(path) if one is after)
                     around = " <- ".join(str(one.label) for one in [*(one for one, _ in path[at:]), after])
                     self._at(made, from_text)
-                    self.wrong(f"a cycle: {around}", made.node, "a stream from outside the cycle")
+                    self.wrong(f"a cycle: {around}", made.declaration, "a stream from outside the cycle")
                 else:
                     self._enter(after, depth, path)
 
-    def _at(self, made: declarations.MadeGenerator, from_text: Collection[int]) -> None:
-        self.of, self.is_old = made.node, id(made.node) not in from_text
+    def _at(self, made: Symbol, from_text: Collection[int]) -> None:
+        self.of, self.is_old = made.declaration, id(made.declaration) not in from_text
 
-    def _before(self, made: declarations.MadeGenerator) -> Iterable[declarations.MadeGenerator]:
+    def _before(self, made: Symbol) -> Iterable[Symbol]:
         """What it needs."""
         return {
-            id(one): one for need in made.needs for one in self.declared.makers(need.term.label, need.variables)
+            id(one): one for need in made.takes for one in self.symbols.makers(need.term.label, need.variables)
         }.values()
 
     def _enter(
         self,
-        made: declarations.MadeGenerator,
+        made: Symbol,
         depth: dict[int, int],
-        path: list[tuple[declarations.MadeGenerator, Iterator[declarations.MadeGenerator]]],
+        path: list[tuple[Symbol, Iterator[Symbol]]],
     ) -> None:
-        if id(made) not in depth:
+        if made.label.feature and id(made) not in depth:
             depth[id(made)] = 0
             path.append((made, iter(self._before(made))))
 

@@ -5,9 +5,9 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from dyknow.model.errors import ChronicleError, TextError
 from dyknow.model.instants import print_duration
 from dyknow.model.labels import Label
-from kpl.checking.declarations import CHRONICLE, Declarations, domains_of, needs_of, reads_of, stem, uses_of
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.lint import remarks
+from kpl.checking.symbols import CHRONICLE, DEFINITION, SymbolTable, domains_of, stem
 from kpl.syntax import specification as spec
 from reasoning.chronicles import ChronicleFile as Chronicles
 from reasoning.chronicles import Recogniser
@@ -15,39 +15,33 @@ from reasoning.features.derivation import FEATURES, needed_labels
 from reasoning.formulas.tree import Feature, Formula, Variable, walk
 
 
-def warnings_of(
-    every: Sequence[spec.Declaration],
-    declared: Declarations,
-    known: Iterable[Label],
-    figures: Collection[str],
-    errors: DeclarationErrors,
-) -> list[TextError]:
+def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors: DeclarationErrors) -> list[TextError]:
     """Sources and units that nothing is made from, generators whose streams have no subscriber, features without a producer."""
     found: list[TextError] = []
     wanted, used, features = set[int](), set[str](), set[str]()
     for each in every:
-        for need in (*needs_of(each), *reads_of(each)):
-            wanted.update(id(one) for one in declared.makers(need.term.label, need.variables))
+        symbol = symbols.of(each)
+        for need in symbol.needs:
+            wanted.update(id(one) for one in symbols.makers(need.term.label, need.variables))
             features.update({need.term.label.feature} & FEATURES.keys())
-        used.update(uses_of(each))
+        used.add(symbol.uses)
         if isinstance(each, spec.Define | spec.MonitorDeclaration):
             features |= {node.name for node in walk(each.formula) if isinstance(node, Feature)}
             features.update(domains_of(each.formula))
         if isinstance(each, spec.ChronicleDeclaration) and each.content is not None:
             features |= {name.partition(".")[0] for name in _event_names(each.content)}
     features.update(needed_labels(features & FEATURES.keys()))
-    defined = {each.feature.name for each in every if isinstance(each, spec.Define)}
-    makers = Makers(declared, frozenset(known), {*figures, *FEATURES, *defined})
+    makers = Makers(symbols, FEATURES)
     for each in every:
-        made = declared.made.get(id(each))
+        made = symbols.of(each)
         if isinstance(each, spec.SourceDeclaration | spec.UnitDeclaration) and each.name not in used:
             found.append(errors.located(f"nothing is made from {each.name}", each, ""))
-        if made is not None and id(made) not in wanted and stem(made.label) not in features:
+        if made.label.feature and id(made) not in wanted and stem(made.label) not in features:
             found.append(errors.located(f"{made.label} has no subscriber here", each, ""))
         if isinstance(each, spec.Define | spec.MonitorDeclaration):
             found += makers.unread(each.formula, errors)
         if isinstance(each, spec.MonitorDeclaration):
-            said_of = remarks(each.formula, lambda feature: _is_raw(feature, declared))
+            said_of = remarks(each.formula, lambda feature: _is_raw(feature, symbols))
             found += [errors.located(one.message, one.node, one.repair) for one in said_of]
     return [*found, *stray_grids(every, errors)]
 
@@ -87,19 +81,20 @@ def _event_names(content: Chronicles) -> tuple[str, ...]:
         return ()
 
 
-def _is_raw(feature: Feature, declared: Declarations) -> bool:
+def _is_raw(feature: Feature, symbols: SymbolTable) -> bool:
     """Whether a feature is made from a source as it is, so that its noise is in it."""
     label = Label(feature.name, tuple(map(str, feature.objects)))
-    return any(isinstance(made.made, spec.FromSource) for made in declared.makers(label))
+    return any(isinstance(made.made, spec.FromSource) for made in symbols.makers(label))
 
 
 class Makers:
-    """Producers of a feature of given objects; what is known `by_name` alone is made."""
+    """Producers of a feature of given objects; what figures, definitions and derived `features` are called is made."""
 
-    def __init__(self, declared: Declarations, known: frozenset[Label], by_name: Collection[str]) -> None:
-        self._declared, self._known, self._by_name = declared, known, by_name
-        of_features = (*(made.label for made in declared.made.values()), *known)
-        self._features = {*map(stem, of_features), *by_name, spec.RECOGNISED}
+    def __init__(self, symbols: SymbolTable, features: Collection[str]) -> None:
+        self._symbols = symbols
+        defined = (each.feature.name for each in symbols.of_kind(DEFINITION) if isinstance(each, spec.Define))
+        self._by_name = {*symbols.known.figures, *features, *defined}
+        self._features = {*map(stem, symbols.labels()), *self._by_name, spec.RECOGNISED}
 
     def unread(self, formula: Formula, errors: DeclarationErrors) -> Iterator[TextError]:
         """Of features of objects that nothing is called like; names without objects may be more than features."""
@@ -109,7 +104,7 @@ class Makers:
             if node.name not in self._features:
                 name, names = node.name, [*self._features]
             elif not self._make(node):
-                name, names = str(node.label), [str(made.label) for made in self._declared.made.values()]
+                name, names = str(node.label), [*map(str, self._symbols.labels())]
             else:
                 continue
             said = f"nothing here makes {name}, so that its value stays unknown"
@@ -122,5 +117,5 @@ class Makers:
             return True
         label = Label(feature.name, tuple(map(str, feature.objects)))
         if label.feature == spec.RECOGNISED:
-            return (CHRONICLE, label.objects[0]) in self._declared.named
-        return label in self._known or any(True for _ in self._declared.makers(label))
+            return self._symbols.named(CHRONICLE, label.objects[0]) is not None
+        return label in self._symbols.known.labels or any(True for _ in self._symbols.makers(label))

@@ -16,8 +16,8 @@ from dyknow.model.instants import US_PER_MS, US_PER_S, print_duration, print_spa
 from dyknow.network.processes import RefinementProcess
 from dyknow.network.prototypes import UnitPrototype
 from dyknow.network.stream_proxy import StreamProxy
-from kpl.checking.declarations import needs_of
 from kpl.checking.formulas import read_formula
+from kpl.checking.symbols import symbol_of
 from kpl.running.figures import WORST
 from kpl.running.formula_monitors import FormulaMonitor
 from kpl.running.instance import Instance
@@ -297,7 +297,7 @@ def speaks(network: Network) -> None:
 
 def listens(specification: Iterable[spec.Declaration]) -> bool:
     """Whether a specification takes what a governor tells."""
-    return any(need.term.label == REFINEMENTS for each in specification for need in needs_of(each))
+    return any(need.term.label == REFINEMENTS for each in specification for need in symbol_of(each).takes)
 
 
 def _importances(instance: Instance) -> dict[int, float]:

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 from kpl.checking.definitions import Definitions
 from kpl.checking.error_collector import DeclarationErrors
-from kpl.checking.known_streams import Streams
 from kpl.checking.specifications import check_change
+from kpl.checking.streams import Streams
 from kpl.checking.warnings import Makers
 from kpl.running.changes import together
 from kpl.syntax.parsing import parse_formula, raise_all
@@ -22,7 +22,7 @@ def features_of(instance: "Instance", formula: Formula) -> tuple[frozenset[str],
     A stream may be called like a derived feature; it is meant, unless its values are records, which nothing compares.
     """
     features = [node for node in walk(formula) if isinstance(node, Feature)]
-    derived = Streams(instance.parts.specified, instance.known(instance.specification)).derived
+    derived = Streams(instance.current_symbols()).derived
     own = frozenset(each.name for each in features if each.attribute is not None or each.name not in derived)
     return frozenset(each.name for each in features) - own, own
 
@@ -34,19 +34,13 @@ def read_over(instance: "Instance", text: str) -> Formula:
         TextError: it is none.
         TextErrors: with everything that is wrong with it, streams without a producer, too.
     """
-    asked, known = MonitorDeclaration(text, parse_formula(text)), instance.known(instance.specification)
-    declared, definitions = instance.parts.specified, Definitions(instance.specification)
-    by_name = {
-        *known.figures,
-        *Streams(declared, known).derived,
-        *(name for name, _ in definitions.features),
-        *definitions.constants,
-    }
-    declared.add(asked)
+    asked, symbols = MonitorDeclaration(text, parse_formula(text)), instance.current_symbols()
+    definitions, derived = Definitions(symbols), Streams(symbols).derived
+    symbols.add(asked)
     try:
-        errors = check_change(declared, (), (asked,), known, text)
-        makers = Makers(declared, frozenset(known.labels), by_name)
-        raise_all(together(errors, makers.unread(asked.formula, DeclarationErrors(text, ""))))
+        errors = check_change(symbols, (), (asked,), text)
+        unread = Makers(symbols, derived).unread(asked.formula, DeclarationErrors(text, ""))
+        raise_all(together(errors, unread))
     finally:
-        declared.discard(asked)
+        symbols.discard(asked)
     return definitions.resolved(asked.formula, instance.unit, text)

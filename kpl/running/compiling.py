@@ -1,6 +1,7 @@
 """From declarations to processes: what a generator declaration makes, with names of members and of the unit put in."""
 
 from collections.abc import Callable, Iterable, Mapping
+from copy import copy
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
@@ -12,8 +13,8 @@ from dyknow.network.mediation import Mediation
 from dyknow.network.process import Input, Process
 from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.states.state_streams import StateStreamProcess, check_delay_before, exactly, state_policy
-from kpl.checking.declarations import Declarations
 from kpl.checking.definitions import Definitions
+from kpl.checking.symbols import SELF, SymbolTable
 from kpl.running.changes import in_text
 from kpl.running.formula_states import MAX_DELAY_US
 from kpl.running.ports import Admission
@@ -28,7 +29,6 @@ LEAST_PERIOD_US = US_PER_MS
 MAX_DECLARATIONS = 10_000
 MAX_ERRORS = 100
 """Most errors that are looked for."""
-SELF = "self"
 LEFT_OUT = "nothing: leave the statement out"
 
 
@@ -53,15 +53,27 @@ class Compiler:
     """Makes processes for one instance.
 
     Attributes:
+        symbols: what is declared.
         withdrawn: sources whose makers may come back: their samples are not pushed meanwhile.
     """
 
     def __init__(
-        self, unit: str, prototypes: Prototypes, sort: Callable[[str], Sort], admission: Admission = "refuse"
+        self,
+        unit: str,
+        prototypes: Prototypes,
+        symbols: SymbolTable,
+        sort: Callable[[str], Sort],
+        admission: Admission = "refuse",
     ) -> None:
-        self.unit, self.admission = unit, admission
+        self.unit, self.admission, self.symbols = unit, admission, symbols
         self.withdrawn = set[str]()
         self._prototypes, self._sort = prototypes, sort
+
+    def over(self, symbols: SymbolTable) -> "Compiler":
+        """The same for other declarations, to check them."""
+        other = copy(self)
+        other.symbols = symbols
+        return other
 
     def label(self, label: Label, members: Members | None = None) -> Label:
         """The label with members for variables, and the unit for `self`."""
@@ -83,9 +95,7 @@ class Compiler:
         """The generators it is made from."""
         return tuple(self.label(term.label, members) for term in _terms(declaration.made))
 
-    def making(
-        self, declaration: spec.GeneratorDeclaration, declared: Declarations, members: Members | None = None
-    ) -> CompiledGenerator:
+    def making(self, declaration: spec.GeneratorDeclaration, members: Members | None = None) -> CompiledGenerator:
         """The process of a generator, not yet attached.
 
         Raises:
@@ -95,7 +105,7 @@ class Compiler:
         match made:
             case spec.FromSource(name):
                 prototype = self._prototypes.find(name)
-                sort = self._sort(self._declared_sort(name, declared))
+                sort = self._sort(self._declared_sort(name))
                 if isinstance(prototype, SourcePrototype) and (process := process_of(prototype)) is not None:
                     return CompiledGenerator(sort, process, unit=name)
                 if name in self.withdrawn:
@@ -106,7 +116,7 @@ class Compiler:
                 if not isinstance(unit, UnitPrototype):
                     return CompiledGenerator(Sort(""), None, unit=name, lacks=True)
                 inputs = [self.input(term, members) for term in terms]
-                named = self._unit_sort(unit, declared, made) if unit.of_any_sort else unit.sort
+                named = self._unit_sort(unit, made) if unit.of_any_sort else unit.sort
                 return CompiledGenerator(self._sort(named), process_of(unit, inputs), unit=name)
             case spec.StateStream(terms, policy):
                 inputs = [self.input(term, members) for term in terms]
@@ -119,7 +129,7 @@ class Compiler:
                     raise located(made, str(wrong), wrong.repair) from None
             case spec.Select(term, variable, domain) | spec.Merge(term, variable, domain):
                 return CompiledGenerator(
-                    self._sort_of(term.label, declared),
+                    self._sort_of(term.label),
                     Mediation(
                         self.input(domain, members),
                         lambda member: self.input(term, {**(members or {}), variable: member}),
@@ -132,16 +142,16 @@ class Compiler:
     # What can be said beforehand
 
     def check(
-        self, new: Iterable[spec.Declaration], wanted: spec.Specification, declared: Declarations, text: str, file: str
+        self, new: Iterable[spec.Declaration], wanted: spec.Specification, text: str, file: str
     ) -> list[TextError]:
         """What cannot run although it is well-formed: units without an implementation, periods that cannot be kept, limits."""
         errors: list[TextError] = []
         if len(wanted) > MAX_DECLARATIONS:
             return [too_many(len(wanted), file)]
-        definitions = Definitions(wanted)
+        definitions = Definitions(self.symbols)
         for each in new:
             try:
-                self._check(each, definitions, declared, text, file)
+                self._check(each, definitions, text, file)
             except WrongNumberOfInputs:
                 continue  # that is told where units are looked at
             except TextErrors as wrong:
@@ -152,15 +162,13 @@ class Compiler:
                 break
         return errors
 
-    def _check(
-        self, declaration: spec.Declaration, definitions: Definitions, declared: Declarations, text: str, file: str
-    ) -> None:
+    def _check(self, declaration: spec.Declaration, definitions: Definitions, text: str, file: str) -> None:
         match declaration:
             case spec.GeneratorDeclaration():
-                self._check_made(declaration, declared)
+                self._check_made(declaration)
             case spec.ForEach(variable, domain, body):
                 self._check_policy(domain, domain.policy)
-                self._check_made(body, declared, {variable: variable})
+                self._check_made(body, {variable: variable})
             case spec.UnitDeclaration(sort, name, inputs):
                 unit = self._prototypes.find(name)
                 if isinstance(unit, UnitPrototype) and not unit.fits(sort, inputs):
@@ -205,10 +213,8 @@ class Compiler:
         except ChronicleError as wrong:
             raise located(declaration, f"{declaration.path}: {wrong}") from None
 
-    def _check_made(
-        self, declaration: spec.GeneratorDeclaration, declared: Declarations, members: Members | None = None
-    ) -> None:
-        self.making(declaration, declared, members)
+    def _check_made(self, declaration: spec.GeneratorDeclaration, members: Members | None = None) -> None:
+        self.making(declaration, members)
         made = declaration.made
         if isinstance(made, spec.StateStream):
             self._check_policy(made, made.policy, of_states=True)
@@ -233,28 +239,29 @@ class Compiler:
                 f"at least {print_duration(LEAST_PERIOD_US)}",
             )
 
-    def _declared_sort(self, source: str, declared: Declarations) -> str:
-        found = declared.maker(source)
-        if isinstance(found, spec.SourceDeclaration):
-            return found.sort
+    def _declared_sort(self, source: str) -> str:
+        declared = self.symbols.maker(source)
+        if isinstance(declared, spec.SourceDeclaration):
+            return declared.sort
         prototype = self._prototypes.find(source)
         return "" if prototype is None else prototype.sort
 
-    def _unit_sort(self, unit: UnitPrototype, declared: Declarations, place: Node) -> str:
+    def _unit_sort(self, unit: UnitPrototype, place: Node) -> str:
         """Of a unit for streams of any sort, as it is declared."""
-        found = declared.maker(unit.name)
-        if isinstance(found, spec.UnitDeclaration):
-            return found.sort
+        declared = self.symbols.maker(unit.name)
+        if isinstance(declared, spec.UnitDeclaration):
+            return declared.sort
         takes = ", ".join(each.removeprefix("?") for each in unit.inputs)
         repair = f"compunit {unit.sort.removeprefix('?')} {unit.name}({takes})"
         raise located(place, f"{unit.name} is for streams of any sort and not declared: name its sorts", repair)
 
-    def _sort_of(self, label: Label, declared: Declarations) -> Sort:
+    def _sort_of(self, label: Label) -> Sort:
         """The sort of what a label of a member is made of: that of any of its makers."""
-        for made in declared.of_feature(label.feature):
-            body = made.node.body if isinstance(made.node, spec.ForEach) else made.node
+        for symbol in self.symbols.of_feature(label.feature):
+            made = symbol.declaration
+            body = made.body if isinstance(made, spec.ForEach) else made
             if isinstance(body, spec.GeneratorDeclaration) and not isinstance(body.made, spec.Select | spec.Merge):
-                return self.making(body, declared).sort
+                return self.making(body).sort
         return Sort(label.feature, is_open=True)
 
 
@@ -265,19 +272,19 @@ def too_many(declarations: int, file: str) -> TextError:
     )
 
 
-def check_offer(prototype: Prototype, specification: spec.Specification) -> None:
+def check_offer(prototype: Prototype, symbols: SymbolTable) -> None:
     """Refuse what is offered under a name that is declared with other sorts; raises SortError."""
-    for each in specification:
-        match each:
-            case spec.UnitDeclaration(sort, name, inputs) if name == prototype.name:
-                fits = isinstance(prototype, UnitPrototype) and prototype.fits(sort, inputs)
-            case spec.SourceDeclaration(sort, name) if name == prototype.name:
-                fits = isinstance(prototype, SourcePrototype) and prototype.sort == sort
-            case _:
-                continue
-        if not fits:
-            said = print_declaration(each)
-            raise SortError(f"{prototype.name} is declared as `{said}`, which what is offered is not")
+    declared = symbols.maker(prototype.name)
+    match declared:
+        case spec.UnitDeclaration(sort, _, inputs):
+            fits = isinstance(prototype, UnitPrototype) and prototype.fits(sort, inputs)
+        case spec.SourceDeclaration(sort):
+            fits = isinstance(prototype, SourcePrototype) and prototype.sort == sort
+        case None:
+            return
+    if not fits:
+        said = print_declaration(declared)
+        raise SortError(f"{prototype.name} is declared as `{said}`, which what is offered is not")
 
 
 def _terms(made: spec.Making) -> tuple[spec.StreamTerm, ...]:

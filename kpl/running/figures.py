@@ -12,7 +12,7 @@ from dyknow.model.instants import US_PER_MS, US_PER_S
 from dyknow.network.process import Process
 from dyknow.network.processes import OnDemand
 from dyknow.network.stream_proxy import StreamProxy
-from kpl.checking.declarations import MARGIN
+from kpl.checking.symbols import MARGIN
 from kpl.running.formula_monitors import FormulaMonitor
 from kpl.running.margins import MarginStream, has_margins
 

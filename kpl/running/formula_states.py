@@ -28,7 +28,7 @@ from dyknow.network.mediation import members_of
 from dyknow.network.process import Input
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.policies.policy import Approximation
-from kpl.checking.declarations import domains_of
+from kpl.checking.symbols import domains_of
 from kpl.syntax.specification import GeneratorDeclaration, Specification, StateStream, StreamDeclaration, StreamTerm
 from reasoning.features.derivation import FeatureInput
 from reasoning.features.derived_streams import DerivedStream, stream_of

@@ -8,16 +8,15 @@ from dyknow.model.errors import DyknowError, TextError, TooEarly
 from dyknow.network.factory import Prototypes
 from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.network.stream_proxy import StreamProxy
-from kpl.checking.declarations import MARGIN, Declarations, names_of
 from kpl.checking.definitions import Definitions
-from kpl.checking.known_streams import Known
-from kpl.checking.specifications import Findings, check_change, check_specification
+from kpl.checking.specifications import Findings, check_change, check_symbols
+from kpl.checking.symbols import MARGIN, Known, SymbolTable, symbol_of
 from kpl.running.changes import SpecificationChange, as_text_errors, difference, rank, together, too_early
 from kpl.running.chronicle_streams import ChronicleStreams, recognitions
 from kpl.running.compiling import MAX_DECLARATIONS, Compiler, located, too_many
 from kpl.running.figures import MEANINGS, InstanceFigures
 from kpl.running.formula_monitors import FormulaMonitor
-from kpl.running.parts import Families, Features, Parts, inputs_taken
+from kpl.running.parts import Families, Features, HeldGenerator, Parts, inputs_taken
 from kpl.running.ports import Admission, Federation, Hooks, LoadGovernor, Undo, nothing
 from kpl.syntax import specification as spec
 from kpl.syntax.parsing import raise_all
@@ -81,7 +80,8 @@ class Instance:
         self._undo: dict[spec.Declaration, Undo] = {}
         self._backlog: list[tuple[str, Sample]] = []
         self._is_going_back = False
-        self.compiler = Compiler(unit, self.prototypes, self.sort, admission)
+        self.symbols = SymbolTable()
+        self.compiler = Compiler(unit, self.prototypes, self.symbols, self.sort, admission)
         self.parts = Parts(network, self.prototypes, self.compiler)
         self.families = Families(network, self.compiler, self.parts)
         figures = InstanceFigures(network, self.streams, self.monitors)
@@ -105,7 +105,7 @@ class Instance:
         Raises:
             TextErrors: what stays needs them; the instance is as it was.
         """
-        gone = {id(self.parts.specified.find(each)) for each in declarations}
+        gone = {id(self.symbols.find(each)) for each in declarations}
         self.change([each for each in self.specification if id(each) not in gone], now_us)
 
     def change(self, specification: Iterable[spec.Declaration], now_us: int, text: str = "", file: str = "") -> None:
@@ -125,14 +125,14 @@ class Instance:
             self._check(change, text, file)
             if self.governor is not None and self.compiler.admission == "refuse":
                 raise_all(self.governor.refusals(change.new, text, file))
-            is_full = self.governor is not None and self.governor.full
-            known = {id(proxy) for _, proxy in self.proxies()} if is_full else ()
-            change.gone.sort(key=rank, reverse=True)
-            change.new.sort(key=rank)
-            self._take_over(change, text, file)
         except TextError:
             self._declare(change.new, change.gone)
             raise
+        is_full = self.governor is not None and self.governor.full
+        known = {id(proxy) for _, proxy in self.proxies()} if is_full else ()
+        change.gone.sort(key=rank, reverse=True)
+        change.new.sort(key=rank)
+        self._take_over(change, text, file)
         self.specification = change.wanted
         self.network.sweep()
         if self.governor is not None and self.governor.full:
@@ -184,6 +184,11 @@ class Instance:
         """A sort by name; unknown ones take any value."""
         return self._sorts.get(name) or Sort(name, is_open=True)
 
+    def current_symbols(self) -> SymbolTable:
+        """The symbol table, with what is there without the specification as it is now."""
+        self.symbols.known = self.known(self.specification)
+        return self.symbols
+
     def known(self, running: Collection[spec.Declaration], unread: Collection[str] = ()) -> Known:
         """What is there besides what is declared, which `running` is; nothing called like a word of `unread` is missing."""
         prototypes = self.prototypes.all()
@@ -193,7 +198,7 @@ class Instance:
             labels={
                 label: self.network.generator(label).sort.name
                 for label in self.network.labels()
-                if label not in self.parts.declared and not self.network.is_implicit(label)
+                if label not in self.parts.held and not self.network.is_implicit(label)
             },
             semantic=self._semantic,
             running=running,
@@ -214,16 +219,15 @@ class Instance:
 
     def _declare(self, gone: Iterable[spec.Declaration], new: Iterable[spec.Declaration]) -> None:
         for each in gone:
-            self.parts.specified.discard(each)
+            self.symbols.discard(each)
         for each in new:
-            self.parts.specified.add(each)
+            self.symbols.add(each)
 
     def _check(self, change: SpecificationChange, text: str, file: str) -> None:
         """Check a change before anything changes."""
         self._look_up(change.new)
-        specified = self.parts.specified
-        errors = check_change(specified, change.gone, change.new, self.known(self.specification), text, file)
-        raise_all(together(errors, self.compiler.check(change.new, change.wanted, specified, text, file)))
+        errors = check_change(self.current_symbols(), change.gone, change.new, text, file)
+        raise_all(together(errors, self.compiler.check(change.new, change.wanted, text, file)))
 
     def findings(
         self,
@@ -235,8 +239,9 @@ class Instance:
     ) -> Findings:
         """All findings before it runs; `running` does already, nothing called like a word of `unread` is missing."""
         self._look_up(wanted)
-        found = check_specification(wanted, self.known(running, unread), text, file)
-        more = self.compiler.check(wanted, wanted, Declarations(wanted), text, file)
+        symbols = SymbolTable(wanted, self.known(running, unread))
+        found = check_symbols(symbols, wanted, text, file)
+        more = self.compiler.over(symbols).check(wanted, wanted, text, file)
         return Findings(tuple(together(found.errors, more)), found.warnings)
 
     def _look_up(self, wanted: Iterable[spec.Declaration]) -> None:
@@ -251,17 +256,18 @@ class Instance:
 
     def _take_over(self, change: SpecificationChange, text: str, file: str) -> None:
         """Become what is wanted, or stay; what was never begun has reported nothing."""
-        (gone, new, wanted), before, self._backlog = change, self.specification, []
+        (gone, new, _), before, self._backlog = change, self.specification, []
         try:
             self._begin_in_past(change)
             other = self.parts.of_other_sorts((*gone, *new))
             remade = [each for each in other if each in self._undo and each not in gone]
             rest = [each for each in new if each not in self._undo]
-            self._become([*gone, *remade], sorted([*rest, *remade], key=rank), wanted)
+            self._become([*gone, *remade], sorted([*rest, *remade], key=rank))
         except (DyknowError, RecursionError) as wrong:
             self._is_going_back = True
+            self._declare(new, gone)
             done = [each for each in new if each in self._undo]
-            self._become(done[::-1], [each for each in before if each not in self._undo], before)
+            self._become(done[::-1], [each for each in before if each not in self._undo])
             self._is_going_back = False
             raise as_text_errors(wrong, text, file) from wrong
         for name, sample in self._backlog:
@@ -276,17 +282,13 @@ class Instance:
         ]
         if not past:
             return
-        self.parts.wanted = change.wanted
-        taken = {name for each in change.gone for name in names_of(each)}
+        taken = {name for each in change.gone for name in _names(each)}
         for each in (*(each for each in change.new if isinstance(each, Part)), *past):
             label = each.label if isinstance(each, spec.GeneratorDeclaration) else None
-            if taken.isdisjoint(names_of(each)) and (label is None or label not in self.parts.declared):
+            if taken.isdisjoint(_names(each)) and (label is None or label not in self.parts.held):
                 self._undo[each] = self._realise(each)
 
-    def _become(
-        self, gone: Sequence[spec.Declaration], new: Iterable[spec.Declaration], wanted: spec.Specification
-    ) -> None:
-        self.parts.wanted = wanted
+    def _become(self, gone: Sequence[spec.Declaration], new: Iterable[spec.Declaration]) -> None:
         replaced = {each.label: each for each in new if isinstance(each, spec.GeneratorDeclaration)}
         successors = list(new)
         for each in gone:
@@ -325,10 +327,10 @@ class Instance:
     def _import(self, semantic: str, unit: str, term: spec.StreamTerm, declaration: spec.Declaration) -> Undo:
         assert self._federation is not None  # noqa: S101  (only then it is called)
         take_back = self._federation.import_(semantic, unit, term)
-        self.parts.declared[term.label] = declaration
+        self.parts.held[term.label] = HeldGenerator(declaration)
 
         def undo() -> None:
-            self.parts.declared.pop(term.label, None)
+            self.parts.held.pop(term.label, None)
             take_back()
 
         return undo
@@ -362,7 +364,7 @@ class Instance:
         return undo
 
     def _monitor(self, declaration: spec.MonitorDeclaration) -> Undo:
-        formula = Definitions(self.parts.wanted).resolved(declaration.formula, self.unit)
+        formula = Definitions(self.symbols).resolved(declaration.formula, self.unit)
         if self._federation is not None:
             undo = self._federation.monitor(declaration, formula)
             if undo is not None:
@@ -380,3 +382,8 @@ class Instance:
             monitor.cancel()
 
         return end
+
+
+def _names(declaration: spec.Declaration) -> list[tuple[str, object]]:
+    symbol = symbol_of(declaration)
+    return [(symbol.kind, name) for name in symbol.names]

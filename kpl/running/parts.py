@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from dyknow import SURE, DyknowError, Label, Network, Quality, Sort, SortError, Value
 from dyknow.network.factory import Prototypes
@@ -11,7 +11,6 @@ from dyknow.network.process import Process
 from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import Prototype, SourcePrototype
 from dyknow.network.stream_proxy import StreamProxy
-from kpl.checking.declarations import Declarations
 from kpl.running.compiling import CompiledGenerator, Compiler, Members, check_offer
 from kpl.running.ports import Undo, nothing
 from kpl.syntax import specification as spec
@@ -22,23 +21,29 @@ MAX_OF_FAMILIES = 16_384
 """Generators of all families together."""
 
 
+class HeldGenerator(NamedTuple):
+    """A generator that is declared: how, for which members, and from which source and prototype; empty: from none."""
+
+    declaration: spec.Declaration
+    members: Members | None = None
+    source: str = ""
+    unit: str = ""
+
+
 class Parts:
     """Makes, replaces and takes away generators as declared.
 
     Attributes:
-        wanted: the specification as it is to be; specified: the same, by what its declarations name and need.
-        declared: what declares each generator.
+        held: the generators, and what each is made from.
         of_families: how to take away what members of families have.
+        fed: the generators of each source that is fed from outside.
     """
 
     def __init__(self, network: Network, prototypes: Prototypes, compiler: Compiler) -> None:
         self._network, self._prototypes, self._compiler = network, prototypes, compiler
-        self.wanted: spec.Specification = ()
-        self.specified = Declarations()
-        self.declared: dict[Label, spec.Declaration] = {}
+        self.held: dict[Label, HeldGenerator] = {}
         self.of_families: dict[Label, Undo] = {}
         self.fed: dict[str, list[Label]] = {}
-        self._made_from: dict[str, dict[Label, tuple[spec.GeneratorDeclaration, Members | None]]] = {}
 
     def offer(self, prototypes: Iterable[Prototype]) -> None:
         """More can be made from now on; streams that waited for it begin.
@@ -48,13 +53,13 @@ class Parts:
             SortError: it is declared with other sorts; those before it are offered.
         """
         for prototype in prototypes:
-            check_offer(prototype, self.wanted)
+            check_offer(prototype, self._compiler.symbols)
             self._prototypes.add(prototype)
             self._compiler.withdrawn.discard(prototype.name)
-            for label, (declaration, members) in self._made_from.pop(prototype.name, {}).items():
+            for label, declaration, members in self._made_from(prototype.name):
                 self._release(label)
                 if self._network.has(label):  # a source that was fed from outside has somebody who reads it
-                    making = self._compiler.making(declaration, self.specified, members)
+                    making = self._compiler.making(declaration, members)
                     self._network.replace_process(label, making.sort, making.process)
                     self._hold(declaration, members, label, making)
                 else:
@@ -69,7 +74,7 @@ class Parts:
         for name in names:
             if isinstance(self._prototypes.remove(name), SourcePrototype):
                 self._compiler.withdrawn.add(name)
-            for label, (declaration, members) in self._made_from.pop(name, {}).items():
+            for label, declaration, members in self._made_from(name):
                 self._release(label)
                 self._network.remove(label)
                 self._generate(declaration, members, label)
@@ -77,24 +82,30 @@ class Parts:
     @property
     def lacking(self) -> dict[str, tuple[Label, ...]]:
         """Prototypes without an offer, and the generators that wait for them."""
-        return {
-            name: tuple(parts)
-            for name, parts in self._made_from.items()
-            if self._prototypes.find(name) is None and not self.fed.get(name)
-        }
+        waiting: dict[str, list[Label]] = {}
+        for label, held in self.held.items():
+            if held.unit and self._prototypes.find(held.unit) is None and not self.fed.get(held.unit):
+                waiting.setdefault(held.unit, []).append(label)
+        return {name: tuple(labels) for name, labels in waiting.items()}
+
+    def _made_from(self, name: str) -> list[tuple[Label, spec.GeneratorDeclaration, Members | None]]:
+        """The generators that are made from a prototype, or wait for it."""
+        return [
+            (label, held.declaration, held.members)
+            for label, held in self.held.items()
+            if held.unit == name and isinstance(held.declaration, spec.GeneratorDeclaration)
+        ]
 
     def inputs_of(self, label: Label) -> tuple[Label, ...]:
         """What a declared generator is made of, also without a producer."""
-        for parts in self._made_from.values():
-            if label in parts:
-                declaration, members = parts[label]
-                return self._compiler.sources(declaration, members)
-        return ()
+        held = self.held.get(label)
+        if held is None or not isinstance(held.declaration, spec.GeneratorDeclaration):
+            return ()
+        return self._compiler.sources(held.declaration, held.members)
 
     def undeclared(self, label: Label, features: Features) -> tuple[Sort, Process] | None:
         """A stream that is there while it is wanted; none where the specification declares streams of that name."""
-        is_declared = any(True for _ in self.specified.of_feature(label.feature))
-        return None if is_declared else features(label)
+        return None if self._compiler.symbols.of_feature(label.feature) else features(label)
 
     def push(self, source: str, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
         """A source that is fed from outside has a new sample; where nothing is made from it, it is dropped."""
@@ -114,7 +125,7 @@ class Parts:
 
     def replace(self, new: spec.GeneratorDeclaration) -> bool:
         """Put another process behind a generator, whose subscribers stay; False: that is another stream altogether."""
-        making = self._compiler.making(new, self.specified)
+        making = self._compiler.making(new)
         label = self._compiler.label(new.label)
         if making.lacks or not self._network.has(label) or self._network.generator(label).sort != making.sort:
             return False
@@ -130,7 +141,7 @@ class Parts:
             each for each in changed if isinstance(each, spec.SourceDeclaration | spec.UnitDeclaration)
         ]
         while waiting:
-            for each in self.specified.dependent(waiting.pop()):
+            for each in self._compiler.symbols.dependent(waiting.pop()):
                 if (
                     isinstance(each, spec.GeneratorDeclaration)
                     and id(each) not in found
@@ -142,12 +153,12 @@ class Parts:
 
     def _is_of_other_sort(self, declaration: spec.GeneratorDeclaration) -> bool:
         label = self._compiler.label(declaration.label)
-        making = self._compiler.making(declaration, self.specified)
+        making = self._compiler.making(declaration)
         return self._network.has(label) and not making.lacks and self._network.generator(label).sort != making.sort
 
     def _generate(self, declaration: spec.GeneratorDeclaration, members: Members | None, label: Label) -> None:
         """Make what a declaration says, or wait for a producer."""
-        making = self._compiler.making(declaration, self.specified, members)
+        making = self._compiler.making(declaration, members)
         if making.lacks:
             pass
         elif making.process is None:
@@ -181,24 +192,18 @@ class Parts:
     def _hold(
         self, declaration: spec.GeneratorDeclaration, members: Members | None, label: Label, making: CompiledGenerator
     ) -> None:
-        self.declared[label] = declaration
+        self.held[label] = HeldGenerator(declaration, members, making.source, making.unit)
         if making.source:
             self.fed.setdefault(making.source, []).append(label)
-        if making.unit:
-            self._made_from.setdefault(making.unit, {})[label] = declaration, members
 
     def _release(self, label: Label) -> None:
         """Forget the generator."""
-        self.declared.pop(label, None)
-        for source, labels in list(self.fed.items()):
-            if label in labels:
-                labels.remove(label)
-            if not labels and self.specified.maker(source) is None:
-                del self.fed[source]
-        for name, parts in list(self._made_from.items()):
-            parts.pop(label, None)
-            if not parts:
-                del self._made_from[name]
+        held = self.held.pop(label, None)
+        if held is not None and held.source:
+            labels = self.fed[held.source]
+            labels.remove(label)
+            if not labels and self._compiler.symbols.maker(held.source) is None:
+                del self.fed[held.source]
 
 
 class Families:
@@ -221,7 +226,7 @@ class Families:
         def create(member: str) -> None:
             members = {declaration.variable: member}
             label = self._compiler.label(family_label, members)
-            if label not in self._parts.declared:
+            if label not in self._parts.held:
                 try:
                     self._parts.of_families[label] = self._parts.add(declaration.body, members)
                     own.add(label)

@@ -85,10 +85,9 @@ class Running:
             "families": {str(label): tuple(family.members) for label, family in instance.families.members.items()},
             "undo": set(instance._undo),
             "fed": {name: sorted(labels) for name, labels in instance.parts.fed.items()},
-            "parts": {name: sorted(parts) for name, parts in instance.parts._made_from.items()},
             "of families": set(instance.parts.of_families),
-            "declared": dict(instance.parts.declared),
-            "named": {name: len(found) for name, found in instance.parts.specified.named.items()},
+            "held": dict(instance.parts.held),
+            "symbols": {id(symbol.declaration) for symbol in instance.symbols.symbols()},
             "processes at work": {label: id(self.network.process(label)) for label in self.network.labels()},
         }
 

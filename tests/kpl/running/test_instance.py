@@ -481,7 +481,7 @@ def churn(running, steps, seed):
                 running.instance.add(parsed, running.now_us)
             changed += 1
         except TextErrors:
-            if running.instance.parts.specified.find(there[text]) is None:
+            if running.instance.symbols.find(there[text]) is None:
                 del there[text]
         if rng.random() < 0.2:
             running.push("raw", rng.randrange(4))

@@ -4,8 +4,7 @@ import pytest
 
 from dyknow.model.errors import TextErrors
 from dyknow.model.values import NO_VALUE
-from kpl import parse_specification
-from kpl.checking.specifications import Known, check_specification
+from kpl import Known, check_specification, parse_specification
 from kpl.introspection.graph import graph_of
 from tests.kpl.instances import Running, label
 

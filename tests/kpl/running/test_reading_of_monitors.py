@@ -1,7 +1,6 @@
 """What can be said of what formulas read before anything runs."""
 
-from kpl import parse_specification
-from kpl.checking.specifications import Known, check_specification
+from kpl import Known, check_specification, parse_specification
 
 SPECIFICATION = """\
 source names cars

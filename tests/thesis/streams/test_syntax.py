@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from dyknow import Label, Policy, TextError
 from dyknow.model.errors import TextErrors
 from dyknow.model.labels import RESERVED
-from kpl import parse_specification
-from kpl.checking.specifications import Known, check_specification
+from kpl import Known, check_specification, parse_specification
 from kpl.syntax.specification import (
     Declaration,
     FromSource,

@@ -1,12 +1,11 @@
-"""Which streams there are, of which sort, and of what they are made: declared, or there without the specification."""
+"""Which streams there are, and of which sort: of what is declared, and of what is there without the specification."""
 
-from collections.abc import Collection, Mapping
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import Final
 
 from dyknow.model.labels import Label
 from dyknow.model.values import Sort
-from kpl.checking.declarations import NOTHING, Declarations, MadeGenerator, fit, is_pattern, stem
+from kpl.checking.symbols import NOTHING, Symbol, SymbolTable, fit, is_pattern, stem
 from kpl.diagnostics.collector import nearest
 from kpl.syntax import specification as spec
 from reasoning.features.derivation import FEATURES
@@ -14,79 +13,36 @@ from reasoning.features.derivation import FEATURES
 STATE: Final = "state"
 ANY: Final = "?"
 """How the sorts begin that stand for any: a unit with such a sort that is not declared is reported where it is made."""
-_NONE: Final[Mapping[str, str]] = {}
-
-
-class Known(NamedTuple):
-    """What is there without the specification.
-
-    Attributes:
-        sorts: the names of all sorts; None: any name is a sort.
-        sources: sorts of sources that need no declaration, by name.
-        units: sort and input sorts of computational units that need no declaration, by name.
-        labels: sorts of generators that are there already.
-        semantic: sorts of the ontology's semantic labels, by name; None: any name is one.
-        running: declarations that a running instance holds already.
-        figures: features of one object that an instance says of itself.
-        values: what the values of sorts are; those of others are unchecked.
-        offered: names of what else sources and units can be made from.
-        unread: words of statements that could not be read: nothing called so is missing.
-    """
-
-    sorts: Collection[str] | None = None
-    sources: Mapping[str, str] = _NONE
-    units: Mapping[str, tuple[str, tuple[str, ...]]] = {}
-    labels: Mapping[Label, str] = {}
-    semantic: Mapping[str, str] | None = None
-    running: Collection[spec.Declaration] = ()
-    figures: Collection[str] = ()
-    values: Mapping[str, Sort] = {}
-    offered: Collection[str] = ()
-    unread: Collection[str] = ()
 
 
 class Streams:
-    """The streams that are declared, and those that are known."""
+    """The streams of a symbol table, as it is now: sorts are worked out once."""
 
-    def __init__(self, declared: Declarations, known: Known) -> None:
-        self.declared, self.known = declared, known
+    def __init__(self, symbols: SymbolTable) -> None:
+        self.symbols, self.known = symbols, symbols.known
         self._sorts: dict[int, str | None] = {}
         self._known_by_stem: dict[str, list[Label]] = {}
-        for label in known.labels:
+        for label in self.known.labels:
             self._known_by_stem.setdefault(stem(label), []).append(label)
 
     @cached_property
     def derived(self) -> frozenset[str]:
         """The features that are derived in a federation, without those that streams of values here are called like."""
 
-        def is_value(made: MadeGenerator) -> bool:
+        def is_value(made: Symbol) -> bool:
             record = self.record(made.label, made.variables)
             return record is None or not record.fields
 
-        return frozenset(name for name in FEATURES if not any(map(is_value, self.declared.of_feature(name))))
+        return frozenset(name for name in FEATURES if not any(map(is_value, self.symbols.of_feature(name))))
 
     def derives(self, label: Label) -> bool:
         """Whether it is a derived feature, with as many units as it takes."""
         return label.feature in self.derived and FEATURES[label.feature].arity == len(label.objects)
 
-    def source(self, name: str) -> str | None:
-        """The sort of a source."""
-        declared = self.declared.maker(name)
-        return declared.sort if isinstance(declared, spec.SourceDeclaration) else self.known.sources.get(name)
-
-    def unit(self, name: str) -> tuple[str, tuple[str, ...]] | None:
-        """Sorts of a unit and of its inputs."""
-        declared = self.declared.maker(name)
-        return (
-            (declared.sort, declared.inputs)
-            if isinstance(declared, spec.UnitDeclaration)
-            else self.known.units.get(name)
-        )
-
     def has(self, label: Label, variables: frozenset[str] = NOTHING) -> bool:
         """Whether it has a producer, or what it is an attribute of has."""
         whole = label._replace(feature=stem(label))
-        for made in self.declared.makers(label, variables):
+        for made in self.symbols.makers(label, variables):
             is_of_all = isinstance(made.made, spec.Link)
             if made.label.feature == label.feature or is_of_all or fit(whole, variables, made.label, made.variables):
                 return True
@@ -96,7 +52,7 @@ class Streams:
 
     def has_feature(self, feature: str) -> bool:
         """Whether there are streams of that feature, of whatever objects."""
-        return feature in self._known_by_stem or any(True for _ in self.declared.of_feature(feature))
+        return feature in self._known_by_stem or bool(self.symbols.of_feature(feature))
 
     def sort_of(self, label: Label, variables: frozenset[str] = NOTHING) -> str | None:
         """The sort of a stream; None when it is not known, or not one."""
@@ -107,7 +63,7 @@ class Streams:
         if label.feature in self.known.figures:
             return None
         whole = label._replace(feature=stem(label))
-        makers = list(self.declared.makers(whole, variables))
+        makers = list(self.symbols.makers(whole, variables))
         sorts = {self._made_sort(made, frozenset()) for made in makers} or {self.known.labels.get(whole)}
         name = sorts.pop()
         return None if sorts or name is None else self.known.values.get(name)
@@ -116,7 +72,7 @@ class Streams:
         """What is wrong with an attribute that the values of a stream are known not to have, and which they have."""
         whole, attribute = label._replace(feature=stem(label)), label.feature.partition(".")[2]
         record = self.record(label, variables) if attribute else None
-        if record is None or any(made.label.feature == label.feature for made in self.declared.makers(label)):
+        if record is None or any(made.label.feature == label.feature for made in self.symbols.makers(label)):
             return None
         names = [each.name for each in record.fields]
         if attribute in names:
@@ -135,25 +91,25 @@ class Streams:
         return f"the values of {label} are of sort {sort}, and name no objects"
 
     def _sort_of(self, label: Label, variables: frozenset[str], under: frozenset[int]) -> str | None:
-        for made in self.declared.makers(label, variables):
+        for made in self.symbols.makers(label, variables):
             return None if made.label.feature != label.feature or id(made) in under else self._made_sort(made, under)
         if label in self.known.labels or not self.derives(label):
             return self.known.labels.get(label)
         return FEATURES[label.feature].sort
 
-    def _made_sort(self, made: MadeGenerator, under: frozenset[int]) -> str | None:
+    def _made_sort(self, made: Symbol, under: frozenset[int]) -> str | None:
         if id(made) not in self._sorts:
             self._sorts[id(made)] = self._found_sort(made, under | {id(made)})
         return self._sorts[id(made)]
 
-    def _found_sort(self, made: MadeGenerator, under: frozenset[int]) -> str | None:
-        if isinstance(made.node, spec.Import):
-            return (self.known.semantic or _NONE).get(made.node.semantic)
+    def _found_sort(self, made: Symbol, under: frozenset[int]) -> str | None:
+        if isinstance(made.declaration, spec.Import):
+            return (self.known.semantic or {}).get(made.declaration.semantic)
         match made.made:
             case spec.FromSource(source):
-                return self.source(source)
+                return self.symbols.source(source)
             case spec.Refinement(unit):
-                found = self.unit(unit)
+                found = self.symbols.unit(unit)
                 return None if found is None or found[0].startswith(ANY) else found[0]
             case spec.StateStream():
                 return STATE

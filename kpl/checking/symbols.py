@@ -1,0 +1,343 @@
+"""The symbol table of a specification: what each declaration names, makes, takes and reads.
+
+`symbol_of` is the one place where a kind of declaration says so. The table is kept up to date as declarations come and go,
+so that a change is cheap to judge; checks, the running instance and its graph read it.
+"""
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple, TypeAlias
+
+from dyknow.model.labels import Label
+from dyknow.model.values import Sort
+from kpl.syntax import specification as spec
+from reasoning.formulas import tree
+
+SELF = "self"
+NOTHING = frozenset[str]()
+MAKER, GENERATOR, STREAM, EXPORT = "a source or a unit", "a generator", "a stream", "an export"
+MONITOR, CHRONICLE, DEFINITION = "a monitor", "a chronicle", "a definition"
+MARGIN = "margin"
+Constant: TypeAlias = bool | int | float | str | tree.Duration
+UnitSorts: TypeAlias = tuple[str, tuple[str, ...]]
+"""The sort of a unit, and those of its inputs."""
+_NONE: Final[Mapping[str, str]] = {}
+_NO_LABEL: Final = Label("")
+_Index: TypeAlias = dict[Any, dict[int, "Symbol"]]
+
+
+class Known(NamedTuple):
+    """What is there without the specification.
+
+    Attributes:
+        sorts: the names of all sorts; None: any name is a sort.
+        sources: sorts of sources that need no declaration, by name.
+        units: sort and input sorts of computational units that need no declaration, by name.
+        labels: sorts of generators that are there already.
+        semantic: sorts of the ontology's semantic labels, by name; None: any name is one.
+        running: declarations that a running instance holds already.
+        figures: features of one object that an instance says of itself.
+        values: what the values of sorts are; those of others are unchecked.
+        offered: names of what else sources and units can be made from.
+        unread: words of statements that could not be read: nothing called so is missing.
+    """
+
+    sorts: Collection[str] | None = None
+    sources: Mapping[str, str] = _NONE
+    units: Mapping[str, UnitSorts] = {}
+    labels: Mapping[Label, str] = {}
+    semantic: Mapping[str, str] | None = None
+    running: Collection[spec.Declaration] = ()
+    figures: Collection[str] = ()
+    values: Mapping[str, Sort] = {}
+    offered: Collection[str] = ()
+    unread: Collection[str] = ()
+
+
+class Need(NamedTuple):
+    """A stream that is needed; the variables in its label stand for any object."""
+
+    term: spec.StreamTerm
+    variables: frozenset[str] = NOTHING
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Symbol:
+    """One declaration, as others see it.
+
+    Attributes:
+        kind, names: what nothing else of that kind may be called.
+        label: of what it makes; without a feature it makes no stream. The `variables` in it, of a family, stand for any
+            object.
+        takes: the streams it takes.
+        reads: the streams that its formula speaks of; a domain is one, too.
+    """
+
+    declaration: spec.Declaration
+    kind: str
+    names: tuple[object, ...]
+    label: Label = _NO_LABEL
+    variables: frozenset[str] = NOTHING
+    takes: tuple[Need, ...] = ()
+    reads: tuple[Need, ...] = ()
+
+    @property
+    def made(self) -> spec.Making | None:
+        """How what it makes is made; None: it is imported."""
+        return spec.making_of(self.declaration)
+
+    @property
+    def needs(self) -> tuple[Need, ...]:
+        """What it takes and reads."""
+        return (*self.takes, *self.reads)
+
+    @property
+    def uses(self) -> str:
+        """The source or unit it is made from; empty if it is made from none."""
+        match self.made:
+            case spec.FromSource(name) | spec.Refinement(name) | spec.Link(_, name):
+                return name
+        return ""
+
+
+def symbol_of(declaration: spec.Declaration) -> Symbol:
+    """What a declaration names, makes, takes and reads."""
+    match declaration:
+        case spec.SourceDeclaration(_, name) | spec.UnitDeclaration(_, name):
+            return Symbol(declaration, MAKER, (name,))
+        case spec.GeneratorDeclaration(label, made):
+            return Symbol(declaration, GENERATOR, (label,), label, takes=tuple(_needs(made, NOTHING)))
+        case spec.ForEach(variable, domain, body):
+            free = frozenset({variable})
+            takes = (Need(domain), *_needs(body.made, free))
+            return Symbol(declaration, GENERATOR, (body.label,), body.label, free, takes)
+        case spec.Import(_, _, term):
+            return Symbol(declaration, GENERATOR, (term.label,), term.label)
+        case spec.StreamDeclaration(name, term):
+            return Symbol(declaration, STREAM, (name,), takes=(Need(term),))
+        case spec.Export(semantic, term):
+            return Symbol(declaration, EXPORT, (semantic,), takes=(Need(term),))
+        case spec.MonitorDeclaration(name, formula):
+            return Symbol(declaration, MONITOR, (name,), reads=_reads(formula))
+        case spec.Define(feature, formula):
+            return Symbol(declaration, DEFINITION, ((feature.name, len(feature.objects)),), reads=_reads(formula))
+        case spec.ChronicleDeclaration(content=content):
+            return Symbol(declaration, CHRONICLE, tuple(content.chronicles) if content is not None else ())
+
+
+class SymbolTable:
+    """Declarations by what they name, make and need, with what is `known` without them.
+
+    Equal ones are held apart, so that both can be complained of.
+    """
+
+    def __init__(self, declarations: Iterable[spec.Declaration] = (), known: Known | None = None) -> None:
+        self.known = known or Known()
+        self._symbols: dict[int, Symbol] = {}
+        self._named: dict[str, _Index] = {}
+        self._exact: _Index = {}
+        self._patterns: _Index = {}
+        self._features: _Index = {}
+        self._needing: _Index = {}
+        self._using: _Index = {}
+        for each in declarations:
+            self.add(each)
+
+    def add(self, declaration: spec.Declaration) -> None:
+        """It is declared."""
+        key, symbol = id(declaration), symbol_of(declaration)
+        self._symbols[key] = symbol
+        for index, name in self._places(symbol):
+            index.setdefault(name, {})[key] = symbol
+
+    def discard(self, declaration: spec.Declaration) -> None:
+        """It is declared no more."""
+        key = id(declaration)
+        symbol = self._symbols.pop(key, None)
+        for index, name in () if symbol is None else self._places(symbol):
+            index.get(name, {}).pop(key, None)
+            if not index.get(name):
+                index.pop(name, None)
+
+    def _places(self, symbol: Symbol) -> Iterator[tuple[_Index, object]]:
+        """In which indexes it stands, under which name."""
+        yield from ((self._named.setdefault(symbol.kind, {}), name) for name in symbol.names)
+        label = symbol.label
+        if label.feature:
+            yield self._features, label.feature
+            if is_pattern(label, symbol.variables):
+                yield self._patterns, label.feature
+            else:
+                yield self._exact, label
+        for need in symbol.needs:
+            yield self._needing, _kept_under(need)
+            yield self._needing, stem(need.term.label)
+        if symbol.uses:
+            yield self._using, symbol.uses
+
+    def symbols(self) -> Iterable[Symbol]:
+        """All of them."""
+        return self._symbols.values()
+
+    def of(self, declaration: spec.Declaration) -> Symbol:
+        """The symbol of a declaration that is held."""
+        return self._symbols[id(declaration)]
+
+    def find(self, declaration: spec.Declaration) -> spec.Declaration | None:
+        """The one that is held and equal."""
+        sought = symbol_of(declaration)
+        held = self._named.get(sought.kind, {}).get(next(iter(sought.names), None), {})
+        return next((each.declaration for each in held.values() if each.declaration == declaration), None)
+
+    def named(self, kind: str, name: object) -> spec.Declaration | None:
+        """What is called so; of several the first."""
+        symbol = next(iter(self._named.get(kind, {}).get(name, {}).values()), None)
+        return None if symbol is None else symbol.declaration
+
+    def of_kind(self, kind: str) -> Iterator[spec.Declaration]:
+        """What has a name of that kind; of several with one name the first."""
+        return (next(iter(held.values())).declaration for held in self._named.get(kind, {}).values())
+
+    def names(self, kind: str) -> Collection[object]:
+        """All names of that kind."""
+        return self._named.get(kind, {}).keys()
+
+    def maker(self, name: str) -> spec.SourceDeclaration | spec.UnitDeclaration | None:
+        """The declared source or unit of that name."""
+        declared = self.named(MAKER, name)
+        return declared if isinstance(declared, spec.SourceDeclaration | spec.UnitDeclaration) else None
+
+    def source(self, name: str) -> str | None:
+        """The sort of a source."""
+        declared = self.maker(name)
+        return declared.sort if isinstance(declared, spec.SourceDeclaration) else self.known.sources.get(name)
+
+    def unit(self, name: str) -> UnitSorts | None:
+        """Sorts of a unit and of its inputs."""
+        declared = self.maker(name)
+        if isinstance(declared, spec.UnitDeclaration):
+            return declared.sort, declared.inputs
+        return self.known.units.get(name)
+
+    def sources(self) -> list[str]:
+        """The names of all declared sources."""
+        return [each.name for each in self.of_kind(MAKER) if isinstance(each, spec.SourceDeclaration)]
+
+    def units(self) -> list[str]:
+        """The names of all declared units."""
+        return [each.name for each in self.of_kind(MAKER) if isinstance(each, spec.UnitDeclaration)]
+
+    def labels(self, but: spec.Declaration | None = None) -> tuple[Label, ...]:
+        """The labels of all that is made, families as they are written, but of one, and of what is there already."""
+        made = (each for each in self._symbols.values() if each.label.feature and each.declaration is not but)
+        return (*(each.label for each in made), *self.known.labels)
+
+    def makers(self, label: Label, variables: frozenset[str] = NOTHING) -> Iterator[Symbol]:
+        """All that may make this label; `cars.link[car1]` is an attribute of what `cars` makes."""
+        if label.feature in self._features:
+            if is_pattern(label, variables):
+                some = self._features[label.feature].values()
+            else:
+                yield from self._exact.get(label, {}).values()
+                some = self._patterns.get(label.feature, {}).values()
+            yield from (made for made in some if fit(label, variables, made.label, made.variables))
+        elif "." in label.feature:
+            yield from self._features.get(stem(label), {}).values()
+
+    def of_feature(self, feature: str) -> Iterable[Symbol]:
+        """All that make streams of one feature."""
+        return self._features.get(feature, {}).values()
+
+    def dependent(self, declaration: spec.Declaration) -> Iterator[spec.Declaration]:
+        """Those for which it matters that it comes or goes: they need what it makes, or are made from what it is."""
+        made = self._symbols.get(id(declaration)) or symbol_of(declaration)
+        dependent: list[Symbol] = []
+        match declaration:
+            case spec.SourceDeclaration(_, name) | spec.UnitDeclaration(_, name):
+                dependent += self._using.get(name, {}).values()
+            case spec.Define():
+                dependent += self._needing.get(declaration.feature.name, {}).values()
+            case spec.MonitorDeclaration(name):
+                dependent += self._needing.get(Label(MARGIN, (name,)), {}).values()
+        if made.label.feature:
+            feature = stem(made.label)
+            is_one = made.label.feature == feature and not is_pattern(made.label, made.variables)
+            for key in (made.label, f"{feature}*") if is_one else (feature,):
+                some = self._needing.get(key, {}).values()
+                dependent += (each for each in some if any(_meets(need, made) for need in each.needs))
+        return (each.declaration for each in dependent)
+
+
+def _reads(formula: tree.Formula) -> tuple[Need, ...]:
+    features = (node for node in tree.walk(formula) if isinstance(node, tree.Feature))
+    read = [*map(label_of, features), *((Label(name), NOTHING) for name in domains_of(formula))]
+    return tuple(Need(spec.StreamTerm(label), variables) for label, variables in read)
+
+
+def domains_of(formula: tree.Formula) -> tuple[str, ...]:
+    """The named domains over which a formula quantifies."""
+    found: dict[str, None] = {}
+    for node in tree.walk(formula):
+        if isinstance(node, tree.Forall | tree.Exists):
+            domain: tree.Domain = node.domain
+            found.update(dict.fromkeys(one for one in (domain.base, *domain.minus) if isinstance(one, str)))
+    return tuple(found)
+
+
+def label_of(feature: tree.Feature) -> tuple[Label, frozenset[str]]:
+    """The label of a feature in a formula, and which of its objects are variables."""
+    name = f"{feature.name}.{feature.attribute}" if feature.attribute else feature.name
+    variables = frozenset(one.name for one in feature.objects if isinstance(one, tree.Variable))
+    return Label(name, tuple(one if isinstance(one, str) else one.name for one in feature.objects)), variables
+
+
+def constant_of(definition: spec.Define) -> Constant | None:
+    """The value, if the definition is a number, a time, a text or a truth value without objects."""
+    formula = definition.formula
+    if definition.feature.objects:
+        return None
+    if isinstance(formula, tree.Duration):
+        return formula
+    return formula.value if isinstance(formula, tree.Const) else None
+
+
+def is_pattern(label: Label, variables: frozenset[str]) -> bool:
+    """Whether it may become several labels: some of its objects stand for any, or `self` for a unit."""
+    return any(one in variables or one == SELF for one in label.objects)
+
+
+def fit(one: Label, free: frozenset[str], other: Label, also_free: frozenset[str]) -> bool:
+    """Whether two labels of one feature can become the same: free objects stand for any, `self` for one unit."""
+    return len(one.objects) == len(other.objects) and all(
+        a in free or b in also_free or a == b or SELF in (a, b) for a, b in zip(one.objects, other.objects, strict=True)
+    )
+
+
+def stem(label: Label) -> str:
+    """The feature without an attribute."""
+    return label.feature.partition(".")[0]
+
+
+def _kept_under(need: Need) -> Label | str:
+    """A need of one label is found by that, others by their feature and a star."""
+    label = need.term.label
+    is_one = label.feature == stem(label) and not is_pattern(label, need.variables)
+    return label if is_one else f"{stem(label)}*"
+
+
+def _meets(need: Need, made: Symbol) -> bool:
+    label = need.term.label
+    if label.feature != made.label.feature:
+        return stem(label) == stem(made.label)
+    return label == made.label or fit(label, need.variables, made.label, made.variables)
+
+
+def _needs(made: spec.Making, variables: frozenset[str]) -> Iterator[Need]:
+    match made:
+        case spec.Refinement(_, inputs) | spec.StateStream(inputs):
+            yield from (Need(term, variables) for term in inputs)
+        case spec.Link(source):
+            yield Need(spec.StreamTerm(source, place=made.place), variables)
+        case spec.Select(term, variable, domain) | spec.Merge(term, variable, domain):
+            yield Need(domain, variables)
+            yield Need(term, variables | {variable})
