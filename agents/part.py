@@ -7,7 +7,7 @@ from agents.actions import Offer
 from federation.members.directory import DirectoryEvent
 from federation.messages.acts import Act
 from federation.messages.contents import Content
-from federation.messages.descriptions import LabelEntry
+from federation.messages.descriptions import ConditionEntry, LabelEntry
 from reasoning import AlarmEvent
 
 
@@ -53,6 +53,10 @@ class Part:
 
     def labels(self) -> Iterable[LabelEntry]:
         """The semantic labels it offers to other platforms."""
+        return ()
+
+    def conditions(self) -> Iterable[ConditionEntry]:
+        """What a person should know of its state now; `ls` shows it. After a change call the port `offer`."""
         return ()
 
     def start(self, now_us: int) -> None:

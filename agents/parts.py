@@ -53,7 +53,7 @@ from federation.members.imports import Imports
 from federation.members.member import Member, MemberAgents
 from federation.members.offers import Service
 from federation.members.offsets import ClockOffsets
-from federation.messages.descriptions import LabelEntry
+from federation.messages.descriptions import ConditionEntry, LabelEntry
 from federation.sharing.exports import Exports
 from federation.sharing.ontology import Convert, Translation
 from kpl import Instance
@@ -98,6 +98,7 @@ class Ports:
     on_alarm: Callable[[AlarmEvent], None]
     services: Callable[[], Sequence[Service]]
     labels: Callable[[], Sequence[LabelEntry]]
+    conditions: Callable[[], Sequence[ConditionEntry]]
     now_us: Callable[[], int]
 
     def __post_init__(self) -> None:
@@ -244,7 +245,7 @@ class Ports:
 
     @property
     def offer(self) -> Callable[[int], None]:
-        """Tells the directory that the labels of a part have changed, at a time (node clock)."""
+        """Tells the directory that labels or conditions of a part have changed, at a time (node clock)."""
         return self.part(DirectoryAgent).offer
 
 

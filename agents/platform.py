@@ -18,7 +18,7 @@ from agents.parts import Ports
 from dyknow.model.errors import DecodeError
 from federation import keys
 from federation.members.offers import Service
-from federation.messages.descriptions import LabelEntry
+from federation.messages.descriptions import ConditionEntry, LabelEntry
 from federation.transport import Arrived, Asked, Conflated, HandlerFailed
 from reasoning import AlarmEvent
 
@@ -52,6 +52,7 @@ class Platform:
             on_alarm=self._on_alarm,
             services=self._services,
             labels=self._labels,
+            conditions=self._conditions,
             now_us=lambda: self._now_us,
         )
         self.parts = self.ports.build()
@@ -168,6 +169,9 @@ class Platform:
     def _labels(self) -> Sequence[LabelEntry]:
         """The semantic labels of all parts: of two of one name, that of the later part."""
         return tuple({entry.label: entry for part in self.parts for entry in part.labels()}.values())
+
+    def _conditions(self) -> Sequence[ConditionEntry]:
+        return tuple(condition for part in self.parts for condition in part.conditions())
 
     def _note(self, text: str) -> None:
         self._out.append(Note(self._now_us, text))

@@ -23,7 +23,7 @@ from federation.members.replicas import PlatformRefused
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import Heartbeat
 from federation.messages.contents import MAX_LIST, Directory, DirectoryEvent, Found, Leave, Rejoin, Search
-from federation.messages.descriptions import LabelEntry
+from federation.messages.descriptions import ConditionEntry, LabelEntry
 from federation.sharing.exports import Exports
 from federation.transport import Answered, Arrived, Asked, AskEnded, Reopen, TokenChanged
 
@@ -84,6 +84,7 @@ class DirectoryAgent(Part):
         tasks: TaskLife,
         offered: Callable[[], Sequence[Service]],
         labels: Callable[[], Sequence[LabelEntry]],
+        conditions: Callable[[], Sequence[ConditionEntry]],
         importer: ImportProxy,
         exports: Exports,
         on_peer: Callable[[PeerChange, int], None],
@@ -91,6 +92,7 @@ class DirectoryAgent(Part):
         note: Callable[[str], None],
     ) -> None:
         self.facilitator, self._agent, self._offered, self._labels = member.directory, agent, offered, labels
+        self._conditions = conditions
         self._imports, self._importing, self._own_tails = member.imports, (importer,), exports.tails
         self._is_twin = member.is_twin
         self._publish, self._emit, self._note = on_peer, emit, note
@@ -107,8 +109,9 @@ class DirectoryAgent(Part):
         self._take(self.facilitator.start(now_us), now_us)
 
     def offer(self, now_us: int) -> None:
-        """Tell the others which services and labels there are now."""
-        self._take(self.facilitator.declare(self._offered(), self._labels(), now_us, self._own_tails()), now_us)
+        """Tell the others which services and labels there are now, and in which condition we are."""
+        offered, labels, conditions = self._offered(), self._labels(), self._conditions()
+        self._take(self.facilitator.declare(offered, labels, now_us, self._own_tails(), conditions), now_us)
 
     def on_leave_requested(self, event: LeaveRequested, _now_us: int) -> Followed:
         """Unregister: streams that are set up continue while the process lives (thesis 9.3.4)."""

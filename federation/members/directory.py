@@ -17,7 +17,7 @@ from federation.members.liveness import Liveness, LivenessEvent, Peer, PeerState
 from federation.members.offers import NO_OFFERS, OfferEvent, Offers, Service, Visibility, changes
 from federation.members.replicas import PlatformRefused, Replica, Replicas
 from federation.messages.codec import Heartbeat, encode_description, encode_heartbeat
-from federation.messages.descriptions import Description, LabelEntry, ServiceEntry
+from federation.messages.descriptions import ConditionEntry, Description, LabelEntry, ServiceEntry
 
 HEARTBEAT_US = 200_000
 GREETING_US = 20_000
@@ -39,6 +39,7 @@ class DirectoryEntry(NamedTuple):
     Attributes:
         hears: the units that hear its heartbeat say that they are heard.
         refusal: why this platform cannot federate with it, or None.
+        conditions: what it says is not as it should be there.
     """
 
     unit: str
@@ -52,6 +53,7 @@ class DirectoryEntry(NamedTuple):
     since_us: int
     hears: tuple[str, ...]
     refusal: str | None = None
+    conditions: tuple[ConditionEntry, ...] = ()
 
 
 class DirectoryFacilitator:
@@ -82,6 +84,7 @@ class DirectoryFacilitator:
         self._replicas = Replicas(self._peers, questions or count(1), self._clock, roster)
         self._watchdog = DeafnessWatchdog(unit, now_us)
         self._offers = NO_OFFERS
+        self._conditions: tuple[ConditionEntry, ...] = ()
         self._described: bytes | None = None
         self._superseded: list[str] = []
         self._started = self._is_greeting = False
@@ -108,14 +111,20 @@ class DirectoryFacilitator:
         ]
 
     def declare(
-        self, services: Iterable[Service], labels: Iterable[LabelEntry], now_us: int, tails: _Tails = ()
+        self,
+        services: Iterable[Service],
+        labels: Iterable[LabelEntry],
+        now_us: int,
+        tails: _Tails = (),
+        conditions: Iterable[ConditionEntry] = (),
     ) -> list[Outcome]:
-        """Offer exactly these services and labels from now on; what changed is announced at once."""
-        before, known = self._offers, self._tokens()
+        """Offer exactly these services and labels under these conditions from now on; changes are announced at once."""
+        before, known, conditions = self._offers, self._tokens(), tuple(conditions)
         after = Offers({offer.service: offer for offer in services}, {offer.label: offer for offer in labels})
         outcome: list[Outcome] = [*changes(self.unit, before, after)]
-        self._offers, self._described = after, None
-        if not outcome or not self._started:
+        is_same = not outcome and conditions == self._conditions
+        self._offers, self._conditions, self._described = after, conditions, None
+        if is_same or not self._started:
             return outcome
         self.version += 1
         tokens = self._tokens()
@@ -149,6 +158,7 @@ class DirectoryFacilitator:
                 for offer, visible in self._outside()
             ),
             labels=tuple(self._offers.labels.values()),
+            conditions=self._conditions,
         )
 
     def on_asked(self, asked: transport.Asked) -> list[Outcome]:
@@ -314,6 +324,7 @@ class DirectoryFacilitator:
             self._beat_us,
             self._since_us,
             tuple(self._liveness.heard(self._beat_us)),
+            conditions=self._conditions,
         )
         peers = (peer for peer in self._peers.values() if peer.present or (gone and peer.state is PeerState.GONE))
         return sorted([own, *map(self._entry, peers)], key=lambda entry: unit_order(entry.unit))
@@ -354,6 +365,7 @@ class DirectoryFacilitator:
             peer.since_us,
             tuple(peer.hears),
             replica.refusal if replica else None,
+            replica.found.conditions if replica and replica.found and replica.refusal is None else (),
         )
 
 

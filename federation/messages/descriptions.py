@@ -48,6 +48,13 @@ class LabelEntry(DescriptionModel):
     period_us: Count = 0
 
 
+class ConditionEntry(DescriptionModel):
+    """What a person should know of a platform's state, in words, and since when by its node clock."""
+
+    text: Annotated[str, Field(min_length=1, max_length=200)]
+    since_us: Count
+
+
 class Description(DescriptionModel):
     """Answer of a platform to the question what it offers.
 
@@ -61,6 +68,7 @@ class Description(DescriptionModel):
         roster: fingerprint of the roster it goes by, or None in an open federation.
         services: public and protected ones.
         labels: the semantic labels it can export.
+        conditions: what is not as it should be there.
     """
 
     unit: Unit
@@ -72,3 +80,4 @@ class Description(DescriptionModel):
     roster: Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")] | None = None
     services: Annotated[tuple[ServiceEntry, ...], Field(max_length=256)] = ()
     labels: Annotated[tuple[LabelEntry, ...], Field(max_length=256)] = ()
+    conditions: Annotated[tuple[ConditionEntry, ...], Field(max_length=16)] = ()

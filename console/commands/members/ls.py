@@ -1,5 +1,6 @@
 """`dyknow ls`: the directory as this command finds it, with the age of each label's last sample."""
 
+import time
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -9,7 +10,7 @@ from console.centre.client import connected
 from console.command import Call, command
 from console.errors import DONE, NO
 from console.output.output import unit_json, verbatim
-from dyknow.model.instants import print_span
+from dyknow.model.instants import US_PER_S, print_span
 from federation.members.command_centre import PlatformView
 from federation.members.directory import unit_order
 from federation.members.liveness import PeerState
@@ -101,6 +102,9 @@ def _record(client: Client, seen: PlatformView, ages: Mapping[tuple[str, str], i
             for label in (entry.labels if entry else ())
         ],
     }
+    if entry is not None and entry.conditions:
+        ahead_us = offset.offset_us if offset else 0
+        record["conditions"] = [{"text": c.text, "since_us": c.since_us - ahead_us} for c in entry.conditions]
     if entry is not None and entry.refusal:
         record["error"] = entry.refusal
     return record
@@ -134,6 +138,11 @@ def show(call: Call, records: list[dict[str, Any]]) -> None:
             )
         )
     call.out.table("", ("unit", "state", "clock", "labels (age)", "services"), rows, wraps=("clock", "services"))
+    now_us = time.time_ns() // 1000
+    for record in records:
+        for condition in record.get("conditions", ()):
+            since = print_span(max(0, now_us - condition["since_us"]) // US_PER_S * US_PER_S)
+            call.out.say(f"[yellow]{record['unit']}: {verbatim(condition['text'])}[/yellow] [dim](for {since})[/dim]")
 
 
 def _age(age_ms: int | None) -> str:

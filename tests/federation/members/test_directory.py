@@ -20,6 +20,7 @@ from federation.members.liveness import (
 from federation.members.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone, Visibility
 from federation.members.replicas import UNASKED_US, PlatformRefused
 from federation.messages.codec import Heartbeat, decode_description, decode_heartbeat
+from federation.messages.descriptions import ConditionEntry
 from federation.transport import Answer, Answered, Ask, Asked, DeclareToken, Put, UndeclareToken
 from tests.federation.box import ALARMS, ALTITUDE, FEDERATION, POSITION, SECRET, Box, three
 
@@ -107,6 +108,19 @@ def test_what_is_offered_anew_or_no_more_is_told_to_all() -> None:
         assert [entry.unit for entry in box.nodes[unit].directory.search(label="heli-altitude")] == ["0"]
     assert not box.seen("1", PlatformSuspected), "the new platform token is declared before the old one goes"
     assert node.directory.declare([FEDERATION, ALARMS], [ALTITUDE], box.now_us) == []
+
+
+def test_a_condition_that_comes_or_goes_is_known_to_all_at_once() -> None:
+    box = three()
+    node = box.nodes["0"]
+    condition = ConditionEntry(text="no GPS fix", since_us=box.now_us)
+    for conditions in ((condition,), ()):
+        box._perform("0", node, node.directory.declare([FEDERATION], [POSITION], box.now_us, conditions=conditions))
+        box.run(0.1)
+        entries = [box.nodes[unit].directory.entry("0") for unit in ("1", "2")]
+        assert [entry.conditions for entry in entries if entry] == [conditions, conditions]
+        assert node.directory.entries()[0].conditions == conditions
+    assert not box.seen("1", PlatformSuspected)
 
 
 def test_a_killed_platform_is_gone_within_a_second() -> None:
