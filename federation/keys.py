@@ -58,6 +58,7 @@ def label(name: str) -> str:
     return _matching(_LABEL, name, "a semantic label: hyphenated lower-case words, 64 characters")
 
 
+@lru_cache(maxsize=4096)
 def agent(name: str) -> str:
     """`name` if it can name an agent, a service or a kind of platform."""
     return _matching(_LABEL, name, "an agent or a service: hyphenated lower-case words, 64 characters")
@@ -172,6 +173,7 @@ def inbox(receiver: str) -> str:
     return f"acl/{unit(receiver)}/**"
 
 
+@lru_cache(maxsize=4096)
 def act(receiver: str, sender: str, agent_name: str) -> str:
     to = receiver if receiver == EVERYBODY else unit(receiver)
     return f"acl/{to}/{unit(sender)}/{agent(agent_name)}"

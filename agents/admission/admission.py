@@ -5,7 +5,6 @@ through the Interface Agent. A private one answers agents of its own platform on
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any, TypeAlias
 
 from agents.actions import Action, Role, ServiceTable
@@ -94,9 +93,10 @@ class Admission(Part):
             raise errors.DecodeError("key")
         if key.sender == self._unit:
             self._refuse("our own name")
-        else:
-            self._interface.acts.on_arrived(event, key)
+        elif self._interface.acts.on_arrived(event, key):
             self._admit_all(event.at_us)
+        else:
+            return ()
         return None
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
@@ -158,7 +158,7 @@ class Admission(Part):
     def _answer(self, act: Act, performative: Performative, error: errors.DyknowError, now_us: int) -> None:
         """Send a refusal. Never answer a not-understood, or two agents could loop."""
         if act.performative in OPENING or act.performative is P.CANCEL:
-            self._interface.answer(replace(act, reply_to=None), performative, reason_of(error), now_us)
+            self._interface.answer(act._replace(reply_to=None), performative, reason_of(error), now_us)
 
     def _admit(self, act: Act, now_us: int) -> None:
         """Through the door, or not.

@@ -193,20 +193,23 @@ class Correspondence:
 
     # -- acts in -----------------------------------------------------------------------------------------------
 
-    def on_arrived(self, event: Arrived, key: keys.ActKey) -> None:
-        """Bytes on an act key addressed to us: only genuine acts, each once, reach the agents."""
+    def on_arrived(self, event: Arrived, key: keys.ActKey) -> bool:
+        """Bytes on an act key addressed to us: only genuine acts, each once, reach the agents.
+
+        Returns whether anything may follow from it; nothing does from a receipt.
+        """
         self._now_us = event.at_us
         try:
             if key.agent == RECEIPT_AGENT:
                 self.conversations.on_receipt(key.sender, decode_receipt(event.payload))
-                return
+                return False
             act, signature, body = decode_act(event.payload)
         except DecodeError as error:
             self._audit(event.at_us, "in", key.sender, None, error.reason)
-            return
-        if act.key != event.key or act.sender.unit == self.unit:
+            return True
+        if (act.receiver.unit, act.sender.unit, act.receiver.agent) != key or act.sender.unit == self.unit:
             self._audit(event.at_us, "in", key.sender, act, "sender and key differ")
-            return
+            return True
         if self._trust is not None:
             offset_us = self._offset_us_of(act.sender.unit)
             reason = self._trust.verifier.check(act, signature, body, event.at_us, offset_us=offset_us)
@@ -214,8 +217,9 @@ class Correspondence:
                 self._audit(event.at_us, "in", key.sender, act, reason)
                 if reason == "replayed":  # it is genuine, and its receipt may have been lost
                     self.conversations.delivery.on_act(act)
-                return
+                return True
         self.on_act(act, event.at_us)
+        return True
 
     def on_act(self, act: Act, now_us: int) -> None:
         """An act whose sender is verified."""

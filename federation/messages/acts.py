@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from dyknow.model.errors import NameRefused, TextError
 from federation import keys
@@ -75,8 +75,7 @@ def _agent_name(text: str) -> AgentName:
     return AgentName(agent, unit)
 
 
-@dataclass(frozen=True, slots=True)
-class Act:
+class Act(NamedTuple):
     """One speech act. None is a parameter that is not set.
 
     Attributes:

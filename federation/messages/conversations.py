@@ -9,7 +9,6 @@ so that no conversation is open on one side only.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TypeAlias
 
 from dyknow import earlier
@@ -230,8 +229,7 @@ class Conversations:
 
     def _addressed(self, act: Act, now_us: int) -> Act:
         """What an act needs that wants an answer."""
-        return replace(
-            act,
+        return act._replace(
             conversation_id=act.conversation_id or self.new_conversation(),
             protocol=act.protocol or protocols.PROTOCOLS.get(act.performative),
             reply_with=act.reply_with or f"r{self.delivery.next_seq}",

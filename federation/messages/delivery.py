@@ -8,7 +8,7 @@ twice and acts once.
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from federation import keys
 from federation.messages.acts import Act
@@ -101,7 +101,7 @@ class Delivery:
         """Return the numbered act and its first put. Raises ContentError when it cannot be encoded."""
         receiver = act.receiver.unit
         acks = tuple(self._owed.get(receiver, (0, ()))[1])
-        numbered = replace(act, boot=self.boot, seq=self._seq + 1, created_us=now_us, acks=acks)
+        numbered = act._replace(boot=self.boot, seq=self._seq + 1, created_us=now_us, acks=acks)
         put = self._put(numbered, now_us, patient=patient)
         self._seq += 1
         self._owed.pop(receiver, None)
@@ -185,7 +185,7 @@ class Delivery:
             self._seen[unit] = SeenActs(boot)
         went, acts = self._suspended.pop(unit, (boot, []))
         return [
-            self._put(replace(act, created_us=now_us, acks=()), now_us, patient=True) for act in acts if went == boot
+            self._put(act._replace(created_us=now_us, acks=()), now_us, patient=True) for act in acts if went == boot
         ]
 
     def boot_of(self, unit: str) -> int | None:

@@ -1,6 +1,5 @@
 """`dyknow alarms`, `monitors` and `acts`: what platforms report of themselves, once or as it happens."""
 
-from dataclasses import replace
 from typing import Any
 
 from console.centre.client import connected
@@ -206,6 +205,6 @@ def _tell_act(call: Call, unit: str, log: ActLog) -> None:
 def _spoken(text: str) -> str:
     """The act as FIPA has it, without what only its delivery needs."""
     try:
-        return str(replace(parse_act(text), boot=0, seq=0, created_us=0, acks=()))
+        return str(parse_act(text)._replace(boot=0, seq=0, created_us=0, acks=()))
     except TextError:
         return text

@@ -1,7 +1,6 @@
 """Who is listened to: rosters, signatures, replays, and hostile acts by the thousand."""
 
 from collections import Counter
-from dataclasses import replace
 from hashlib import sha256
 from random import Random
 
@@ -53,7 +52,7 @@ def said(unit: str = "uav1", **changed: object) -> Act:
         seq=1,
         created_us=NOW,
     )
-    return replace(act, **changed)
+    return act._replace(**changed)
 
 
 def judged(verifier: Verifier, payload: bytes, now_us: int = NOW, offset_us: int = 0) -> str | None:
@@ -209,7 +208,7 @@ FORGERIES = {
 def test_no_field_of_a_signed_act_can_be_changed(name: str) -> None:
     _, signature, _ = decode_act(encode_act(said(), signer("uav1")))
     assert signature is not None
-    forged = encode_act(replace(said(), **{name: FORGERIES[name]}), lambda _: signature)
+    forged = encode_act(said()._replace(**{name: FORGERIES[name]}), lambda _: signature)
     assert judged(Verifier(roster(), "default", START), forged) == "forged"
 
 
@@ -236,12 +235,12 @@ def test_of_many_hostile_acts_exactly_the_genuine_ones_are_carried_out_once(inpu
         elif way == 3:
             payload, reason = encode_act(said("uav2", seq=number), signers["uav2"]), "revoked"
         elif way == 4:
-            payload, reason = encode_act(replace(act, created_us=now_us - MAX_AGE_US - 1), signers[unit]), "too old"
+            payload, reason = encode_act(act._replace(created_us=now_us - MAX_AGE_US - 1), signers[unit]), "too old"
         elif way == 5:
             names = rng.sample([name for name in FORGERIES if name != "sender" or unit != "0"], rng.randrange(1, 3))
             _, mark, _ = decode_act(encode_act(act, signers[unit]))
             assert mark is not None
-            forged = replace(act, **{name: FORGERIES[name] for name in names})
+            forged = act._replace(**{name: FORGERIES[name] for name in names})
             payload, reason = encode_act(forged, lambda _, mark=mark: mark), "forged"
         elif way == 6:
             _, mark, _ = decode_act(encode_act(act, signers[unit]))
