@@ -44,7 +44,7 @@ from agents.monitoring.recognitions import Recognitions
 from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.part import Part, PeerChange
 from agents.specification.specification_part import SpecificationPart
-from agents.tasks import TaskLife
+from agents.tasks.life import TaskLife
 from dyknow import Label, Network
 from dyknow.model.errors import UnitError
 from federation.members.clock import Offset

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from agents.interface import InterfaceAgent
-from agents.tasks import TaskLife
+from agents.tasks.life import TaskLife
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Content
 

@@ -7,7 +7,7 @@ from agents.audit_log import AuditEntry
 from agents.interface import InterfaceAgent
 from agents.part import Part
 from agents.subscribers import Subscribers
-from agents.tasks import TaskLife
+from agents.tasks.life import TaskLife
 from federation.members.offers import Service
 from federation.messages.acts import Act
 from federation.messages.contents import ActList, ActLog, Acts, Content

@@ -13,7 +13,7 @@ from agents.exchange.import_proxy import ImportProxy
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
 from agents.subscribers import Subscribers
-from agents.tasks import TaskLife
+from agents.tasks.life import TaskLife
 from federation import keys
 from federation.members import liveness
 from federation.members.directory import Outcome

@@ -12,7 +12,8 @@ from agents.effects import Effect
 from agents.exchange.gateway import Gateway, stream_policy
 from agents.interface import InterfaceAgent
 from agents.part import Followed, Part, PeerChange
-from agents.tasks import Task, TaskLife
+from agents.tasks.life import TaskLife
+from agents.tasks.task import Task
 from dyknow import Policy
 from dyknow.model.errors import DyknowError, Refused
 from federation import keys

@@ -9,7 +9,7 @@ from agents.actions import QUERIED, SUBSCRIBED, Action, Offer, Role
 from agents.interface import InterfaceAgent
 from agents.part import Part
 from agents.subscribers import Subscribers
-from agents.tasks import TaskLife
+from agents.tasks.life import TaskLife
 from dyknow import NoValue, Value, as_json
 from federation.members.offers import Service, Visibility
 from federation.messages.acts import Act

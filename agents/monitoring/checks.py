@@ -9,7 +9,7 @@ from agents.actions import COORDINATION, Action, Offer
 from agents.exchange.gateway import Gateway
 from agents.interface import InterfaceAgent
 from agents.part import Part
-from agents.tasks import TaskLife
+from agents.tasks.life import TaskLife
 from dyknow import NO_VALUE, US_PER_S, Policy
 from dyknow.model.errors import ContentError, Refused, TextError, UnknownLabel
 from federation.members.clock import FederationClock

@@ -2,13 +2,13 @@
 
 The coordinator, the recipient of `monitor-proximity`, looks up which platforms are there, has each export what the
 formulas need and set up the monitors, does the same itself, and takes newcomers in. Every participant keeps its own
-inputs alive (`agents.exchange.subscription_keeper`). States and successors of a task: `agents.tasks`. Times are the
+inputs alive (`agents.exchange.subscription_keeper`). States and successors of a task: `agents.tasks.life`. Times are the
 node clock.
 """
 
 from collections.abc import Iterable
 
-from agents.actions import COORDINATION, FEDERATION, INFORMED, QUERIED, Action, Offer, Role
+from agents.actions import COORDINATION, FEDERATION, INFORMED, Action, Offer
 from agents.exchange.federation_agent import FederationAgent
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.interface import InterfaceAgent
@@ -16,7 +16,8 @@ from agents.monitoring.alarm_log import alarm_content
 from agents.monitoring.monitor_plans import MonitorPlan, PlanBook
 from agents.monitoring.monitors import UnitMonitors
 from agents.part import Part, PeerChange
-from agents.tasks import CoordinatedTask, Task, TaskLife, TaskPlan
+from agents.tasks.life import TaskLife
+from agents.tasks.task import Claim, CoordinatedTask, Task, TaskPlan
 from dyknow import US_PER_S, earlier
 from dyknow.model.errors import DyknowError, Refused
 from federation.members.clock import FederationClock
@@ -24,12 +25,13 @@ from federation.members.directory import DirectoryFacilitator, unit_order
 from federation.members.liveness import PlatformGone
 from federation.members.offers import ServiceAppeared
 from federation.messages import contents
-from federation.messages.acts import Act, AgentName, Performative
+from federation.messages.acts import Act, Performative
 from reasoning import AlarmEvent
 
 RETRY_US = 1_000_000
 """How long after a failure or silence a platform gets the next request for its part of a task."""
-MAX_TASKS = 500
+LED_BY_US = 2_000_000
+"""The same, of one that follows another coordinator: that one hands over, or is gone, by then."""
 
 
 class Coordination(Part):
@@ -42,16 +44,15 @@ class Coordination(Part):
                 Action(contents.MonitorProximity, "on_monitor_proximity", lasting=True, typed=True),
                 Action(
                     contents.CreateMonitor, "on_create_monitor", lasting=True, typed=True,
-                    inner=("coordinator", "delegator", "generation", "parameters", "profile", "task"),
+                    inner=("coordinator", "delegate", "delegator", "generation", "parameters", "profile", "task"),
                 ),
                 Action(contents.RemoveMonitor, "on_remove_monitor", typed=True),
-                Action(contents.Tasks, "on_tasks", QUERIED, Role.OBSERVER),
                 Action(contents.Alarm, "on_told", INFORMED),
                 Action(contents.Progress, "on_progress", INFORMED),
+                Action(contents.HandOver, "on_hand_over", INFORMED),
             ),
         ),
     )  # fmt: skip
-    answers = (contents.TaskList,)
 
     def __init__(
         self,
@@ -86,7 +87,7 @@ class Coordination(Part):
         self._monitor(plans, conversation, now_us)
         self._agent.answer(act, Performative.AGREE, None, now_us)
         avoidance = content.avoidance is not False
-        led = CoordinatedTask(conversation, act.sender.unit, plans, avoidance, self._unit, 1, self._boot)
+        led = CoordinatedTask(conversation, act.sender.unit, plans, avoidance, self._unit, 1, self._boot, self._unit)
         self._coordinate(led, now_us)
 
     def _monitor(self, plans: Iterable[MonitorPlan], owner: str, now_us: int) -> None:
@@ -132,6 +133,7 @@ class Coordination(Part):
                 delay_s=plan.max_delay_us / US_PER_S,
                 avoidance=led.avoidance,
                 delegator=led.delegator or None,
+                delegate=led.delegate or None,
             )
             asked.append(self._ask(led, unit, part, f"monitor {plan.name}", now_us))
         for content in _exports(led.plans, (unit,)):  # step 3 of figure 9.5: our own streams to the newcomer
@@ -179,11 +181,11 @@ class Coordination(Part):
                 self._agent.cancel(unit, conversation, now_us)
 
     def _declined(self, led: CoordinatedTask, unit: str, what: str, reason: contents.Reason, now_us: int) -> None:
+        """The delegate alone may say that the task was cancelled; no participant deposes its coordinator."""
         self._progress(led, f"{what}: refused, {reason.text}", unit, now_us)
         if reason.code == "led-by":
-            if reason.leader in self._participants():
-                self._life.step_down(led, reason.leader)
-        elif reason.code == "cancelled":
+            led.again_us[unit] = now_us + LED_BY_US
+        elif reason.code == "cancelled" and unit == led.delegate:
             self._life.cancel(led.task, now_us)
 
     def _progress(self, led: CoordinatedTask, step: str, unit: str, now_us: int) -> None:
@@ -226,18 +228,15 @@ class Coordination(Part):
         conversation = self._life.check_free(act.conversation_id)
         asker, task = act.sender.unit, content.task
         owner = conversation if task is None else task
-        if task is not None:
-            if content.coordinator not in {None, asker}:
-                raise Refused(f"the monitors of a task are set up by who leads it: {content.coordinator}, not {asker}")
-            self._life.check_leader(task, asker, content.generation or 1)
+        told = _told(act, content, task) if task is not None else None
+        if told is not None:
+            self._life.check_claim(Claim(told.task, asker, act.boot, told.generation, told.delegator, told.delegate))
         self._monitor([plan], owner, now_us)
-        if task is not None:
-            avoidance, generation = content.avoidance is not False, content.generation or 1
-            told = CoordinatedTask(task, content.delegator or "", (), avoidance, asker, generation, act.boot)
-            self._life.follow(act, told, plan)
+        if told is not None:
+            self._life.follow(act, told, plan, now_us)
 
         def take_down(at_us: int) -> tuple[str, ...]:
-            return self._leave(owner, plan.name, at_us)
+            return self._leave(owner, plan.name, asker, at_us)
 
         name, is_part = contents.CreateMonitor.head, task is not None
         self._life.add(Task(conversation, asker, name, take_down, since_us=now_us, is_part=is_part, monitor=plan.name))
@@ -255,30 +254,26 @@ class Coordination(Part):
             self._life.end(task, act.sender.unit, now_us)
         self._agent.done(act, now_us)
 
-    def _leave(self, task: str, name: str, now_us: int) -> tuple[str, ...]:
+    def on_hand_over(self, act: Act, content: contents.HandOver, now_us: int) -> None:
+        """`(hand-over ...)`: the coordinator of a task leaves it to another one.
+
+        Raises:
+            Refused: the sender does not coordinate it.
+        """
+        led = self._life.coordinated.get(content.task)
+        if led is None or led.leader != act.sender.unit:
+            raise Refused(f"{act.sender.unit} does not lead task {content.task} here", "led-by")
+        self._life.lead_by(led, content.coordinator, content.boot, content.generation, now_us)
+
+    def _leave(self, task: str, name: str, by: str, now_us: int) -> tuple[str, ...]:
         """The monitor `name` of a task is needed no more."""
         self._monitors.remove(name, task)
         led = self._life.leave(task, name)
         if led is None:
             return ()
+        self._life.end_by(led, by, now_us)
         self._end(led, now_us)
         return (task,)
-
-    def on_tasks(self, act: Act, _content: contents.Tasks, now_us: int) -> None:
-        """`(tasks)`: what users delegated, not the parts of it."""
-        entries = tuple(
-            contents.TaskEntry(
-                conversation=task.conversation,
-                task=task.name,
-                unit=self._unit,
-                state=task.state,
-                delegator=str(AgentName("interface", task.initiator)) if task.initiator else None,
-                since_us=task.since_us,
-            )
-            for task in self._life.all()
-            if not task.is_part
-        )
-        self._agent.answer(act, Performative.INFORM, contents.TaskList(tasks=entries[:MAX_TASKS]), now_us)
 
     # -- peers and time -----------------------------------------------------------------------------------------
 
@@ -300,13 +295,8 @@ class Coordination(Part):
         for led in list(self._life.coordinated.values()):
             if led.leader == self._unit:
                 self._take_in(led, unit, now_us)
-            elif self._is_back(led):
+            elif self._life.is_led(led):
                 led.successor_at_us = None
-
-    def _is_back(self, led: CoordinatedTask) -> bool:
-        """Whether the coordinator is there, in the life in which it coordinates."""
-        entry = self._directory.entry(led.leader)
-        return entry is not None and entry.boot == led.leader_boot and self._directory.is_present(led.leader)
 
     def on_time(self, now_us: int) -> None:
         """Repeat requests that failed, and take over where the coordinator died and no participant before us did."""
@@ -319,7 +309,7 @@ class Coordination(Part):
                 self._ask_again(led, unit, now_us)
             if led.successor_at_us is not None and led.successor_at_us <= now_us:
                 led.successor_at_us = None
-                if not self._is_back(led):
+                if not self._life.is_led(led):
                     self._life.take_over(led)
                     self._coordinate(led, now_us)
 
@@ -369,6 +359,20 @@ class Coordination(Part):
     def _pass_on(self, led: CoordinatedTask, alarm: contents.Alarm, now_us: int) -> None:
         if self._reachable(led.delegator):
             self._agent.tell(led.delegator, alarm, now_us, conversation=led.task)
+
+
+def _told(act: Act, content: contents.CreateMonitor, task: str) -> CoordinatedTask:
+    """What a coordinator says of its task.
+
+    Raises:
+        Refused: it is not the sender.
+    """
+    asker, generation = act.sender.unit, content.generation or 1
+    if content.coordinator not in {None, asker}:
+        raise Refused(f"the monitors of a task are set up by who leads it: {content.coordinator}, not {asker}")
+    delegate = content.delegate or (asker if generation == 1 else "")
+    avoidance = content.avoidance is not False
+    return CoordinatedTask(task, content.delegator or "", (), avoidance, asker, generation, act.boot, delegate)
 
 
 def _us(seconds: float | None) -> int | None:

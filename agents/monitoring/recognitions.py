@@ -6,7 +6,7 @@ from typing import NamedTuple
 from agents.actions import COORDINATION, SUBSCRIBED, Action, Offer
 from agents.interface import InterfaceAgent
 from agents.part import Part
-from agents.tasks import TaskLife
+from agents.tasks.life import TaskLife
 from dyknow import US_PER_S, Label, Network
 from dyknow.model.errors import ChronicleError, Refused
 from dyknow.model.instants import US_PER_MS

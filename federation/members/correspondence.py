@@ -251,9 +251,14 @@ class Correspondence:
 
     def _on_incoming(self, act: Act, now_us: int) -> None:
         conversation = act.conversation_id or ""
-        if conversation in self._pending and act.performative not in OPENING and act.performative is not P.CANCEL:
-            # the answer to our cancel of what another member delegated
-            self._on_reply(conversation, act, is_last=act.performative is not P.AGREE, now_us=now_us)
+        pending = self._pending.get(conversation)
+        if pending is not None and act.performative not in OPENING and act.performative is not P.CANCEL:
+            if pending.unit == act.sender.unit:  # the answer to our cancel of what another member delegated
+                self._on_reply(conversation, act, is_last=act.performative is not P.AGREE, now_us=now_us)
+            elif act.content is not None and act.content.head == contents.Progress.head:
+                self._on_reply(conversation, act, is_last=False, now_us=now_us)
+            else:
+                self._audit(now_us, "in", act.sender.unit, act, "not its conversation")
         else:
             self._agents.on_request(act, now_us)
 
@@ -263,7 +268,12 @@ class Correspondence:
             content = None if act.content is None else contents.read(act.content)
         except ContentError:
             content = None
-        if pending is not None and pending.is_paged and not getattr(content, "more", False):
+        if (
+            pending is not None
+            and pending.unit == act.sender.unit
+            and pending.is_paged
+            and not getattr(content, "more", False)
+        ):
             self.conversations.close(conversation, pending.unit)
             is_last = True
         if is_last:

@@ -170,6 +170,8 @@ class Conversations:
                 found = self._open.get((conversation, peer, True))
                 if found is not None:
                     return self._replied(conversation, found, act, now_us)
+            if performative is P.INFORM and any(name[0] == conversation and name[2] for name in self._open):
+                return [protocols.Incoming(act)]
             if performative not in protocols.OPENING and conversation.startswith(self._prefix):
                 return self._late(act, now_us)
         if conversation is not None and (performative in protocols.OPENING or performative is P.CANCEL):

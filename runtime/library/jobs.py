@@ -114,8 +114,14 @@ def monitors(client: Client) -> Job[list[MonitorEntry]]:
 
 def tasks(client: Client, units: Sequence[str]) -> Job[list[tuple[str, TaskEntry]]]:
     """Ask these platforms for their tasks; with the platform that answers."""
-    found = yield from lists(client, units, Tasks(), TaskList)
-    return [(unit, task) for unit, said in found for task in said.tasks]
+    listed = yield from listed_tasks(client, units)
+    return [(unit, task) for unit, task in listed if task.ended_by is None]
+
+
+def listed_tasks(client: Client, units: Sequence[str]) -> Job[list[tuple[str, TaskEntry]]]:
+    """The same, with those that a platform ended which nobody had asked to."""
+    answers = yield from lists(client, units, Tasks(), TaskList)
+    return [(unit, task) for unit, answer in answers for task in answer.tasks]
 
 
 # WatchedStreams and subscriptions

@@ -3,10 +3,14 @@
 import pytest
 
 from console.command import Call
+from console.commands.members.delegate import delegate, tasks
+from console.commands.members.follow import monitors
+from console.commands.members.ls import ls
 from console.commands.members.watch import watch
-from console.errors import DONE
+from console.errors import DONE, NO
 from dyknow.model.errors import FederationFailed
 from navigation.vehicle import PositionReport
+from tests.console.conftest import Lines
 from tests.console.world import World
 
 
@@ -33,3 +37,24 @@ def test_a_stream_whose_samples_are_all_too_late_is_told_with_how_late_they_are(
     out, err = capsys.readouterr()
     assert out == ""
     assert "ms after it was valid, and --max-delay 1 ms drops what is later" in err
+
+
+def test_a_task_that_a_successor_ended_is_named_by_every_command_that_shows_monitoring(
+    world: World, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert delegate(call, "monitor-proximity", to="0") == DONE
+    world.run(2.0)
+    world.kill("0")
+    world.run(5.0)
+    (conversation,) = world.platforms["1"][0].ports.tasks.coordinated
+    successor = world.platforms["1"][0]
+    successor.ports.tasks.cancel(conversation, world.now_us)
+    world._step("1", successor.settle)
+    world.run(1.0)
+    capsys.readouterr()
+    assert tasks(call) == DONE
+    assert [(each["unit"], each["state"], each["ended_by"]) for each in lines()] == [(2, "ended by 1", 1)]
+    for command, code in ((monitors, NO), (ls, DONE)):
+        assert command(call) == code
+        warned = " ".join(capsys.readouterr().err.split())
+        assert f"task {conversation} was ended by 1 on 2," in warned

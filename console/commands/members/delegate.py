@@ -24,7 +24,7 @@ from runtime.client import Client
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 from runtime.configuration.settings import load
 from runtime.configuration.wording import typed, values_of
-from runtime.library.jobs import begin_task, state_of
+from runtime.library.jobs import begin_task, listed_tasks, state_of
 from runtime.library.jobs import tasks as all_tasks
 
 P = Performative
@@ -125,7 +125,7 @@ def _tell(call: Call, dialogue: Dialogue, act: Act, said: Content | None) -> Non
         record: dict[str, Any] = {
             "conversation": dialogue.conversation,
             "performative": act.performative.value,
-            "unit": unit_json(dialogue.unit),
+            "unit": unit_json(act.sender.unit),
         }
         call.out.line(record | ({"content": text} if text else {}))
         return
@@ -134,7 +134,7 @@ def _tell(call: Call, dialogue: Dialogue, act: Act, said: Content | None) -> Non
     words = verbatim(plain(said)) if said is not None else ""
     suffix = f"  [dim]{dialogue.conversation}[/dim]" if act.performative is P.AGREE else ""
     call.out.console.print(
-        f"[bold]{dialogue.unit}[/bold]  [{colour}]{act.performative}[/{colour}]  {words}{suffix}", soft_wrap=True
+        f"[bold]{act.sender.unit}[/bold]  [{colour}]{act.performative}[/{colour}]  {words}{suffix}", soft_wrap=True
     )
 
 
@@ -160,7 +160,7 @@ def plain(said: Content) -> str:
 def tasks(call: Call) -> int:
     """Delegated tasks of all platforms; exit 1 if there is none."""
     with connected(call) as client, call.out.waiting("asking for tasks"):
-        found = [task for _, task in client.run(all_tasks(client, client.chosen(None)))]
+        found = [task for _, task in client.run(listed_tasks(client, client.chosen(None)))]
     if call.out.json_lines:
         for task in found:
             call.out.line(
@@ -172,6 +172,7 @@ def tasks(call: Call) -> int:
                     "delegator": task.delegator,
                     "since_us": task.since_us,
                 }
+                | ({} if task.ended_by is None else {"ended_by": unit_json(task.ended_by)})
             )
     elif found:
         rows = [

@@ -4,6 +4,7 @@ from typing import Any
 
 from console.centre.client import connected
 from console.command import Call, command
+from console.commands.members.ended_tasks import warn_of_ended
 from console.errors import DONE, NO
 from console.options.arguments import Count, Follow
 from console.output.output import unit_json, verbatim
@@ -113,6 +114,7 @@ def monitors(call: Call) -> int:
     with connected(call) as client:
         with call.out.waiting("asking for monitors"):
             found = client.run(all_monitors(client))
+            warn_of_ended(call, client, client.chosen(None))
         now_us = client.federation_us()
     if call.out.json_lines:
         for monitor in found:

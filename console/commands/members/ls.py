@@ -8,6 +8,7 @@ import typer
 
 from console.centre.client import connected
 from console.command import Call, command
+from console.commands.members.ended_tasks import warn_of_ended
 from console.errors import DONE, NO
 from console.output.output import unit_json, verbatim
 from dyknow.model.instants import US_PER_S, print_span
@@ -33,6 +34,7 @@ def ls(call: Call, *, all_kinds: Annotated[bool, typer.Option("--all", help="Com
             there = client.centre.platforms(all_kinds=all_kinds)
             alive = [seen.unit for seen in there if seen.kind == "uav" and seen.state == PeerState.ALIVE.value]
             around = ask_who_is_missing(client, alive)
+            warn_of_ended(call, client, alive)
             ages = label_ages(client, there)
             # Who came or went while they were asked is listed as it is now.
             there = _with_missed(client, client.centre.platforms(all_kinds=all_kinds), around)

@@ -18,18 +18,31 @@ class MonitorProximity(parts.Content):
 
 
 class CreateMonitor(parts.Content):
-    """Set up a monitor by name, alone or as part of a task that `coordinator` leads and `delegator` asked for."""
+    """Set up a monitor by name, alone or as part of a task that `coordinator` leads.
+
+    `delegator` asked the platform `delegate` for that task; `generation` counts its coordinators from 1.
+    """
 
     name: parts.Word
     profile: parts.Word | None = None
     task: parts.Conversation | None = None
     coordinator: parts.Unit | None = None
     delegator: parts.Unit | None = None
+    delegate: parts.Unit | None = None
     generation: Count | None = None
     sample_period_s: parts.Period | None = None
     delay_s: parts.Seconds | None = None
     avoidance: bool | None = None
     parameters: parts.Values | None = None
+
+
+class HandOver(parts.Content):
+    """The coordinator of a task leaves it to another one, in its life `boot`."""
+
+    task: parts.Conversation
+    coordinator: parts.Unit
+    boot: Count
+    generation: Count
 
 
 class RemoveMonitor(parts.Content):

@@ -13,6 +13,8 @@ class Tasks(parts.Content):
 
 
 class TaskEntry(parts.ContentPart):
+    """One task; `ended_by`: the platform that ended it here, which is neither its delegate nor a command centre."""
+
     head: ClassVar[str] = "task"
 
     conversation: parts.Conversation
@@ -21,6 +23,7 @@ class TaskEntry(parts.ContentPart):
     state: parts.Line
     delegator: parts.Agent | None = None
     since_us: parts.Instant | None = None
+    ended_by: parts.Unit | None = None
 
 
 class TaskList(parts.Content):

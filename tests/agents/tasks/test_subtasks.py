@@ -8,7 +8,8 @@ from agents.admission.limits import ActLimits, TokenBucket
 from agents.exchange.readings import merge_inverse_variance, merge_mean, select_best, select_newest
 from agents.monitoring.checks import Checks
 from agents.platform import Platform
-from agents.tasks import TOMBSTONES, Task
+from agents.tasks.life import TOMBSTONES
+from agents.tasks.task import Claim, Task
 from dyknow.model.errors import Refused
 from federation.members.deadlines import Deadlines
 from federation.messages.acts import Performative
@@ -68,12 +69,12 @@ def test_a_life_of_tasks_remembers_whose_task_ended_and_forgets_in_the_end(wire:
     assert life.cancel("d", 7) is None
     assert ended == [5]
     with pytest.raises(Refused, match="cancelled") as refused:
-        life.check_leader("c", "2", 1)
+        life.check_claim(Claim("c", "2", 0, 1, "", ""))
     assert refused.value.code == "cancelled"
-    life.check_leader("c", "1", 1)  # it ended on its behalf, so it may set it up again
+    life.check_claim(Claim("c", "1", 0, 1, "", ""))  # it ended on its behalf, so it may set it up again
     for at in range(TOMBSTONES):
         life.bury(f"t{at}", "1")
-    life.check_leader("c", "2", 1)
+    life.check_claim(Claim("c", "2", 0, 1, "", ""))
 
 
 def reading(valid_us: int, value: float, variance: float | None = None) -> Reading:

@@ -34,6 +34,7 @@ TEXTS = [
     "(monitor-proximity)",
     "(monitor-proximity profile: proximity-warn avoidance: false sample-period: 0.2 delay: 1.0)",
     "(create-monitor name: proximity)",
+    "(hand-over task: 1-2-3 coordinator: 0 boot: 17 generation: 2)",
     "(create-monitor name: proximity task: 1-2-3 coordinator: 0 generation: 2 sample-period: 0.1 delay: 1.0 avoidance: true)",
     "(remove-monitor name: proximity task: 1-2-3)",
     "(monitors)",

@@ -14,24 +14,33 @@ platforms is a `CoordinatedTask` as well, on each participant, by the conversati
 | ended (tombstone) | `cancel` | `follow` by who ended it, or 1000 other tombstones |
 
 While a subtask is abandoned its streams and monitors continue as they are: a cut costs no sample, and an alarm stays
-the same alarm. Of two coordinators the one of the higher generation stays, then the unit that sorts first. Times are
-the node clock.
+the same alarm. A task is coordinated by its delegate, the platform it was delegated to, in generation 1, and after it by
+successors in the next generations. A participant follows another coordinator only when its own is gone here, hands
+over, or gives way to the delegate; of two successors the one of the lower generation stays, then the unit that sorts
+first. Times are the node clock.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
-from typing import Protocol
 
-from agents.actions import Role
+from agents.actions import COORDINATION, QUERIED, Action, Offer, Role
 from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
-from dyknow import earlier
+from agents.tasks.task import Claim, CoordinatedTask, EndedTask, Task, TaskPlan
 from dyknow.model.errors import ContentError, Refused
 from federation.members.deadlines import Deadlines
 from federation.members.directory import DirectoryFacilitator, unit_order
 from federation.members.liveness import PlatformAppeared
-from federation.messages.acts import Act
-from federation.messages.contents import CreateMulticast
+from federation.messages.acts import Act, AgentName, Performative
+from federation.messages.contents import (
+    MAX_LIST,
+    CreateMulticast,
+    HandOver,
+    MonitorProximity,
+    Progress,
+    TaskEntry,
+    TaskList,
+    Tasks,
+)
 from federation.messages.conversations import is_given_up, is_lost
 from federation.sharing.exports import LINGER_US, Exports
 
@@ -40,79 +49,11 @@ ABANDONED_US = 5_000_000
 """How long a subtask waits for another coordinator, or to be asked for once more."""
 SUCCESSOR_STEP_US = 1_000_000
 """How much later each next participant takes over a task whose coordinator died."""
-
-
-class TaskPlan(Protocol):
-    """What a coordinated task knows of a monitor: its name, and the streams it needs of each platform."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def labels(self) -> tuple[str, ...]: ...
-    @property
-    def period_us(self) -> int: ...
-    @property
-    def max_delay_us(self) -> int: ...
-
-
-@dataclass(slots=True)
-class Task:
-    """One accepted request that lives until it is cancelled.
-
-    Attributes:
-        conversation: the conversation in which it was requested, and in which `cancel` ends it.
-        initiator: the unit that requested it.
-        name: the head of the request, e.g. `monitor-proximity`.
-        take_down: undoes all that the task set up, at a time; returns the coordinated tasks that ended with it.
-        state: what a user sees.
-        is_part: whether it belongs to a larger task, which users see and cancel.
-        contracts: the streams it has this platform export: semantic labels by contract.
-        monitor: the name of the monitor it has this platform keep.
-    """
-
-    conversation: str
-    initiator: str
-    name: str
-    take_down: Callable[[int], Iterable[str]]
-    state: str = "running"
-    since_us: int = 0
-    is_part: bool = False
-    contracts: dict[str, str] = field(default_factory=dict)
-    monitor: str = ""
-
-
-@dataclass(slots=True)
-class CoordinatedTask:
-    """A task over many platforms, as one participant knows it.
-
-    Attributes:
-        task: the conversation in which the delegator asked for it: its name everywhere.
-        plans: what is monitored.
-        leader: the coordinator; leader_boot: which life of it, since one that was restarted knows nothing of the task.
-        members: the requests to each platform, as (unit, conversations); kept by the coordinator.
-        former: the same, of a coordinator that stepped down: it goes when the task ends.
-        own: by name, the act with which the coordinator requested a monitor of this platform.
-        again_us: when the request to a platform that failed or was silent is repeated.
-        successor_at_us: when this platform takes over if no other does.
-    """
-
-    task: str
-    delegator: str
-    plans: tuple[TaskPlan, ...]
-    avoidance: bool
-    leader: str
-    generation: int
-    leader_boot: int = 0
-    members: dict[str, list[str]] = field(default_factory=dict)
-    former: dict[str, list[str]] = field(default_factory=dict)
-    own: dict[str, Act] = field(default_factory=dict)
-    exports: list[str] = field(default_factory=list)
-    again_us: dict[str, int] = field(default_factory=dict)
-    successor_at_us: int | None = None
-
-    @property
-    def deadline_us(self) -> int | None:
-        return earlier(self.successor_at_us, min(self.again_us.values(), default=None))
+SUCCESSORS = 8
+"""How many generations a claim may be ahead: so many coordinators may die before a participant hears of one."""
+ENDED_LISTED_US = 600_000_000
+"""How long a task that its delegator did not end is listed as ended."""
+LISTED = 16
 
 
 class TaskLife(Part):
@@ -123,6 +64,9 @@ class TaskLife(Part):
         role_of: what a unit may ask for.
     """
 
+    offers = (Offer(COORDINATION, (Action(Tasks, "on_tasks", QUERIED, Role.OBSERVER),)),)
+    answers = (TaskList,)
+
     def __init__(
         self,
         unit: str,
@@ -132,11 +76,12 @@ class TaskLife(Part):
         exports: Exports,
         role_of: Callable[[str], Role],
     ) -> None:
-        self._unit, self._boot, self._agent = unit, boot, agent
+        self._unit, self._boot, self._agent, self._directory = unit, boot, agent, directory
         self._is_present, self._is_shared, self._role_of = directory.is_present, exports.is_shared, role_of
         self.coordinated: dict[str, CoordinatedTask] = {}
         self._tasks: dict[str, Task] = {}
         self._ended: dict[str, str] = {}
+        self._ended_by_others: dict[str, EndedTask] = {}
         self._due: Deadlines[str] = Deadlines()
         self._until_us: dict[str, int] = {}
 
@@ -180,35 +125,68 @@ class TaskLife(Part):
         self.coordinated[led.task] = led
         self.add(Task(led.task, led.delegator, "monitor-proximity", take_down, since_us=now_us))
 
-    def check_leader(self, task: str, asker: str, generation: int) -> None:
-        """Whether `asker` may coordinate a task that may be coordinated by another, or ended.
+    def check_claim(self, claim: Claim) -> None:
+        """Whether that platform may set up monitors of a task here, as its coordinator.
 
         Raises:
-            Refused: `cancelled`, or `led-by` with the coordinator that stays.
+            Refused: `cancelled`; `led-by` with the coordinator that stays; `delegator`: another one asked for the task.
         """
-        if self._ended.get(task, asker) != asker:
+        task, unit, delegator = claim.task, claim.unit, claim.delegator
+        of_others = self._ended_by_others.get(task)
+        is_bound = of_others is None or unit != of_others.delegate
+        if is_bound and self._ended.get(task, unit) != unit:
             raise Refused("cancelled: the task was cancelled here", "cancelled")
+        if delegator and not task.startswith(f"{delegator}-"):
+            raise Refused(f"task {task} was not asked for by {delegator}: its name says by whom", "delegator")
         led = self.coordinated.get(task)
-        if led is None or led.leader == asker:
+        if led is None:
             return
-        if (-generation, unit_order(asker)) > (-led.generation, unit_order(led.leader)):
-            text = f"led by {led.leader} in generation {led.generation}"
+        if not self._may_follow(led, claim):
+            text = f"led by {led.leader} in generation {led.generation}, which is here"
             raise Refused(text, "led-by", leader=led.leader, generation=led.generation)
 
-    def follow(self, act: Act, told: CoordinatedTask, plan: TaskPlan) -> None:
-        """Take part in a task: from now on the sender is its coordinator; `told` has what it says of the task."""
-        led = self.coordinated.setdefault(told.task, told)
+    def _may_follow(self, led: CoordinatedTask, claim: Claim) -> bool:
+        """Only what is known here decides: a claim says nothing true of itself."""
+        if claim.generation == 1:
+            return claim.unit == led.delegate
+        if not 1 < claim.generation <= led.generation + SUCCESSORS:
+            return False
         if led.leader == self._unit:
-            self.step_down(led, told.leader)
-        led.leader, led.generation, led.leader_boot = told.leader, told.generation, told.leader_boot
-        led.successor_at_us, led.avoidance = None, told.avoidance
+            own = led.generation, unit_order(self._unit)
+            return led.generation > 1 and (claim.generation, unit_order(claim.unit)) < own
+        return (claim.unit, claim.boot) == (led.leader, led.leader_boot) or not self.is_led(led)
+
+    def is_led(self, led: CoordinatedTask) -> bool:
+        """Whether its coordinator is there, in the life in which it coordinates."""
+        entry = self._directory.entry(led.leader)
+        is_there = entry is not None and entry.boot == led.leader_boot and self._is_present(led.leader)
+        return led.leader == self._unit or is_there
+
+    def follow(self, act: Act, told: CoordinatedTask, plan: TaskPlan, now_us: int) -> None:
+        """Take part in a task: from now on the sender is its coordinator; `told` has what it says of the task.
+
+        What the task is was said by its first coordinator: another one changes neither `avoidance` nor the delegator.
+        """
+        led = self.coordinated.setdefault(told.task, told)
+        self.lead_by(led, told.leader, told.leader_boot, told.generation, now_us)
         self._ended.pop(told.task, None)
+        self._ended_by_others.pop(told.task, None)
         if plan not in led.plans:
             led.plans = (*led.plans, plan)
         followed = led.own.get(plan.name)
         if followed is not None and followed.conversation_id is not None:
             self.forget(followed.conversation_id)
         led.own[plan.name] = act
+
+    def lead_by(self, led: CoordinatedTask, leader: str, boot: int, generation: int, now_us: int) -> None:
+        """That platform coordinates the task from now on; if this one did, its participants are told."""
+        if led.leader == self._unit != leader:
+            told = HandOver(task=led.task, coordinator=leader, boot=boot, generation=generation)
+            for unit in led.members.keys() - {leader}:
+                self._agent.tell(unit, told, now_us)
+            self.step_down(led, leader)
+        led.leader, led.leader_boot, led.generation = leader, boot, generation
+        led.successor_at_us = None
 
     def step_down(self, led: CoordinatedTask, leader: str) -> None:
         """Another coordinates the task: stay a participant. What we had asked for goes with the task."""
@@ -218,6 +196,17 @@ class TaskLife(Part):
         led.members.clear()
         led.again_us.clear()
         self.forget(led.task)
+
+    def end_by(self, led: CoordinatedTask, by: str, now_us: int) -> None:
+        """Its coordinator ended the task here. If that is not the delegate, it is listed, and its delegator is told."""
+        if by == led.delegate:
+            return
+        self._ended_by_others[led.task] = EndedTask(led.task, led.delegator, led.delegate, by, now_us)
+        if len(self._ended_by_others) > LISTED:
+            del self._ended_by_others[next(iter(self._ended_by_others))]
+        if led.delegator not in {"", by, self._unit} and self._is_present(led.delegator):
+            told = Progress(step=f"monitoring ended by {by}", unit=self._unit)
+            self._agent.tell(led.delegator, told, now_us, conversation=led.task)
 
     def leave(self, task: str, name: str) -> CoordinatedTask | None:
         """The coordinator needs monitor `name` no more; returns the task if that was the last."""
@@ -321,6 +310,35 @@ class TaskLife(Part):
                 self.bury(name, unit)
         return ended is not None
 
+    def on_tasks(self, act: Act, _content: Tasks, now_us: int) -> None:
+        """`(tasks)`: what users delegated, not the parts of it; and what others ended here of late."""
+        entries = [
+            TaskEntry(
+                conversation=task.conversation,
+                task=task.name,
+                unit=self._unit,
+                state=task.state,
+                delegator=_speaker(task.initiator),
+                since_us=task.since_us,
+            )
+            for task in self._tasks.values()
+            if not task.is_part
+        ]
+        entries += [
+            TaskEntry(
+                conversation=ended.task,
+                task=MonitorProximity.head,
+                unit=self._unit,
+                state=f"ended by {ended.by}",
+                delegator=_speaker(ended.delegator),
+                since_us=ended.at_us,
+                ended_by=ended.by,
+            )
+            for ended in self._ended_by_others.values()
+            if now_us < ended.at_us + ENDED_LISTED_US
+        ]
+        self._agent.answer(act, Performative.INFORM, TaskList(tasks=tuple(entries[:MAX_LIST])), now_us)
+
     # -- abandoned ---------------------------------------------------------------------------------------------
 
     def on_peer(self, change: PeerChange, _now_us: int) -> None:
@@ -363,3 +381,7 @@ class TaskLife(Part):
                     self._until_us[conversation] = until_us
                     continue
             self.cancel(conversation, now_us)
+
+
+def _speaker(unit: str) -> str | None:
+    return str(AgentName("interface", unit)) if unit else None

@@ -1,0 +1,195 @@
+"""Who coordinates a task: a member with a valid key of its own gets it only by what the others see themselves."""
+
+from hashlib import sha256
+
+import pytest
+
+from agents.monitoring.coordination import Coordination
+from agents.platform import Platform
+from federation.messages.acts import Performative
+from federation.messages.contents import (
+    CreateMonitor,
+    HandOver,
+    MonitorProximity,
+    Progress,
+    Reason,
+    TaskList,
+    Tasks,
+)
+from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
+from tests.agents.wire import EPOCH, Question, Vehicle, Wire
+
+P = Performative
+BOTH = ("proximity", "proximity-warn")
+ROLES: dict[str, Role] = {"0": "uav", "1": "uav", "2": "uav", "3": "uav", "cc": "command-centre"}
+
+
+def seed(unit: str) -> bytes:
+    return sha256(unit.encode()).digest()
+
+
+def trust(unit: str) -> Trust:
+    roster = Roster({each: RosterMember(each, Signer(seed(each), "default").public_key, ROLES[each]) for each in ROLES})
+    return Trust.of(roster, seed(unit), "default", EPOCH - 1_000_000)
+
+
+def joined(wire: Wire, *units: str) -> None:
+    for unit in units:
+        wire.join(unit, Vehicle(north_m=1000.0 * int(unit)), trust=trust(unit))
+
+
+@pytest.fixture
+def three(wire: Wire) -> Wire:
+    """Platforms 0, 1, 2 and a command centre of one roster; 2 is the hostile one."""
+    joined(wire, "0", "1", "2")
+    wire.centre("cc", trust=trust("cc"))
+    wire.run(1.0)
+    return wire
+
+
+def delegated(wire: Wire) -> Question:
+    task = wire.asked("cc", "0", MonitorProximity())
+    wire.run(1.5)
+    return task
+
+
+def claimed(wire: Wire, task: Question, to: str, by: str = "2", **said: object) -> list[Question]:
+    """`by` would coordinate the task at `to`; then it cancels what it was given."""
+    parts = [CreateMonitor(name=name, task=task.conversation, **said) for name in BOTH]  # type: ignore[arg-type]
+    asked = [wire.asked(by, to, part) for part in parts]
+    wire.run(1.0)
+    for each in asked:
+        wire.cancel(by, to, each.conversation)
+    wire.run(2.0)
+    return asked
+
+
+def coordination(wire: Wire, unit: str, task: Question) -> tuple[str, int, bool]:
+    platform: Platform = wire.platform(unit)
+    led = platform.ports.tasks.coordinated[task.conversation]
+    return led.leader, led.generation, platform.part(Coordination).avoids("proximity-warn")
+
+
+def watched(wire: Wire, unit: str) -> set[tuple[str, str, str]]:
+    named = wire.platform(unit).ports.monitors.named
+    return {(name, member, each.monitor.inputs) for name in named for member, each in named[name].instances.items()}
+
+
+def listed(wire: Wire, unit: str) -> list[tuple[str, str | None]]:
+    (answer,) = wire.asked("cc", unit, Tasks(), P.QUERY_REF).contents
+    assert isinstance(answer, TaskList)
+    return [(entry.state, entry.ended_by) for entry in answer.tasks]
+
+
+@pytest.mark.parametrize("generation", [1, 2, 3, 9, 10, 2**31, 2**60])
+@pytest.mark.parametrize("delegate", [None, "2", "0"])
+def test_a_coordinator_that_is_here_is_not_deposed(three: Wire, generation: int, delegate: str | None) -> None:
+    task = delegated(three)
+    said: dict[str, object] = {"generation": generation, "coordinator": "2", "avoidance": False, "delegate": delegate}
+    for to, other in (("0", "1"), ("1", "0")):
+        before = watched(three, to)
+        refused = three.platform(to).ports.agent.audit_log.refused["refused"]
+        for question in claimed(three, task, to, **said):
+            assert question.performatives == [P.REFUSE]
+            (reason,) = question.contents
+            assert isinstance(reason, Reason)
+            assert (reason.code, reason.leader, reason.generation) == ("led-by", "0", 1)
+        assert three.platform(to).ports.agent.audit_log.refused["refused"] == refused + 2
+        assert watched(three, to) == before >= {(name, other, "fresh") for name in BOTH}
+        assert coordination(three, to, task) == ("0", 1, True)
+    assert listed(three, "0") == [("running", None)]
+
+
+@pytest.mark.parametrize("code", ["led-by", "cancelled"])
+def test_no_participant_ends_a_task_by_how_it_refuses_its_part(three: Wire, code: str) -> None:
+    task = delegated(three)
+    led = three.platform("0").ports.tasks.coordinated[task.conversation]
+    reason = Reason(text="led by 2", code=code, leader="2", generation=7)
+    three.platform("0").part(Coordination)._declined(led, "2", "monitor", reason, three.now_us)
+    three.settle("0")
+    three.run(4.0)
+    assert coordination(three, "0", task) == coordination(three, "1", task) == ("0", 1, True)
+    assert any("refused, led by 2" in c.step for c in task.contents if isinstance(c, Progress)), (
+        "its delegator hears it"
+    )
+
+
+def test_after_a_crash_one_successor_leads_and_lowers_no_avoidance(three: Wire) -> None:
+    joined(three, "3")
+    three.run(1.0)
+    task = delegated(three)
+    three.kill("0")
+    three.run(5.0)
+    assert {coordination(three, unit, task) for unit in "123"} == {("1", 2, True)}
+    refused = claimed(three, task, "3", generation=3, avoidance=False, delegate="0")
+    assert [question.performatives for question in refused] == [[P.REFUSE]] * 2
+    three.kill("1")
+    three.run(0.9)
+    early = three.asked(
+        "2", "3", CreateMonitor(name="proximity", task=task.conversation, generation=3, avoidance=False)
+    )
+    assert early.performatives == [P.AGREE, P.INFORM], "the next in turn, when the one before is gone"
+    three.run(5.0)
+    assert coordination(three, "3", task) == ("2", 3, True)
+    assert {("proximity", "2", "fresh"), ("proximity-warn", "2", "fresh")} <= watched(three, "3")
+
+
+def test_a_successor_that_ends_the_task_is_named_to_its_delegator_and_in_the_list(three: Wire) -> None:
+    joined(three, "3")
+    three.run(1.0)
+    task = delegated(three)
+    three.cut("0", "23")
+    three.cut("1", "23")  # 2 takes over for itself and 3, which the delegator still sees
+    three.run(8.0)
+    assert coordination(three, "3", task) == ("2", 2, True)
+    three.platform("2").ports.tasks.cancel(task.conversation, three.now_us)
+    three.settle("2")
+    three.run(1.0)
+    assert watched(three, "3") == set()
+    told = [(c.step, c.unit) for c in task.contents if isinstance(c, Progress)]
+    assert ("monitoring ended by 2", "3") in told
+    assert listed(three, "3") == [("ended by 2", "2")]
+    assert coordination(three, "1", task) == ("0", 1, True)
+    three.heal()
+    three.run(8.0)
+    assert coordination(three, "3", task) == ("0", 1, True), "it was not ended for its delegate"
+    assert {(name, "0", "fresh") for name in BOTH} <= watched(three, "3")
+    assert listed(three, "3") == []
+
+
+def test_of_two_successors_one_hands_over(three: Wire) -> None:
+    joined(three, "3")
+    three.run(1.0)
+    task = delegated(three)
+    three.kill("0")
+    three.cut("1", "23")
+    three.run(8.0)
+    assert [coordination(three, unit, task)[:2] for unit in "123"] == [("1", 2), ("2", 2), ("2", 2)]
+    three.heal()
+    three.run(10.0)
+    assert {coordination(three, unit, task) for unit in "123"} == {("1", 2, True)}
+    assert all((name, other, "fresh") in watched(three, "3") for name in BOTH for other in "12")
+
+
+def test_only_who_leads_hands_over(three: Wire) -> None:
+    task = delegated(three)
+    said = HandOver(task=task.conversation, coordinator="2", boot=1, generation=2)
+    for to in "01":
+        three.platform("2").ports.agent.tell(to, said, three.now_us)
+        three.settle("2")
+        three.run(0.5)
+        assert coordination(three, to, task) == ("0", 1, True)
+        assert three.platform(to).ports.agent.audit_log.refused["refused"] == 1
+
+
+def test_a_task_belongs_to_the_delegator_that_its_name_begins_with(three: Wire) -> None:
+    task = delegated(three)
+    joined(three, "3")
+    three.run(0.1)
+    (first, second) = claimed(three, task, "3", delegator="2", delegate="2")
+    for question in (first, second):
+        (reason,) = question.contents
+        assert isinstance(reason, Reason)
+        assert reason.code == "delegator"
+    three.run(3.0)
+    assert coordination(three, "3", task) == ("0", 1, True)
