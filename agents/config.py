@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from agents.admission.limits import ACTS_BURST, ACTS_PER_S
-from agents.flight.pilot import FlightLimits, FlightPlan
+from agents.flight.places import FlightLimits, FlightPlan
 from agents.part import Part
 from dyknow import Prototype
 from federation.members.clock import FederationClock
@@ -26,6 +26,7 @@ class PlatformConfig:
         vehicle: whether it has one, and so labels to offer.
         simulated: whether faults can be injected.
         control: whether it may command its vehicle.
+        missions: whether it may interrupt a mission of its vehicle to give way.
         period_us: the grid of its estimates.
         catalogue: what its specification can make sources and units from, by name.
         monotonic_offset_us: its node clock minus the monotonic clock of the machine, which hosts have, too.
@@ -42,6 +43,7 @@ class PlatformConfig:
     vehicle: bool = True
     simulated: bool = False
     control: bool = False
+    missions: bool = False
     avoidance: bool = True
     period_us: int = 100_000
     plan: FlightPlan | None = None

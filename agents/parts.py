@@ -219,7 +219,11 @@ class Ports:
 
     @cached_property
     def pilot(self) -> Pilot:
-        return Pilot(self.config.control, self.config.plan, self.config.limits)
+        def clock() -> int:
+            return self.clock.federation_us(self.now_us())
+
+        config = self.config
+        return Pilot(config.control, config.plan, config.limits, config.missions, clock, self.note)
 
     @cached_property
     def monitors(self) -> UnitMonitors:

@@ -7,6 +7,11 @@ federation time, mapped as each edge documents.
 from typing import NamedTuple, TypeAlias
 
 
+def stopping_distance_m(speed_m_s: float) -> float:
+    """How far a copter flies on after it was told to stop: half a second, and braking at 2.5 m/s^2 (ArduCopter's default)."""
+    return 0.5 * speed_m_s + speed_m_s**2 / 5.0
+
+
 class PositionReport(NamedTuple):
     """Latitude and longitude in degrees (WGS-84), altitude in metres above mean sea level.
 
@@ -104,8 +109,34 @@ class TargetReport(NamedTuple):
     altitude_m: float
 
 
+class MissionReport(NamedTuple):
+    """Which item of its mission the vehicle flies, or would fly (MISSION_CURRENT)."""
+
+    valid_us: int
+    item: int
+
+
+class FenceReport(NamedTuple):
+    """The autopilot's own fence: metres above home, and metres from home; None where it sets no such bound."""
+
+    valid_us: int
+    lowest_m: float | None = None
+    highest_m: float | None = None
+    radius_m: float | None = None
+
+
+NO_ANSWER = "no answer"
+"""The reason of a command that was not acknowledged, however often it was sent."""
+SUPERSEDED = "superseded"
+"""The reason of a command whose place a newer one took."""
+OVERTAKEN = "overtaken by a change of mode"
+"""The reason of a command that was not sent again, since the vehicle's mode had changed meanwhile."""
+UNCONFIRMED = "sent, and not acknowledged by this kind of autopilot"
+"""The reason of a command that counts as accepted because no answer can come: its effect shows it."""
+
+
 class CommandResult(NamedTuple):
-    """The vehicle's answer to `Command.number`: accepted, or why not ("denied", "timed out")."""
+    """The vehicle's answer to `Command.number`: accepted, or why not: "denied", or one of the reasons above."""
 
     valid_us: int
     number: int
@@ -123,6 +154,8 @@ Report: TypeAlias = (
     | HomeReport
     | StatusReport
     | TargetReport
+    | MissionReport
+    | FenceReport
     | CommandResult
 )
 
@@ -160,7 +193,36 @@ class ReturnHomeOrder(NamedTuple):
     pass
 
 
-Order: TypeAlias = Arm | SetGuided | TakeOffOrder | GoToOrder | HoldOrder | LandOrder | ReturnHomeOrder
+class InterruptOrder(NamedTuple):
+    """Leave the mission that is being flown, and go to a point; altitude above mean sea level."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+
+
+class ResumeMissionOrder(NamedTuple):
+    """Fly the mission again, from the item at which it is."""
+
+
+class MissionItemOrder(NamedTuple):
+    """Continue the mission at this item."""
+
+    item: int
+
+
+Order: TypeAlias = (
+    Arm
+    | SetGuided
+    | TakeOffOrder
+    | GoToOrder
+    | HoldOrder
+    | LandOrder
+    | ReturnHomeOrder
+    | InterruptOrder
+    | ResumeMissionOrder
+    | MissionItemOrder
+)
 
 
 class Command(NamedTuple):

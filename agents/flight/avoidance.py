@@ -14,7 +14,7 @@ from enum import Enum
 from math import hypot
 from typing import NamedTuple, TypeAlias
 
-from agents.flight.pilot import Fix
+from agents.flight.places import Fix
 from dyknow.model.errors import Refused
 from federation.members.directory import unit_order
 from navigation.geodesy import distance_m

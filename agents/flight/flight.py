@@ -6,16 +6,17 @@ from typing import Final
 from agents.actions import Action, Offer, Role
 from agents.effects import Effect, InjectFault, Reported
 from agents.exchange.local_instance import LocalInstance
+from agents.flight.errand import Errand
 from agents.flight.giving_way import GivingWay
 from agents.flight.pilot import Pilot
 from agents.flight.vehicle_streams import VehicleStreams
 from agents.interface import InterfaceAgent
 from agents.part import Followed, Part
-from dyknow import US_PER_S, Sample
+from dyknow import US_PER_S, Sample, earlier
 from federation.members.clock import FederationClock
 from federation.members.offers import Service
-from federation.messages.acts import Act
-from federation.messages.contents import Content, Fault, Goto, Hold, Land, Resume, ReturnHome
+from federation.messages.acts import Act, Performative
+from federation.messages.contents import Content, Done, Fault, Goto, Hold, Land, Reason, Resume, ReturnHome
 from federation.messages.descriptions import LabelEntry
 from navigation.vehicle import Command, GoToOrder, HoldOrder, LandOrder, Order, ReturnHomeOrder
 
@@ -64,6 +65,7 @@ class FlightAgent(Part):
         self._agent, self._clock, self.pilot, self.streams, self._emit = agent, clock, pilot, streams, emit
         self._on_moved = giving_way.on_moved
         self._followed: Followed = (self, local)
+        self._awaited: tuple[Act, Errand] | None = None
 
     def labels(self) -> Iterable[LabelEntry]:
         return self.streams.entries()
@@ -73,7 +75,7 @@ class FlightAgent(Part):
         federation_us = self._clock.federation_us(now_us)
         self._fly(self.pilot.on_report(event.report, federation_us))
         self._on_estimates(self.streams.on_report(event.report, federation_us), now_us)
-        return self._followed
+        return None if self._tell(now_us) else self._followed
 
     def _fly(self, commands: Iterable[Command]) -> None:
         for command in commands:
@@ -86,13 +88,16 @@ class FlightAgent(Part):
 
     @property
     def deadline_us(self) -> int | None:
-        due_us = self.streams.deadline_us
+        due_us = earlier(self.streams.deadline_us, self.pilot.deadline_us)
         return None if due_us is None else self._clock.wall_us(due_us)
 
     def on_time(self, now_us: int) -> None:
-        self._on_estimates(self.streams.on_time(self._clock.federation_us(now_us)), now_us)
+        federation_us = self._clock.federation_us(now_us)
+        self.pilot.on_time(federation_us)
+        self._on_estimates(self.streams.on_time(federation_us), now_us)
+        self._tell(now_us)
 
-    # -- orders: done is the command; how far the vehicle has come, its position shows ---------------------------
+    # -- orders: done when the vehicle has taken them over; how far it has come, its position shows ---------------
 
     def on_goto(self, act: Act, content: Goto, now_us: int) -> None:
         """`(goto ...)`; raises Refused, naming the rule, as all orders do."""
@@ -111,13 +116,41 @@ class FlightAgent(Part):
         self._order(act, ReturnHomeOrder(), now_us)
 
     def on_resume(self, act: Act, _content: Resume, now_us: int) -> None:
-        """`(resume)`: fly the plan again."""
-        self._fly(self.pilot.resume())
-        self._agent.done(act, now_us)
+        """`(resume)`: fly the plan again, or once to where the vehicle was sent before."""
+        self._await(act, self.pilot.proceed(), now_us)
 
     def _order(self, act: Act, order: Order, now_us: int) -> None:
-        self._fly(self.pilot.order(order))
-        self._agent.done(act, now_us, "commanded")
+        self._await(act, self.pilot.order(order), now_us)
+
+    def _await(self, act: Act, commands: Iterable[Command], now_us: int) -> None:
+        """Agree, send, and inform when the vehicle has taken the order over; a newer order ends the wait for an older."""
+        if self._awaited is not None:
+            self._fail(self._awaited[0], "overtaken by a newer order", now_us)
+        self._awaited = None
+        commands = tuple(commands)
+        self._fly(commands)
+        if not commands or self.pilot.errand is None:
+            self._agent.done(act, now_us)
+            return
+        self._agent.answer(act, Performative.AGREE, None, now_us)
+        self._awaited = act, self.pilot.errand
+
+    def _tell(self, now_us: int) -> bool:
+        """Inform of the order that is awaited if its outcome is known; whether it was."""
+        if self._awaited is None:
+            return False
+        act, errand = self._awaited
+        if errand.has_failed:
+            self._fail(act, errand.reason, now_us)
+        elif errand.is_taken:
+            self._agent.answer(act, Performative.INFORM, Done(text=errand.words), now_us)
+        else:
+            return False
+        self._awaited = None
+        return True
+
+    def _fail(self, act: Act, reason: str, now_us: int) -> None:
+        self._agent.answer(act, Performative.FAILURE, Reason(text=reason), now_us)
 
 
 class Faults(Part):

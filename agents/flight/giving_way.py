@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterable
 from agents.actions import COORDINATION, Action, Offer
 from agents.exchange.gateway import Gateway
 from agents.flight.avoidance import Avoidance, Divert, Propose, Step
-from agents.flight.pilot import Fix, Pilot
+from agents.flight.pilot import Pilot
+from agents.flight.places import Fix
 from agents.interface import InterfaceAgent
 from agents.monitoring.coordination import Coordination
 from agents.monitoring.monitors import UnitMonitors

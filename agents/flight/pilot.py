@@ -1,120 +1,211 @@
 """The pilot: flies the platform's plan and carries out orders, within the rules for commanding aircraft.
 
-A platform commands its vehicle only when it was given control, and only while the vehicle is armed, airborne and in
-a guided mode; never below `floor_m` above home nor above `ceiling_m`. Every refusal names the rule that made it.
+A platform commands its vehicle only when it was given control, and only while the vehicle is armed, airborne, in a
+guided mode and heard; within floor, ceiling and range, and inside the autopilot's own fence. Every refusal names the
+rule that made it. What the vehicle was doing before it gave way is commanded once and then forgotten; after a takeover
+nothing is sent until asked. What becomes of an order is in `agents.flight.errand`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from agents.flight.errand import MISSION_MODES, Errand, OrderProgress
+from agents.flight.places import Bounds, Fix, FlightLimits, FlightPlan
 from dyknow import Sample
 from dyknow.model.errors import Refused
 from navigation import vehicle
 from navigation.geodesy import distance_m
 
+HEARD_WITHIN_US = 3_000_000
 RETRY_US = 2_000_000
+ATTEMPTS = 4
+"""How often a leg of the plan is ordered that the vehicle did not answer."""
+_ENDINGS = vehicle.LandOrder | vehicle.ReturnHomeOrder
 
 
-class Fix(NamedTuple):
-    """Where something is and how it moves: WGS-84 degrees, metres above mean sea level, metres per second (NED)."""
+class _Mission(NamedTuple):
+    """A mission that was interrupted: its item, and where it was flying to, if the vehicle told that."""
 
-    valid_us: int
-    latitude_deg: float
-    longitude_deg: float
-    altitude_m: float
-    north_m_s: float = 0.0
-    east_m_s: float = 0.0
-    down_m_s: float = 0.0
-
-
-class Waypoint(NamedTuple):
-    latitude_deg: float
-    longitude_deg: float
-    altitude_m: float
-
-
-@dataclass(frozen=True, slots=True)
-class FlightPlan:
-    """A route to fly once from `start_us` (federation time), or over and over."""
-
-    waypoints: tuple[Waypoint, ...]
-    speed_m_s: float = 5.0
-    start_us: int = 0
-    loop: bool = False
-    arrival_m: float = 3.0
-
-
-@dataclass(frozen=True, slots=True)
-class FlightLimits:
-    """Metres above home between which this platform may send its vehicle."""
-
-    floor_m: float = 10.0
-    ceiling_m: float = 120.0
+    item: int | None
+    towards: vehicle.GoToOrder | None
 
 
 @dataclass(slots=True)
 class Pilot:
     """One vehicle's commands. Times are federation time.
 
-    `control` is the person's consent to command the vehicle at all; without it the pilot only watches.
+    Attributes:
+        control: the person's consent to command the vehicle at all; without it the pilot only watches.
+        missions: the person's consent to interrupt a mission (AUTO) in order to give way.
+        clock: federation time now; None: the time of the last event.
+        note: takes words for users.
+        errand: the last order or leg of the plan, and what has become of it.
+        diversion: the present manoeuvre, and whether it is flown; None when the vehicle does not give way.
     """
 
     control: bool = False
     plan: FlightPlan | None = None
     limits: FlightLimits = field(default_factory=FlightLimits)
+    missions: bool = False
+    clock: Callable[[], int] | None = None
+    note: Callable[[str], None] = lambda _text: None
     status: vehicle.StatusReport | None = None
-    home: vehicle.HomeReport | None = None
     fix: Fix | None = None
+    errand: Errand | None = None
+    diversion: Errand | None = None
+    bounds: Bounds = field(default_factory=Bounds)
+    _now_us: int = 0
+    _heard_us: int = 0
+    _item: int | None = None
     _target: vehicle.TargetReport | None = None
-    _leg: int = 0
-    _diversion: vehicle.Order | None = None
+    _target_us: int = -HEARD_WITHIN_US
+    _standing: vehicle.Order | None = None
+    _before: vehicle.Order | None = None
+    _aside: vehicle.Order | _Mission | None = None
+    _moved: bool = False
+    _suspended: bool = False
     _raised_to_m: float | None = None
     _lowered_to_m: float | None = None
+    _leg: int = 0
     _goal: vehicle.Order | None = None
-    _standing: vehicle.Order | None = None
-    _number: int = 0
+    _attempts: int = 0
     _again_us: int | None = None
+    _number: int = 0
+
+    # -- what the vehicle says ---------------------------------------------------------------------------------
 
     def on_report(self, report: vehicle.Report, now_us: int) -> list[vehicle.Command]:
-        """Take what the vehicle says of itself; a command it denied is tried again after `RETRY_US`."""
-        if isinstance(report, vehicle.StatusReport):
-            self.status = report
-            self._mind_takeover(report)
-        elif isinstance(report, vehicle.HomeReport):
-            self.home = report
-        elif isinstance(report, vehicle.TargetReport) and self._diversion is None:
-            self._target = report
-        elif isinstance(report, vehicle.CommandResult) and report.number == self._number and not report.accepted:
-            self._again_us = now_us + RETRY_US
-        return []
+        """Take what the vehicle says of itself."""
+        self._now_us = max(self._now_us, now_us)
+        commands: list[vehicle.Command] = []
+        match report:
+            case vehicle.StatusReport():
+                self._on_status(report, now_us)
+            case vehicle.HomeReport():
+                problem = self.bounds.on_home(report, flying=self.status is not None and self.status.airborne is True)
+                if problem is not None:
+                    self.note(problem)
+            case vehicle.PositionReport(altitude_m=float() as altitude_m, height_m=float() as height_m):
+                self.bounds.on_height(altitude_m, height_m)
+            case vehicle.FenceReport():
+                self.bounds.fence = report
+            case vehicle.MissionReport():
+                commands = self._on_mission(report)
+            case vehicle.TargetReport():
+                self._on_target(report, now_us)
+            case vehicle.CommandResult():
+                self._on_result(report, now_us)
+        return commands
 
-    def _mind_takeover(self, status: vehicle.StatusReport) -> None:
-        """An order from before a manual takeover is repeated once the vehicle is given back, in one flight."""
+    def _on_status(self, status: vehicle.StatusReport, now_us: int) -> None:
+        if self.status is not None and now_us - self._heard_us > HEARD_WITHIN_US:
+            self.bounds.forget()
+        self.status, self._heard_us = status, now_us
+        self._judge(lambda errand: errand.on_status(status))
         if not status.armed:
-            self._goal = self._standing
-        elif not status.guided and not isinstance(self._standing, vehicle.LandOrder | vehicle.ReturnHomeOrder):
-            self._goal = None
+            self._forget()
+            self._suspended = False
+        elif not status.guided and status.mode not in MISSION_MODES:
+            self._target = None
+            if not isinstance(self._standing, _ENDINGS) and (self._goal or self._standing or self._aside):
+                self._take_over(f"the vehicle was taken over: mode {status.mode}")
+
+    def _forget(self) -> None:
+        """Nothing of this flight is left to be done."""
+        self._standing = self._before = self._aside = self._goal = self._again_us = self._target = None
+        self._raised_to_m = self._lowered_to_m = None
+        self._moved, self._attempts = False, 0
+
+    def _take_over(self, reason: str) -> None:
+        if not self._suspended:
+            self.note(f"{reason}; nothing is sent until asked (dyknow delegate resume, goto or hold)")
+        self._forget()
+        self._suspended = True
+
+    def _on_target(self, target: vehicle.TargetReport, now_us: int) -> None:
+        """A target that is not ours is somebody else's will: it replaces what was remembered."""
+        self._target_us = now_us
+        current = self.diversion or self.errand
+        self._judge(lambda errand: errand.on_target(target, now_us))
+        if current is not None and (current.is_ours(target) or not current.is_over):
+            return
+        self._target = target
+        if self._aside is not None and self.diversion is not None:
+            self._aside, self._moved = None, False
+        if current is not None and current is self.errand and current.progress is OrderProgress.OVERTAKEN:
+            self._standing = None
+            if self._goal is not None:
+                self._take_over("another ground station has sent the vehicle elsewhere")
+                self._target = target
+
+    def _on_result(self, result: vehicle.CommandResult, now_us: int) -> None:
+        errand, is_leg = self.errand, self._goal is not None and self._standing is None
+        self._judge(lambda each: each.on_result(result))
+        if result.accepted or errand is None or result.number != errand.command.number:
+            return
+        if errand.order == self._standing:
+            self._standing = None
+        elif is_leg and result.reason == vehicle.NO_ANSWER and self._attempts < ATTEMPTS:
+            self._again_us = now_us + RETRY_US
+        elif is_leg and errand.progress is OrderProgress.REFUSED:
+            self._take_over(f"the plan is not flown: {errand.reason}")
+
+    def _on_mission(self, report: vehicle.MissionReport) -> list[vehicle.Command]:
+        """A mission that was resumed elsewhere than where it was interrupted is sent to its item, once."""
+        errand, wanted = self.errand, self._item
+        if errand is None or not isinstance(errand.order, vehicle.ResumeMissionOrder) or not errand.is_taken:
+            self._item = report.item
+            return []
+        self.errand, self._item = None, report.item
+        return [] if wanted in {None, report.item} else [self._command(vehicle.MissionItemOrder(wanted or 0))]
+
+    def _judge(self, look: Callable[[Errand], None]) -> None:
+        """Let orders under way look at what has come, and tell what has become of them."""
+        for errand in (self.errand, self.diversion):
+            if errand is None or errand.is_over:
+                continue
+            before = errand.progress
+            look(errand)
+            if errand.progress is not before and errand.reason:
+                self.note(f"{_in_words(errand.order)}: {errand.progress.value}: {errand.reason}")
 
     def on_estimate(self, sample: Sample) -> list[vehicle.Command]:
         """Take a fused estimate (see `navigation.PositionFilter`) and fly on."""
         latitude, longitude, altitude, north, east, down = sample.value[:6]
-        self.fix = Fix(sample.valid_us, latitude, longitude, altitude, north, east, down)
-        return list(self._fly(sample.valid_us))
+        fix = self.fix = Fix(sample.valid_us, latitude, longitude, altitude, north, east, down)
+        self._now_us = max(self._now_us, sample.valid_us)
+        self._judge(lambda errand: errand.on_fix(fix, self.now_us))
+        return self._fly(sample.valid_us)
 
-    def _fly(self, now_us: int) -> Iterator[vehicle.Command]:
+    def on_time(self, now_us: int) -> None:
+        self._now_us = max(self._now_us, now_us)
+        self._judge(lambda errand: errand.on_time(now_us))
+
+    @property
+    def now_us(self) -> int:
+        return self._now_us if self.clock is None else max(self._now_us, self.clock())
+
+    @property
+    def deadline_us(self) -> int | None:
+        """When time alone changes something."""
+        due = [errand.deadline_us for errand in (self.errand, self.diversion) if errand is not None]
+        return min((each for each in due if each is not None), default=None)
+
+    # -- the plan ----------------------------------------------------------------------------------------------
+
+    def _fly(self, now_us: int) -> list[vehicle.Command]:
         if self._again_us is not None and now_us >= self._again_us:
             self._goal, self._again_us = None, None
-        if self._diversion is not None:
-            wanted: vehicle.Order | None = self._diversion
-        elif self.plan is None or self._standing is not None or now_us < self.plan.start_us:
-            wanted = self._standing
-        else:
-            wanted = self._next_leg(self.plan)
+        blocked = self._suspended or self.diversion is not None or self._standing is not None
+        if self.plan is None or blocked or now_us < self.plan.start_us:
+            return []
+        wanted = self._next_leg(self.plan)
         if wanted is None or wanted == self._goal or self.refusal(wanted) is not None:
-            return
-        self._goal = wanted
-        yield self._command(wanted)
+            return []
+        same = self.errand is not None and self.errand.order == wanted
+        self._goal, self._attempts = wanted, self._attempts + 1 if same else 1
+        return [self._begin(wanted)]
 
     def _next_leg(self, plan: FlightPlan) -> vehicle.Order | None:
         fix = self.fix
@@ -129,56 +220,97 @@ class Pilot:
             if self._leg >= len(plan.waypoints):
                 return vehicle.HoldOrder()
             there = plan.waypoints[self._leg]
-        altitude_m = there.altitude_m if self._raised_to_m is None else max(there.altitude_m, self._raised_to_m)
+        return self._clamped(vehicle.GoToOrder(*there, plan.speed_m_s))
+
+    def _clamped(self, order: vehicle.GoToOrder) -> vehicle.GoToOrder:
+        """The order, above (or below) the other vehicle while that is asked."""
+        altitude_m = order.altitude_m
+        if self._raised_to_m is not None:
+            altitude_m = max(altitude_m, self._raised_to_m)
         if self._lowered_to_m is not None:
             altitude_m = min(altitude_m, self._lowered_to_m)
-        return vehicle.GoToOrder(there.latitude_deg, there.longitude_deg, altitude_m, plan.speed_m_s)
+        return order._replace(altitude_m=altitude_m)
+
+    def _begin(self, order: vehicle.Order) -> vehicle.Command:
+        self.errand = self._errand(order)
+        return self.errand.command
+
+    def _errand(self, order: vehicle.Order) -> Errand:
+        tells = self.now_us - self._target_us <= HEARD_WITHIN_US
+        return Errand(self._command(order), self.now_us, self.fix, tells)
 
     def _command(self, order: vehicle.Order) -> vehicle.Command:
         self._number += 1
         return vehicle.Command(self._number, order)
 
+    # -- the rules ---------------------------------------------------------------------------------------------
+
     def refusal(self, order: vehicle.Order) -> str | None:
-        """The rule that forbids `order` now, in words, or None."""
+        """The rule that forbids `order` now, in words, or None; a mission counts as guided if it may be interrupted."""
+        return self._unready() or self._unguided() or self.bounds.outside(order, self.limits, self.fix)
+
+    def _unready(self) -> str | None:
         if not self.control:
             return "this platform was not given control of its vehicle (join with --control)"
         status = self.status
         if status is None:
             return "the vehicle has not said in what state it is"
+        silent_us = self.now_us - self._heard_us
+        if silent_us > HEARD_WITHIN_US:
+            return f"no heartbeat for {silent_us / 1e6:.1f} s"
         if not status.armed:
             return "the vehicle is not armed"
-        if not status.airborne:
-            return "the vehicle is not airborne"
-        if not status.guided:
-            return f"the vehicle is in mode {status.mode}, which takes no positions; a guided mode is needed"
-        if isinstance(order, vehicle.GoToOrder):
-            return self._outside(order.altitude_m)
-        return None
+        return None if status.airborne else "the vehicle is not airborne"
 
-    def _outside(self, altitude_m: float) -> str | None:
-        if self.home is None:
-            return "the vehicle's home is not known, so neither floor nor ceiling is"
-        height_m = altitude_m - self.home.altitude_m
-        if height_m < self.limits.floor_m - 0.01:
-            return f"{height_m:.1f} m above home is below the floor of {self.limits.floor_m:.0f} m"
-        if height_m > self.limits.ceiling_m + 0.01:
-            return f"{height_m:.1f} m above home is above the ceiling of {self.limits.ceiling_m:.0f} m"
-        return None
+    def _unguided(self) -> str | None:
+        status = self.status
+        if status is None or status.guided or self._may_interrupt:
+            return None
+        remedy = "; --control auto lets it be interrupted to give way" if status.mode in MISSION_MODES else ""
+        return f"the vehicle is in mode {status.mode}, which takes no positions; a guided mode is needed{remedy}"
+
+    @property
+    def _may_interrupt(self) -> bool:
+        """Whether the vehicle flies a mission that may be interrupted."""
+        return self.missions and self.status is not None and self.status.mode in MISSION_MODES
+
+    # -- orders ------------------------------------------------------------------------------------------------
 
     def order(self, order: vehicle.Order) -> list[vehicle.Command]:
-        """Carry out an order: it replaces the plan until `resume`.
+        """Carry out an order: it replaces the plan until `proceed`.
 
         Raises:
             Refused: naming the rule.
         """
         reason = self.refusal(order)
-        if reason is None and self._diversion is not None and isinstance(order, vehicle.GoToOrder | vehicle.HoldOrder):
+        if reason is None and self.status is not None and not self.status.guided:
+            reason = f"the vehicle is in mode {self.status.mode}: only giving way interrupts a mission"
+        if reason is None and self.diversion is not None and not isinstance(order, _ENDINGS):
             reason = "the vehicle is giving way to another; ask again when it flies on"
         if reason is not None:
             raise Refused(reason)
-        self._diversion = None
-        self._standing = self._goal = order
-        return [self._command(order)]
+        if self._standing is None:
+            self._before = self._somebodys_target()
+        self.diversion = self._aside = None
+        self._standing = order
+        return [self._begin(order)]
+
+    def proceed(self) -> list[vehicle.Command]:
+        """End what was ordered: fly the plan on, or once to where the vehicle was sent before the order.
+
+        Raises:
+            Refused: the vehicle is giving way, or there is nothing to return to.
+        """
+        if self.diversion is not None:
+            raise Refused("the vehicle is giving way to another; it flies on by itself")
+        before, self._standing, self._before = self._before, None, None
+        self._suspended, self._goal = False, None
+        if self.plan is not None:
+            return [] if self.fix is None else self._fly(self.fix.valid_us)
+        reason = "nothing was interrupted that could be resumed" if before is None else self.refusal(before)
+        if before is None or reason is not None:
+            raise Refused(reason or "")
+        return [self._begin(before)]
 
     def divert(self, altitude_m: float | None) -> list[vehicle.Command]:
         """Leave the plan to avoid another vehicle: stop here, at `altitude_m` above mean sea level, or where it is.
@@ -186,41 +318,85 @@ class Pilot:
         Raises:
             Refused: naming the rule.
         """
-        fix = self.fix
-        if altitude_m is None or fix is None:
+        fix, interrupts = self.fix, self._may_interrupt
+        if fix is None or (altitude_m is None and not interrupts):
             order: vehicle.Order = vehicle.HoldOrder()
         else:
-            order = vehicle.GoToOrder(fix.latitude_deg, fix.longitude_deg, altitude_m)
+            kind = vehicle.InterruptOrder if interrupts else vehicle.GoToOrder
+            order = kind(fix.latitude_deg, fix.longitude_deg, fix.altitude_m if altitude_m is None else altitude_m)
         reason = self.refusal(order)
         if reason is not None:
             raise Refused(reason)
-        self._diversion = self._goal = order
-        return [self._command(order)]
+        if self.diversion is None and self._aside is None:
+            self._aside, self._moved = self._doing(), False
+        self.diversion = self._errand(order)
+        return [self.diversion.command]
+
+    def _doing(self) -> vehicle.Order | _Mission | None:
+        """What the vehicle does, to return to it; the plan needs no memory."""
+        target = self._somebodys_target()
+        if self._may_interrupt:
+            return _Mission(self._item, target)
+        errand = self.errand
+        taken = errand is not None and errand.order == self._standing and not errand.is_over
+        return self._standing if taken else target if self.plan is None else None
+
+    def _somebodys_target(self) -> vehicle.GoToOrder | None:
+        """Where a ground station, or the mission, has sent the vehicle, if it says so still."""
+        if self._target is None or self.now_us - self._target_us > HEARD_WITHIN_US:
+            return None
+        return vehicle.GoToOrder(self._target.latitude_deg, self._target.longitude_deg, self._target.altitude_m)
 
     def resume(self, raised_to_m: float | None = None, lowered_to_m: float | None = None) -> list[vehicle.Command]:
-        """Fly on as before the diversion or the order, not below the one or above the other while they are given."""
-        was_diverted, self._diversion, self._goal = self._diversion is not None, None, None
+        """Fly on as before the diversion, not below the one or above the other while they are given.
+
+        What the vehicle was doing is commanded once, and forgotten when neither bound is given any more.
+        """
+        diversion, self.diversion, self._goal = self.diversion, None, None
         self._raised_to_m, self._lowered_to_m = raised_to_m, lowered_to_m
-        if not was_diverted:
-            self._standing = None
-        elif self.plan is not None:
-            self._leg = min(self._leg, len(self.plan.waypoints) - 1)  # who had arrived returns to where it was
-        if self.plan is None and self._standing is None and self._target is not None:
-            there = self._target
-            self._standing = vehicle.GoToOrder(there.latitude_deg, there.longitude_deg, there.altitude_m)
-        return [] if self.fix is None else list(self._fly(self.fix.valid_us))
+        self._moved |= diversion is not None and diversion.progress is not OrderProgress.REFUSED
+        if diversion is not None and diversion.progress is OrderProgress.OVERTAKEN:
+            self._aside = None
+        aside, moved = self._aside, self._moved
+        if raised_to_m is None and lowered_to_m is None:
+            self._aside, self._moved = None, False
+        if self._suspended:
+            return []
+        if self.plan is not None and self._standing is None:
+            if diversion is not None:
+                self._leg = min(self._leg, len(self.plan.waypoints) - 1)  # who had arrived returns to where it was
+            return [] if self.fix is None else self._fly(self.fix.valid_us)
+        wanted = self._back_to(aside) if moved else None
+        if wanted is None or self.refusal(wanted) is not None:
+            return []
+        return [self._begin(wanted)]
+
+    def _back_to(self, aside: vehicle.Order | _Mission | None) -> vehicle.Order | None:
+        """What to order so that the vehicle does again what it did."""
+        if isinstance(aside, _Mission):
+            if self._raised_to_m is None and self._lowered_to_m is None:
+                self._item = aside.item
+                return vehicle.ResumeMissionOrder()
+            aside = aside.towards
+        return self._clamped(aside) if isinstance(aside, vehicle.GoToOrder) else aside
 
     @property
     def flying(self) -> str:
         """What the vehicle is doing for us, in a word: `watching`, `diverted`, `order`, `plan` or `holding`."""
         if not self.control:
             return "watching"
-        if self._diversion is not None:
+        if self.diversion is not None:
             return "diverted"
-        if isinstance(
-            self._standing, vehicle.HoldOrder | vehicle.LandOrder | vehicle.ReturnHomeOrder | vehicle.GoToOrder
-        ):
+        if self._standing is not None:
             return "order"
-        if self.plan is not None and self._leg < len(self.plan.waypoints):
+        if self.plan is not None and self._leg < len(self.plan.waypoints) and not self._suspended:
             return "plan"
         return "holding"
+
+
+def _in_words(order: vehicle.Order) -> str:
+    match order:
+        case vehicle.GoToOrder() | vehicle.InterruptOrder():
+            return f"goto {order.latitude_deg:.6f} {order.longitude_deg:.6f} at {order.altitude_m:.1f} m"
+        case _:
+            return type(order).__name__.removesuffix("Order").lower()

@@ -18,7 +18,8 @@ RETRY_US = 500_000
 ATTEMPTS = 4
 _PATIENCE_US = 10_000_000
 _GUIDED = {"copter": 4, "plane": 15, "rover": 15}
-_PX4_AUTO, _PX4_LOITER = 4, 3
+_MISSION = {"copter": 3, "plane": 10, "rover": 10}
+_PX4_AUTO, _PX4_LOITER, _PX4_MISSION = 4, 3, 4
 _CUSTOM = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
 _REFUSALS = {
     mavlink.MAV_RESULT_TEMPORARILY_REJECTED: "temporarily rejected",
@@ -74,13 +75,23 @@ def messages_for(order: vehicle.Order, known: VehicleReports, target: Target) ->
             return [long_command(target, mavlink.MAV_CMD_NAV_LAND, 0.0, 0.0, 0.0, nan if px4 else 0.0)]
         case vehicle.ReturnHomeOrder():
             return [long_command(target, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)]
+        case vehicle.InterruptOrder(latitude_deg, longitude_deg, altitude_m):
+            return [_reposition(target, latitude_deg, longitude_deg, altitude_m, None, px4=True)]
+        case vehicle.ResumeMissionOrder():
+            mode = (_PX4_AUTO, _PX4_MISSION) if px4 else (_MISSION[_kind(known)],)
+            return [long_command(target, mavlink.MAV_CMD_DO_SET_MODE, _CUSTOM, *mode)]
+        case vehicle.MissionItemOrder(item):
+            return [long_command(target, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, float(item))]
 
 
 def _guided(known: VehicleReports, target: Target) -> Any:
     if known.autopilot == mavlink.MAV_AUTOPILOT_PX4:
         return long_command(target, mavlink.MAV_CMD_DO_SET_MODE, _CUSTOM, _PX4_AUTO, _PX4_LOITER)
-    kind = "plane" if known.vehicle_type in PLANES else "rover" if known.vehicle_type in ROVERS else "copter"
-    return long_command(target, mavlink.MAV_CMD_DO_SET_MODE, _CUSTOM, _GUIDED[kind])
+    return long_command(target, mavlink.MAV_CMD_DO_SET_MODE, _CUSTOM, _GUIDED[_kind(known)])
+
+
+def _kind(known: VehicleReports) -> str:
+    return "plane" if known.vehicle_type in PLANES else "rover" if known.vehicle_type in ROVERS else "copter"
 
 
 def _takeoff(height_m: float, known: VehicleReports, target: Target) -> list[Any]:
@@ -146,7 +157,7 @@ class Errands:
             return OrderOutcome([], [vehicle.CommandResult(0, command.number, False, refused.reason)])
         key = int(messages[0].command)
         replaced = self._open.pop(key, None)
-        results = [] if replaced is None else [vehicle.CommandResult(0, replaced.number, False, "superseded")]
+        results = [] if replaced is None else [vehicle.CommandResult(0, replaced.number, False, vehicle.SUPERSEDED)]
         self._open[key] = _Errand(command.number, messages, now_us + RETRY_US, now_us + ATTEMPTS * RETRY_US)
         return OrderOutcome(_with_escort(messages), results)
 
@@ -168,7 +179,7 @@ class Errands:
         for key, errand in list(self._open.items()):
             if now_us >= errand.give_up_us:
                 del self._open[key]
-                outcome.results.append(vehicle.CommandResult(0, errand.number, False, "timed out"))
+                outcome.results.append(vehicle.CommandResult(0, errand.number, False, vehicle.NO_ANSWER))
             elif now_us >= errand.next_us:
                 errand.next_us = now_us + RETRY_US
                 if hasattr(errand.messages[0], "confirmation"):

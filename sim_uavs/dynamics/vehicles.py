@@ -137,8 +137,10 @@ class SimulatedVehicle(SensedFlight):
     def _obey(self, order: vehicle.Order) -> FlightAnswer:
         flight = self.flight
         match order:
-            case vehicle.GoToOrder():
-                if order.speed_m_s is not None:
+            case vehicle.GoToOrder() | vehicle.InterruptOrder():
+                if isinstance(order, vehicle.InterruptOrder):
+                    flight.set_mode(Mode.GUIDED)
+                elif order.speed_m_s is not None:
                     flight.change_speed(order.speed_m_s)
                 place = self._frame.to_ned(order.latitude_deg, order.longitude_deg, order.altitude_m)
                 return flight.go_to(Vector(*place))
@@ -154,3 +156,7 @@ class SimulatedVehicle(SensedFlight):
                 return flight.set_mode(Mode.GUIDED)
             case vehicle.TakeOffOrder():
                 return flight.take_off(order.height_m)
+            case vehicle.ResumeMissionOrder():
+                return flight.set_mode(Mode.AUTO)
+            case vehicle.MissionItemOrder():
+                return flight.set_item(order.item)

@@ -32,7 +32,7 @@ from federation.transport import (
     Unsubscribe,
     WatchTokens,
 )
-from navigation.vehicle import Command, HomeReport, PositionReport, Report, StatusReport, VelocityReport
+from navigation.vehicle import Command, CommandResult, HomeReport, PositionReport, Report, StatusReport, VelocityReport
 
 EPOCH = 1_700_000_000_000_000
 METRE_DEG = 1 / 111_320.0
@@ -60,7 +60,7 @@ class Vehicle:
     """Flies straight and level: metres north and east of 58 N 15 E, metres above mean sea level, metres per second.
 
     `armed`, `guided`, `airborne`, `mode` are what it says of itself, nothing if `says_status` is not set; `home_m` is
-    the height of its home above mean sea level, None while it has none.
+    the height of its home above mean sea level, None while it has none. Orders it accepts, or refuses with `answer`.
     """
 
     north_m: float = 0.0
@@ -69,6 +69,7 @@ class Vehicle:
     north_m_s: float = 0.0
     east_m_s: float = 0.0
     is_silent: bool = False
+    answer: str = ""
     armed: bool = True
     guided: bool = True
     airborne: bool | None = True
@@ -306,6 +307,9 @@ class Wire:
                     self._post(unit, asker.platform.unit, AskEnded(question, 0))
                 case Command():
                     node.commands.append((self.now_us, effect))
+                    answer = node.vehicle.answer if node.vehicle is not None else ""
+                    result = CommandResult(self.now_us, effect.number, not answer, answer)
+                    self._post(unit, unit, Reported(self.now_us, result))
                 case Note() | Halt() | Reopen():
                     node.other.append(effect)
                 case _:

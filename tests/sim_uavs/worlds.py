@@ -6,7 +6,7 @@ from random import Random
 from typing import Any
 
 from agents.config import PlatformConfig
-from agents.flight.pilot import FlightPlan
+from agents.flight.places import FlightPlan
 from agents.monitoring.alarm_log import AlarmLog
 from agents.platform import Platform
 from federation.messages.acts import Act, AgentName, Performative

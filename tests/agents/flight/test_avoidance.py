@@ -20,7 +20,7 @@ from agents.flight.avoidance import (
     climber_of,
     opening_m_s,
 )
-from agents.flight.pilot import Fix
+from agents.flight.places import Fix
 
 METRE_DEG = 1 / 111_320.0
 S = 1_000_000

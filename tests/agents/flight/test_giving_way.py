@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from agents.flight.giving_way import GivingWay
-from agents.flight.pilot import FlightLimits, FlightPlan, Waypoint
+from agents.flight.places import FlightLimits, FlightPlan, Waypoint
 from federation import keys
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Avoid, Content, Goto, Hold, MonitorProximity, Reason, read
@@ -233,7 +233,7 @@ def test_a_partner_that_froze_leaves_the_manoeuvre_to_the_other(wire: Wire) -> N
 
 def test_what_is_agreed_is_flown_and_the_route_resumed_when_they_are_clear(wire: Wire) -> None:
     """The vehicles of the wire fly straight; the climber is lifted by hand, and both have passed after 25 s."""
-    target = Waypoint(58.0, 15.0 + 1000.0 * METRE_DEG / 0.5299, 102.0)
+    target = Waypoint(58.0, 15.0 + 900.0 * METRE_DEG / 0.5299, 102.0)
     meeting(wire, zero={"plan": FlightPlan((target,))})
     on_route = GoToOrder(*target, 5.0)
     assert orders(wire, "0") == [on_route]

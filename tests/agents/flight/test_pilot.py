@@ -4,10 +4,13 @@ from collections.abc import Callable
 
 import pytest
 
-from agents.flight.pilot import RETRY_US, FlightLimits, FlightPlan, Pilot, Waypoint
+from agents.flight.errand import OrderProgress
+from agents.flight.pilot import ATTEMPTS, RETRY_US, Pilot
+from agents.flight.places import FlightLimits, FlightPlan, Waypoint
 from dyknow import Sample
 from dyknow.model.errors import Refused
 from navigation.vehicle import (
+    NO_ANSWER,
     Command,
     CommandResult,
     GoToOrder,
@@ -153,7 +156,7 @@ def test_a_waypoint_below_the_floor_is_not_flown_to() -> None:
 
 def test_without_a_home_no_altitude_is_promised_but_holding_is() -> None:
     flown = pilot()
-    flown.home = None
+    flown.bounds.forget()
     with pytest.raises(Refused, match="home is not known"):
         flown.order(GoToOrder(58.0, 15.0, 100.0))
     assert orders(flown.order(HoldOrder())) == [HoldOrder()]
@@ -197,31 +200,54 @@ def test_a_plan_is_not_flown_before_its_start() -> None:
     assert at(flown, 1_000_000) == [leg(NEAR)]
 
 
-def test_a_denied_command_is_tried_again_after_a_while() -> None:
+def told(flown: Pilot, command: Command, reason: str = "", now_us: int = 0, *, accepted: bool = False) -> None:
+    flown.on_report(CommandResult(now_us, command.number, accepted, reason), now_us)
+
+
+def test_a_leg_without_an_answer_is_ordered_a_few_times_and_then_never_again() -> None:
     flown = pilot(ROUTE)
+    found = [command for at_us in range(0, 40_000_000, 100_000) for command in unanswered(flown, at_us)]
+    assert [command.order for command in found] == [leg(NEAR)] * ATTEMPTS
+
+
+def unanswered(flown: Pilot, at_us: int) -> list[Command]:
+    flown.on_report(FLIES, at_us)
+    commands = flown.on_estimate(Sample(at_us, at_us, (58.0, 15.0, 100.0, 0.0, 0.0, 0.0)))
+    for command in commands:
+        told(flown, command, NO_ANSWER, at_us)
+    return commands
+
+
+def test_a_leg_that_the_autopilot_denies_ends_the_plan_and_is_told() -> None:
+    flown, notes = pilot(ROUTE), []
+    flown.note = notes.append
     (command,) = flown.on_estimate(Sample(0, 0, (58.0, 15.0, 100.0, 0.0, 0.0, 0.0)))
-    flown.on_report(CommandResult(50_000, command.number, accepted=False, reason="denied"), 50_000)
-    assert at(flown, 50_000 + RETRY_US - 1) == []
-    assert at(flown, 50_000 + RETRY_US) == [leg(NEAR)]
-    assert at(flown, 60_000 + RETRY_US) == []
+    told(flown, command, "denied")
+    assert not any(at(flown, at_us) for at_us in range(0, 3_000_000, 100_000))
+    assert any("the plan is not flown: autopilot: denied" in note for note in notes)
 
 
 @pytest.mark.parametrize("start", ["order", "divert"])
-def test_a_denied_order_and_a_denied_diversion_are_tried_again(start: str) -> None:
+@pytest.mark.parametrize("reason", ["denied", "unsupported", "failed", NO_ANSWER])
+def test_an_order_and_a_diversion_are_never_repeated_by_the_pilot(start: str, reason: str) -> None:
     flown = pilot()
     at(flown)
     (command,) = flown.order(HoldOrder()) if start == "order" else flown.divert(130.0)
-    flown.on_report(CommandResult(0, command.number, accepted=False, reason="timed out"), 0)
-    assert at(flown, RETRY_US) == [command.order]
+    told(flown, command, reason)
+    assert not any(at(flown, at_us) for at_us in range(0, 3 * RETRY_US, 100_000))
+    errand = flown.errand if start == "order" else flown.diversion
+    assert errand is not None
+    assert errand.has_failed
+    assert errand.reason == (NO_ANSWER if reason == NO_ANSWER else f"autopilot: {reason}")
 
 
-def test_what_an_older_command_came_to_and_what_was_accepted_is_not_tried_again() -> None:
+def test_an_answer_to_an_older_command_says_nothing_of_the_newer_one() -> None:
     flown = pilot(ROUTE)
-    at(flown)
-    (hold,) = flown.order(HoldOrder())
-    flown.on_report(CommandResult(0, hold.number - 1, accepted=False, reason="denied"), 0)
-    flown.on_report(CommandResult(0, hold.number, accepted=True, reason=""), 0)
-    assert at(flown, RETRY_US) == []
+    (older,) = flown.on_estimate(Sample(0, 0, (58.0, 15.0, 100.0, 0.0, 0.0, 0.0)))
+    flown.divert(130.0)
+    told(flown, older, "denied")
+    assert flown.diversion is not None
+    assert flown.diversion.progress is OrderProgress.SENT
 
 
 def test_an_order_stands_until_resume_and_then_the_plan_goes_on() -> None:
@@ -230,7 +256,7 @@ def test_an_order_stands_until_resume_and_then_the_plan_goes_on() -> None:
     assert orders(flown.order(HoldOrder())) == [HoldOrder()]
     assert at(flown, 100_000) == []
     assert flown.flying == "order"
-    assert orders(flown.resume()) == [leg(NEAR)]
+    assert orders(flown.proceed()) == [leg(NEAR)]
 
 
 def test_a_diversion_stops_where_the_vehicle_is_and_the_route_is_resumed_after_it() -> None:
@@ -252,12 +278,13 @@ def test_the_route_is_resumed_above_or_below_the_other_while_that_is_asked() -> 
     assert orders(flown.resume()) == [leg(NEAR)]
 
 
-def test_an_order_that_stood_before_a_diversion_stands_after_it() -> None:
+def test_an_order_that_stood_before_a_diversion_is_said_once_after_it() -> None:
     flown = pilot(ROUTE)
     at(flown)
     flown.order(HoldOrder())
     flown.divert(130.0)
     assert orders(flown.resume()) == [HoldOrder()]
+    assert flown.resume() == []
 
 
 def test_who_had_arrived_returns_to_where_it_was() -> None:
@@ -268,31 +295,125 @@ def test_who_had_arrived_returns_to_where_it_was() -> None:
     assert orders(flown.resume()) == [leg(NEAR)]
 
 
-def test_a_vehicle_that_somebody_else_guides_is_sent_back_to_where_that_one_had_sent_it() -> None:
+A, B = TargetReport(0, 58.002, 15.0, 100.0), TargetReport(0, 58.004, 15.001, 90.0)
+
+
+def guided_to(flown: Pilot, target: TargetReport, at_us: int) -> None:
+    hears(flown, at_us)
+    flown.on_report(target, at_us)
+
+
+def hears(flown: Pilot, at_us: int) -> None:
+    """A heartbeat; after silence home is told again."""
+    flown.on_report(FLIES, at_us)
+    flown.on_report(HomeReport(0, 58.0, 15.0, HOME_M), at_us)
+
+
+def test_a_vehicle_that_a_ground_station_guides_is_sent_back_once_to_where_that_one_had_sent_it() -> None:
     flown = pilot()
     at(flown)
-    flown.on_report(TargetReport(0, 58.01, 15.0, 100.0), 0)
-    flown.divert(130.0)
+    guided_to(flown, A, 0)
+    (command,) = flown.divert(130.0)
+    told(flown, command, accepted=True)
     flown.on_report(TargetReport(0, 58.0, 15.0, 130.0), 0)
-    assert orders(flown.resume()) == [GoToOrder(58.01, 15.0, 100.0)], "not to where giving way had sent it"
+    assert orders(flown.resume()) == [GoToOrder(*A[1:])], "not to where giving way had sent it"
+    assert flown.resume() == []
+
+
+def test_after_giving_way_the_targets_of_the_ground_station_are_its_own_again() -> None:
+    flown = pilot()
+    at(flown)
+    guided_to(flown, A, 0)
+    flown.divert(130.0)
+    assert orders(flown.resume()) == [GoToOrder(*A[1:])]
+    guided_to(flown, B, 10_000_000)
+    flown.on_report(TAKEN_OVER, 11_000_000)
+    flown.on_report(FLIES, 12_000_000)
+    assert at(flown, 12_000_000) == [], "nobody asked"
+    assert flown.resume() == []
+    guided_to(flown, B, 13_000_000)
+    flown.divert(130.0)
+    assert orders(flown.resume()) == [GoToOrder(*B[1:])], "the newer one"
+
+
+def test_a_target_that_is_not_told_any_more_is_not_returned_to() -> None:
+    flown = pilot()
+    guided_to(flown, A, 0)
+    hears(flown, 4_000_000)
+    at(flown, 4_000_000)
+    flown.divert(130.0)
+    assert flown.resume() == []
+
+
+def test_a_ground_station_that_sends_the_vehicle_elsewhere_meanwhile_is_not_contradicted() -> None:
+    flown = pilot()
+    at(flown)
+    guided_to(flown, A, 0)
+    (command,) = flown.divert(130.0)
+    told(flown, command, accepted=True)
+    flown.on_report(TargetReport(0, 58.0, 15.0, 130.0), 100_000)
+    flown.on_report(A, 1_100_000)
+    assert flown.diversion is not None
+    assert flown.diversion.progress is OrderProgress.OVERTAKEN
+    assert "another target" in flown.diversion.reason
+    assert flown.resume() == []
+
+
+def test_the_climber_stays_above_whatever_it_was_doing() -> None:
+    flown = pilot()
+    at(flown)
+    guided_to(flown, A, 0)
+    flown.divert(130.0)
+    assert orders(flown.resume(raised_to_m=130.0)) == [GoToOrder(*A[1:3], 130.0)]
+    assert orders(flown.resume()) == [GoToOrder(*A[1:])]
+    assert flown.resume() == []
+
+
+def test_a_refused_diversion_leaves_the_vehicle_to_who_guides_it() -> None:
+    flown = pilot()
+    at(flown)
+    guided_to(flown, A, 0)
+    (command,) = flown.divert(130.0)
+    told(flown, command, "failed")
+    assert flown.resume() == [], "it never left"
+
+
+def test_without_anything_interrupted_there_is_nothing_to_resume() -> None:
+    flown = pilot()
+    at(flown)
+    guided_to(flown, A, 0)
+    with pytest.raises(Refused, match="nothing was interrupted"):
+        flown.proceed()
+    flown.order(HoldOrder())
+    assert orders(flown.proceed()) == [GoToOrder(*A[1:])]
+    with pytest.raises(Refused, match="nothing was interrupted"):
+        flown.proceed()
 
 
 TAKEN_OVER = StatusReport(0, armed=True, guided=False, airborne=True, mode="LOITER")
 LANDED = StatusReport(0, armed=False, guided=True, airborne=False, mode="GUIDED")
 
 
-def test_a_vehicle_that_was_taken_over_and_given_back_is_told_again_where_to_go() -> None:
-    flown = pilot(ROUTE)
-    assert at(flown) == [leg(NEAR)]
+@pytest.mark.parametrize("doing", ["plan", "order", "diversion", "resumed"])
+def test_after_a_takeover_nothing_is_sent_until_asked(doing: str) -> None:
+    flown = pilot(ROUTE if doing == "plan" else None)
+    at(flown)
+    if doing == "order":
+        flown.order(GoToOrder(58.0, 15.0, 90.0))
+    elif doing != "plan":
+        guided_to(flown, A, 0)
+        flown.divert(130.0)
+    if doing == "resumed":
+        flown.resume(raised_to_m=120.0)
     flown.on_report(TAKEN_OVER, 1)
-    assert at(flown, 1) == []
+    if flown.diversion is not None:
+        assert flown.diversion.progress is OrderProgress.OVERTAKEN
+        assert "mode LOITER" in flown.diversion.reason
     flown.on_report(FLIES, 2)
-    assert at(flown, 2) == [leg(NEAR)]
-    order = GoToOrder(58.0, 15.0, 90.0)
-    assert orders(flown.order(order)) == [order]
-    flown.on_report(TAKEN_OVER, 3)
-    flown.on_report(FLIES, 4)
-    assert at(flown, 4) == [order]
+    assert flown.resume() == []
+    assert not any(at(flown, at_us) for at_us in range(3, 2_000_000, 100_000))
+    if doing == "plan":
+        assert orders(flown.proceed()) == [leg(NEAR)]
 
 
 @pytest.mark.parametrize("order", ORDERS)

@@ -3,7 +3,8 @@
 import pytest
 
 from agents.flight.avoidance import Avoidance, Divert, ManoeuvreRole, Propose, ResumeRoute, climber_of
-from agents.flight.pilot import Fix, FlightLimits, FlightPlan, Pilot, Waypoint
+from agents.flight.pilot import Pilot
+from agents.flight.places import Fix, FlightLimits, FlightPlan, Waypoint
 from dyknow.model.errors import Refused
 from navigation.vehicle import GoToOrder, HoldOrder, HomeReport, StatusReport
 

@@ -127,7 +127,7 @@ def test_a_refusal_and_silence_are_told_with_their_reason(wire: Wire, feed: Mavl
     wire.send(mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_RESULT_DENIED))
     assert posted.next(CommandResult)[1:] == (2, False, "denied")
     feed.command(Command(3, SetGuided()))
-    assert posted.next(CommandResult)[1:] == (3, False, "timed out")
+    assert posted.next(CommandResult)[1:] == (3, False, "no answer")
 
 
 def test_a_point_is_sent_as_integers_and_never_takes_the_mode_from_an_ardupilot(

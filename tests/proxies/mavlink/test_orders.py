@@ -69,7 +69,7 @@ def test_an_ardupilot_holds_where_it_is_and_only_where_that_is_known() -> None:
     assert (message.command, message.x, message.z) == (192, 475000000, 520.0)
 
 
-def test_an_order_is_sent_four_times_and_then_timed_out() -> None:
+def test_an_order_is_sent_four_times_and_then_given_up() -> None:
     errands = Errands()
     sent = len(errands.on_command(Command(3, Arm()), heard(), TARGET, 0).send)
     confirmations, results = [], []
@@ -80,7 +80,7 @@ def test_an_order_is_sent_four_times_and_then_timed_out() -> None:
         sent += len(outcome.send)
     assert sent == ATTEMPTS
     assert confirmations == [1, 2, 3]
-    assert [(r.number, r.accepted, r.reason) for r in results] == [(3, False, "timed out")]
+    assert [(r.number, r.accepted, r.reason) for r in results] == [(3, False, "no answer")]
     assert due_us is None
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.effects import InjectFault, Tell
-from agents.flight.pilot import FlightLimits, FlightPlan, Waypoint
+from agents.flight.places import FlightLimits, FlightPlan, Waypoint
 from agents.platform import Platform
 from federation import keys
 from federation.members.clock import FederationClock

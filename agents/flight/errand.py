@@ -1,0 +1,256 @@
+"""An order's life: sent, acknowledged, seen in the vehicle's own target and in its motion; or not, and why.
+
+An acknowledgement says that the autopilot has understood, not that it flies. So an order is followed until the target
+that the vehicle tells (POSITION_TARGET_GLOBAL_INT, where it tells one; for a mode its heartbeat) and its motion show it.
+
+    progress      when                                                               becomes
+    SENT          the autopilot accepts it                                           ACKNOWLEDGED
+    SENT          the autopilot refuses it in every way of saying it                 REFUSED, for good
+    SENT, ACKN.   target (where one is told) and motion show it                      FLOWN
+    SENT, ACKN.   2 s after it was sent they do not                                  UNSEEN
+    FLOWN         its motion has not shown it for 2 s, and it is not there           UNSEEN
+    UNSEEN        they show it after all                                             FLOWN
+    any but REF.  the vehicle has another target, or is in another mode than ours    OVERTAKEN, for good
+
+No clock and no messages here: how often an order is said, and in which words, is `proxies.mavlink.command_protocol`.
+Times are federation time.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from math import cos, hypot, radians
+
+from agents.flight.places import Fix
+from navigation.geodesy import distance_m
+from navigation.vehicle import (
+    NO_ANSWER,
+    OVERTAKEN,
+    SUPERSEDED,
+    UNCONFIRMED,
+    Command,
+    CommandResult,
+    GoToOrder,
+    HoldOrder,
+    InterruptOrder,
+    LandOrder,
+    MissionItemOrder,
+    Order,
+    ResumeMissionOrder,
+    ReturnHomeOrder,
+    StatusReport,
+    TargetReport,
+    stopping_distance_m,
+)
+
+SEEN_WITHIN_US = 2_000_000
+MODE_WITHIN_US = 4_000_000
+"""A mode is told once a second, and an order that changes it is repeated only after it was."""
+SETTLES_US = 1_000_000
+"""So long a target from before an order may still be on its way."""
+LEVEL_M, UPRIGHT_M = 3.0, 1.5
+_M_PER_DEG = 111_194.9
+MISSION_MODES = frozenset({"AUTO", "AUTO.MISSION"})
+_MODES: dict[type, frozenset[str]] = {
+    LandOrder: frozenset({"LAND", "AUTO.LAND"}),
+    ReturnHomeOrder: frozenset({"RTL", "SMART_RTL", "AUTO.RTL"}),
+    ResumeMissionOrder: MISSION_MODES,
+    MissionItemOrder: MISSION_MODES,
+}
+
+
+class OrderProgress(Enum):
+    """How far an order has come; see the module."""
+
+    SENT = "sent"
+    ACKNOWLEDGED = "acknowledged"
+    FLOWN = "flown"
+    REFUSED = "refused"
+    OVERTAKEN = "overtaken"
+    UNSEEN = "not seen"
+
+
+_P = OrderProgress
+
+
+@dataclass(slots=True)
+class Errand:
+    """One order under way.
+
+    Attributes:
+        start: where the vehicle was when the order was sent.
+        tells_target: whether the vehicle has told a target lately.
+        reason: why it is refused, overtaken or not seen: the autopilot's word where it has one.
+        in_target: the vehicle's own target, or its mode, is what was ordered.
+    """
+
+    command: Command
+    sent_us: int
+    start: Fix | None
+    tells_target: bool = False
+    progress: OrderProgress = _P.SENT
+    reason: str = ""
+    acknowledged: bool = False
+    in_target: bool = False
+    _acknowledges: bool = True
+    _shown_us: int | None = None
+
+    @property
+    def order(self) -> Order:
+        return self.command.order
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more can come of it."""
+        return self.progress in {_P.REFUSED, _P.OVERTAKEN}
+
+    @property
+    def is_taken(self) -> bool:
+        """Whether the vehicle has taken the order over: acknowledged, and its target, where it tells one."""
+        known = self.acknowledged and not self.tells_target and not self._modes
+        return self.progress is _P.FLOWN or (not self.is_over and (self.in_target or known))
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether it was not taken over, as far as is known now."""
+        return self.is_over or (self.progress is _P.UNSEEN and not self.is_taken)
+
+    @property
+    def words(self) -> str:
+        """How it is known that the order is taken over."""
+        if self.in_target:
+            where = "the vehicle's mode" if self._modes else "the vehicle's target"
+            return f"acknowledged, and seen in {where}" if self.acknowledged else f"seen in {where}"
+        return "acknowledged" if self.acknowledged else "seen in the vehicle's motion"
+
+    @property
+    def deadline_us(self) -> int | None:
+        """When time alone changes its progress; None: never."""
+        if self.is_over or self.progress is _P.UNSEEN:
+            return None
+        if self.progress is _P.FLOWN:
+            return None if self._modes or self._shown_us is None else self._shown_us + SEEN_WITHIN_US
+        return self.sent_us + (MODE_WITHIN_US if self._modes else SEEN_WITHIN_US)
+
+    # -- evidence ----------------------------------------------------------------------------------------------
+
+    def on_result(self, result: CommandResult) -> None:
+        """The autopilot's answer, or that none came."""
+        if self.is_over or result.number != self.command.number or result.reason == SUPERSEDED:
+            return
+        if result.accepted:
+            self._acknowledges = result.reason != UNCONFIRMED
+            self.acknowledged = self._acknowledges
+            if self.acknowledged and self.progress is _P.SENT:
+                self.progress = _P.ACKNOWLEDGED
+        elif result.reason == NO_ANSWER:
+            if not self.in_target and self.progress is not _P.FLOWN:
+                self.progress, self.reason = _P.UNSEEN, NO_ANSWER
+        elif result.reason == OVERTAKEN:
+            self._end(_P.OVERTAKEN, OVERTAKEN)
+        else:
+            self._end(_P.REFUSED, f"autopilot: {result.reason}")
+
+    def on_target(self, target: TargetReport, now_us: int) -> None:
+        """Where the vehicle says it is flying to."""
+        if self.is_over or self._modes:
+            return
+        self.tells_target = True
+        if self.is_ours(target):
+            self.in_target = True
+        elif self.in_target or (self.acknowledged and now_us >= self.sent_us + SETTLES_US):
+            self._end(_P.OVERTAKEN, "another ground station has given the vehicle another target")
+
+    def on_status(self, status: StatusReport) -> None:
+        """In which mode the vehicle is."""
+        if self.is_over:
+            return
+        if self._modes:
+            if status.mode in self._modes:
+                self.in_target, self.progress, self.reason = True, _P.FLOWN, ""
+            elif self.in_target and status.armed:
+                self._end(_P.OVERTAKEN, f"the vehicle was taken over: mode {status.mode}")
+            return
+        interrupts = isinstance(self.order, InterruptOrder) and status.mode in MISSION_MODES
+        if not status.armed:
+            self._end(_P.OVERTAKEN, "the vehicle is not armed any more")
+        elif not status.guided and (self.acknowledged or not interrupts):
+            self._end(_P.OVERTAKEN, f"the vehicle was taken over: mode {status.mode}")
+
+    def on_fix(self, fix: Fix, now_us: int) -> None:
+        """Where the vehicle is and how it moves."""
+        if self.is_over or self._modes or not self._shows(fix):
+            return
+        self._shown_us = now_us
+        confirmed = self.in_target or (not self.tells_target and (self.acknowledged or not self._acknowledges))
+        if confirmed:
+            self.progress, self.reason = _P.FLOWN, ""
+
+    def on_time(self, now_us: int) -> None:
+        due_us = self.deadline_us
+        if due_us is None or now_us < due_us:
+            return
+        self.progress, since_s = _P.UNSEEN, SEEN_WITHIN_US / 1e6
+        if self._modes:
+            self.reason = f"not seen in the vehicle's mode within {MODE_WITHIN_US / 1e6:.0f} s"
+        elif not self.acknowledged and not self.in_target and self._acknowledges:
+            self.reason = NO_ANSWER
+        elif self.tells_target and not self.in_target:
+            self.reason = f"acknowledged, but not seen in the vehicle's target within {since_s:.0f} s"
+        else:
+            self.reason = f"not seen in the vehicle's motion for {since_s:.0f} s"
+
+    # -- what shows it -----------------------------------------------------------------------------------------
+
+    def is_ours(self, target: TargetReport) -> bool:
+        """Whether a target is that of this order.
+
+        A vehicle that is told to stop may have a target as far ahead as it needs for that.
+        """
+        place = self._place()
+        if place is None:
+            return False
+        latitude_deg, longitude_deg, altitude_m = place
+        away_m = distance_m(latitude_deg, longitude_deg, target.latitude_deg, target.longitude_deg)
+        reach_m = LEVEL_M + (stopping_distance_m(self.start.speed_m_s) if self._stops and self.start else 0.0)
+        return away_m <= reach_m and abs(altitude_m - target.altitude_m) <= UPRIGHT_M
+
+    def is_there(self, fix: Fix) -> bool:
+        """Whether the vehicle is where the order sends it."""
+        return self.is_ours(TargetReport(fix.valid_us, fix.latitude_deg, fix.longitude_deg, fix.altitude_m))
+
+    @property
+    def _modes(self) -> frozenset[str]:
+        return _MODES.get(type(self.order), frozenset())
+
+    @property
+    def _stops(self) -> bool:
+        """Whether it is an order to stop, at whatever altitude."""
+        start, order = self.start, self.order
+        if not isinstance(order, GoToOrder | InterruptOrder) or start is None:
+            return isinstance(order, HoldOrder)
+        return distance_m(start.latitude_deg, start.longitude_deg, order.latitude_deg, order.longitude_deg) <= LEVEL_M
+
+    def _place(self) -> tuple[float, float, float] | None:
+        order, start = self.order, self.start
+        if isinstance(order, GoToOrder | InterruptOrder):
+            return order.latitude_deg, order.longitude_deg, order.altitude_m
+        return None if start is None else (start.latitude_deg, start.longitude_deg, start.altitude_m)
+
+    def _shows(self, fix: Fix) -> bool:
+        """Whether the vehicle is there, or moves there: up or down, and slower or nearer."""
+        place, start = self._place(), self.start
+        if place is None or start is None:
+            return False
+        latitude_deg, longitude_deg, altitude_m = place
+        up_m = altitude_m - fix.altitude_m
+        rises = abs(up_m) <= UPRIGHT_M or -fix.down_m_s * up_m > 0.3 * abs(up_m)
+        if self._stops:
+            return rises and fix.speed_m_s <= max(1.0, 0.8 * start.speed_m_s)
+        north_m = (latitude_deg - fix.latitude_deg) * _M_PER_DEG
+        east_m = (longitude_deg - fix.longitude_deg) * _M_PER_DEG * cos(radians(fix.latitude_deg))
+        away_m = hypot(north_m, east_m)
+        nears = away_m <= LEVEL_M or (fix.north_m_s * north_m + fix.east_m_s * east_m) > 0.5 * away_m
+        return rises and nears
+
+    def _end(self, progress: OrderProgress, reason: str) -> None:
+        self.progress, self.reason = progress, reason
