@@ -135,6 +135,21 @@ UNCONFIRMED = "sent, and not acknowledged by this kind of autopilot"
 """The reason of a command that counts as accepted because no answer can come: its effect shows it."""
 
 
+class FixReport(NamedTuple):
+    """Whether the satellite receiver has a fix in three dimensions; reported when that changes."""
+
+    valid_us: int
+    has_fix: bool
+
+
+class LinkReport(NamedTuple):
+    """Whether the vehicle is heard well enough, and in words what is heard, or what is wrong; reported on change."""
+
+    valid_us: int
+    ok: bool
+    text: str
+
+
 class CommandResult(NamedTuple):
     """The vehicle's answer to `Command.number`: accepted, or why not: "denied", or one of the reasons above."""
 
@@ -156,6 +171,8 @@ Report: TypeAlias = (
     | TargetReport
     | MissionReport
     | FenceReport
+    | FixReport
+    | LinkReport
     | CommandResult
 )
 

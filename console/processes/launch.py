@@ -209,7 +209,7 @@ def _address(text: str | None) -> str | None:
 
 def mavlink_endpoint(text: str, *, place: str) -> str:
     """An endpoint at which vehicles speak; raises WrongCall."""
-    from proxies.mavlink.port import parse_endpoint
+    from proxies.mavlink.endpoints import parse_endpoint
 
     try:
         parse_endpoint(text)

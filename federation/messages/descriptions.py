@@ -2,7 +2,14 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+)
 
 from dyknow.model.errors import NameRefused
 from federation import keys
@@ -81,3 +88,11 @@ class Description(DescriptionModel):
     services: Annotated[tuple[ServiceEntry, ...], Field(max_length=256)] = ()
     labels: Annotated[tuple[LabelEntry, ...], Field(max_length=256)] = ()
     conditions: Annotated[tuple[ConditionEntry, ...], Field(max_length=16)] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_empty(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Where all is well nothing is said of conditions: members of earlier versions know no such field."""
+        said: dict[str, Any] = dump(self)
+        if not said["conditions"]:
+            del said["conditions"]
+        return said

@@ -9,25 +9,35 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from navigation.vehicle import Command, CommandResult, HomeReport, PositionReport, Report
+from navigation.vehicle import (
+    Command,
+    CommandResult,
+    FixReport,
+    HomeReport,
+    LinkReport,
+    PositionReport,
+    Report,
+)
+from proxies.mavlink.condition import VehicleCondition
 from proxies.mavlink.device_clock import DeviceClock
-from proxies.mavlink.orders import Errands, OrderOutcome, Target, home_request, subscriptions
+from proxies.mavlink.orders import Errands, OrderOutcome, Target
 from proxies.mavlink.port import MavlinkPort
 from proxies.mavlink.reports import VehicleReports, device_us, is_autopilot, tells_time
+from proxies.mavlink.requests import Requests
 
 _ASK_AGAIN_US = 2_000_000
-_SILENT_US = 3_000_000
+_AUTOPILOT = 1
 
 
 class MavlinkFeed:
     """Hears one vehicle.
 
     Args:
-        endpoint: `udpin:HOST:PORT`, `udpout:HOST:PORT`, or a `MavlinkPort` shared with other feeds.
+        endpoint: as `proxies.mavlink.endpoints` reads it, or a `MavlinkPort` shared with other feeds.
         sysid: the vehicle's system id; None takes the first autopilot heard that no other feed has.
         post: takes a report; must not block. Reports of one message come in one go, velocity before position.
         now_us: federation time.
-        compid: the autopilot's component id.
+        compid: the autopilot's component id; None: 1, or that of the only component that says it is an autopilot.
         key: 32 bytes of MAVLink signing, for an endpoint given as text.
         driven: the vehicle's clock is federation time (simulated vehicles); see `DeviceClock`.
         requests: ask the vehicle for the messages that are fused; without it the feed only listens.
@@ -40,7 +50,7 @@ class MavlinkFeed:
         post: Callable[[Report], None],
         now_us: Callable[[], int],
         *,
-        compid: int = 1,
+        compid: int | None = None,
         key: bytes | None = None,
         driven: bool = False,
         requests: bool = True,
@@ -51,7 +61,8 @@ class MavlinkFeed:
         self.clock = DeviceClock(driven=driven)
         self._post, self._now_us, self._requests = post, now_us, requests
         self._errands, self._lock = Errands(), threading.Lock()
-        self._heard_us: int | None = None
+        self._condition = VehicleCondition(self.port.hearing, sysid, compid)
+        self._asking = Requests()
         self._ask_us = 0
         self._reboots = 0
         self._positioned = self._homed = False
@@ -68,12 +79,15 @@ class MavlinkFeed:
             self._post(CommandResult(self._now_us(), command.number, False, "no vehicle heard"))
             return
         with self._lock:
-            target = Target(self.system, self.component)
+            target = self._target(self.system)
             outcome = self._errands.on_command(command, self.known, target, _wall_us())
         self._perform(outcome)
 
-    def on_adopted(self, system: int) -> None:
-        self.system = system
+    def on_adopted(self, system: int, component: int) -> None:
+        self.system, self.component = system, component
+
+    def _target(self, system: int) -> Target:
+        return Target(system, _AUTOPILOT if self.component is None else self.component)
 
     def on_message(self, message: Any) -> None:
         arrival_us = self._now_us()
@@ -83,6 +97,8 @@ class MavlinkFeed:
         elif kind == "SYSTEM_TIME":
             self.clock.on_system_time(message.time_unix_usec, message.time_boot_ms * 1000)
         elif kind == "COMMAND_ACK":
+            if self._asking.on_ack(message):
+                self._ask_us = _wall_us()
             with self._lock:
                 outcome = self._errands.on_ack(message, _wall_us())
             self._perform(outcome)
@@ -90,38 +106,50 @@ class MavlinkFeed:
         if self.clock.reboots != self._reboots:
             self._reboots = self.clock.reboots
             self.known.on_reboot()
-            self._heard_us = None
+            self._meet()
         if valid_us is None:
             return
         for report in self.known.reports(message, valid_us):
-            self._positioned |= isinstance(report, PositionReport)
-            self._homed |= isinstance(report, HomeReport)
+            self._note(report)
             self._post(report)
+
+    def _note(self, report: Report) -> None:
+        """Remember what needs not be asked for any more."""
+        if isinstance(report, PositionReport):
+            self._positioned = True
+            self._condition.on_position(_wall_us())
+        elif isinstance(report, FixReport):
+            self._condition.on_fix(has_fix=report.has_fix)
+        elif isinstance(report, HomeReport):
+            self._homed = True
 
     def on_tick(self, monotonic_us: int) -> None:
         with self._lock:
             outcome = self._errands.on_time(monotonic_us)
         self._perform(outcome)
-        if self._requests and self._heard_us is not None and monotonic_us >= self._ask_us:
+        if self._requests and self._condition.is_heard and monotonic_us >= self._ask_us:
             self._ask(monotonic_us)
+        told = self._condition.on_time(self.system, self.port, self.known, self._asking, monotonic_us)
+        if told is not None:
+            self._post(LinkReport(self._now_us(), *told))
 
     def _on_heartbeat(self) -> None:
-        now_us = _wall_us()
-        if self._heard_us is None or now_us - self._heard_us > _SILENT_US:
-            self._positioned = self._homed = False
-            self._ask_us = now_us
-        self._heard_us = now_us
+        if self._condition.on_heartbeat(_wall_us()):
+            self._meet()
+
+    def _meet(self) -> None:
+        """The vehicle is new to us, or may have forgotten what it was asked."""
+        self._positioned = self._homed = False
+        self._asking.restart()
+        self._ask_us = _wall_us()
 
     def _ask(self, monotonic_us: int) -> None:
         """Ask for messages when the vehicle is met or met again, and every two seconds for what does not come."""
         self._ask_us = monotonic_us + _ASK_AGAIN_US
         if self.system is None:
             return
-        target = Target(self.system, self.component)
-        messages = [] if self._positioned else subscriptions(target, self.known)
-        if not self._homed:
-            messages.append(home_request(target))
-        for message in messages:
+        target = self._target(self.system)
+        for message in self._asking.messages(target, is_positioned=self._positioned, is_homed=self._homed):
             self.port.send(target.system, message)
 
     def _perform(self, outcome: OrderOutcome) -> None:

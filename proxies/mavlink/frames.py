@@ -7,7 +7,7 @@ its type is on the allow-list, and only after its ids were looked at.
 import hashlib
 import hmac
 import mmap
-from collections.abc import Iterator
+import re
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -15,6 +15,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from proxies.mavlink.reports import DESCRIBING
 
 _V1, _V2 = 0xFE, 0xFD
+_BEGINS = re.compile(b"[\xfe\xfd]")
+_HEAD = 10
+_MOST_DAMAGED = 64
 _SIGNED, _SIGNATURE = 1, 13
 
 _NAMES = {*DESCRIBING, "SYSTEM_TIME", "COMMAND_ACK"}
@@ -31,6 +34,27 @@ class Frame(NamedTuple):
     message_id: int
     whole: bool
 
+    @property
+    def version(self) -> int:
+        """Of the protocol: 1 or 2."""
+        return 1 if self.data[0] == _V1 else 2
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether it carries a signature, right or wrong."""
+        return self.data[0] == _V2 and len(self.data) > _SIGNATURE and bool(self.data[2] & _SIGNED)
+
+    @property
+    def is_intact(self) -> bool:
+        """Whether its checksum is right; False for a type that no dialect knows, whose checksum cannot be computed."""
+        kind = mavlink.mavlink_map.get(self.message_id)
+        if kind is None or not self.whole:
+            return False
+        end = len(self.data) - 2 - (_SIGNATURE if self.is_signed else 0)
+        checksum = mavlink.x25crc(self.data[1:end])
+        checksum.accumulate(bytes((kind.crc_extra,)))
+        return self.data[end : end + 2] == int(checksum.crc).to_bytes(2, "little")
+
 
 def frame_at(data: bytes | mmap.mmap, offset: int) -> Frame | None:
     """The frame that begins at `offset`, or None where none begins."""
@@ -46,16 +70,47 @@ def frame_at(data: bytes | mmap.mmap, offset: int) -> Frame | None:
     return Frame(found, system, component, message_id, len(found) == length)
 
 
-def frames(datagram: bytes) -> Iterator[Frame]:
-    """The frames of one datagram; what is not a frame is passed over."""
-    offset = 0
-    while offset < len(datagram):
-        frame = frame_at(datagram, offset)
-        if frame is None or not frame.whole:
+class Cutter:
+    """Cuts the bytes of one peer into frames, also where a frame comes in several pieces.
+
+    A frame that has not ended yet waits for its rest; if what comes shows that it was none (whole frames follow, or
+    its checksum is wrong), what was passed over is looked at again.
+
+    Attributes:
+        damaged: number of frames with a wrong checksum.
+    """
+
+    def __init__(self) -> None:
+        self.damaged = 0
+        self._tail = b""
+
+    def cut(self, data: bytes) -> list[Frame]:
+        """The frames that end in `data`, which follows what was given before."""
+        data = self._tail + data
+        found: list[Frame] = []
+        waiting: int | None = None
+        offset, worst = 0, self.damaged + _MOST_DAMAGED
+        while self.damaged < worst and (begins := _BEGINS.search(data, offset)):
+            offset = begins.start()
+            frame = frame_at(data, offset)
+            if frame is not None and frame.whole and self._is_sound(frame, data, offset):
+                found.append(frame)
+                offset, waiting = offset + len(frame.data), None
+                continue
+            if waiting is None and (not frame.whole if frame is not None else len(data) - offset < _HEAD):
+                waiting = offset
             offset += 1
-            continue
-        yield frame
-        offset += len(frame.data)
+        self._tail = b"" if waiting is None or self.damaged >= worst else data[waiting:]
+        return found
+
+    def _is_sound(self, frame: Frame, data: bytes, offset: int) -> bool:
+        """Whether this is a frame: its checksum says so, or, of an unknown type, that another one follows or nothing."""
+        if frame.message_id not in mavlink.mavlink_map:
+            end = offset + len(frame.data)
+            return end == len(data) or data[end] in (_V1, _V2)
+        is_intact = frame.is_intact
+        self.damaged += not is_intact
+        return is_intact
 
 
 def decoded(codec: Any, frame: Frame) -> Any | None:
@@ -66,7 +121,7 @@ def decoded(codec: Any, frame: Frame) -> Any | None:
         frame: as cut from the bytes.
     """
     key = codec.signing.secret_key
-    if frame.message_id not in WANTED or (key is not None and not _signed(key, frame.data)):
+    if frame.message_id not in WANTED or (key is not None and not _is_signed_with(key, frame)):
         return None
     try:
         return codec.decode(bytearray(frame.data))
@@ -74,11 +129,11 @@ def decoded(codec: Any, frame: Frame) -> Any | None:
         return None
 
 
-def _signed(key: bytes, data: bytes) -> bool:
+def _is_signed_with(key: bytes, frame: Frame) -> bool:
     """Whether a frame carries the key's signature: sha256(key + frame up to the signature), its first 48 bits.
 
     pymavlink notes a frame's signature time before it has checked the signature, so one forged frame from the future
     would make it refuse all honest ones; this check comes before it.
     """
-    signed = len(data) > _SIGNATURE and data[0] == _V2 and bool(data[2] & _SIGNED)
-    return signed and hmac.compare_digest(hashlib.sha256(key + data[:-6]).digest()[:6], data[-6:])
+    data = frame.data
+    return frame.is_signed and hmac.compare_digest(hashlib.sha256(key + data[:-6]).digest()[:6], data[-6:])

@@ -1,12 +1,10 @@
-"""One UDP socket that any number of vehicles speak MAVLink on, distinguished by their system ids.
+"""One endpoint that any number of vehicles speak MAVLink at, distinguished by their system ids.
 
-Datagrams are cut into frames here; a frame is decoded once, for the one feed that its system id belongs to. A system id
-is bound to the address it was first heard from: while that address speaks, no other may use the id.
+Bytes are cut into frames here; a frame is decoded once, for the one feed that its system id belongs to. A system id is
+bound to the address it was first heard from: while that address speaks, no other may use the id. Each system is
+answered in the version of the protocol that it speaks: 1, or 2 once a frame of version 2 was heard.
 """
 
-import contextlib
-import errno
-import socket
 import threading
 import time
 from collections import Counter
@@ -14,53 +12,36 @@ from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from dyknow.model.errors import EndpointFailed, TextError
-from proxies.mavlink.frames import WANTED, Frame, decoded, frames
-from proxies.mavlink.reports import is_autopilot
+from proxies.mavlink.endpoints import parse_endpoint
+from proxies.mavlink.frames import WANTED, Cutter, Frame, decoded
+from proxies.mavlink.hearing import Hearing
+from proxies.mavlink.links import TICK_S, Peer, open_link
 
-_TICK_S = 0.02
 _HEARTBEAT_S = 1.0
 _SILENT_S = 3.0
-_DATAGRAM = 65_535
+_MOST_PEERS = 64
 _SIGNATURE_EPOCH_S = 1_420_070_400  # 2015-01-01, where signature timestamps begin; they count 10 us
-
-_REMEDIES = {
-    errno.EADDRINUSE: "is another ground station on that port? End it, or choose another port",
-    errno.EACCES: "choose a port from 1024 on",
-    errno.EADDRNOTAVAIL: "name an address of this machine, such as 127.0.0.1",
-}
-
-Address = tuple[str, int]
 
 
 class Listener(Protocol):
-    """What a port tells a feed; all from the port's own thread."""
+    """What a port tells a feed; all from the port's own thread.
+
+    Attributes:
+        system: its vehicle's system id; None: the first autopilot that no other listener has.
+        component: its autopilot's component id; None: 1, until a HEARTBEAT shows which.
+    """
 
     @property
     def system(self) -> int | None: ...
     @property
-    def component(self) -> int: ...
-    def on_adopted(self, system: int) -> None: ...
+    def component(self) -> int | None: ...
+    def on_adopted(self, system: int, component: int) -> None: ...
     def on_message(self, message: Any) -> None: ...
     def on_tick(self, monotonic_us: int) -> None: ...
 
 
-def parse_endpoint(text: str) -> tuple[str, Address]:
-    """`udpin:HOST:PORT` (wait for vehicles there) or `udpout:HOST:PORT` (speak first).
-
-    Raises:
-        TextError: anything else.
-    """
-    kind, _, rest = text.partition(":")
-    host, _, port = rest.rpartition(":")
-    repair = "udpin:127.0.0.1:14550 or udpout:127.0.0.1:14550"
-    if kind not in {"udpin", "udpout"} or not host or not port.isdecimal() or not 0 <= int(port) <= 65_535:
-        raise TextError("a MAVLink endpoint names udpin or udpout, a host and a port", text=text, repair=repair)
-    return kind, (host.strip("[]"), int(port))
-
-
 class MavlinkPort:
-    """A socket, its thread, and its listeners.
+    """A link, its thread, and its listeners.
 
     Args:
         endpoint: see `parse_endpoint`.
@@ -69,32 +50,49 @@ class MavlinkPort:
 
     Raises:
         TextError: the endpoint does not parse.
-        EndpointFailed: the socket cannot be bound, and what to do.
+        EndpointFailed: it cannot be opened, and what to do.
     """
 
     def __init__(self, endpoint: str, *, key: bytes | None = None, source: tuple[int, int] = (254, 190)) -> None:
-        kind, address = parse_endpoint(endpoint)
+        found = parse_endpoint(endpoint)
         self.counts: Counter[str] = Counter()
-        self._remote = address if kind == "udpout" else None
+        self.hearing = Hearing(found, has_key=key is not None)
         self._codec = mavlink.MAVLink(None, srcSystem=source[0], srcComponent=source[1])
         if key is not None:
             signing = self._codec.signing
             signing.secret_key, signing.sign_outgoing = key, True
             signing.timestamp = int((time.time() - _SIGNATURE_EPOCH_S) * 1e5)
+        self.has_key = key is not None
         self._listeners: dict[int, Listener] = {}
         self._waiting: list[Listener] = []
-        self._peers: dict[int, tuple[Address, float]] = {}
+        self._peers: dict[int, tuple[Peer, float]] = {}
+        self._versions: dict[int, int] = {}
+        self._cutters: dict[Peer, Cutter] = {}
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._stopping = threading.Event()
         self._heartbeat_s = 0.0
-        self._socket = _opened(endpoint, kind, address)
+        self._beats = 0
+        self._link = open_link(found)
 
     @property
-    def address(self) -> Address:
-        """Where the socket is bound: host and port."""
-        found = self._socket.getsockname()
-        return found[0], found[1]
+    def address(self) -> Peer:
+        """Where it is: host and port, or a device and its rate."""
+        return self._link.address
+
+    @property
+    def problem(self) -> str:
+        """Why the link is not open; empty while it is."""
+        return self._link.problem
+
+    @property
+    def taken(self) -> frozenset[int]:
+        """The systems that have a listener."""
+        return frozenset(self._listeners)
+
+    def version(self, system: int) -> int:
+        """The version of the protocol in which a system is answered."""
+        return 2 if self.has_key else self._versions.get(system, 2)
 
     def attach(self, listener: Listener) -> None:
         """Route a vehicle's messages to `listener`: its `system`'s, or those of the first autopilot without a listener.
@@ -117,7 +115,7 @@ class MavlinkPort:
                 self._thread.start()
 
     def detach(self, listener: Listener) -> None:
-        """Forget a listener; the socket closes with the last one."""
+        """Forget a listener; the link closes with the last one."""
         with self._lock:
             self._waiting = [each for each in self._waiting if each is not listener]
             self._listeners = {system: each for system, each in self._listeners.items() if each is not listener}
@@ -127,108 +125,129 @@ class MavlinkPort:
         self._stopping.set()
         if thread is not None and thread is not threading.current_thread():
             thread.join(timeout=2.0)
-        self._socket.close()
+        self._link.close()
 
     def send(self, system: int, message: Any) -> bool:
         """Send to where `system` was heard from; False when that is unknown. From any thread."""
         known = self._peers.get(system)
-        address = known[0] if known is not None else self._remote
-        return address is not None and self._send_to(address, message)
+        peer = known[0] if known is not None else self._link.callee
+        return peer is not None and self._send_to(peer, message, self.version(system))
 
-    def _send_to(self, address: Address, message: Any) -> bool:
+    def _send_to(self, peer: Peer, message: Any, version: int) -> bool:
         with self._lock:
-            data = message.pack(self._codec)
+            data = message.pack(self._codec, force_mavlink1=version == 1)
             self._codec.seq = (self._codec.seq + 1) % 256
-        try:
-            self._socket.sendto(data, address)
-        except OSError:
-            self.counts["not sent"] += 1
-            return False
+            try:
+                self._link.send(data, peer)
+            except OSError:
+                self.counts["not sent"] += 1
+                return False
         return True
 
     def _run(self) -> None:
         tick_s = 0.0
         while not self._stopping.is_set():
-            with contextlib.suppress(OSError):  # the tick's timeout, or a peer's closed port
-                self._on_datagram(*self._socket.recvfrom(_DATAGRAM))
+            for data, peer in self._link.receive():
+                self._on_bytes(data, peer)
             now_s = time.monotonic()
             if now_s >= tick_s:
-                tick_s = now_s + _TICK_S
+                tick_s = now_s + TICK_S
                 self._on_tick(now_s)
 
-    def _on_datagram(self, data: bytes, sender: Any) -> None:
-        address = (sender[0], sender[1])
-        for frame in frames(data):
-            self._on_frame(frame, address)
+    def _on_bytes(self, data: bytes, peer: Peer) -> None:
+        self.hearing.on_bytes(time.monotonic())
+        cutter = self._cutters.get(peer)
+        if cutter is None:
+            if len(self._cutters) >= _MOST_PEERS:
+                del self._cutters[next(iter(self._cutters))]
+            cutter = self._cutters[peer] = Cutter()
+        damaged = cutter.damaged
+        for frame in cutter.cut(data):
+            self._on_frame(frame, peer)
+        self.counts["damaged"] += cutter.damaged - damaged
 
-    def _on_frame(self, frame: Frame, address: Address) -> None:
-        listener = self._listeners.get(frame.system)
+    def _on_frame(self, frame: Frame, peer: Peer) -> None:
+        now_s = time.monotonic()
+        self.hearing.on_frame(frame, now_s)
         if frame.message_id not in WANTED:
             self.counts["not wanted"] += 1
             return
-        if listener is None and not self._waiting:
-            self.counts["other system"] += 1
-            return
-        if frame.component != (listener or self._waiting[0]).component:
-            self.counts["other component"] += 1
+        listener = self._listeners.get(frame.system)
+        is_beat = frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT
+        if not is_beat and not self._is_for(listener, frame):
             return
         message = decoded(self._codec, frame)
         if message is None:
-            self.counts["damaged or unsigned"] += 1
+            self.counts["unsigned or unreadable"] += 1
             return
-        if listener is None:
-            listener = self._adopted(frame.system, message)
-        if listener is None or not self._bound(frame.system, address):
+        if is_beat:
+            self.hearing.on_heartbeat(frame, message, now_s)
+            listener = self._adopted(frame, now_s)
+            if not self._is_for(listener, frame):
+                return
+        if listener is None or not self._bound(frame, peer, now_s):
             return
         try:
             listener.on_message(message)
         except Exception as failure:  # noqa: BLE001 - one bad report must not end the thread that hears every vehicle
             self.counts[f"failed: {type(failure).__name__}"] += 1
 
-    def _adopted(self, system: int, message: Any) -> Listener | None:
-        if message.get_type() != "HEARTBEAT" or not is_autopilot(message):
-            return None
+    def _is_for(self, listener: Listener | None, frame: Frame) -> bool:
+        """Whether the frame is of the component that the listener to its system takes."""
+        if listener is None:
+            self.counts["other system"] += 1
+        elif frame.component != (mavlink.MAV_COMP_ID_AUTOPILOT1 if listener.component is None else listener.component):
+            self.counts["other component"] += 1
+        else:
+            return True
+        return False
+
+    def _adopted(self, frame: Frame, now_s: float) -> Listener | None:
+        """The listener to the system of a heartbeat, which may thereby have found its vehicle."""
+        system = frame.system
         with self._lock:
-            if not self._waiting:
-                return None
-            listener = self._waiting.pop(0)
-            self._listeners[system] = listener
-        listener.on_adopted(system)
+            listener = self._listeners.get(system) or (self._waiting[0] if self._waiting else None)
+            if listener is None or (listener.system is not None and listener.component is not None):
+                return listener
+            component = self.hearing.autopilot(system, listener.component, now_s)
+            if component is None:
+                return listener if listener.system is not None else None
+            if listener.system is None:
+                self._waiting.pop(0)
+                self._listeners[system] = listener
+        listener.on_adopted(system, component)
         return listener
 
-    def _bound(self, system: int, address: Address) -> bool:
-        """Whether `address` may speak for `system`."""
-        now_s = time.monotonic()
+    def _bound(self, frame: Frame, peer: Peer, now_s: float) -> bool:
+        """Whether `peer` may speak for the system of the frame."""
+        system = frame.system
         known = self._peers.get(system)
-        if known is not None and known[0] != address and now_s - known[1] < _SILENT_S:
+        is_silent = known is None or now_s - known[1] >= _SILENT_S
+        if known is not None and known[0] != peer and not is_silent:
             self.counts["foreign address"] += 1
             return False
-        self._peers[system] = (address, now_s)
+        self._peers[system] = (peer, now_s)
+        self._versions[system] = frame.version if is_silent else max(frame.version, self._versions[system])
         return True
 
     def _on_tick(self, now_s: float) -> None:
         if now_s >= self._heartbeat_s:
             self._heartbeat_s = now_s + _HEARTBEAT_S
-            beat = mavlink.MAVLink_heartbeat_message(
-                mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
-            )
-            addresses = {address for address, _ in list(self._peers.values())}
-            for address in addresses | ({self._remote} if self._remote is not None else set()):
-                self._send_to(address, beat)
-        for listener in list(self._listeners.values()):
+            self._beat()
+        for listener in [*self._listeners.values(), *self._waiting]:
             listener.on_tick(int(now_s * 1e6))
 
-
-def _opened(endpoint: str, kind: str, address: Address) -> socket.socket:
-    opened = socket.socket(socket.AF_INET6 if ":" in address[0] else socket.AF_INET, socket.SOCK_DGRAM)
-    opened.settimeout(_TICK_S)
-    with contextlib.suppress(OSError):
-        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
-    try:
-        local = address if kind == "udpin" else ("::" if ":" in address[0] else "0.0.0.0", 0)  # noqa: S104 - answers only
-        opened.bind(local)
-    except OSError as error:
-        opened.close()
-        remedy = _REMEDIES.get(error.errno or 0, "check its host and port")
-        raise EndpointFailed(f"MAVLink endpoint {endpoint}: {error.strerror}; {remedy}") from None
-    return opened
+    def _beat(self) -> None:
+        """A heartbeat to all, in the oldest version spoken there; who has not spoken yet is called in both in turn."""
+        beat = mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+        )
+        self._beats += 1
+        versions: dict[Peer, int] = {}
+        for system, (peer, _) in list(self._peers.items()):
+            versions[peer] = min(versions.get(peer, 2), self.version(system))
+        callee = self._link.callee
+        if callee is not None and not self._link.problem:
+            versions.setdefault(callee, 2 if self.has_key else 1 + self._beats % 2)
+        for peer, version in versions.items():
+            self._send_to(peer, beat, version)

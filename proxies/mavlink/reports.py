@@ -87,11 +87,12 @@ class VehicleReports:
         self.position: vehicle.PositionReport | None = None
         self._airborne: bool | None = None
         self._satellite_altitude_m: float | None = None
+        self._has_fix: bool | None = None
         self._heartbeat: Any = None
 
     def on_reboot(self) -> None:
         """Forget what the vehicle itself forgot."""
-        self.home = self._airborne = self._satellite_altitude_m = None
+        self.home = self._airborne = self._satellite_altitude_m = self._has_fix = None
 
     def reports(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
         """What `message` reports; empty for types that do not describe the vehicle and for fields that say unknown."""
@@ -142,6 +143,12 @@ class VehicleReports:
         return self.home is not None and abs(self.home.altitude_m + height_m - altitude_m) <= _NEAR_M
 
     def on_gps(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
+        has_fix, before = message.fix_type >= mavlink.GPS_FIX_TYPE_3D_FIX, self._has_fix
+        self._has_fix = has_fix
+        news = () if has_fix == before else (vehicle.FixReport(valid_us, has_fix),)
+        return *self._on_fix(message, valid_us), *news
+
+    def _on_fix(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
         if message.fix_type < mavlink.GPS_FIX_TYPE_2D_FIX or (message.lat == 0 and message.lon == 0):
             self._satellite_altitude_m = None
             return ()
@@ -231,6 +238,18 @@ def _accuracy_m(stated_mm: int, dilution_100: int) -> float:
     if stated_mm > 0:
         return stated_mm / 1000
     return 5.0 if dilution_100 in (0, _UNKNOWN_16) else max(1.0, dilution_100 / 100 * _ASSUMED_ERROR_M)
+
+
+def autopilot_name(autopilot: int | None, vehicle_type: int | None) -> str:
+    """As its makers call it: ArduCopter, ArduPlane, PX4."""
+    if autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
+        kinds = {mavlink.MAV_TYPE_SUBMARINE: "ArduSub", mavlink.MAV_TYPE_ANTENNA_TRACKER: "AntennaTracker"}
+        kinds |= dict.fromkeys(PLANES, "ArduPlane") | dict.fromkeys(ROVERS, "Rover")
+        return kinds.get(vehicle_type, "ArduCopter")
+    if autopilot == mavlink.MAV_AUTOPILOT_PX4:
+        return "PX4"
+    entry = mavlink.enums["MAV_AUTOPILOT"].get(autopilot)
+    return "an autopilot" if entry is None else str(entry.name).removeprefix("MAV_AUTOPILOT_").lower()
 
 
 def flight_mode(autopilot: int, vehicle_type: int, custom_mode: int) -> tuple[str, bool]:

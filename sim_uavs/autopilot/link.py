@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from proxies.mavlink.frames import frames
+from proxies.mavlink.frames import Cutter
 from sim_uavs.dynamics.settings import Peer
 
 Message: TypeAlias = Any  # pymavlink builds its message classes without types
@@ -52,7 +52,10 @@ class Decoder:
         self.dropped = 0
 
     def read(self, data: bytes) -> Iterator[Message]:
-        for frame in frames(data):
+        cutter = Cutter()
+        found = cutter.cut(data)
+        self.dropped += cutter.damaged
+        for frame in found:
             if frame.message_id not in READ:
                 continue
             try:

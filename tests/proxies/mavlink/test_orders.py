@@ -5,7 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dyknow.model.errors import Refused
 from navigation.vehicle import Arm, Command, GoToOrder, HoldOrder, LandOrder, ReturnHomeOrder, SetGuided, TakeOffOrder
-from proxies.mavlink.orders import ATTEMPTS, RETRY_US, Errands, Target, messages_for, subscriptions
+from proxies.mavlink.orders import ATTEMPTS, RETRY_US, Errands, Target, messages_for
 from proxies.mavlink.reports import VehicleReports
 from tests.proxies.vehicle import heartbeat, position
 
@@ -119,9 +119,3 @@ def test_nothing_is_sent_to_a_vehicle_that_was_not_heard() -> None:
     outcome = Errands().on_command(Command(1, Arm()), VehicleReports(), TARGET, 0)
     assert outcome.send == []
     assert outcome.results[0].reason == "no vehicle heard"
-
-
-def test_old_ardupilots_are_asked_for_streams_as_well() -> None:
-    kinds = [message.get_type() for message in subscriptions(TARGET, heard())]
-    assert {"COMMAND_LONG", "REQUEST_DATA_STREAM"} == set(kinds)
-    assert {m.get_type() for m in subscriptions(TARGET, heard(autopilot=PX4))} == {"COMMAND_LONG"}

@@ -9,6 +9,7 @@ from navigation.vehicle import (
     AccelerationReport,
     AttitudeReport,
     BatteryReport,
+    FixReport,
     LocalPositionReport,
     PositionReport,
     StatusReport,
@@ -51,7 +52,16 @@ def test_a_fix_is_as_good_as_it_states_else_as_its_dilution_says() -> None:
 
 def test_a_flat_fix_has_no_altitude_and_no_fix_is_no_position() -> None:
     assert VehicleReports().reports(gps(fix=2), 7)[1].altitude_m is None
-    assert VehicleReports().reports(gps(fix=1), 7) == ()
+    assert VehicleReports().reports(gps(fix=1), 7) == (FixReport(7, False),)
+
+
+def test_a_fix_that_is_lost_or_found_is_reported_once() -> None:
+    known = VehicleReports()
+    told = [
+        [each.has_fix for each in known.reports(gps(fix=fix), at) if isinstance(each, FixReport)]
+        for at, fix in enumerate((3, 3, 2, 0, 1, 5, 6, 1))
+    ]
+    assert told == [[True], [], [False], [], [], [True], [], [False]]
 
 
 @pytest.mark.parametrize(

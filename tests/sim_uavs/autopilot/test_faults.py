@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
 from navigation.geodesy import distance_m
-from proxies.mavlink.frames import frames
+from proxies.mavlink.frames import Cutter
 from sim_uavs.autopilot.link import READ
 from tests.sim_uavs.station import HOME, Station
 
@@ -223,7 +223,7 @@ def test_several_frames_in_one_datagram_are_all_read_and_version_one_too() -> No
     station = Station()
     answers = station.vehicle.on_bytes(b"noise" + one + old + one[:9], PEER, station.now_us)
     assert len(answers) == 2
-    assert [len(frame.data) for frame in frames(one + b"\xfd\xff" + old)] == [len(one), len(old)]
+    assert [len(frame.data) for frame in Cutter().cut(one + b"\xfd\xff" + old)] == [len(one), len(old)]
 
 
 COMMANDS = [16, 17, 20, 21, 22, 176, 178, 192, 224, 262, 300, 400, 410, 510, 511, 512, 520]
