@@ -91,8 +91,8 @@ class Description(DescriptionModel):
 
     @model_serializer(mode="wrap")
     def _without_empty(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Where all is well nothing is said of conditions: members of earlier versions know no such field."""
-        said: dict[str, Any] = dump(self)
-        if not said["conditions"]:
-            del said["conditions"]
-        return said
+        """Without conditions the field is left out: members of earlier versions have none."""
+        fields: dict[str, Any] = dump(self)
+        if not fields["conditions"]:
+            del fields["conditions"]
+        return fields

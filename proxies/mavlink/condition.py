@@ -1,4 +1,4 @@
-"""Whether a vehicle is heard well enough to be believed, in words; told when it changes and lasts, never in floods.
+"""Whether a vehicle is heard well enough, in words; reported when that changes and lasts, never in floods.
 
 No socket and no clock: times are arguments, monotonic microseconds.
 """
@@ -11,12 +11,12 @@ from proxies.mavlink.requests import Requests
 
 SILENT_US = 3_000_000
 _LASTS_US = 2_500_000
-"""How long something has to be wrong before it is told: nobody wants to hear of what is over a moment later."""
+"""How long something has to be wrong before it is reported: most of it is over a moment later."""
 _ANSWERS_US = 2_000_000
 _BURST, _REFILL_US = 4, 10_000_000
 
 
-class Condition(NamedTuple):
+class LinkCondition(NamedTuple):
     """Whether all is well, and what is heard, or what is wrong."""
 
     ok: bool
@@ -38,7 +38,7 @@ class VehicleCondition:
         self._beat_us: int | None = None
         self._position_us: int | None = None
         self._has_fix: bool | None = None
-        self._told: Condition | None = None
+        self._reported: LinkCondition | None = None
         self._wrong_us: int | None = None
         self._budget, self._refilled_us = _BURST, 0
 
@@ -65,8 +65,8 @@ class VehicleCondition:
 
     def on_time(
         self, system: int | None, port: Any, known: VehicleReports, requests: Requests, now_us: int
-    ) -> Condition | None:
-        """What is to be told now, or None."""
+    ) -> LinkCondition | None:
+        """What is to be reported now, or None."""
         found = self._now(system, port, known, requests, now_us)
         if found.ok:
             self._wrong_us = None
@@ -75,29 +75,31 @@ class VehicleCondition:
         if now_us - self._refilled_us >= _REFILL_US:
             self._budget, self._refilled_us = min(self._budget + 1, _BURST), now_us
         lasts = self._wrong_us is None or now_us - self._wrong_us >= _LASTS_US
-        if found == self._told or not lasts or not self._budget:
+        if found == self._reported or not lasts or not self._budget:
             return None
         self._budget -= 1
-        self._told = found
+        self._reported = found
         return found
 
-    def _now(self, system: int | None, port: Any, known: VehicleReports, requests: Requests, now_us: int) -> Condition:
+    def _now(
+        self, system: int | None, port: Any, known: VehicleReports, requests: Requests, now_us: int
+    ) -> LinkCondition:
         endpoint, now_s = self._hearing.endpoint, now_us / 1e6
         if port.problem:
-            return Condition(False, f"{endpoint} is not open: {port.problem}; it is tried again every second")
+            return LinkCondition(False, f"{endpoint} is not open: {port.problem}; it is tried again every second")
         if system is None or self._beat_us is None:
-            return Condition(False, self._hearing.absence(*self._wanted, now_s))
+            return LinkCondition(False, self._hearing.absence(*self._wanted, now_s))
         if now_us - self._beat_us > SILENT_US:
-            return Condition(False, f"system {system} is silent at {endpoint}")
+            return LinkCondition(False, f"system {system} is silent at {endpoint}")
         name = f"system {system}, {autopilot_name(known.autopilot, known.vehicle_type)}"
         is_placed = self._position_us is not None and now_us - self._position_us <= SILENT_US
         if self._has_fix is False:
-            return Condition(False, f"{name}: position without GPS" if is_placed else f"hears {name}, no GPS fix")
+            return LinkCondition(False, f"{name}: position without GPS" if is_placed else f"hears {name}, no GPS fix")
         if not is_placed:
-            return Condition(False, f"hears {name}: {self._why_no_position(system, port, requests, now_us)}")
+            return LinkCondition(False, f"hears {name}: {self._why_no_position(system, port, requests, now_us)}")
         others = [str(each) for each in self._hearing.systems(now_s) if each not in port.taken]
         more = f"; system{'s' if len(others) > 1 else ''} {', '.join(others)} there too (--sysid)" if others else ""
-        return Condition(True, f"hears {name}, MAVLink {port.version(system)}{more}")
+        return LinkCondition(True, f"hears {name}, MAVLink {port.version(system)}{more}")
 
     def _why_no_position(self, system: int, port: Any, requests: Requests, now_us: int) -> str:
         if requests.is_answered or self._met_us is None or now_us - self._met_us < _ANSWERS_US:

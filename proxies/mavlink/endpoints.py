@@ -12,7 +12,7 @@ FORMS = (
 _EXAMPLES = "udpin:127.0.0.1:14550, udpout:127.0.0.1:14550, tcp:127.0.0.1:5762 or serial:/dev/ttyACM0:57600"
 _NETWORK = frozenset({"udpin", "udpout", "tcp"})
 _RADIO_BAUD = 57_600
-"""What telemetry radios and the TELEM ports of autopilots use unless they are told otherwise."""
+"""What telemetry radios and the TELEM ports of autopilots have from the factory."""
 
 
 class Endpoint(NamedTuple):
@@ -64,7 +64,7 @@ def parse_endpoint(text: str) -> Endpoint:
         if host and port.isdecimal():
             place = f"{host}:{port}"
             raise TextError(
-                "it is not said who speaks first", text=text,
+                "one side has to speak first", text=text,
                 repair=f"udpin:{place} if vehicles send there, udpout:{place} if one waits there, or tcp:{place}",
             )  # fmt: skip
     raise TextError(f"a MAVLink endpoint is {FORMS}", text=text, repair=_EXAMPLES)

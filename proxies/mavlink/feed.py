@@ -114,7 +114,7 @@ class MavlinkFeed:
             self._post(report)
 
     def _note(self, report: Report) -> None:
-        """Remember what needs not be asked for any more."""
+        """Remember what has come: it needs no request."""
         if isinstance(report, PositionReport):
             self._positioned = True
             self._condition.on_position(_wall_us())
@@ -129,16 +129,16 @@ class MavlinkFeed:
         self._perform(outcome)
         if self._requests and self._condition.is_heard and monotonic_us >= self._ask_us:
             self._ask(monotonic_us)
-        told = self._condition.on_time(self.system, self.port, self.known, self._asking, monotonic_us)
-        if told is not None:
-            self._post(LinkReport(self._now_us(), *told))
+        news = self._condition.on_time(self.system, self.port, self.known, self._asking, monotonic_us)
+        if news is not None:
+            self._post(LinkReport(self._now_us(), *news))
 
     def _on_heartbeat(self) -> None:
         if self._condition.on_heartbeat(_wall_us()):
             self._meet()
 
     def _meet(self) -> None:
-        """The vehicle is new to us, or may have forgotten what it was asked."""
+        """The vehicle is new to us, or may have forgotten our requests."""
         self._positioned = self._homed = False
         self._asking.restart()
         self._ask_us = _wall_us()

@@ -74,7 +74,8 @@ class Cutter:
     """Cuts the bytes of one peer into frames, also where a frame comes in several pieces.
 
     A frame that has not ended yet waits for its rest; if what comes shows that it was none (whole frames follow, or
-    its checksum is wrong), what was passed over is looked at again.
+    its checksum is wrong), what was passed over is looked at again. Types that no dialect knows have no checksum, and
+    are passed over.
 
     Attributes:
         damaged: number of frames with a wrong checksum.
@@ -93,7 +94,7 @@ class Cutter:
         while self.damaged < worst and (begins := _BEGINS.search(data, offset)):
             offset = begins.start()
             frame = frame_at(data, offset)
-            if frame is not None and frame.whole and self._is_sound(frame, data, offset):
+            if frame is not None and frame.whole and self._is_sound(frame):
                 found.append(frame)
                 offset, waiting = offset + len(frame.data), None
                 continue
@@ -103,13 +104,9 @@ class Cutter:
         self._tail = b"" if waiting is None or self.damaged >= worst else data[waiting:]
         return found
 
-    def _is_sound(self, frame: Frame, data: bytes, offset: int) -> bool:
-        """Whether this is a frame: its checksum says so, or, of an unknown type, that another one follows or nothing."""
-        if frame.message_id not in mavlink.mavlink_map:
-            end = offset + len(frame.data)
-            return end == len(data) or data[end] in (_V1, _V2)
+    def _is_sound(self, frame: Frame) -> bool:
         is_intact = frame.is_intact
-        self.damaged += not is_intact
+        self.damaged += not is_intact and frame.message_id in mavlink.mavlink_map
         return is_intact
 
 

@@ -35,7 +35,7 @@ def _listed(what: str, names: list[str]) -> str:
 
 
 class Hearing:
-    """Who speaks at one endpoint.
+    """The systems and components that speak at one endpoint.
 
     Args:
         endpoint: as users write it.

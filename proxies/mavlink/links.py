@@ -44,7 +44,7 @@ _LINE_REMEDIES = {
 }
 
 
-class Link(Protocol):
+class ByteLink(Protocol):
     """Bytes to and from peers.
 
     Attributes:
@@ -181,7 +181,7 @@ class StreamLink:
                 os.close(fd)
 
 
-def open_link(endpoint: Endpoint) -> Link:
+def open_link(endpoint: Endpoint) -> ByteLink:
     """The link of an endpoint.
 
     Raises:

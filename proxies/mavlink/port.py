@@ -238,7 +238,7 @@ class MavlinkPort:
             listener.on_tick(int(now_s * 1e6))
 
     def _beat(self) -> None:
-        """A heartbeat to all, in the oldest version spoken there; who has not spoken yet is called in both in turn."""
+        """A heartbeat to all, in the oldest version spoken there; a peer that has not spoken yet is called in both in turn."""
         beat = mavlink.MAVLink_heartbeat_message(
             mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
         )

@@ -1,4 +1,4 @@
-"""What a vehicle is asked to send: messages at a rate, and its home once. No socket and no clock.
+"""What a vehicle is requested to send: messages at a rate, and its home once. No socket and no clock.
 
 SET_MESSAGE_INTERVAL names each message. REQUEST_DATA_STREAM, which brings whole groups of them, is for autopilots that
 do not understand the former, or do not answer.
@@ -35,18 +35,18 @@ _COMMANDS = {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, *(command for command, _ in _
 
 
 class Requests:
-    """What was asked of one vehicle, and how it took it.
+    """The requests to one vehicle, and how it took them.
 
     Attributes:
-        rounds: how often it was asked.
-        is_answered: whether it acknowledged any of that.
+        rounds: how often they were sent.
+        is_answered: whether it acknowledged any.
     """
 
     def __init__(self) -> None:
         self.restart()
 
     def restart(self) -> None:
-        """The vehicle is met, or met again: nothing was asked yet."""
+        """The vehicle is met, or met again: nothing was sent yet."""
         self.rounds, self.is_answered = 0, False
         self._by_streams: bool | None = None
         self._is_streaming = False

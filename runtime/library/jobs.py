@@ -119,7 +119,7 @@ def tasks(client: Client, units: Sequence[str]) -> Job[list[tuple[str, TaskEntry
 
 
 def listed_tasks(client: Client, units: Sequence[str]) -> Job[list[tuple[str, TaskEntry]]]:
-    """The same, with those that a platform ended which nobody had asked to."""
+    """The same, with those that a platform ended without a request."""
     answers = yield from lists(client, units, Tasks(), TaskList)
     return [(unit, task) for unit, answer in answers for task in answer.tasks]
 

@@ -53,7 +53,7 @@ def check_label(client: Client, label: str, *, answered: bool) -> None:
 
 
 def receiver_of(client: Client, content: Content, to: str | None) -> str:
-    """The platform to delegate `content` to. One that has left may be asked to rejoin.
+    """The platform to delegate `content` to. One that has left may be requested to rejoin.
 
     Raises:
         WrongCall: it was not named, and there are several.
