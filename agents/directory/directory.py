@@ -27,6 +27,10 @@ from federation.messages.descriptions import ConditionEntry, LabelEntry
 from federation.sharing.exports import Exports
 from federation.transport import Answered, Arrived, Asked, AskEnded, Reopen, TokenChanged
 
+JOINING_US = 5_000_000
+"""How long after its start a platform may still be told that it cannot join."""
+NOTED = 64
+"""Conflicts with others that are noted, each once."""
 DIRECTORY: Final = Service("directory", "directory", Visibility.PUBLIC)
 MISSING_US = 60_000_000
 """How long a platform that timed out is listed as missing."""
@@ -94,7 +98,8 @@ class DirectoryAgent(Part):
         self.facilitator, self._agent, self._offered, self._labels = member.directory, agent, offered, labels
         self._conditions = conditions
         self._imports, self._importing, self._own_tails = member.imports, (importer,), exports.tails
-        self._is_twin = member.is_twin
+        self._member, self._is_twin = member, member.is_twin
+        self._noted: set[str] = set()
         self._publish, self._emit, self._note = on_peer, emit, note
         self._continues, self._tails = member.directory.goes_on, member.imports.tails
         self._subscribers = Subscribers(agent, tasks)
@@ -191,7 +196,7 @@ class DirectoryAgent(Part):
         for outcome in outcomes:
             if isinstance(outcome, _CHANGES):
                 is_changed = True
-                self._on_own(outcome)
+                self._on_own(outcome, now_us)
                 self._publish(outcome, now_us)
             else:
                 if isinstance(outcome, Reopen):
@@ -199,27 +204,35 @@ class DirectoryAgent(Part):
                 self._emit(outcome)
         return is_changed
 
-    def _on_own(self, change: PeerChange) -> None:
+    def _on_own(self, change: PeerChange, now_us: int) -> None:
         """What is this platform's own affair: its name, its clock, its members."""
         match change:
-            case liveness.NameConflict():
-                if change.boot < self.facilitator.boot:
-                    self._emit(Halt(f"another platform is called {change.unit} already; choose another --unit"))
+            case liveness.NameConflict(unit, boot):
+                self._conflict(boot, f"another platform is called {unit} already", "choose another --unit", now_us)
+            case PlatformRefused(unit, boot, why):
+                entry = self.facilitator.entry(unit)
+                if "clock" in why and entry is not None and entry.kind == "uav":
+                    self._conflict(boot, f"{unit} is in this federation and {why}", "join with the same clock", now_us)
                 else:
-                    self._note(f"another platform calls itself {change.unit}, as this one does")
-            case PlatformRefused():
-                self._on_refused(change)
+                    self._note_once(f"{unit} cannot federate with this platform: {why}")
             case ServiceAppeared() | ServiceGone() if change.service.service == FEDERATION.service:
                 self._members = None
 
-    def _on_refused(self, change: PlatformRefused) -> None:
-        """Two platforms that cannot federate: of two clocks the one that was there first stays."""
-        entry, boot = self.facilitator.entry(change.unit), self.facilitator.boot
-        if "clock" in change.why and entry is not None and entry.kind == "uav" and change.boot < boot:
-            why = f"{change.unit} is in this federation already and {change.why}: join with the same clock"
-            self._emit(Halt(why))
+    def _conflict(self, boot: int, why: str, remedy: str, now_us: int) -> None:
+        """The other says it was first. Only a platform that joins believes it, and none does where acts are signed:
+
+        descriptions and heartbeats are not, so that one that flies would be ended by anybody's word.
+        """
+        is_joining = now_us < self._member.since_us + JOINING_US
+        if is_joining and self._member.trust is None and boot < self.facilitator.boot:
+            self._emit(Halt(f"{why}; {remedy}"))
         else:
-            self._note(f"{change.unit} cannot federate with this platform: {change.why}")
+            self._note_once(f"{why}: this platform stays and does not federate with that one")
+
+    def _note_once(self, text: str) -> None:
+        if text not in self._noted and len(self._noted) < NOTED:
+            self._noted.add(text)
+            self._note(text)
 
     # -- time --------------------------------------------------------------------------------------------------
 

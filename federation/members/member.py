@@ -26,6 +26,8 @@ from federation.security.trust import Trust
 
 P = Performative
 TWIN_US = 1_000_000
+TWINS = 8
+"""How many other lives of our own name are kept in mind."""
 
 
 class MemberAgents(ActAgents, Protocol):
@@ -51,6 +53,7 @@ class Member:
         trust: None in an open federation.
 
     Attributes:
+        since_us: when it began.
         refused: events that do not belong here, by reason.
     """
 
@@ -68,7 +71,7 @@ class Member:
         clock: FederationClock | None = None,
         trust: Trust | None = None,
     ) -> None:
-        self.unit, self.boot, self.trust = unit, boot, trust
+        self.unit, self.boot, self.trust, self.since_us = unit, boot, trust, now_us
         self.refused: Counter[str] = Counter()
         self._agents, self._emit, self._kind, self._zid = agents, emit, kind, zid
         self._questions = count(1)
@@ -195,7 +198,11 @@ class Member:
 
     def is_twin(self, boot: int, at_us: int) -> bool:
         """Whether another process has our name: heard for over a second, since an earlier life of ours may echo."""
-        return boot != self.boot and at_us - self._twins.setdefault(boot, at_us) >= TWIN_US
+        if boot == self.boot:
+            return False
+        if boot not in self._twins and len(self._twins) >= TWINS:
+            del self._twins[next(iter(self._twins))]
+        return at_us - self._twins.setdefault(boot, at_us) >= TWIN_US
 
     def _on_arrived(self, event: transport.Arrived) -> None:
         at_us = event.at_us
