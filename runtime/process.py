@@ -33,6 +33,7 @@ from proxies.hosts.listener import HostDoor
 from proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED
 from proxies.zenoh.edge import ZenohEdge
 from reasoning import builtin_profiles
+from runtime.accepted_acts import AcceptedActs
 from runtime.clock import NodeClock
 from runtime.configuration.config import NodeConfig
 from runtime.configuration.resolved import platform_config
@@ -74,6 +75,7 @@ class PlatformProcess:
         self._platform: Platform
         self._node: SteppedNode[Event, Any]
         self._journal: Journal | None = None
+        self._accepted: AcceptedActs | None = None
         self._edge = ZenohEdge(wire_options(config.wire), self.mailbox.post, self.clock.now_us)
         self._make_vehicle = make_vehicle
         epoch_us = config.clock.epoch_us
@@ -141,6 +143,9 @@ class PlatformProcess:
         if self._specified is not None:
             self._specified.start()
         self._node = self._journalled(platform)
+        trust, key = platform.config.trust, self.config.trust.key
+        if trust is not None and key is not None:
+            self._accepted = AcceptedActs(key, trust.verifier, self._note)
         if self.config.duration_s is not None:
             end = threading.Timer(self.config.duration_s, self.stop)
             end.daemon = True
@@ -159,6 +164,8 @@ class PlatformProcess:
     def step(self, timeout_s: float | None = None) -> None:
         """Wait for the next event or deadline, at most `timeout_s`, and act on it."""
         step(self._node, self.mailbox, self.clock.now_us, self._perform, timeout_s)
+        if self._accepted is not None:
+            self._accepted.step()
         self._tell_directory(self._platform)
         self._tell_waiting()
 
@@ -180,6 +187,8 @@ class PlatformProcess:
         self._edge.close()
         if self._journal is not None:
             self._journal.close()
+        if self._accepted is not None:
+            self._accepted.close()
 
     def _let_hosts_in(self) -> None:
         """Open the door for hosts; a platform runs without them, too."""

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
 MAX_AGE_US: Final = 30_000_000
+OFFSET_US: Final = 1_000_000
+"""How much of an estimated clock offset is believed: whoever answers for a clock is not authenticated."""
 WINDOW: Final = 1024
 LIVES: Final = 1024
 """Windows kept for one member: its boots, and the processes of a command centre, of the last minute."""
@@ -37,6 +39,7 @@ Refusal: TypeAlias = Literal[
     "too old",
     "from the future",
     "before start",
+    "from an earlier life",
     "replayed",
     "too many lives",
 ]
@@ -210,11 +213,27 @@ _MASK: Final = (1 << WINDOW) - 1
 class Verifier:
     """Judges received acts by a roster. Times are the node clock.
 
-    What was sent before this platform started is refused: the windows of an earlier life are gone.
+    What was sent before this platform started is refused: the windows of an earlier life are gone. Clocks may have been
+    set back since, so that what an earlier life had accepted of each member is refused by the member's own stamps.
+
+    Args:
+        roster: whose keys count.
+        federation: its name.
+        started_us: when this life began.
+        accepted_us: by member, when the newest act was made that an earlier life accepted (the member's node clock).
+
+    Attributes:
+        accepted_us: the same, with what this life has accepted; to be kept for the next one.
+        accepted: how many acts this life has accepted.
     """
 
-    def __init__(self, roster: Roster, federation: str, started_us: int) -> None:
+    def __init__(
+        self, roster: Roster, federation: str, started_us: int, accepted_us: Mapping[str, int] | None = None
+    ) -> None:
         self.roster = roster
+        self._earlier_us = dict(accepted_us or {})
+        self.accepted_us = dict(self._earlier_us)
+        self.accepted = 0
         self._federation, self._started_us = federation, started_us
         self._public: dict[bytes, Ed25519PublicKey] = {}
         self._windows: dict[str, dict[tuple[str, int], ReplayWindow]] = {}
@@ -229,7 +248,7 @@ class Verifier:
             signature: that came with it.
             body: the bytes it is over, as `decode_act` returned them.
             now_us: when it arrived.
-            offset_us: the sender's clock minus ours, as estimated.
+            offset_us: the sender's clock minus ours, as estimated; believed up to `OFFSET_US` either way.
         """
         if signature is None:
             return "unsigned"
@@ -240,12 +259,18 @@ class Verifier:
             return "revoked"
         if not self._is_genuine(member.key, signature, body):
             return "forged"
-        said_us = act.created_us - offset_us
+        said_us = act.created_us - max(-OFFSET_US, min(offset_us, OFFSET_US))
         if abs(now_us - said_us) > MAX_AGE_US:
             return "too old" if said_us < now_us else "from the future"
         if said_us < self._started_us:
             return "before start"
-        return self._replay(member, act, now_us)
+        if act.created_us <= self._earlier_us.get(member.unit, 0):
+            return "from an earlier life"
+        refusal = self._replay(member, act, now_us)
+        if refusal is None:
+            self.accepted += 1
+            self.accepted_us[member.unit] = max(act.created_us, self.accepted_us.get(member.unit, 0))
+        return refusal
 
     def _is_genuine(self, key: bytes, signature: Signature, body: bytes) -> bool:
         from cryptography.exceptions import InvalidSignature
@@ -283,10 +308,14 @@ class Trust:
     verifier: Verifier
 
     @staticmethod
-    def of(roster: Roster, seed: bytes, federation: str, started_us: int) -> "Trust":
+    def of(
+        roster: Roster, seed: bytes, federation: str, started_us: int, accepted_us: Mapping[str, int] | None = None
+    ) -> "Trust":
         """The trust of a member whose private key is `seed` (32 bytes) and that started at `started_us` (node clock).
+
+        `accepted_us`: what its earlier lives have accepted, as `Verifier` has it.
 
         Raises:
             RosterError: the key is not one.
         """
-        return Trust(roster, Signer(seed, federation), Verifier(roster, federation, started_us))
+        return Trust(roster, Signer(seed, federation), Verifier(roster, federation, started_us, accepted_us))

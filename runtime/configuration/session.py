@@ -5,6 +5,7 @@ import json
 from dyknow.model.errors import RosterError
 from federation.security.trust import Roster, Trust
 from proxies.zenoh.configuration import LOOPBACK, ZenohOptions
+from runtime.accepted_acts import read_accepted
 from runtime.configuration.config import TrustConfig, WireConfig
 
 
@@ -50,4 +51,4 @@ def load_trust(files: TrustConfig, federation: str, started_us: int) -> Trust | 
         raise RosterError(f"--roster: {error.filename} cannot be read ({error.strerror}); check the path.") from None
     except ValueError as wrong:
         raise RosterError(f"{files.key}: {wrong}; a private key is 64 hexadecimal digits") from None
-    return Trust.of(roster, seed, federation, started_us)
+    return Trust.of(roster, seed, federation, started_us, read_accepted(files.key))

@@ -15,6 +15,7 @@ from federation.messages.sexpr import Expr
 from federation.security.trust import (
     LIVES,
     MAX_AGE_US,
+    OFFSET_US,
     WINDOW,
     ReplayWindow,
     Roster,
@@ -134,10 +135,29 @@ def test_an_act_is_worth_nothing_in_another_federation() -> None:
 
 
 def test_a_known_clock_offset_is_taken_into_account() -> None:
-    payload = encode_act(said(created_us=NOW + 3_600_000_000), signer("uav1"))
+    payload = encode_act(said(created_us=NOW + MAX_AGE_US + OFFSET_US), signer("uav1"))
     verifier = Verifier(roster(), "default", START)
     assert judged(verifier, payload) == "from the future"
-    assert judged(verifier, payload, offset_us=3_600_000_000) is None
+    assert judged(verifier, payload, offset_us=OFFSET_US) is None
+
+
+@pytest.mark.parametrize("age_us", [MAX_AGE_US + OFFSET_US + 1, 3_600_000_000])
+def test_whoever_answers_for_a_clock_makes_no_old_act_young(age_us: int) -> None:
+    payload = encode_act(said(created_us=NOW - age_us), signer("uav1"))
+    verifier = Verifier(roster(), "default", START)
+    assert judged(verifier, payload, offset_us=-age_us) == "too old"
+
+
+def test_a_restart_with_a_clock_set_back_opens_no_window_for_replays() -> None:
+    recorded = encode_act(said(created_us=NOW), signer("uav1"))
+    first = Verifier(roster(), "default", NOW - 1)
+    assert judged(first, recorded, NOW + 1) is None
+    assert first.accepted_us == {"uav1": NOW}
+    for earlier_us in (-1, 2_000_000, 29_000_000):
+        again = Verifier(roster(), "default", NOW - earlier_us - 2, first.accepted_us)
+        assert judged(again, recorded, NOW - earlier_us) == "from an earlier life"
+        later = encode_act(said(boot=6, created_us=NOW + 1), signer("uav1"))
+        assert judged(again, later, NOW - earlier_us) is None
 
 
 def test_a_restart_opens_no_window_for_replays() -> None:
