@@ -344,14 +344,23 @@ class Coordination(Part):
     def on_told(self, act: Act, alarm: contents.Alarm, now_us: int) -> None:
         """`(alarm ...)`: a participant of a task we coordinate raised it; what others tell us is in our monitors, too.
 
+        What our own monitors do not show is passed on as the word of that participant alone.
+
         Raises:
-            Refused: it is an alarm of another platform.
+            Refused: `not-a-participant`; or it is no alarm of a monitor of the task about the sender.
         """
-        if alarm.by != act.sender.unit:
-            raise Refused(f"{act.sender.unit} tells of an alarm of another platform")
+        sender = act.sender.unit
+        if alarm.by != sender or sender not in alarm.units:
+            raise Refused(f"{sender} tells of an alarm of another platform, or about others", "not-its-alarm")
         led = self._life.coordinated.get(act.conversation_id or "")
-        if led is not None and led.leader == self._unit:
-            self._pass_on(led, alarm, now_us)
+        if led is None or led.leader != self._unit:
+            return
+        if sender not in led.members:
+            raise Refused(f"{sender} takes no part in task {led.task}", "not-a-participant")
+        if not any(plan.name == alarm.monitor for plan in led.plans):
+            raise Refused(f"task {led.task} has no monitor {alarm.monitor}", "not-its-alarm")
+        is_seen = alarm.event == "closed" or self._monitors.is_violated(alarm.monitor, alarm.units, sender)
+        self._pass_on(led, alarm if is_seen else alarm.model_copy(update={"unseen_by": self._unit}), now_us)
 
     def on_progress(self, _act: Act, _content: contents.Progress, _now_us: int) -> None:
         """`(progress ...)`: this platform delegates nothing that it waits for."""

@@ -148,7 +148,9 @@ def plain(said: Content) -> str:
         case Done():
             return said.text or "done"
         case Alarm():
-            return f"alarm {said.event}: {said.monitor} between {', '.join(said.units)}, {clock_time(said.valid_us)}"
+            unseen = f" (told by {said.by}, not seen by {said.unseen_by})" if said.unseen_by else ""
+            between = ", ".join(said.units)
+            return f"alarm {said.event}: {said.monitor} between {between}, {clock_time(said.valid_us)}{unseen}"
         case _:
             return str(said.expr())
 

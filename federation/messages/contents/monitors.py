@@ -86,7 +86,8 @@ class Alarms(parts.Content):
 class Alarm(parts.Content):
     """An alarm opened or closed: raised by a monitor of `by`, about `units`, for the state valid at `valid_us`.
 
-    `samples`: valid times of the samples that this state was made of, by input, in microseconds.
+    `samples`: valid times of the samples that this state was made of, by input, in microseconds. `unseen_by`: the
+    coordinator that passes it on and whose own monitors do not show it, or not yet.
     """
 
     id: parts.Line
@@ -98,6 +99,7 @@ class Alarm(parts.Content):
     detected_us: parts.Instant
     values: parts.Values = Field(default_factory=dict)
     samples: parts.Values = Field(default_factory=dict)
+    unseen_by: parts.Unit | None = None
 
 
 class AlarmList(parts.Content):

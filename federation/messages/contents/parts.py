@@ -148,6 +148,7 @@ _UNIT_FIELDS = (
     "to_units",
     "unit",
     "units",
+    "unseen_by",
 )
 _WORDS: dict[str, Callable[[str], ExprValue]] = {**dict.fromkeys(_UNIT_FIELDS, _unit_said), "verdict": _truth_said}
 """Fields whose strings are printed as something else."""

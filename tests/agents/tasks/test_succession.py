@@ -6,8 +6,10 @@ import pytest
 
 from agents.monitoring.coordination import Coordination
 from agents.platform import Platform
+from console.commands.members.delegate import plain
 from federation.messages.acts import Performative
 from federation.messages.contents import (
+    Alarm,
     CreateMonitor,
     HandOver,
     MonitorProximity,
@@ -169,6 +171,50 @@ def test_of_two_successors_one_hands_over(three: Wire) -> None:
     three.run(10.0)
     assert {coordination(three, unit, task) for unit in "123"} == {("1", 2, True)}
     assert all((name, other, "fresh") in watched(three, "3") for name in BOTH for other in "12")
+
+
+def told(wire: Wire, task: Question, **said: object) -> list[Alarm]:
+    """2 tells 0 of an alarm; what the delegator hears."""
+    fields: dict[str, object] = {"monitor": "proximity", "by": "2", "units": ("2", "0"), **said}
+    alarm = Alarm(id="x/1", event="opened", valid_us=1, detected_us=2, **fields)  # type: ignore[arg-type]
+    wire.platform("2").ports.agent.tell("0", alarm, wire.now_us, conversation=task.conversation)
+    wire.settle("2")
+    wire.run(0.5)
+    return [content for content in task.contents if isinstance(content, Alarm)]
+
+
+@pytest.mark.parametrize("said", [{"units": ("1", "0")}, {"by": "1"}, {"monitor": "battery"}, {"monitor": "x"}])
+def test_an_alarm_counts_only_from_its_monitor_in_the_task_and_about_its_sender(
+    three: Wire, said: dict[str, object]
+) -> None:
+    task = delegated(three)
+    assert told(three, task, **said) == []
+    assert three.platform("0").ports.agent.audit_log.refused["refused"] == 1
+    assert "refused" in str([entry.outcome for entry in three.platform("0").ports.agent.audit_log.entries][-5:])
+
+
+def test_an_alarm_counts_only_from_a_participant(three: Wire) -> None:
+    task = delegated(three)
+    three.platform("0").ports.tasks.coordinated[task.conversation].members.pop("2")
+    assert told(three, task) == []
+    assert three.platform("0").ports.agent.audit_log.refused["refused"] == 1
+
+
+def test_an_alarm_that_the_coordinator_does_not_see_is_the_word_of_one(three: Wire) -> None:
+    task = delegated(three)
+    (alarm,) = told(three, task)
+    assert (alarm.by, alarm.unseen_by) == ("2", "0")
+    assert plain(alarm).endswith("(told by 2, not seen by 0)")
+
+
+def test_an_alarm_that_the_coordinator_sees_is_not_marked(wire: Wire) -> None:
+    wire.join("0", Vehicle(), trust=trust("0"))
+    wire.join("2", Vehicle(north_m=5.0), trust=trust("2"))
+    wire.centre("cc", trust=trust("cc"))
+    wire.run(1.0)
+    task = delegated(wire)
+    alarms = told(wire, task)
+    assert [(alarm.id, alarm.unseen_by) for alarm in alarms][-1] == ("x/1", None)
 
 
 def test_only_who_leads_hands_over(three: Wire) -> None:
