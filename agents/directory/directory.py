@@ -28,7 +28,7 @@ from federation.sharing.exports import Exports
 from federation.transport import Answered, Arrived, Asked, AskEnded, Reopen, TokenChanged
 
 JOINING_US = 5_000_000
-"""How long after its start a platform may still be told that it cannot join."""
+"""How long after its start a platform may still be refused."""
 NOTED = 64
 """Conflicts with others that are noted, each once."""
 DIRECTORY: Final = Service("directory", "directory", Visibility.PUBLIC)
@@ -221,7 +221,7 @@ class DirectoryAgent(Part):
     def _conflict(self, boot: int, why: str, remedy: str, now_us: int) -> None:
         """The other says it was first. Only a platform that joins believes it, and none does where acts are signed:
 
-        descriptions and heartbeats are not, so that one that flies would be ended by anybody's word.
+        descriptions and heartbeats are not, so that any participant could end one that flies.
         """
         is_joining = now_us < self._member.since_us + JOINING_US
         if is_joining and self._member.trust is None and boot < self.facilitator.boot:

@@ -378,7 +378,7 @@ def _told(act: Act, content: contents.CreateMonitor, task: str) -> CoordinatedTa
     """
     asker, generation = act.sender.unit, content.generation or 1
     if content.coordinator not in {None, asker}:
-        raise Refused(f"the monitors of a task are set up by who leads it: {content.coordinator}, not {asker}")
+        raise Refused(f"a task's monitors are set up by its coordinator: {content.coordinator}, not {asker}")
     delegate = content.delegate or (asker if generation == 1 else "")
     avoidance = content.avoidance is not False
     return CoordinatedTask(task, content.delegator or "", (), avoidance, asker, generation, act.boot, delegate)

@@ -50,7 +50,7 @@ ABANDONED_US = 5_000_000
 SUCCESSOR_STEP_US = 1_000_000
 """How much later each next participant takes over a task whose coordinator died."""
 SUCCESSORS = 8
-"""How many generations a claim may be ahead: so many coordinators may die before a participant hears of one."""
+"""How many generations a claim may be ahead: each coordinator that dies unheard of is one."""
 ENDED_LISTED_US = 600_000_000
 """How long a task that its delegator did not end is listed as ended."""
 LISTED = 16
@@ -146,7 +146,7 @@ class TaskLife(Part):
             raise Refused(text, "led-by", leader=led.leader, generation=led.generation)
 
     def _may_follow(self, led: CoordinatedTask, claim: Claim) -> bool:
-        """Only what is known here decides: a claim says nothing true of itself."""
+        """Decide by what is known here, not by the claim."""
         if claim.generation == 1:
             return claim.unit == led.delegate
         if not 1 < claim.generation <= led.generation + SUCCESSORS:
@@ -163,9 +163,9 @@ class TaskLife(Part):
         return led.leader == self._unit or is_there
 
     def follow(self, act: Act, told: CoordinatedTask, plan: TaskPlan, now_us: int) -> None:
-        """Take part in a task: from now on the sender is its coordinator; `told` has what it says of the task.
+        """Take part in a task: from now on the sender is its coordinator; `told` is the task in its words.
 
-        What the task is was said by its first coordinator: another one changes neither `avoidance` nor the delegator.
+        Its first coordinator stated what the task is: another one changes neither `avoidance` nor the delegator.
         """
         led = self.coordinated.setdefault(told.task, told)
         self.lead_by(led, told.leader, told.leader_boot, told.generation, now_us)
@@ -179,7 +179,7 @@ class TaskLife(Part):
         led.own[plan.name] = act
 
     def lead_by(self, led: CoordinatedTask, leader: str, boot: int, generation: int, now_us: int) -> None:
-        """That platform coordinates the task from now on; if this one did, its participants are told."""
+        """That platform coordinates the task from now on; if this one did, it notifies the participants."""
         if led.leader == self._unit != leader:
             told = HandOver(task=led.task, coordinator=leader, boot=boot, generation=generation)
             for unit in led.members.keys() - {leader}:
@@ -198,7 +198,7 @@ class TaskLife(Part):
         self.forget(led.task)
 
     def end_by(self, led: CoordinatedTask, by: str, now_us: int) -> None:
-        """Its coordinator ended the task here. If that is not the delegate, it is listed, and its delegator is told."""
+        """Its coordinator ended the task here. If that is not the delegate, it is listed, and its delegator notified."""
         if by == led.delegate:
             return
         self._ended_by_others[led.task] = EndedTask(led.task, led.delegator, led.delegate, by, now_us)

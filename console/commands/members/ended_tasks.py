@@ -1,4 +1,4 @@
-"""Tasks that ended without their delegator: said by every command that shows what is monitored."""
+"""Tasks that ended without their delegator: a warning of every command that shows what is monitored."""
 
 from collections.abc import Sequence
 

@@ -204,7 +204,7 @@ def test_an_alarm_that_the_coordinator_does_not_see_is_the_word_of_one(three: Wi
     task = delegated(three)
     (alarm,) = told(three, task)
     assert (alarm.by, alarm.unseen_by) == ("2", "0")
-    assert plain(alarm).endswith("(told by 2, not seen by 0)")
+    assert plain(alarm).endswith("(reported by 2, not seen by 0)")
 
 
 def test_an_alarm_that_the_coordinator_sees_is_not_marked(wire: Wire) -> None:
