@@ -4,6 +4,7 @@ Edges (the MAVLink feed, a log, the simulated world) turn their messages into th
 federation time, mapped as each edge documents.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple, TypeAlias
 
 
@@ -247,3 +248,14 @@ class Command(NamedTuple):
 
     number: int
     order: Order
+
+
+MISSION_MODES = frozenset({"AUTO", "AUTO.MISSION"})
+MODES_OF: Mapping[type, frozenset[str]] = {
+    TakeOffOrder: frozenset({"AUTO.TAKEOFF"}),
+    LandOrder: frozenset({"LAND", "AUTO.LAND"}),
+    ReturnHomeOrder: frozenset({"RTL", "SMART_RTL", "AUTO.RTL"}),
+    ResumeMissionOrder: MISSION_MODES,
+    MissionItemOrder: MISSION_MODES,
+}
+"""The modes (see `StatusReport`) that show an order, where a mode shows it."""

@@ -23,6 +23,8 @@ from math import cos, hypot, radians
 from agents.flight.places import Fix
 from navigation.geodesy import distance_m
 from navigation.vehicle import (
+    MISSION_MODES,
+    MODES_OF,
     NO_ANSWER,
     OVERTAKEN,
     SUPERSEDED,
@@ -32,11 +34,7 @@ from navigation.vehicle import (
     GoToOrder,
     HoldOrder,
     InterruptOrder,
-    LandOrder,
-    MissionItemOrder,
     Order,
-    ResumeMissionOrder,
-    ReturnHomeOrder,
     StatusReport,
     TargetReport,
     stopping_distance_m,
@@ -49,13 +47,6 @@ SETTLES_US = 1_000_000
 """So long a target from before an order may still be on its way."""
 LEVEL_M, UPRIGHT_M = 3.0, 1.5
 _M_PER_DEG = 111_194.9
-MISSION_MODES = frozenset({"AUTO", "AUTO.MISSION"})
-_MODES: dict[type, frozenset[str]] = {
-    LandOrder: frozenset({"LAND", "AUTO.LAND"}),
-    ReturnHomeOrder: frozenset({"RTL", "SMART_RTL", "AUTO.RTL"}),
-    ResumeMissionOrder: MISSION_MODES,
-    MissionItemOrder: MISSION_MODES,
-}
 
 
 class OrderProgress(Enum):
@@ -214,13 +205,9 @@ class Errand:
         reach_m = LEVEL_M + (stopping_distance_m(self.start.speed_m_s) if self._stops and self.start else 0.0)
         return away_m <= reach_m and abs(altitude_m - target.altitude_m) <= UPRIGHT_M
 
-    def is_there(self, fix: Fix) -> bool:
-        """Whether the vehicle is where the order sends it."""
-        return self.is_ours(TargetReport(fix.valid_us, fix.latitude_deg, fix.longitude_deg, fix.altitude_m))
-
     @property
     def _modes(self) -> frozenset[str]:
-        return _MODES.get(type(self.order), frozenset())
+        return MODES_OF.get(type(self.order), frozenset())
 
     @property
     def _stops(self) -> bool:

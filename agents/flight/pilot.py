@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from agents.flight.errand import MISSION_MODES, Errand, OrderProgress
+from agents.flight.errand import Errand, OrderProgress
 from agents.flight.places import Bounds, Fix, FlightLimits, FlightPlan
 from dyknow import Sample
 from dyknow.model.errors import Refused
@@ -18,6 +18,8 @@ from navigation import vehicle
 from navigation.geodesy import distance_m
 
 HEARD_WITHIN_US = 3_000_000
+FORGETS_US = 3_500_000
+"""After so long a silence home has to be told again; the feed asks for it after 3 s."""
 RETRY_US = 2_000_000
 ATTEMPTS = 4
 """How often a leg of the plan is ordered that the vehicle did not answer."""
@@ -99,14 +101,14 @@ class Pilot:
         return commands
 
     def _on_status(self, status: vehicle.StatusReport, now_us: int) -> None:
-        if self.status is not None and now_us - self._heard_us > HEARD_WITHIN_US:
+        if self.status is not None and now_us - self._heard_us > FORGETS_US:
             self.bounds.forget()
         self.status, self._heard_us = status, now_us
         self._judge(lambda errand: errand.on_status(status))
         if not status.armed:
             self._forget()
             self._suspended = False
-        elif not status.guided and status.mode not in MISSION_MODES:
+        elif not status.guided and status.mode not in vehicle.MISSION_MODES:
             self._target = None
             if not isinstance(self._standing, _ENDINGS) and (self._goal or self._standing or self._aside):
                 self._take_over(f"the vehicle was taken over: mode {status.mode}")
@@ -266,13 +268,13 @@ class Pilot:
         status = self.status
         if status is None or status.guided or self._may_interrupt:
             return None
-        remedy = "; --control auto lets it be interrupted to give way" if status.mode in MISSION_MODES else ""
+        remedy = "; --control auto lets it be interrupted to give way" if status.mode in vehicle.MISSION_MODES else ""
         return f"the vehicle is in mode {status.mode}, which takes no positions; a guided mode is needed{remedy}"
 
     @property
     def _may_interrupt(self) -> bool:
         """Whether the vehicle flies a mission that may be interrupted."""
-        return self.missions and self.status is not None and self.status.mode in MISSION_MODES
+        return self.missions and self.status is not None and self.status.mode in vehicle.MISSION_MODES
 
     # -- orders ------------------------------------------------------------------------------------------------
 

@@ -149,7 +149,9 @@ class MavlinkFeed:
         if self.system is None:
             return
         target = self._target(self.system)
-        for message in self._asking.messages(target, is_positioned=self._positioned, is_homed=self._homed):
+        untold = self.known.untold_parameters
+        asked = self._asking.messages(target, is_positioned=self._positioned, is_homed=self._homed, untold=untold)
+        for message in asked:
             self.port.send(target.system, message)
 
     def _perform(self, outcome: OrderOutcome) -> None:

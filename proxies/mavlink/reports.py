@@ -4,6 +4,7 @@ No socket and no clock: the time at which a message held is an argument.
 """
 
 import math
+import struct
 from collections.abc import Callable
 from typing import Any
 
@@ -46,6 +47,16 @@ _IN_AIR = {
     mavlink.MAV_LANDED_STATE_TAKEOFF: True,
     mavlink.MAV_LANDED_STATE_LANDING: True,
 }
+_FLYING = {mavlink.MAV_STATE_ACTIVE, mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY}
+"""An ArduPilot that flies in a failsafe says CRITICAL."""
+FENCE_PARAMETERS = {
+    mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: (
+        "FENCE_ENABLE", "FENCE_AUTOENABLE", "FENCE_TYPE", "FENCE_ALT_MAX", "FENCE_ALT_MIN", "FENCE_RADIUS",
+    ),
+    mavlink.MAV_AUTOPILOT_PX4: ("GF_ACTION", "GF_MAX_VER_DIST", "GF_MAX_HOR_DIST"),
+}  # fmt: skip
+"""The parameters that hold an autopilot's own fence."""
+_FENCE_HIGHEST, _FENCE_RADIUS, _FENCE_LOWEST = 1, 2, 8
 _ABSOLUTE_FRAMES = {mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT}
 _RELATIVE_FRAMES = {mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT}
 _NO_POSITION_MASK = 0b111
@@ -85,6 +96,9 @@ class VehicleReports:
         self.vehicle_type: int | None = None
         self.home: vehicle.HomeReport | None = None
         self.position: vehicle.PositionReport | None = None
+        self.velocity: vehicle.VelocityReport | None = None
+        self.mode, self.guided, self.heartbeats = "", False, 0
+        self._parameters: dict[str, float] = {}
         self._airborne: bool | None = None
         self._satellite_altitude_m: float | None = None
         self._has_fix: bool | None = None
@@ -93,6 +107,7 @@ class VehicleReports:
     def on_reboot(self) -> None:
         """Forget what the vehicle itself forgot."""
         self.home = self._airborne = self._satellite_altitude_m = self._has_fix = None
+        self._parameters.clear()
 
     def reports(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
         """What `message` reports; empty for types that do not describe the vehicle and for fields that say unknown."""
@@ -103,15 +118,16 @@ class VehicleReports:
         if not is_autopilot(message):
             return ()
         self.autopilot, self.vehicle_type, self._heartbeat = message.autopilot, message.type, message
+        self.heartbeats += 1
         return (self._status(message, valid_us),)
 
     def _status(self, heartbeat: Any, valid_us: int) -> vehicle.StatusReport:
         armed = bool(heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
         airborne = self._airborne
         if airborne is None and self.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
-            airborne = armed and heartbeat.system_status == mavlink.MAV_STATE_ACTIVE
-        mode, guided = flight_mode(heartbeat.autopilot, heartbeat.type, heartbeat.custom_mode)
-        return vehicle.StatusReport(valid_us, armed, guided, airborne, mode)
+            airborne = armed and heartbeat.system_status in _FLYING
+        self.mode, self.guided = flight_mode(heartbeat.autopilot, heartbeat.type, heartbeat.custom_mode)
+        return vehicle.StatusReport(valid_us, armed, self.guided, airborne, self.mode)
 
     def on_extended_state(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
         airborne = _IN_AIR.get(message.landed_state)
@@ -122,7 +138,7 @@ class VehicleReports:
     def on_global_position(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
         if message.lat == 0 and message.lon == 0:
             return ()
-        velocity = vehicle.VelocityReport(
+        velocity = self.velocity = vehicle.VelocityReport(
             valid_us, "GLOBAL_POSITION_INT", message.vx / 100, message.vy / 100, message.vz / 100
         )
         altitude_m, height_m = message.alt / 1000, message.relative_alt / 1000
@@ -214,6 +230,45 @@ class VehicleReports:
             return ()
         return (vehicle.TargetReport(valid_us, message.lat_int / 1e7, message.lon_int / 1e7, altitude_m),)
 
+    def on_mission_current(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
+        return (vehicle.MissionReport(valid_us, message.seq),)
+
+    def on_parameter(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
+        """PARAM_VALUE: only those of the fence are kept. PX4 sends integers as their bits, ArduPilot as a number."""
+        names = FENCE_PARAMETERS.get(self.autopilot or 0, ())
+        if message.param_id not in names:
+            return ()
+        value = float(message.param_value)
+        if self.autopilot == mavlink.MAV_AUTOPILOT_PX4 and message.param_type != mavlink.MAV_PARAM_TYPE_REAL32:
+            value = float(struct.unpack("<i", struct.pack("<f", value))[0])
+        self._parameters[message.param_id] = value
+        return (self._fence(valid_us),)
+
+    @property
+    def untold_parameters(self) -> tuple[str, ...]:
+        """Those of the fence that the vehicle has not told."""
+        names = FENCE_PARAMETERS.get(self.autopilot or 0, ())
+        return tuple(name for name in names if name not in self._parameters)
+
+    def _fence(self, valid_us: int) -> vehicle.FenceReport:
+        told = self._parameters
+        if self.autopilot == mavlink.MAV_AUTOPILOT_PX4:
+            names = ("GF_MAX_VER_DIST", "GF_MAX_HOR_DIST") if told.get("GF_ACTION", 0.0) else ()
+            bounds = [told.get(name, 0.0) or None for name in names] or [None, None]
+            return vehicle.FenceReport(valid_us, None, *bounds)
+        on = told.get("FENCE_ENABLE", 0.0) or told.get("FENCE_AUTOENABLE", 0.0)
+        kinds = int(told.get("FENCE_TYPE", 0.0)) if on else 0
+
+        def bound(bit: int, name: str) -> float | None:
+            return told.get(name) if kinds & bit else None
+
+        return vehicle.FenceReport(
+            valid_us,
+            bound(_FENCE_LOWEST, "FENCE_ALT_MIN"),
+            bound(_FENCE_HIGHEST, "FENCE_ALT_MAX"),
+            bound(_FENCE_RADIUS, "FENCE_RADIUS"),
+        )
+
 
 DESCRIBING: dict[str, Callable[[VehicleReports, Any, int], tuple[vehicle.Report, ...]]] = {
     "HEARTBEAT": VehicleReports.on_heartbeat,
@@ -229,6 +284,8 @@ DESCRIBING: dict[str, Callable[[VehicleReports, Any, int], tuple[vehicle.Report,
     "BATTERY_STATUS": VehicleReports.on_battery,
     "HOME_POSITION": VehicleReports.on_home,
     "POSITION_TARGET_GLOBAL_INT": VehicleReports.on_target,
+    "MISSION_CURRENT": VehicleReports.on_mission_current,
+    "PARAM_VALUE": VehicleReports.on_parameter,
 }
 """What each message that describes a vehicle reports."""
 

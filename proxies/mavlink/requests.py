@@ -1,9 +1,10 @@
-"""What a vehicle is requested to send: messages at a rate, and its home once. No socket and no clock.
+"""What a vehicle is requested to send: messages at a rate, its home and the parameters of its fence once. No socket and no clock.
 
 SET_MESSAGE_INTERVAL names each message. REQUEST_DATA_STREAM, which brings whole groups of them, is for autopilots that
 do not understand the former, or do not answer.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -20,6 +21,7 @@ _WANTED_HZ = {
     mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 1.0,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
     mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: 2.0,
+    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
 }
 _STREAMS_HZ = {
     mavlink.MAV_DATA_STREAM_POSITION: 10,
@@ -31,6 +33,8 @@ _HOME_COMMANDS: tuple[tuple[int, tuple[float, ...]], ...] = (
     (mavlink.MAV_CMD_REQUEST_MESSAGE, (_HOME,)),
     (mavlink.MAV_CMD_GET_HOME_POSITION, ()),
 )
+_PARAMETER_ROUNDS = 10
+"""A parameter that an autopilot does not have is not answered; one that changes is told unasked."""
 _COMMANDS = {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, *(command for command, _ in _HOME_COMMANDS)}
 
 
@@ -64,8 +68,8 @@ class Requests:
             self._home_way += acknowledged.command == _HOME_COMMANDS[self._home_way][0]
         return (self._by_streams, self._home_way) != before and is_unknown
 
-    def messages(self, target: Target, *, is_positioned: bool, is_homed: bool) -> list[Any]:
-        """What to send now: all at first, later only for what does not come."""
+    def messages(self, target: Target, *, is_positioned: bool, is_homed: bool, untold: Sequence[str] = ()) -> list[Any]:
+        """What to send now: all at first, later only for what does not come; `untold` are names of parameters."""
         asked: list[Any] = []
         if not self._by_streams and (self.rounds == 0 or not is_positioned):
             asked += _intervals(target)
@@ -77,6 +81,8 @@ class Requests:
         if not is_homed and self._home_way < len(_HOME_COMMANDS):
             command, parameters = _HOME_COMMANDS[self._home_way]
             asked.append(long_command(target, command, *parameters))
+        if self.rounds < _PARAMETER_ROUNDS:
+            asked += [mavlink.MAVLink_param_request_read_message(*target, name.encode(), -1) for name in untold]
         self.rounds += 1
         return asked
 

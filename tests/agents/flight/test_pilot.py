@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from agents.flight.errand import OrderProgress
-from agents.flight.pilot import ATTEMPTS, RETRY_US, Pilot
+from agents.flight.pilot import ATTEMPTS, FORGETS_US, HEARD_WITHIN_US, RETRY_US, Pilot
 from agents.flight.places import FlightLimits, FlightPlan, Waypoint
 from dyknow import Sample
 from dyknow.model.errors import Refused
@@ -16,8 +16,13 @@ from navigation.vehicle import (
     GoToOrder,
     HoldOrder,
     HomeReport,
+    InterruptOrder,
     LandOrder,
+    MissionItemOrder,
+    MissionReport,
     Order,
+    PositionReport,
+    ResumeMissionOrder,
     ReturnHomeOrder,
     StatusReport,
     TargetReport,
@@ -428,6 +433,96 @@ def test_an_order_is_not_repeated_in_another_flight_nor_against_who_ended_a_land
     flown.on_report(LANDED, 4)
     flown.on_report(FLIES, 5)
     assert at(flown, 5) == []
+
+
+# -- what is known ages ------------------------------------------------------------------------------------------
+
+
+def test_over_a_dead_link_nothing_is_commanded() -> None:
+    flown = pilot(ROUTE)
+    now_us = 0
+    flown.clock = lambda: now_us
+    now_us = HEARD_WITHIN_US
+    assert flown.refusal(HoldOrder()) is None
+    now_us = 8_200_000
+    with pytest.raises(Refused, match=r"no heartbeat for 8\.2 s"):
+        flown.order(HoldOrder())
+    with pytest.raises(Refused, match=r"no heartbeat for 8\.2 s"):
+        flown.divert(None)
+    assert at(flown, 8_200_000) == []
+
+
+def test_after_silence_home_must_be_told_again_before_an_altitude_is_promised() -> None:
+    flown = pilot()
+    at(flown)
+    flown.on_report(FLIES, FORGETS_US + 1)
+    with pytest.raises(Refused, match="home is not known"):
+        flown.order(GoToOrder(58.0, 15.0, 100.0))
+    flown.on_report(PositionReport(0, "", 58.0, 15.0, 100.0, height_m=50.0), FORGETS_US + 1)
+    assert orders(flown.order(GoToOrder(58.0, 15.0, 100.0)))
+
+
+def test_a_home_that_leaps_in_flight_is_told_and_not_believed() -> None:
+    flown, notes = pilot(), []
+    flown.note = notes.append
+    flown.on_report(HomeReport(0, 58.0, 15.0, 5050.0), 0)
+    assert "leapt by 5000 m" in notes[0]
+    assert "above the ceiling" in (flown.refusal(GoToOrder(58.0, 15.0, 5100.0)) or "")
+
+
+# -- missions ----------------------------------------------------------------------------------------------------
+
+AUTO = StatusReport(0, armed=True, guided=False, airborne=True, mode="AUTO")
+
+
+def on_mission(*, missions: bool) -> Pilot:
+    flown = pilot()
+    flown.missions = missions
+    at(flown)
+    flown.on_report(AUTO, 0)
+    flown.on_report(MissionReport(0, 3), 0)
+    flown.on_report(A, 0)
+    return flown
+
+
+def test_without_leave_a_mission_is_not_interrupted() -> None:
+    flown = on_mission(missions=False)
+    with pytest.raises(Refused, match=r"mode AUTO, which takes no positions.*--control auto"):
+        flown.divert(130.0)
+
+
+def test_with_leave_a_mission_is_interrupted_to_give_way_and_resumed_at_its_item() -> None:
+    flown = on_mission(missions=True)
+    assert flown.refusal(HoldOrder()) is None
+    (command,) = flown.divert(130.0)
+    assert command.order == InterruptOrder(58.0, 15.0, 130.0)
+    told(flown, command, accepted=True)
+    flown.on_report(FLIES, 100_000)
+    assert orders(flown.resume(raised_to_m=120.0)) == [GoToOrder(*A[1:3], 120.0)], "along its route, above the other"
+    (again,) = flown.resume()
+    assert again.order == ResumeMissionOrder()
+    told(flown, again, accepted=True)
+    flown.on_report(AUTO, 200_000)
+    assert flown.on_report(MissionReport(0, 3), 300_000) == []
+    assert flown.resume() == []
+
+
+def test_a_mission_that_begins_elsewhere_is_sent_to_its_item_once() -> None:
+    flown = on_mission(missions=True)
+    (command,) = flown.divert(None)
+    assert command.order == InterruptOrder(58.0, 15.0, 100.0), "to hold is to leave the mission, too"
+    told(flown, command, accepted=True)
+    flown.on_report(FLIES, 100_000)
+    (again,) = flown.resume()
+    told(flown, again, accepted=True)
+    flown.on_report(AUTO, 200_000)
+    assert orders(flown.on_report(MissionReport(0, 1), 300_000)) == [MissionItemOrder(3)]
+    assert flown.on_report(MissionReport(0, 1), 400_000) == []
+
+
+def test_an_order_of_a_command_centre_interrupts_no_mission() -> None:
+    with pytest.raises(Refused, match="only giving way interrupts a mission"):
+        on_mission(missions=True).order(GoToOrder(58.0, 15.0, 100.0))
 
 
 def test_without_control_the_pilot_watches() -> None:

@@ -195,7 +195,7 @@ def test_what_is_forged_or_damaged_is_counted_and_never_posted(wire: Wire, feed:
             wire.send(heartbeat())
             posted.next(StatusReport)  # let the receiver keep up: a full socket buffer would hide mutants
     wire.send_bytes(unknown_frame(1))
-    wire.send(mavlink.MAVLink_param_value_message(b"A", 1.0, 9, 1, 0))
+    wire.send(mavlink.MAVLink_ping_message(1, 1, 0, 0))
     wire.send_bytes(honest[:-3])
     wire.send_bytes(b"")
     wire.send_bytes(bytes(rng.randrange(256) for _ in range(3000)))

@@ -1,4 +1,5 @@
 import math
+import struct
 
 import pytest
 from hypothesis import given, settings
@@ -9,8 +10,10 @@ from navigation.vehicle import (
     AccelerationReport,
     AttitudeReport,
     BatteryReport,
+    FenceReport,
     FixReport,
     LocalPositionReport,
+    MissionReport,
     PositionReport,
     StatusReport,
     TargetReport,
@@ -191,3 +194,61 @@ def test_any_payload_of_a_wanted_type_is_mapped_or_refused_without_raising(messa
             assert report.valid_us == 5
             if isinstance(report, VelocityReport) and report.source == "GLOBAL_POSITION_INT":
                 assert math.isfinite(report.north_m_s)
+
+
+@pytest.mark.parametrize(("state", "flies"), [(3, False), (4, True), (5, True), (6, True)])
+def test_an_ardupilot_in_a_failsafe_flies(state: int, flies: bool) -> None:
+    (status,) = VehicleReports().reports(heartbeat(state=state), 1)
+    assert status.airborne is flies
+    (status,) = VehicleReports().reports(heartbeat(state=state, armed=False), 1)
+    assert status.airborne is False
+
+
+def fence(autopilot: int, *parameters: tuple[str, float, int]) -> FenceReport:
+    known = VehicleReports()
+    known.reports(heartbeat(autopilot=autopilot), 1)
+    found: tuple = ()
+    for name, value, kind in parameters:
+        found = known.reports(mavlink.MAVLink_param_value_message(name.encode(), value, kind, 9, 0), 1) or found
+    return found[0]
+
+
+REAL, INT8, INT32 = 9, 2, 6
+
+
+@pytest.mark.parametrize(
+    ("enabled", "kinds", "bounds"),
+    [(1, 1, (None, 40.0, None)), (1, 3, (None, 40.0, 300.0)), (1, 8, (5.0, None, None)), (0, 7, (None, None, None))],
+)
+def test_an_ardupilots_fence_is_read_from_its_parameters(enabled: int, kinds: int, bounds: tuple) -> None:
+    told = fence(
+        mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+        ("FENCE_ALT_MAX", 40.0, REAL),
+        ("FENCE_ALT_MIN", 5.0, REAL),
+        ("FENCE_RADIUS", 300.0, REAL),
+        ("FENCE_TYPE", float(kinds), INT8),
+        ("FENCE_ENABLE", float(enabled), INT8),
+        ("WPNAV_SPEED", 500.0, REAL),
+    )
+    assert told[1:] == bounds
+
+
+def test_a_px4s_fence_is_read_from_its_parameters() -> None:
+    on = struct.unpack("<f", struct.pack("<i", 2))[0]
+    far, high = ("GF_MAX_HOR_DIST", 300.0, REAL), ("GF_MAX_VER_DIST", 0.0, REAL)
+    assert fence(mavlink.MAV_AUTOPILOT_PX4, far, high, ("GF_ACTION", on, INT32))[1:] == (None, None, 300.0)
+    assert fence(mavlink.MAV_AUTOPILOT_PX4, far, high, ("GF_ACTION", 0.0, INT32))[1:] == (None, None, None)
+
+
+def test_which_parameters_are_still_to_be_told_is_known() -> None:
+    known = VehicleReports()
+    assert known.untold_parameters == ()
+    known.reports(heartbeat(), 1)
+    assert "FENCE_ENABLE" in known.untold_parameters
+    known.reports(mavlink.MAVLink_param_value_message(b"FENCE_ENABLE", 0.0, INT8, 9, 0), 1)
+    assert "FENCE_ENABLE" not in known.untold_parameters
+
+
+def test_the_item_of_the_mission_is_reported() -> None:
+    (told,) = VehicleReports().reports(mavlink.MAVLink_mission_current_message(4), 1)
+    assert told == MissionReport(1, 4)

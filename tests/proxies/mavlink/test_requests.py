@@ -74,3 +74,13 @@ def test_home_is_asked_for_in_the_older_way_and_then_no_more() -> None:
     assert asked(requests, positioned=True) == set()
     requests.restart()
     assert HOME in asked(requests)
+
+
+def test_the_parameters_of_the_fence_are_asked_for_until_they_are_told_and_not_for_ever() -> None:
+    asking, rounds = Requests(), []
+    for _ in range(100):
+        sent = asking.messages(TARGET, is_positioned=True, is_homed=True, untold=("FENCE_ENABLE",))
+        rounds.append([message.param_id for message in sent if message.get_type() == "PARAM_REQUEST_READ"])
+    assert rounds[0] == ["FENCE_ENABLE"]
+    assert 1 < sum(map(len, rounds)) < 20
+    assert asking.messages(TARGET, is_positioned=True, is_homed=True) == []
