@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 
 
 def stopping_distance_m(speed_m_s: float) -> float:
-    """How far a copter flies on after it was told to stop: half a second, and braking at 2.5 m/s^2 (ArduCopter's default)."""
+    """How far a copter flies on after an order to stop: half a second, and braking at 2.5 m/s^2 (ArduCopter's default)."""
     return 0.5 * speed_m_s + speed_m_s**2 / 5.0
 
 

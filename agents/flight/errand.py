@@ -6,13 +6,13 @@ that the vehicle tells (POSITION_TARGET_GLOBAL_INT, where it tells one; for a mo
     progress      when                                                               becomes
     SENT          the autopilot accepts it                                           ACKNOWLEDGED
     SENT          the autopilot refuses it in every way of saying it                 REFUSED, for good
-    SENT, ACKN.   target (where one is told) and motion show it                      FLOWN
+    SENT, ACKN.   target (where one is reported) and motion show it                  FLOWN
     SENT, ACKN.   2 s after it was sent they do not                                  UNSEEN
     FLOWN         its motion has not shown it for 2 s, and it is not there           UNSEEN
     UNSEEN        they show it after all                                             FLOWN
     any but REF.  the vehicle has another target, or is in another mode than ours    OVERTAKEN, for good
 
-No clock and no messages here: how often an order is said, and in which words, is `proxies.mavlink.command_protocol`.
+No clock and no messages here: how often an order is sent, and in which messages, is in `proxies.mavlink.orders`.
 Times are federation time.
 """
 
@@ -42,7 +42,7 @@ from navigation.vehicle import (
 
 SEEN_WITHIN_US = 2_000_000
 MODE_WITHIN_US = 4_000_000
-"""A mode is told once a second, and an order that changes it is repeated only after it was."""
+"""A mode is reported once a second, and an order that changes it is repeated only after it was."""
 SETTLES_US = 1_000_000
 """So long a target from before an order may still be on its way."""
 LEVEL_M, UPRIGHT_M = 3.0, 1.5
@@ -69,7 +69,7 @@ class Errand:
 
     Attributes:
         start: where the vehicle was when the order was sent.
-        tells_target: whether the vehicle has told a target lately.
+        tells_target: whether the vehicle has reported a target lately.
         reason: why it is refused, overtaken or not seen: the autopilot's word where it has one.
         in_target: the vehicle's own target, or its mode, is what was ordered.
     """
@@ -163,7 +163,7 @@ class Errand:
             return
         interrupts = isinstance(self.order, InterruptOrder) and status.mode in MISSION_MODES
         if not status.armed:
-            self._end(_P.OVERTAKEN, "the vehicle is not armed any more")
+            self._end(_P.OVERTAKEN, "the vehicle was disarmed")
         elif not status.guided and (self.acknowledged or not interrupts):
             self._end(_P.OVERTAKEN, f"the vehicle was taken over: mode {status.mode}")
 
@@ -195,7 +195,7 @@ class Errand:
     def is_ours(self, target: TargetReport) -> bool:
         """Whether a target is that of this order.
 
-        A vehicle that is told to stop may have a target as far ahead as it needs for that.
+        A vehicle that is to stop may have a target as far ahead as it needs for that.
         """
         place = self._place()
         if place is None:

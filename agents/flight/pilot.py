@@ -3,7 +3,7 @@
 A platform commands its vehicle only when it was given control, and only while the vehicle is armed, airborne, in a
 guided mode and heard; within floor, ceiling and range, and inside the autopilot's own fence. Every refusal names the
 rule that made it. What the vehicle was doing before it gave way is commanded once and then forgotten; after a takeover
-nothing is sent until asked. What becomes of an order is in `agents.flight.errand`.
+nothing is sent until a user asks for it. What becomes of an order is in `agents.flight.errand`.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ from navigation.geodesy import distance_m
 
 HEARD_WITHIN_US = 3_000_000
 FORGETS_US = 3_500_000
-"""After so long a silence home has to be told again; the feed asks for it after 3 s."""
+"""After so long a silence home has to be reported again; the feed asks for it after 3 s."""
 RETRY_US = 2_000_000
 ATTEMPTS = 4
 """How often a leg of the plan is ordered that the vehicle did not answer."""
@@ -27,7 +27,7 @@ _ENDINGS = vehicle.LandOrder | vehicle.ReturnHomeOrder
 
 
 class _Mission(NamedTuple):
-    """A mission that was interrupted: its item, and where it was flying to, if the vehicle told that."""
+    """A mission that was interrupted: its item, and where it was flying to, if the vehicle reports that."""
 
     item: int | None
     towards: vehicle.GoToOrder | None
@@ -121,12 +121,12 @@ class Pilot:
 
     def _take_over(self, reason: str) -> None:
         if not self._suspended:
-            self.note(f"{reason}; nothing is sent until asked (dyknow delegate resume, goto or hold)")
+            self.note(f"{reason}; nothing is sent until you ask for it (dyknow delegate resume, goto or hold)")
         self._forget()
         self._suspended = True
 
     def _on_target(self, target: vehicle.TargetReport, now_us: int) -> None:
-        """A target that is not ours is somebody else's will: it replaces what was remembered."""
+        """A target that is not ours is another station's: it replaces what was remembered."""
         self._target_us = now_us
         current = self.diversion or self.errand
         self._judge(lambda errand: errand.on_target(target, now_us))
@@ -225,7 +225,7 @@ class Pilot:
         return self._clamped(vehicle.GoToOrder(*there, plan.speed_m_s))
 
     def _clamped(self, order: vehicle.GoToOrder) -> vehicle.GoToOrder:
-        """The order, above (or below) the other vehicle while that is asked."""
+        """The order, above (or below) the other vehicle while a bound is given."""
         altitude_m = order.altitude_m
         if self._raised_to_m is not None:
             altitude_m = max(altitude_m, self._raised_to_m)
@@ -292,7 +292,7 @@ class Pilot:
         if reason is not None:
             raise Refused(reason)
         if self._standing is None:
-            self._before = self._somebodys_target()
+            self._before = self._others_target()
         self.diversion = self._aside = None
         self._standing = order
         return [self._begin(order)]
@@ -336,14 +336,14 @@ class Pilot:
 
     def _doing(self) -> vehicle.Order | _Mission | None:
         """What the vehicle does, to return to it; the plan needs no memory."""
-        target = self._somebodys_target()
+        target = self._others_target()
         if self._may_interrupt:
             return _Mission(self._item, target)
         errand = self.errand
         taken = errand is not None and errand.order == self._standing and not errand.is_over
         return self._standing if taken else target if self.plan is None else None
 
-    def _somebodys_target(self) -> vehicle.GoToOrder | None:
+    def _others_target(self) -> vehicle.GoToOrder | None:
         """Where a ground station, or the mission, has sent the vehicle, if it says so still."""
         if self._target is None or self.now_us - self._target_us > HEARD_WITHIN_US:
             return None
@@ -352,7 +352,7 @@ class Pilot:
     def resume(self, raised_to_m: float | None = None, lowered_to_m: float | None = None) -> list[vehicle.Command]:
         """Fly on as before the diversion, not below the one or above the other while they are given.
 
-        What the vehicle was doing is commanded once, and forgotten when neither bound is given any more.
+        What the vehicle was doing is commanded once, and forgotten when neither bound is given.
         """
         diversion, self.diversion, self._goal = self.diversion, None, None
         self._raised_to_m, self._lowered_to_m = raised_to_m, lowered_to_m

@@ -87,7 +87,7 @@ class Bounds:
             self._home_altitude_m = altitude_m - height_m
 
     def forget(self) -> None:
-        """The vehicle was silent: its home has to be told again."""
+        """The vehicle was silent: its home has to be reported again."""
         self.home = self._home_altitude_m = None
 
     @property

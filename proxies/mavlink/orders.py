@@ -1,9 +1,9 @@
 """Orders become MAVLink commands, and their acknowledgements become results. No socket and no clock.
 
-An order may be said in several ways; an autopilot that does not understand one (UNSUPPORTED) is told the next, and from
-then on that one only. A way is said until it is acknowledged, at most `ATTEMPTS` times; DENIED and FAILED are final. Before
-each repetition the vehicle's mode is asked: who is not guided any more has been taken over, and is left alone. What changes
-the mode is repeated only after a heartbeat has said that nothing has changed it meanwhile.
+An order can be expressed in several ways; an autopilot that does not understand one (UNSUPPORTED) gets the next, and from
+then on that one only. A way is sent until it is acknowledged, at most `ATTEMPTS` times; DENIED and FAILED are final. Each
+repetition looks at the vehicle's mode first: a vehicle that is no longer guided was taken over, and is left alone. What
+changes the mode is repeated only after a heartbeat has shown that nothing has changed it meanwhile.
 
 COMMAND_ACK names a command and not an order, so each sending is remembered, and an acknowledgement answers the oldest
 that is not answered: one of an order that a newer one replaced does not end the newer one.
@@ -43,7 +43,7 @@ _REFUSALS = {
 
 
 class Target(NamedTuple):
-    """MAVLink system and component: whom to command, or who we are."""
+    """MAVLink system and component: of the vehicle to command, or our own."""
 
     system: int
     component: int
@@ -53,7 +53,7 @@ OURSELVES = Target(254, 190)
 
 
 class Way(NamedTuple):
-    """One way of saying an order.
+    """One way of expressing an order.
 
     Attributes:
         messages: the first is acknowledged; the others go with it.
@@ -80,7 +80,7 @@ def long_command(target: Target, command: int, *parameters: float) -> Any:
 
 
 def ways_of(order: vehicle.Order, known: VehicleReports, target: Target) -> list[Way]:
-    """The ways of saying `order`, the best first.
+    """The ways of expressing `order`, the best first.
 
     Raises:
         Refused: the vehicle is not known well enough to command it.
@@ -153,7 +153,7 @@ def _point(
 ) -> list[Way]:
     """PX4 moves only with leave to change its mode; ArduPilot must not be taken out of a mode that its pilot chose.
 
-    A vehicle in flight cannot stop where it is: told to, it flies on and comes back. So its target is put where it
+    A vehicle in flight cannot stop where it is: ordered to, it flies on and comes back. So its target is put where it
     can stop.
     """
     speed_m_s = order.speed_m_s if isinstance(order, vehicle.GoToOrder) else None
@@ -204,7 +204,7 @@ def _stopping_place(order: vehicle.GoToOrder | vehicle.InterruptOrder, known: Ve
 
 @dataclass(slots=True)
 class _Sending:
-    """An order that is being said: in which of its ways, how often so far, and what the vehicle said when it began."""
+    """An order that is being sent: in which of its ways, how often so far, and in which mode the vehicle was."""
 
     command: vehicle.Command
     ways: list[Way]
@@ -253,7 +253,7 @@ class Errands:
         self._foreign: set[tuple[str, int | None]] = set()
 
     def on_command(self, command: vehicle.Command, known: VehicleReports, target: Target, now_us: int) -> OrderOutcome:
-        """Say an order; it takes the place of an older one that is still being said."""
+        """Send an order; it takes the place of an older one that is still being sent."""
         outcome = OrderOutcome([], [])
         try:
             ways = ways_of(command.order, known, target)
@@ -270,16 +270,16 @@ class Errands:
         return outcome
 
     def _begin(self, purpose: str, sending: _Sending, outcome: OrderOutcome, now_us: int) -> None:
-        """Say it in its present way for the first time."""
+        """Send it in its present way for the first time."""
         sending.sent, way = 0, sending.way
         patience_us = _MODE_PATIENCE_US if way.changes_mode else ATTEMPTS * RETRY_US
         sending.give_up_us = now_us + patience_us
         if way.acknowledged is None:
             outcome.tell(sending, accepted=True, reason=vehicle.UNCONFIRMED)
-        self._say(sending, outcome, now_us)
+        self._send(sending, outcome, now_us)
         self._open[purpose] = sending
 
-    def _say(self, sending: _Sending, outcome: OrderOutcome, now_us: int) -> None:
+    def _send(self, sending: _Sending, outcome: OrderOutcome, now_us: int) -> None:
         way = sending.way
         messages = list(way.messages)
         if sending.sent and way.again is not None:
@@ -346,7 +346,7 @@ class Errands:
             elif now_us >= sending.give_up_us:
                 self._close(purpose, outcome, accepted=False, reason=sending.word)
             elif sending.sent < ATTEMPTS and (not way.changes_mode or sending.known.heartbeats > sending.heartbeats):
-                self._say(sending, outcome, now_us)
+                self._send(sending, outcome, now_us)
         return outcome
 
     def _close(self, purpose: str, outcome: OrderOutcome, *, accepted: bool, reason: str) -> None:

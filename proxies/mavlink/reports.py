@@ -246,7 +246,7 @@ class VehicleReports:
 
     @property
     def untold_parameters(self) -> tuple[str, ...]:
-        """Those of the fence that the vehicle has not told."""
+        """Those of the fence that the vehicle has not reported."""
         names = FENCE_PARAMETERS.get(self.autopilot or 0, ())
         return tuple(name for name in names if name not in self._parameters)
 

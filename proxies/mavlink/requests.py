@@ -34,7 +34,7 @@ _HOME_COMMANDS: tuple[tuple[int, tuple[float, ...]], ...] = (
     (mavlink.MAV_CMD_GET_HOME_POSITION, ()),
 )
 _PARAMETER_ROUNDS = 10
-"""A parameter that an autopilot does not have is not answered; one that changes is told unasked."""
+"""A parameter that an autopilot does not have is not answered; one that changes is reported unasked."""
 _COMMANDS = {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, *(command for command, _ in _HOME_COMMANDS)}
 
 
