@@ -18,6 +18,7 @@ AHEAD = "ahead of time"
 SILENT = "silent"
 NO_ALTITUDE = "altitude unknown"
 NO_POSITION = "no position yet"
+NO_GPS = "without GPS"
 VELOCITY_JUMP = "velocity jump"
 
 _LOWEST_M, _HIGHEST_M = -500.0, 100_000.0

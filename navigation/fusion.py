@@ -24,6 +24,10 @@ _REANCHOR_M = 2_000.0
 _VELOCITY_ALLOWANCE_M_S = 3.0
 _LONGEST_SILENCE_US = 5_000_000
 _SAME_MESSAGE_US = 300_000
+_DRIFT_M_S = 0.5
+"""How fast a position is assumed to go wrong without satellites. ArduCopter 3.3 was 3 m off after 16 s of hovering."""
+_SETTLES_US = 10_000_000
+"""How long an autopilot may take to bring its position back to the satellites' once it has a fix again."""
 
 
 class Estimate(NamedTuple):
@@ -44,7 +48,10 @@ class Estimate(NamedTuple):
 
 
 class Health(NamedTuple):
-    """Whether estimates are being put out. `since_us` is federation time; `reason` is empty while ok."""
+    """Whether estimates are being put out. `since_us` is federation time.
+
+    `reason` says why not; while they are put out it is empty, or says why they are less certain than usual.
+    """
 
     state: Literal["ok", "stale"]
     reason: str
@@ -99,7 +106,10 @@ class PositionFilter:
         self._reason = faults.SILENT
         self._velocity: Measurement | None = None
         self._position_us = self._altitude_us = 0
-        self._interval_us = horizon_us * 2 // 5
+        self._interval_us = self._altitude_interval_us = horizon_us * 2 // 5
+        self._has_fix: bool | None = None
+        self._lost_us: int | None = None
+        self._regained_us: int | None = None
         self._end_us = self._last_predictable_us()
         self._next_us = 0
         self._available_us = 0
@@ -123,6 +133,8 @@ class PositionFilter:
                 self._inertial.on_attitude(report)
             case vehicle.AccelerationReport():
                 self._inertial.on_acceleration(report)
+            case vehicle.FixReport():
+                self._on_fix(report, now_us)
             case _:
                 pass
         return found
@@ -132,8 +144,39 @@ class PositionFilter:
 
     def _last_predictable_us(self) -> int:
         """The last instant that may be predicted to."""
-        shortened = max(2 * self._period_us, self._interval_us * 5 // 2)
-        return min(self._position_us, self._altitude_us) + min(self._horizon_us, shortened)
+        return min(
+            last_us + min(self._horizon_us, max(2 * self._period_us, interval_us * 5 // 2))
+            for last_us, interval_us in (
+                (self._position_us, self._interval_us),
+                (self._altitude_us, self._altitude_interval_us),
+            )
+        )
+
+    def _on_fix(self, report: vehicle.FixReport, now_us: int) -> None:
+        """Satellites that were there are lost, or are there again; a vehicle that never had any does without."""
+        if report.has_fix:
+            self._regained_us = report.valid_us if self._lost_us is not None else None
+        elif self._has_fix:
+            self._lost_us, self._regained_us = report.valid_us, None
+        self._has_fix = report.has_fix
+        if self.health.state == "ok" and self.health.reason != self._uncertainty:
+            self.health = Health("ok", self._uncertainty, now_us)
+
+    @property
+    def _uncertainty(self) -> str:
+        return faults.NO_GPS if self._lost_us is not None and self._regained_us is None else ""
+
+    def _drift_m2(self, valid_us: int) -> float:
+        """The variance, for each level axis, of what the autopilot went wrong by while it had no satellites."""
+        if self._lost_us is None:
+            return 0.0
+        ends_us = valid_us
+        if self._regained_us is not None:
+            if valid_us > self._regained_us + _SETTLES_US:
+                self._lost_us = self._regained_us = None
+                return 0.0
+            ends_us = min(valid_us, self._regained_us)
+        return (_DRIFT_M_S * max(0, ends_us - self._lost_us) / 1e6) ** 2
 
     def _until(self, now_us: int) -> list[Sample]:
         """Put out the grid points whose wait is over at `now_us`, and go stale when the last of them has been."""
@@ -164,7 +207,9 @@ class PositionFilter:
         frame = self._frame
         assert frame is not None  # noqa: S101 - set together with the motion
         n, e, d, vn, ve, vd = state.mean.tolist()
-        return Estimate(*frame.from_ned(n, e, d), vn, ve, vd, *state.covariance.diagonal().tolist())
+        var_n, var_e, *others = state.covariance.diagonal().tolist()
+        drift = self._drift_m2(state.valid_us)
+        return Estimate(*frame.from_ned(n, e, d), vn, ve, vd, var_n + drift, var_e + drift, *others)
 
     def _on_position(self, report: vehicle.PositionReport, now_us: int) -> list[Sample]:
         reason = faults.implausible_position(report)
@@ -199,21 +244,25 @@ class PositionFilter:
 
     def _accepted(self, report: vehicle.PositionReport, now_us: int) -> list[Sample]:
         self._candidate, self._reason = None, faults.SILENT
-        interval_us = min(report.valid_us - self._position_us, self._horizon_us)
-        if interval_us > 0 and self._position_us:
-            self._interval_us = max(interval_us, self._interval_us * 9 // 10)
+        self._interval_us = self._typical(self._interval_us, self._position_us, report.valid_us)
         self._position_us = max(self._position_us, report.valid_us)
         if report.altitude_m is not None:
-            self._altitude_us = max(self._altitude_us, report.valid_us)
+            before_us, self._altitude_us = self._altitude_us, max(self._altitude_us, report.valid_us)
+            self._altitude_interval_us = self._typical(self._altitude_interval_us, before_us, report.valid_us)
         self._end_us = self._last_predictable_us()
         if self.health.state == "stale":
             next_us = max(self._next_us, -(-report.valid_us // self._period_us) * self._period_us)
             if next_us > self._end_us:
                 return []
-            self._next_us, self.health = next_us, Health("ok", "", now_us)
+            self._next_us, self.health = next_us, Health("ok", self._uncertainty, now_us)
         found = self._grid(min(report.valid_us, self._end_us), now_us)
         self._reanchor()
         return found
+
+    def _typical(self, typical_us: int, before_us: int, valid_us: int) -> int:
+        """The interval of a source's reports: the longest, slowly forgotten."""
+        interval_us = min(valid_us - before_us, self._horizon_us)
+        return max(interval_us, typical_us * 9 // 10) if interval_us > 0 and before_us else typical_us
 
     def _measured(self, report: vehicle.PositionReport) -> Measurement:
         """In the local frame. Without an altitude the frame's own stands in, and only the level rows are used."""
@@ -241,8 +290,9 @@ class PositionFilter:
         """Innovation gate, with what sources may honestly disagree by; and nothing is faster than `speed_m_s`."""
         state = motion.at(measured.valid_us)
         mean, spread = state.mean.tolist(), state.covariance.diagonal().tolist()
+        allowed = self._limits.allowance_m**2 + self._drift_m2(measured.valid_us)
         squares = (
-            (value - there) ** 2 / (predicted + variance + self._limits.allowance_m**2)
+            (value - there) ** 2 / (predicted + variance + allowed)
             for value, variance, there, predicted in zip(
                 measured.values, measured.variances, mean, spread, strict=False
             )
@@ -253,7 +303,8 @@ class PositionFilter:
         latest = motion.latest
         moved = math.dist(measured.values[:2], latest.mean[:2].tolist())
         seconds = abs(measured.valid_us - latest.valid_us) / 1e6
-        spread = math.sqrt(float(latest.covariance[0, 0]) + measured.variances[0])
+        drift = self._drift_m2(measured.valid_us)
+        spread = math.sqrt(float(latest.covariance[0, 0]) + measured.variances[0] + drift)
         return moved <= self._limits.speed_m_s * seconds + 5 * spread + 3 * self._limits.allowance_m
 
     def _on_disagreement(self, report: vehicle.PositionReport, reason: str, now_us: int) -> list[Sample]:

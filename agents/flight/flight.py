@@ -17,8 +17,8 @@ from federation.members.clock import FederationClock
 from federation.members.offers import Service
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Content, Done, Fault, Goto, Hold, Land, Reason, Resume, ReturnHome
-from federation.messages.descriptions import LabelEntry
-from navigation.vehicle import Command, GoToOrder, HoldOrder, LandOrder, Order, ReturnHomeOrder
+from federation.messages.descriptions import ConditionEntry, LabelEntry
+from navigation.vehicle import Command, GoToOrder, HoldOrder, LandOrder, LinkReport, Order, ReturnHomeOrder
 
 FLIGHT: Final = Service("flight", "pilot")
 FAULTS: Final = Service("fault-injection", "simulator")
@@ -36,6 +36,8 @@ class FlightAgent(Part):
         giving_way: looks at where the vehicle is after each estimate.
         local: the part whose deadline samples may move.
         emit: takes commands to the vehicle.
+        note: takes what is heard of the vehicle, or why it is not heard.
+        offer: called when its condition changes.
     """
 
     offers = (
@@ -61,21 +63,35 @@ class FlightAgent(Part):
         giving_way: GivingWay,
         local: LocalInstance,
         emit: Callable[[Command], None],
+        note: Callable[[str], None],
+        offer: Callable[[int], None],
     ) -> None:
         self._agent, self._clock, self.pilot, self.streams, self._emit = agent, clock, pilot, streams, emit
-        self._on_moved = giving_way.on_moved
+        self._on_moved, self._note, self._offer = giving_way.on_moved, note, offer
+        self._conditions: tuple[ConditionEntry, ...] = ()
         self._followed: Followed = (self, local)
         self._awaited: tuple[Act, Errand] | None = None
 
     def labels(self) -> Iterable[LabelEntry]:
         return self.streams.entries()
 
+    def conditions(self) -> Iterable[ConditionEntry]:
+        return self._conditions
+
     def on_reported(self, event: Reported, now_us: int) -> Followed:
         """The vehicle's word counts when it is taken, not when it was posted: timers may have passed since."""
         federation_us = self._clock.federation_us(now_us)
+        if isinstance(event.report, LinkReport):
+            self._on_link(event.report, now_us)
+            return None
         self._fly(self.pilot.on_report(event.report, federation_us))
         self._on_estimates(self.streams.on_report(event.report, federation_us), now_us)
         return None if self._tell(now_us) else self._followed
+
+    def _on_link(self, report: LinkReport, now_us: int) -> None:
+        self._note(report.text)
+        self._conditions = () if report.ok else (ConditionEntry(text=report.text[:200], since_us=now_us),)
+        self._offer(now_us)
 
     def _fly(self, commands: Iterable[Command]) -> None:
         for command in commands:

@@ -7,6 +7,7 @@ the same grid, so that states and exports of several platforms meet. Federation 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 
+from agents.admission.limits import TokenBucket
 from dyknow import NO_VALUE, Field, Label, Network, Policy, Sample, Sort, Value, ValueNotAvailable, of_values
 from federation.messages.descriptions import LabelEntry
 from federation.sharing.ontology import Translation
@@ -25,14 +26,16 @@ ESTIMATE = Sort(
 )
 LABELS = ("heli-position", "heli-altitude", "heli-velocity", "heli-height", "heli-home", "battery")
 BATTERY_KEPT_US = 10_000_000
+CHANGES_PER_S, CHANGES_AT_ONCE = 0.1, 4.0
+"""How often a change between good and bad positions is noted; those between are counted."""
 VARIANCES = {"heli-position": (6, 7), "heli-altitude": (8,), "heli-height": (8,), "heli-velocity": (9, 10, 11)}
 
 
 class VehicleStreams:
     """The streams a platform produces about itself.
 
-    Steps return the fused estimates, which have gone through the network; `on_health` is called, in words, whenever the
-    estimates stop or come again, and why.
+    Steps return the fused estimates, which have gone through the network; `on_health` is called, in words, when the
+    estimates stop or come again, and why, but not for every change of many.
     """
 
     def __init__(
@@ -47,9 +50,11 @@ class VehicleStreams:
         self.period_us = period_us
         self.estimate = Label.parse(f"estimate[{unit}]")
         self._network, self._translation, self._unit = network, translation, unit
-        self._on_health, self._health = on_health, self.filter.health.state
+        self._on_health, self._health = on_health, self.filter.health[:2]
+        self._changes, self._unnoted = TokenBucket(CHANGES_PER_S, CHANGES_AT_ONCE, CHANGES_AT_ONCE), 0
         self._home: HomeReport | None = None
         self._battery: BatteryReport | None = None
+        self._newest_us: dict[str, int] = {}
         self._pushed: OrderedDict[str, tuple[Label, Callable[[Value], Value]]] = OrderedDict()
         self._history = network.add_source(self.estimate, ESTIMATE).history
         self._split()
@@ -89,7 +94,10 @@ class VehicleStreams:
             self._home = report
         elif isinstance(report, BatteryReport):
             self._battery = report
-        return self._push(self.filter.on_report(report, now_us), now_us)
+        found = self._push(self.filter.on_report(report, now_us), now_us)
+        if isinstance(report, HomeReport | BatteryReport) and self.filter.health.state == "stale":
+            self._beside(report.valid_us - report.valid_us % self.period_us, None, now_us)
+        return found
 
     def on_time(self, now_us: int) -> Sequence[Sample]:
         """Put out the estimates that are due."""
@@ -100,26 +108,40 @@ class VehicleStreams:
         return self.filter.deadline_us
 
     def _push(self, samples: Sequence[Sample], now_us: int) -> Sequence[Sample]:
-        health = self.filter.health
-        if health.state != self._health:
-            self._health = health.state
-            self._on_health(f"position {health.state}" + (f": {health.reason}" if health.reason else ""))
+        self._note_health(now_us)
         for sample in samples:
             self._network.push(self.estimate, sample.valid_us, sample.value, now_us)
-            self._beside(sample, now_us)
+            self._beside(sample.valid_us, sample.value[2], now_us)
         return samples
 
-    def _beside(self, sample: Sample, now_us: int) -> None:
+    def _note_health(self, now_us: int) -> None:
+        state, reason, _ = self.filter.health
+        if (state, reason) == self._health:
+            return
+        self._health = (state, reason)
+        if not self._changes.take(now_us):
+            self._unnoted += 1
+            return
+        text = "position " + (f"{state}: {reason}" if state == "stale" else reason or state)
+        self._on_health(text + (f" ({self._unnoted} changes before it were not noted)" if self._unnoted else ""))
+        self._unnoted = 0
+
+    def _beside(self, valid_us: int, altitude_m: float | None, now_us: int) -> None:
+        """What does not hang on the position, and the height, which does."""
         home, battery = self._home, self._battery
+        if home is not None and altitude_m is not None:
+            self._put("heli-height", valid_us, (altitude_m - home.altitude_m,), now_us)
         if home is not None:
-            self._put("heli-height", sample.valid_us, (sample.value[2] - home.altitude_m,), now_us)
-            self._put("heli-home", sample.valid_us, (home.latitude_deg, home.longitude_deg, home.altitude_m), now_us)
-        if battery is not None and sample.valid_us - battery.valid_us <= BATTERY_KEPT_US:
-            self._put("battery", sample.valid_us, (battery.fraction,), now_us)
+            self._put("heli-home", valid_us, (home.latitude_deg, home.longitude_deg, home.altitude_m), now_us)
+        if battery is not None and valid_us - battery.valid_us <= BATTERY_KEPT_US:
+            self._put("battery", valid_us, (battery.fraction,), now_us)
 
     def _put(self, name: str, valid_us: int, value: Value, now_us: int) -> None:
-        local, to_local = self._pushed[name]
-        self._network.push(local, valid_us, to_local(value), now_us)
+        """Push a sample, if it is newer than the last one."""
+        if valid_us > self._newest_us.get(name, -1):
+            self._newest_us[name] = valid_us
+            local, to_local = self._pushed[name]
+            self._network.push(local, valid_us, to_local(value), now_us)
 
     def variance_of(self, name: str, valid_us: int) -> tuple[float, ...] | None:
         """The variances of the fields of `name` at that valid time, in squared metres or metres per second."""

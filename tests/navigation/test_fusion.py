@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from navigation import faults
 from navigation.fusion import Accuracy, PositionFilter
 from navigation.motion import Measurement, Motion, kalman_filter
-from navigation.vehicle import PositionReport, VelocityReport
+from navigation.vehicle import FixReport, PositionReport, VelocityReport
 from tests.navigation.flights import HOME, START_US, position_at, straight, wandering
 from tests.navigation.offline import run_filter
 
@@ -230,6 +230,66 @@ def test_when_only_the_altitude_goes_the_reason_says_so() -> None:
     found = run_filter(reports, PERIOD_US, filtered=unit)
     assert (unit.health.state, unit.health.reason) == ("stale", faults.NO_ALTITUDE)
     assert found[-1].valid_us <= START_US + 3_300_000
+
+
+def test_an_altitude_that_comes_less_often_than_the_place_makes_no_flicker() -> None:
+    """ArduPilot without a home: GLOBAL_POSITION_INT without altitude at 10 Hz, the receiver's at 2 Hz."""
+    reports = [
+        (r._replace(altitude_m=None) if isinstance(r, PositionReport) and (r.valid_us - START_US) % 500_000 else r, a)
+        for r, a in straight(10)
+    ]
+    unit, states = PositionFilter(PERIOD_US), []
+    for report in reports:
+        run_filter([report], PERIOD_US, until_us=report[1], filtered=unit)
+        states.append(unit.health.state)
+    assert states[2:] == ["ok"] * len(states[2:])
+
+
+def test_without_satellites_the_estimate_says_so_and_is_ever_less_certain_until_they_are_back() -> None:
+    lost_us, back_us = START_US + 4_000_000, START_US + 14_000_000
+    fixes = [
+        (FixReport(START_US, True), START_US),
+        (FixReport(lost_us, False), lost_us),
+        (FixReport(back_us, True), back_us),
+    ]
+    reports = sorted([*straight(30), *fixes], key=lambda each: each[1])
+    unit, found, reasons = PositionFilter(PERIOD_US), [], []
+    for report in reports:
+        found += run_filter([report], PERIOD_US, until_us=report[1], filtered=unit)
+        reasons.append(unit.health[:2])
+    assert list(dict.fromkeys(reasons)) == [("stale", faults.NO_POSITION), ("ok", ""), ("ok", faults.NO_GPS)]
+    assert reasons[-1] == ("ok", "")
+    sd_m = {round((s.valid_us - START_US) / 1e6, 1): math.sqrt(s.value.var_e) for s in found}
+    assert sd_m[3.9] < 0.5
+    assert sd_m[6.0] == pytest.approx(1.0, abs=0.2)
+    assert sd_m[14.0] == pytest.approx(5.0, abs=0.2)
+    assert sd_m[20.0] == pytest.approx(5.0, abs=0.2), "an autopilot may take a while to believe its satellites again"
+    assert sd_m[25.0] < 0.5
+    assert max(s.value.var_d for s in found[10:]) < 0.2, "the height comes from the air's pressure"
+
+
+def test_the_jump_back_to_the_satellites_after_they_were_lost_is_believed() -> None:
+    lost_us, back_us = START_US + 4_000_000, START_US + 24_000_000
+    fixes = [
+        (FixReport(START_US, True), START_US),
+        (FixReport(lost_us, False), lost_us),
+        (FixReport(back_us, True), back_us),
+    ]
+    east = [
+        (position_at(r.valid_us, (5.0 * (r.valid_us - START_US) / 1e6, 25.0, -20.0)), a)
+        if isinstance(r, PositionReport) and r.valid_us > back_us
+        else (r, a)
+        for r, a in straight(30)
+    ]
+    unit = PositionFilter(PERIOD_US)
+    found = run_filter(sorted([*east, *fixes], key=lambda each: each[1]), PERIOD_US, filtered=unit)
+    assert unit.rejected[faults.TELEPORT] == 0
+    assert ned(found[-1])[1] == pytest.approx(25.0, abs=1.0)
+
+
+def test_a_vehicle_that_never_had_satellites_is_as_certain_as_it_says() -> None:
+    found = run_filter([(FixReport(START_US, False), START_US), *straight(20)], PERIOD_US)
+    assert found[-1].value.var_e < 0.2
 
 
 def test_a_late_report_is_fused_where_it_belongs() -> None:
