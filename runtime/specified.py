@@ -11,9 +11,8 @@ from agents.effects import Fed, Specify
 from agents.specification.specification_part import read
 from dyknow.model.errors import DyknowError, SpecificationFailed
 from kpl import parse_specification
-from proxies.recordings.named_files import beside
 from proxies.recordings.sample_file import FedSample, read_feed
-from proxies.recordings.watched_file import WatchedFile
+from proxies.recordings.watched_file import WatchedFiles
 
 LOOK_S = 0.5
 
@@ -41,6 +40,7 @@ class Specified:
     ) -> None:
         self._path, self._post, self._note, self._now_us, self._federation_us = path, post, note, now_us, federation_us
         self._over = threading.Event()
+        self._watched = WatchedFiles(path)
         self._given = self._read()
         self._samples = _samples(feed)
         self._threads = [threading.Thread(target=self._watch, name="specification", daemon=True)]
@@ -58,12 +58,10 @@ class Specified:
     def _read(self) -> Specify:
         """The texts, which can be read; that is remembered for the node."""
         texts: dict[str, str] = {}
-        read_file = beside(self._path)
-        self._watched = [WatchedFile(self._path)]
+        self._watched.begin()
 
         def read_named(name: str) -> str:
-            self._watched.append(WatchedFile(self._path.parent / name))
-            texts[name] = read_file(name)
+            texts[name] = self._watched.read_named(name)
             return texts[name]
 
         try:
@@ -77,7 +75,7 @@ class Specified:
 
     def _watch(self) -> None:
         while not self._over.wait(LOOK_S):
-            if not any(each.has_changed() for each in self._watched):
+            if not self._watched.has_changed():
                 continue
             try:
                 given = self._read()

@@ -1,12 +1,15 @@
 """In which order declarations are taken in, and how errors are reported."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
 from dyknow.model.errors import TextError, TextErrors, TooEarly
 from dyknow.model.instants import US_PER_MS, print_span
+from kpl.checking.definitions import Definitions
+from kpl.checking.symbols import SymbolTable
 from kpl.syntax import specification as spec
+from reasoning.formulas.tree import Formula
 
 
 class SpecificationChange(NamedTuple):
@@ -43,6 +46,22 @@ def difference(before: spec.Specification, wanted: Iterable[spec.Declaration]) -
             staying.add(id(same))
             after[at] = same
     return SpecificationChange([each for each in before if id(each) not in staying], new, tuple(after))
+
+
+def formulas(
+    symbols: SymbolTable, change: SpecificationChange, unit: str
+) -> Iterator[tuple[spec.Declaration, Formula]]:
+    """What the monitors that stay say with their definitions put in; none where no definition comes or goes.
+
+    Raises:
+        TextError: a formula is wrong with them.
+    """
+    if not any(isinstance(each, spec.Define) for each in (*change.gone, *change.new)):
+        return
+    definitions, new = Definitions(symbols), {id(each) for each in change.new}
+    for each in change.wanted:
+        if isinstance(each, spec.MonitorDeclaration) and id(each) not in new:
+            yield each, definitions.resolved(each.formula, unit)
 
 
 def rank(declaration: spec.Declaration) -> int:

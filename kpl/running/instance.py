@@ -11,7 +11,7 @@ from dyknow.network.stream_proxy import StreamProxy
 from kpl.checking.definitions import Definitions
 from kpl.checking.specifications import Findings, check_change, check_symbols
 from kpl.checking.symbols import MARGIN, Known, SymbolTable, symbol_of
-from kpl.running.changes import SpecificationChange, as_text_errors, difference, rank, together, too_early
+from kpl.running.changes import SpecificationChange, as_text_errors, difference, formulas, rank, together, too_early
 from kpl.running.chronicle_streams import ChronicleStreams, recognitions
 from kpl.running.compiling import MAX_DECLARATIONS, Compiler, located, too_many
 from kpl.running.figures import MEANINGS, InstanceFigures
@@ -111,6 +111,8 @@ class Instance:
     def change(self, specification: Iterable[spec.Declaration], now_us: int, text: str = "", file: str = "") -> None:
         """Become another specification; what both declare keeps running, what both make differently is replaced.
 
+        What a formula is defined by is part of what it declares: a monitor whose definitions change is another one.
+
         Raises:
             TextErrors: with everything that is wrong; the instance is as it was.
         """
@@ -119,20 +121,22 @@ class Instance:
         if len(every) > MAX_DECLARATIONS:
             raise_all([too_many(len(every), file)])
         change = difference(before, every)
+        meant = dict(formulas(self.symbols, change, self.unit))
         self.network.now_us = max(self.network.now_us, now_us)
         self._declare(change.gone, change.new)
         try:
             self._check(change, text, file)
+            redefined = [each for each, formula in formulas(self.symbols, change, self.unit) if formula != meant[each]]
             if self.governor is not None and self.compiler.admission == "refuse":
                 raise_all(self.governor.refusals(change.new, text, file))
-        except TextError:
+        except TextError as wrong:
             self._declare(change.new, change.gone)
-            raise
+            raise as_text_errors(wrong, text, file) from None
         is_full = self.governor is not None and self.governor.full
         known = {id(proxy) for _, proxy in self.proxies()} if is_full else ()
         change.gone.sort(key=rank, reverse=True)
         change.new.sort(key=rank)
-        self._take_over(change, text, file)
+        self._take_over(change, redefined, text, file)
         self.specification = change.wanted
         self.network.sweep()
         if self.governor is not None and self.governor.full:
@@ -254,19 +258,22 @@ class Instance:
                 if prototype is not None:
                     self.prototypes.add(prototype)
 
-    def _take_over(self, change: SpecificationChange, text: str, file: str) -> None:
+    def _take_over(
+        self, change: SpecificationChange, redefined: Collection[spec.Declaration], text: str, file: str
+    ) -> None:
         """Become what is wanted, or stay; what was never begun has reported nothing."""
         (gone, new, _), before, self._backlog = change, self.specification, []
+        remade: list[spec.Declaration] = []
         try:
             self._begin_in_past(change)
-            other = self.parts.of_other_sorts((*gone, *new))
+            other = (*redefined, *self.parts.of_other_sorts((*gone, *new)))
             remade = [each for each in other if each in self._undo and each not in gone]
             rest = [each for each in new if each not in self._undo]
             self._become([*gone, *remade], sorted([*rest, *remade], key=rank))
         except (DyknowError, RecursionError) as wrong:
             self._is_going_back = True
             self._declare(new, gone)
-            done = [each for each in new if each in self._undo]
+            done = [each for each in (*new, *remade) if each in self._undo]
             self._become(done[::-1], [each for each in before if each not in self._undo])
             self._is_going_back = False
             raise as_text_errors(wrong, text, file) from wrong

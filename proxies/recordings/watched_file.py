@@ -1,6 +1,8 @@
-"""A file that may change while it is used."""
+"""A file that may change while it is used, and the files it names."""
 
 from pathlib import Path
+
+from proxies.recordings.named_files import beside
 
 
 class WatchedFile:
@@ -21,3 +23,24 @@ class WatchedFile:
         except OSError:
             return None
         return found.st_mtime_ns, found.st_size
+
+
+class WatchedFiles:
+    """A file, and those that it names by their path from where it lies."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.begin()
+
+    def begin(self) -> None:
+        """It is about to be read, and may name other files than before."""
+        self._files = [WatchedFile(self._path)]
+
+    def read_named(self, name: str) -> str:
+        """The text of a file that it names; raises OSError and UnicodeDecodeError."""
+        self._files.append(WatchedFile(self._path.parent / name))
+        return beside(self._path)(name)
+
+    def has_changed(self) -> bool:
+        """Whether one of them is another than at the last look."""
+        return any(each.has_changed() for each in self._files)

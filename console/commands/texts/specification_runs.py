@@ -21,7 +21,7 @@ from console.output.output import verbatim
 from dyknow import earlier
 from dyknow.model.errors import DyknowError, TextErrors, WrongCall
 from proxies.recordings.named_files import beside
-from proxies.recordings.watched_file import WatchedFile
+from proxies.recordings.watched_file import WatchedFiles
 from runtime.configuration.instants import SHORTEST_US, duration_us
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ class Run:
         from kpl.introspection.records import FaultLog
 
         self._call, self._path, self._fed, self.speed = call, path, fed, speed
+        self.read_named = beside(path)
         self.network = Network()
         self.network.on_fault = FaultLog(lambda said: call.out.note(f"note: {said}")).on_fault
         hooks = Hooks(self._on_sample, self._on_link, self._on_alarm)
@@ -68,7 +69,7 @@ class Run:
         from kpl.checking.warnings import grid_warnings
         from kpl.introspection.governor import listens
 
-        specification = parse_specification(text, str(self._path), beside(self._path))
+        specification = parse_specification(text, str(self._path), self.read_named)
         if self._governor is None and listens(specification):
             raise WrongCall(
                 f"{self._path} takes `refinements`, which a governor tells: give --govern TIME, e.g. 100ms."
@@ -210,7 +211,9 @@ def run(
     record: Annotated[
         Path | None, typer.Option(metavar="FILE.jsonl", help="Write every sample, for `kpl verify`.")
     ] = None,
-    watch: Annotated[bool, typer.Option("--watch", help="Load the file again whenever it is changed.")] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Load the file again whenever it, or a file it names, is changed.")
+    ] = False,
     govern: Govern = None,
     admit: Admit = "refuse",
     graph: Annotated[
@@ -223,7 +226,7 @@ def run(
     read = (file, feed, *map(Path, modules or ()))
     if record is not None and any(_same(record, each) for each in read if each is not None):
         raise WrongCall(f"--record: {record} is read by this run; write to another file.")
-    watched = WatchedFile(file) if watch else None  # before it is read: what changes meanwhile is a change
+    watched = WatchedFiles(file) if watch else None  # before it is read: what changes meanwhile is a change
     text = read_text(file)
     fed = [] if feed is None else read_samples(feed)
     running = Run(call, file, fed, modules or (), unit, (0.0 if feed is not None else 1.0) if pace is None else pace)
@@ -232,6 +235,8 @@ def run(
         if record is not None:
             running.record(stack.enter_context(_created(record)), text)
         running.instance.compiler.admission = admit
+        if watched is not None:
+            running.read_named = watched.read_named
         if govern is not None:
             running.govern(duration_us(govern, option="--govern", least_us=SHORTEST_US))
         running.specify(text)
@@ -278,7 +283,7 @@ def _created(path: Path) -> IO[str]:
         raise WrongCall(f"--record: {path} cannot be written ({error}).") from None
 
 
-def _reloading(call: Call, going: Run, path: Path, watched: WatchedFile | None) -> Callable[[], None] | None:
+def _reloading(call: Call, going: Run, path: Path, watched: WatchedFiles | None) -> Callable[[], None] | None:
     """Load the file when it has changed; if it is wrong, note that and keep the previous specification."""
     if watched is None:
         return None
@@ -286,6 +291,7 @@ def _reloading(call: Call, going: Run, path: Path, watched: WatchedFile | None) 
     def look() -> None:
         if not watched.has_changed():
             return
+        watched.begin()
         try:
             going.specify(read_text(path))
         except TextErrors as wrong:

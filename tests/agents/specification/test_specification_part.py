@@ -86,6 +86,16 @@ def test_a_declared_monitor_over_units_opens_and_closes_alarms(pair):
     assert 5_000_000 < opened[1]["valid_us"] - opened[0]["valid_us"] < 7_000_000, "they meet twice a lap"
 
 
+def test_a_changed_definition_reaches_a_running_monitor_over_units(pair):
+    pair.world.run_for(10)
+    before = pair.told("0", "alarm-opened")
+    assert before[0]["values"]["xy_dist[0, 1]"] < 15
+    pair.specify("0", text_of("uav0.kpl").replace("MIN_XY = 15.0", "MIN_XY = 40.0"))
+    pair.world.run_for(20)
+    after = pair.told("0", "alarm-opened")[len(before) :]
+    assert 30 < after[-1]["values"]["xy_dist[0, 1]"] < 40
+
+
 def test_a_monitor_over_units_says_what_its_states_are_made_of(pair):
     pair.world.run_for(3)
     ((apart,), _) = listed_and_told(pair)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dyknow import NO_VALUE, UnitPrototype, of_values
-from dyknow.model.errors import PrototypeExists, SortError, TextErrors, UnknownPrototype
+from dyknow.model.errors import PrototypeExists, Refused, SortError, TextErrors, UnknownPrototype
 from kpl import parse_specification, print_specification
 from tests.kpl.instances import Running, label, source
 
@@ -358,6 +358,79 @@ def test_a_monitor_over_local_streams_opens_and_closes_an_alarm() -> None:
     running.remove("monitor calm = always not fast[u] with sample every 100, max delay 100, close after 1")
     assert not running.network._timed
     assert running.network.generator(label("speed[u]")).subscriptions == ()
+
+
+DEFINED = (
+    "source number raw\nstrmgen speed[u] = raw\nstrmgen speed[v] = raw\n{}\n"
+    "monitor calm = {} with sample every 100, max delay 100\nmonitor other = always speed[u] < 100 with sample every 100"
+)
+
+
+@pytest.mark.parametrize(
+    ("formula", "before", "after"),
+    [
+        ("always speed[u] < LIMIT", "define LIMIT = 100", "define LIMIT = 5"),
+        (
+            "always not fast[u]",
+            "define LIMIT = 100\ndefine above[x] = speed[x] > LIMIT\ndefine fast[y] = above[y]",
+            "define LIMIT = 5\ndefine above[x] = speed[x] > LIMIT\ndefine fast[y] = above[y]",
+        ),
+        (
+            "always not fast[u]",
+            "define fast[x] = speed[x] > 100",
+            "define LIMIT = 5\ndefine fast[x] = speed[x] > LIMIT",
+        ),
+        ("always speed[u] < 10 - LESS[u]", "define LESS[x] = 0 - 90", "define LESS[x] = speed[x]"),
+        ("always eventually[0, HOLD] speed[u] < 5", "define HOLD = 60s", "define HOLD = 300ms"),
+        ("always speed[u] < speed[OTHER] + 1", 'define OTHER = "u"', 'define OTHER = "v"\nstrmgen base = raw'),
+    ],
+)
+def test_a_changed_definition_reaches_the_monitors_that_use_it_and_no_others(formula, before, after) -> None:
+    running = Running(DEFINED.format(before, formula))
+    calm, other = running.instance.monitors["calm"], running.instance.monitors["other"]
+    running.push("raw", 9, 100_000)
+    running.change(DEFINED.format(after, formula))
+    assert running.instance.monitors["calm"] is not calm
+    assert running.instance.monitors["calm"].monitor.formula != calm.monitor.formula
+    assert running.instance.monitors["other"] is other
+    again = running.instance.monitors["calm"]
+    running.change(DEFINED.format(f"# as it was\n{after}\ndefine unused = 3", formula))
+    assert running.instance.monitors["calm"] is again
+
+
+def test_a_changed_constant_is_what_a_running_monitor_compares_with() -> None:
+    text = DEFINED.format("define LIMIT = 100", "always speed[u] < LIMIT")
+    running = Running(text)
+    for at in range(1, 6):
+        running.push("raw", 9, at * 100_000)
+    assert not running.alarms
+    running.change(text.replace("= 100\n", "= 5\n"))
+    for at in range(6, 11):
+        running.push("raw", 9, at * 100_000)
+    running.wait(2_000_000)
+    assert [event.monitor for event in running.alarms] == ["calm"]
+
+
+def test_a_definition_that_cannot_be_taken_in_leaves_its_monitors_as_they_were() -> None:
+    class Refusing:
+        def monitor(self, declaration, formula):
+            if declaration.name == "late":
+                raise Refused("enough")
+
+    text = DEFINED.format("define LIMIT = 100", "always speed[u] < LIMIT")
+    running = Running(text, federation=Refusing())
+    before = running.state()
+    with pytest.raises(TextErrors):
+        running.change(text.replace("define LIMIT = 100\n", ""))
+    with pytest.raises(TextErrors):
+        running.change(text.replace("= 100\n", "= true\n"))
+    assert running.state() == before
+    with pytest.raises(TextErrors, match="enough"):  # when it is made, after the others have been
+        running.change(f"{text.replace('= 100', '= 5', 1)}\nmonitor late = always speed[v] < LIMIT")
+    for at in range(1, 6):
+        running.push("raw", 9, at * 100_000)
+    running.wait(2_000_000)
+    assert not running.alarms
 
 
 @pytest.mark.parametrize(

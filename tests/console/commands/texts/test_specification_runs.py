@@ -434,6 +434,27 @@ def test_a_file_that_becomes_wrong_leaves_running_what_ran_and_is_taken_when_it_
 
 
 @pytest.mark.live
+def test_what_a_chronicle_file_and_a_definition_become_is_taken_in(
+    place: Place, watched: "subprocess.Popen[str]"
+) -> None:
+    text = (
+        "source pos clock\nstrmgen pos[car1] = clock\nstream first = pos[car1]\ndefine LEAST = -1\n"
+        'monitor late = always since(pos[car1]) > LEAST\nchronicle file "seen.chr"\nstream seen = chronicle[{}]\n'
+    )
+    until(watched, event="sample", stream="first")
+    place.write("seen.chr", "chronicle one[] { event(pos[car1]:(?, ?), t1) }")
+    place.write("car.kpl", text.format("one"))
+    until(watched, event="changed")
+    place.write(
+        "seen.chr", "chronicle one[] { event(pos[car1]:(?, ?), t1) }\nchronicle two[] { event(pos[car1]:(?, ?), t1) }"
+    )
+    until(watched, event="changed")
+    until(watched, event="sample", stream="seen")
+    place.write("car.kpl", text.format("two").replace("= -1", "= 1000000"))
+    until(watched, event="alarm-opened")
+
+
+@pytest.mark.live
 def test_ctrl_c_ends_a_run_without_a_word(place: Place, watched: "subprocess.Popen[str]") -> None:
     until(watched, event="sample", stream="first")
     watched.send_signal(signal.SIGINT)
