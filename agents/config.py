@@ -9,7 +9,6 @@ from agents.flight.places import FlightLimits, FlightPlan
 from agents.part import Part
 from dyknow import Prototype
 from federation.members.clock import FederationClock
-from federation.members.directory import Kind
 from federation.security.trust import Trust
 from federation.sharing.ontology import Ontology, Translation, default_ontology
 from reasoning import Profile, builtin_profiles
@@ -38,7 +37,6 @@ class PlatformConfig:
     unit: str
     boot: int
     zid: str = ""
-    kind: Kind = "uav"
     clock: FederationClock = field(default_factory=FederationClock)
     vehicle: bool = True
     simulated: bool = False

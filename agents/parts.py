@@ -7,7 +7,7 @@ comes into the federation when it can answer.
 A part's constructor names what it takes: another part by its class, anything else by the name of a port.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from inspect import signature
@@ -68,9 +68,6 @@ PARTS: tuple[type[Part], ...] = (
 )  # fmt: skip
 """The classes of all parts there are, in their order; which of them a platform has, `Ports.kinds` decides."""
 
-COMMON = frozenset({Clocks, Admission, MessageLog, DirectoryAgent})
-"""Those that a command centre has, too."""
-
 LISTED = (
     "dyknow-federation", "monitor-coordination", "alarms", "directory", "account", "local-instance", "specification",
     "flight", "fault-injection",
@@ -109,13 +106,11 @@ class Ports:
 
     # -- parts -------------------------------------------------------------------------------------------------
 
-    def kinds(self) -> Iterator[type[Part]]:
+    def kinds(self) -> list[type[Part]]:
         """The classes of the parts that this platform has."""
         config = self.config
         missing = {kind for kind, has in ((FlightAgent, config.vehicle), (Faults, config.simulated)) if not has}
-        for kind in (*PARTS[:-1], *config.extensions, *PARTS[-1:]):
-            if kind not in PARTS or kind in COMMON or (config.kind == "uav" and kind not in missing):
-                yield kind
+        return [kind for kind in (*PARTS[:-1], *config.extensions, PARTS[-1]) if kind not in missing]
 
     def build(self) -> tuple[Part, ...]:
         """All parts of the platform.
@@ -123,7 +118,7 @@ class Ports:
         Raises:
             UnitError: a part cannot be built.
         """
-        kinds = list(self.kinds())
+        kinds = self.kinds()
         self.parts = [self.part(kind) for kind in kinds if kind is not Admission]
         return tuple(self.part(kind) for kind in kinds)
 
@@ -139,19 +134,15 @@ class Ports:
 
     @cached_property
     def agent(self) -> InterfaceAgent:
-        config = self.config
-        offers = [offer for part in (*PARTS, *config.extensions) for offer in part.offers]
-        lasting = frozenset(action.head for offer in offers for action in offer.actions if action.lasting)
-
-        audit_log = AuditLog()
+        config, audit_log = self.config, AuditLog()
 
         def member(agents: MemberAgents) -> Member:
             return Member(
                 self.unit, self.boot, self.started_us, agents, audit_log.enter, self.emit,
-                kind=config.kind, zid=config.zid, clock=self.clock, trust=config.trust,
+                kind="uav", zid=config.zid, clock=self.clock, trust=config.trust,
             )  # fmt: skip
 
-        return InterfaceAgent(member, lasting, audit_log, self.on_peer)
+        return InterfaceAgent(member, lasting_heads(config.extensions), audit_log, self.on_peer)
 
     @property
     def member(self) -> Member:
@@ -251,6 +242,12 @@ class Ports:
     def offer(self) -> Callable[[int], None]:
         """Tells the directory that labels or conditions of a part have changed, at a time (node clock)."""
         return self.part(DirectoryAgent).offer
+
+
+def lasting_heads(extensions: Sequence[type[Part]] = ()) -> frozenset[str]:
+    """The heads of requests that live until they are cancelled."""
+    offers = [offer for part in (*PARTS, *extensions) for offer in part.offers]
+    return frozenset(action.head for offer in offers for action in offer.actions if action.lasting)
 
 
 def _taken(kind: type[Part]) -> Mapping[str, type[Part] | None]:

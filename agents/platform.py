@@ -17,6 +17,7 @@ from agents.part import NOT_MINE, Followed, Handler, Part, PeerChange, overrides
 from agents.parts import Ports
 from dyknow.model.errors import DecodeError
 from federation import keys
+from federation.members.member import Member
 from federation.members.offers import Service
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from federation.transport import Arrived, Asked, Conflated, HandlerFailed
@@ -80,6 +81,11 @@ class Platform:
             HandlerFailed: self._on_failed,
         }
         return {kind: each[0] if len(each) == 1 else partial(_first, each) for kind, each in handlers.items()} | own
+
+    @property
+    def member(self) -> Member:
+        """How it takes part in the federation."""
+        return self.ports.member
 
     def part(self, kind: type[T]) -> T:
         """The part of that class.

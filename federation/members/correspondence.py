@@ -250,17 +250,14 @@ class Correspondence:
                     self._emit(outcome)
 
     def _on_incoming(self, act: Act, now_us: int) -> None:
+        """An act that answers none of ours; in a conversation of ours with another platform only progress is heard."""
         conversation = act.conversation_id or ""
-        pending = self._pending.get(conversation)
-        if pending is not None and act.performative not in OPENING and act.performative is not P.CANCEL:
-            if pending.unit == act.sender.unit:  # the answer to our cancel of what another member delegated
-                self._on_reply(conversation, act, is_last=act.performative is not P.AGREE, now_us=now_us)
-            elif act.content is not None and act.content.head == contents.Progress.head:
-                self._on_reply(conversation, act, is_last=False, now_us=now_us)
-            else:
-                self._audit(now_us, "in", act.sender.unit, act, "not its conversation")
-        else:
+        if conversation not in self._pending or act.performative in OPENING or act.performative is P.CANCEL:
             self._agents.on_request(act, now_us)
+        elif act.content is not None and act.content.head == contents.Progress.head:
+            self._on_reply(conversation, act, is_last=False, now_us=now_us)
+        else:
+            self._audit(now_us, "in", act.sender.unit, act, "not its conversation")
 
     def _on_reply(self, conversation: str, act: Act, *, is_last: bool, now_us: int) -> None:
         pending = self._pending.get(conversation)

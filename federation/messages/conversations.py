@@ -103,13 +103,13 @@ class Conversations:
                 )
             )
         elif performative is P.CANCEL:
-            found = self._open.get((conversation, peer, True))
-            if found is not None:
-                found.phase, found.due_us, found.cancel = protocols.Phase.CANCELLING, said.reply_by_us, said.reply_with
-                self._wake(found.due_us)
+            known = self._open.get((conversation, peer, True))  # None: another member opened it, or it is closed
+            found = known or protocols.Conversation(said, peer, True, protocols.Phase.CANCELLING, None)
+            found.phase, found.due_us, found.cancel = protocols.Phase.CANCELLING, said.reply_by_us, said.reply_with
+            self._add(found)
         else:
-            found = self._open.get((conversation, peer, False))
-            if found is not None and found.said(said, standing=standing):
+            theirs = self._open.get((conversation, peer, False))
+            if theirs is not None and theirs.said(said, standing=standing):
                 del self._open[conversation, peer, False]
         return said, [put]
 

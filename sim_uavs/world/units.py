@@ -1,13 +1,13 @@
-"""What the simulated world is made of: units, each with a clock of its own, and conversations with them."""
+"""What the simulated world is made of: units, each with a clock of its own."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
-from agents.config import PlatformConfig
+from agents.effects import Effect
 from agents.platform import Platform
-from federation.messages.acts import Act
-from federation.messages.contents import Content
+from federation.members.clock import FederationClock
+from federation.members.member import Member
 from runtime.mailbox import Mailbox
 from sim_uavs.dynamics.vehicles import SimulatedVehicle, TrueState
 
@@ -35,25 +35,40 @@ class DriftingClock:
         return found
 
 
+class WorldProcess(Protocol):
+    """A platform or a command centre."""
+
+    @property
+    def member(self) -> Member: ...
+    @property
+    def deadline_us(self) -> int: ...
+    def start(self, now_us: int) -> Sequence[Effect]: ...
+    def on_event(self, event: Any, now_us: int) -> Sequence[Effect]: ...
+    def on_time(self, now_us: int) -> Sequence[Effect]: ...
+
+
 @dataclass(slots=True)
 class WorldNode:
     """One unit: its process, while it runs, and its vehicle, which flies whatever becomes of the process.
 
     Attributes:
-        lives: all platforms that have run under this name, the present one last.
+        make: makes its process, given the identity of its session and the time (node clock).
+        lives: all processes that have run under this name, the present one last.
         halted: why a process of it ended by itself.
         notes: what its processes reported to the user.
         told: what its specification produced.
     """
 
-    config: PlatformConfig
+    unit: str
+    make: Callable[[str, int], WorldProcess]
     vehicle: SimulatedVehicle | None
     clock: DriftingClock
-    platform: Platform | None = None
+    federation_clock: FederationClock
+    process: WorldProcess | None = None
     frozen: bool = False
     offset_us: int = 0
     drift_ppm: float = 0.0
-    lives: list[Platform] = field(default_factory=list)
+    lives: list[WorldProcess] = field(default_factory=list)
     halted: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     told: list[Mapping[str, Any]] = field(default_factory=list)
@@ -62,17 +77,7 @@ class WorldNode:
     asked_us: int | None = None
     mailbox: Mailbox | None = None
 
-
-@dataclass(slots=True)
-class WorldDialogue:
-    """A conversation: its replies as (world time, act, content), or why there was none."""
-
-    by: str
-    to: str
-    conversation: str = ""
-    replies: list[tuple[int, Act, Content | None]] = field(default_factory=list)
-    silence: str | None = None
-
-    def contents(self, kind: type[Any]) -> list[Any]:
-        """The contents of one kind, in order."""
-        return [content for _, _, content in self.replies if isinstance(content, kind)]
+    @property
+    def platform(self) -> Platform | None:
+        """Its process, if that is a platform."""
+        return self.process if isinstance(self.process, Platform) else None

@@ -1,8 +1,9 @@
 """The simulated world: many platforms in one process, on a fake clock and a fake wire, all by chance from one seed.
 
-The platforms are those that fly for real; only clock, wire and vehicles are simulated. Every node has a clock of its
-own, which may be wrong and drift. Nothing here reads the time: a minute takes what its events take, and the same
-seed gives the same events. Times are the world's, in microseconds since the epoch, unless they are called a node's.
+The platforms and the command centre are those of real federations; only clock, wire and vehicles are simulated. Every
+node has a clock of its own, which may be wrong and drift. Nothing here reads the time: a minute takes what its events
+take, and the same seed gives the same events. Times are the world's, in microseconds since the epoch, unless they are
+called a node's.
 """
 
 import gc
@@ -11,7 +12,7 @@ from contextlib import suppress
 from dataclasses import replace
 from queue import Empty
 from random import Random
-from typing import Any
+from typing import Any, TypeVar
 
 from agents.config import PlatformConfig
 from agents.directory.directory import DirectoryAgent
@@ -29,10 +30,16 @@ from agents.effects import (
     Tell,
     TellHost,
 )
+from agents.parts import lasting_heads
 from agents.platform import Platform
-from dyknow.model.errors import TextError
-from federation.messages.acts import Act, Performative
+from dyknow.model.errors import Refused, TextError
+from federation.members.clock import FederationClock
+from federation.members.command_centre import CommandCentre
+from federation.members.member import Member
+from federation.messages.acts import Performative
 from federation.messages.contents import Content
+from federation.messages.dialogue import Dialogue
+from federation.security.trust import Trust
 from federation.transport import Conflated, WireEvent
 from navigation.vehicle import Command, Report
 from runtime.mailbox import Mailbox
@@ -40,11 +47,14 @@ from sim_uavs.dynamics.faults import SimulatedFault, parse_fault
 from sim_uavs.dynamics.vehicles import SimulatedVehicle
 from sim_uavs.world.agenda import Agenda
 from sim_uavs.world.sessions import SessionLink
-from sim_uavs.world.units import DriftingClock, WorldDialogue, WorldNode
+from sim_uavs.world.units import DriftingClock, WorldNode, WorldProcess
 from sim_uavs.world.wire import LEASE_US, Wire
 
 START_US = 1_700_000_000_000_000
 TRUTH_US = 100_000
+LASTING = lasting_heads()
+"""Requests that live until they are cancelled."""
+T = TypeVar("T")
 
 
 class World:
@@ -82,10 +92,10 @@ class World:
         return self.agenda.now_us
 
     def platform(self, unit: str) -> Platform:
-        """The process of `unit`. Raises LookupError when there is none."""
+        """The platform `unit`. Raises LookupError when it does not run."""
         platform = self.nodes[unit].platform
         if platform is None:
-            raise LookupError(f"{unit} does not run")
+            raise LookupError(f"no platform {unit} runs")
         return platform
 
     def run_until(self, at_us: int) -> None:
@@ -117,23 +127,35 @@ class World:
     ) -> WorldNode:
         """A unit joins: its process starts, with a clock that is off by `offset_us`."""
         config = replace(config or PlatformConfig(unit, 0), unit=unit, vehicle=vehicle is not None)
+
+        def make(zid: str, node_us: int) -> Platform:
+            return Platform(replace(config, boot=node_us // 1000, zid=zid), node_us)
+
         clock = DriftingClock(self.now_us, offset_us, drift_ppm)
-        node = self.nodes[unit] = WorldNode(config, vehicle, clock, offset_us=offset_us, drift_ppm=drift_ppm)
-        self._boot(node)
+        node = WorldNode(unit, make, vehicle, clock, config.clock, offset_us=offset_us, drift_ppm=drift_ppm)
         if vehicle is not None:
             self.agenda.at(vehicle.deadline_us, self._fly, node, vehicle)
-        return node
+        return self._join(node)
 
-    def add_command_centre(self, unit: str = "cc") -> WorldNode:
+    def add_command_centre(self, unit: str = "cc", *, trust: Trust | None = None) -> WorldNode:
         """A command centre, which delegates and asks, without a vehicle."""
-        return self.add(unit, PlatformConfig(unit, 0, kind="command-centre"))
+
+        def make(zid: str, node_us: int) -> CommandCentre:
+            return CommandCentre(unit, node_us, zid=zid, trust=trust)
+
+        return self._join(WorldNode(unit, make, None, DriftingClock(self.now_us), FederationClock()))
+
+    def _join(self, node: WorldNode) -> WorldNode:
+        self.nodes[node.unit] = node
+        self._boot(node)
+        return node
 
     def kill(self, unit: str) -> None:
         """End its process without a word; the vehicle continues with its last order."""
         node = self.nodes[unit]
-        if node.platform is not None:
+        if node.process is not None:
             self.wire.kill(unit)
-            node.platform, node.due_us, node.frozen, node.mailbox = None, None, False, None
+            node.process, node.due_us, node.frozen, node.mailbox = None, None, False, None
             self._say(unit, "killed")
 
     def restart(self, unit: str) -> None:
@@ -146,7 +168,7 @@ class World:
     def freeze(self, unit: str) -> None:
         """Stop the process (SIGSTOP): what is sent to it waits in its sockets."""
         node = self.nodes[unit]
-        if node.platform is not None and not node.frozen:
+        if node.process is not None and not node.frozen:
             node.frozen, node.due_us = True, None
             node.mailbox = Mailbox(lambda: node.clock.node_us(self.now_us))
             self.wire.freeze(unit)
@@ -162,7 +184,7 @@ class World:
         self._say(unit, "thawed")
         now_us = node.clock.node_us(self.now_us)
         with suppress(Empty):
-            while mailbox is not None and node.platform is not None:
+            while mailbox is not None and node.process is not None:
                 event = mailbox.get(0)
                 self._step(node, event._replace(at_us=now_us) if hasattr(event, "at_us") else event)
         self._wake(node)
@@ -200,20 +222,24 @@ class World:
 
     # -- what people do -----------------------------------------------------------------------------------------
 
-    def call(self, unit: str, do: Callable[[Platform, int], Any]) -> Any:
-        """Have a running platform do something, and carry out what follows from it.
+    def speak(self, unit: str, do: Callable[[Member, int], T]) -> T:
+        """Have a running process do something as a member (node clock), and carry out what follows from it.
 
         Raises LookupError when there is no process, or it stands still.
         """
         node = self.nodes[unit]
-        platform = self.platform(unit)
-        if node.frozen:
-            raise LookupError(f"{unit} stands still")
-        node_us = node.clock.node_us(self.now_us)
-        result = do(platform, node_us)
-        self._perform(node, platform.on_time(node_us))
+        process, node_us = node.process, node.clock.node_us(self.now_us)
+        if process is None or node.frozen:
+            raise LookupError(f"{unit} {'stands still' if node.frozen else 'does not run'}")
+        result = do(process.member, node_us)
+        self._perform(node, process.on_time(node_us))
         self._wake(node)
         return result
+
+    def call(self, unit: str, do: Callable[[Platform, int], T]) -> T:
+        """The same for what only a platform does."""
+        platform = self.platform(unit)
+        return self.speak(unit, lambda _member, now_us: do(platform, now_us))
 
     def specify(self, unit: str, text: str, file: str = "") -> None:
         """Give its process a specification, in place of the one it has."""
@@ -227,67 +253,63 @@ class World:
         content: Content,
         performative: Performative = Performative.REQUEST,
         within_us: int = 2_000_000,
-    ) -> WorldDialogue:
+    ) -> Dialogue:
         """`by` says something to the Interface Agent of `to`; the answers are collected as they come."""
-        dialogue = WorldDialogue(by, to)
+        dialogue = Dialogue(to)
 
-        def on_reply(act: Act, said: Content | None, _now_us: int) -> None:
-            dialogue.replies.append((self.now_us, act, said))
+        def say(member: Member, now_us: int) -> None:
+            try:
+                dialogue.conversation = member.acts.ask(
+                    to,
+                    content,
+                    now_us,
+                    performative=performative,
+                    on_reply=dialogue.on_reply,
+                    on_silence=dialogue.on_silence,
+                    within_us=within_us,
+                    standing=content.head in LASTING,
+                )
+            except Refused as refused:
+                dialogue.on_silence(refused.reason, now_us)
 
-        def on_silence(why: str, _now_us: int) -> None:
-            dialogue.silence = why
-
-        dialogue.conversation = self.call(
-            by,
-            lambda platform, now_us: platform.ports.agent.delegate(
-                to,
-                content,
-                now_us,
-                performative=performative,
-                on_reply=on_reply,
-                on_silence=on_silence,
-                reply_within_us=within_us,
-            ),
-        )
+        self.speak(by, say)
         return dialogue
 
-    def cancel(self, dialogue: WorldDialogue) -> None:
-        """Cancel the conversation."""
-        self.call(
-            dialogue.by,
-            lambda platform, now_us: platform.ports.agent.cancel(dialogue.to, dialogue.conversation, now_us),
-        )
+    def cancel(self, by: str, dialogue: Dialogue) -> None:
+        """`by` cancels its conversation."""
+        self.speak(by, lambda member, now_us: member.acts.cancel(dialogue.unit, dialogue.conversation, now_us))
 
     # -- inside -------------------------------------------------------------------------------------------------
 
     def _boot(self, node: WorldNode) -> None:
-        unit = node.config.unit
+        unit = node.unit
         node_us = node.clock.node_us(self.now_us)
         zid = f"{self.random.getrandbits(64) | 1:x}"
-        platform = Platform(replace(node.config, boot=node_us // 1000, zid=zid), node_us)
-        node.platform, node.due_us = platform, None
-        node.lives.append(platform)
+        process = node.make(zid, node_us)
+        node.process, node.due_us = process, None
+        node.lives.append(process)
         self._say(unit, "booted")
 
-        agenda, clock, deadlines = self.agenda, node.clock, platform.deadlines
+        agenda, clock = self.agenda, node.clock
+        deadlines = process.deadlines if isinstance(process, Platform) else None
 
         def node_now_us() -> int:
             return clock.node_us(agenda.now_us)
 
         def post(event: WireEvent) -> None:
-            if node.platform is not platform:
+            if node.process is not process:
                 return
-            if node.mailbox is not None or self._trace is not None:
+            if node.mailbox is not None or self._trace is not None or deadlines is None:
                 self._reach(node, event)
                 return
-            effects = platform.on_event(event, event.at_us)  # it was stamped just now
+            effects = process.on_event(event, event.at_us)  # it was stamped just now
             if effects:
                 self._perform(node, effects)
             if deadlines.due_us != node.asked_us:
                 self._wake(node)
 
         self.wire.open(unit, zid, post, node_now_us)
-        self._perform(node, platform.start(node_us))
+        self._perform(node, process.start(node_us))
         self._wake(node)
 
     def _reach(self, node: WorldNode, event: Event) -> None:
@@ -299,18 +321,18 @@ class World:
             self._wake(node)
 
     def _step(self, node: WorldNode, event: Event | Conflated) -> None:
-        platform = node.platform
-        if platform is not None:
+        process = node.process
+        if process is not None:
             if self._trace is not None:
-                self._say(node.config.unit, f"< {event!r}")
-            self._perform(node, platform.on_event(event, node.clock.node_us(self.agenda.now_us)))
+                self._say(node.unit, f"< {event!r}")
+            self._perform(node, process.on_event(event, node.clock.node_us(self.agenda.now_us)))
 
     def _wake(self, node: WorldNode) -> None:
         """See to it that the process is stepped when it is due."""
-        platform = node.platform
-        if platform is None or node.frozen:
+        process = node.process
+        if process is None or node.frozen:
             return
-        asked_us = platform.deadline_us
+        asked_us = process.deadline_us
         if node.due_us is not None and asked_us == node.asked_us:
             return
         node.asked_us = asked_us
@@ -321,29 +343,29 @@ class World:
 
     def _on_time(self, node: WorldNode, due_us: int) -> None:
         """The process is due; an appointment that an earlier one replaced is passed over."""
-        platform = node.platform
-        if platform is None or node.frozen or node.due_us != due_us:
+        process = node.process
+        if process is None or node.frozen or node.due_us != due_us:
             return
         node.due_us = None
         node_us = node.clock.node_us(self.agenda.now_us)
-        if platform.deadline_us <= node_us:
-            self._perform(node, platform.on_time(node_us))
+        if process.deadline_us <= node_us:
+            self._perform(node, process.on_time(node_us))
         self._wake(node)
 
     def _fly(self, node: WorldNode, vehicle: SimulatedVehicle) -> None:
-        stamp_us = node.config.clock.federation_us(node.clock.node_us(self.now_us))
+        stamp_us = node.federation_clock.federation_us(node.clock.node_us(self.now_us))
         for report in vehicle.on_time(self.now_us, stamp_us):
             self._report(node, report)
         self.agenda.at(vehicle.deadline_us, self._fly, node, vehicle)
 
     def _report(self, node: WorldNode, report: Report) -> None:
-        if node.platform is not None:
+        if node.process is not None:
             self._reach(node, Reported(node.clock.node_us(self.now_us), report))
 
     def _perform(self, node: WorldNode, effects: Iterable[Effect]) -> None:
         for effect in effects:
             if self._trace is not None:
-                self._say(node.config.unit, f"> {effect!r}")
+                self._say(node.unit, f"> {effect!r}")
             match effect:
                 case Command():
                     self._command(node, effect)
@@ -355,15 +377,15 @@ class World:
                     node.told.append(effect.record)
                 case Halt():
                     node.halted.append(effect.reason)
-                    self.agenda.at(self.now_us, self.kill, node.config.unit)
+                    self.agenda.at(self.now_us, self.kill, node.unit)
                 case TellHost() | TakeHost() | DropHost():
                     pass  # there are no hosts in this world
                 case _:
-                    self.wire.perform(node.config.unit, effect)
+                    self.wire.perform(node.unit, effect)
 
     def _command(self, node: WorldNode, command: Command) -> None:
         if node.vehicle is not None:
-            stamp_us = node.config.clock.federation_us(node.clock.node_us(self.now_us))
+            stamp_us = node.federation_clock.federation_us(node.clock.node_us(self.now_us))
             result = node.vehicle.on_command(command, self.now_us, stamp_us)
             self.agenda.at(self.now_us, self._report, node, result)
 
@@ -371,9 +393,9 @@ class World:
         text = effect.kind if effect.value is None else f"{effect.kind}={effect.value}"
         duration_us = None
         if effect.until_us is not None:
-            duration_us = effect.until_us - node.config.clock.federation_us(node.clock.node_us(self.now_us))
+            duration_us = effect.until_us - node.federation_clock.federation_us(node.clock.node_us(self.now_us))
         try:
-            self.inject(node.config.unit, text, duration_us)
+            self.inject(node.unit, text, duration_us)
         except TextError as wrong:
             node.notes.append(str(wrong))
 

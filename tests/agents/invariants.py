@@ -2,6 +2,7 @@
 
 from agents.platform import Platform
 from federation import keys
+from federation.members.member import Member
 from federation.messages.protocols import Phase
 from federation.messages.receipts import RECEIPT_AGENT
 from tests.agents.wire import Wire
@@ -9,33 +10,35 @@ from tests.agents.wire import Wire
 
 def check(wire: Wire) -> None:
     """Assert the invariants of every platform of the wire."""
-    for platform in (node.platform for node in wire.nodes.values() if not node.frozen):
-        _nothing_is_open_beyond_its_time(platform, wire.now_us)
-        _whoever_waits_has_a_conversation(platform)
-        _subscriptions_are_what_is_imported(wire, platform)
+    running = [node.process for node in wire.nodes.values() if not node.frozen]
+    for process in running:
+        _nothing_is_open_beyond_its_time(process.member, wire.now_us)
+        _whoever_waits_has_a_conversation(process.member)
+        _subscriptions_are_what_is_imported(wire, process.member)
+        assert process.deadline_us > wire.now_us, "what is due was done"
+    for platform in (process for process in running if isinstance(process, Platform)):
+        assert platform.ports.agent._local == {}
         _subscriptions_in_the_instance_have_a_reason(platform)
         _monitors_have_owners(platform)
         _the_account_is_what_crossed(wire, platform)
-        assert platform.deadline_us > wire.now_us, "what is due was done"
         if not platform.config.control:
             assert wire.nodes[platform.unit].commands == [], "without control nothing is commanded"
 
 
-def _nothing_is_open_beyond_its_time(platform: Platform, now_us: int) -> None:
-    for found in platform.ports.agent.conversations.conversations():
+def _nothing_is_open_beyond_its_time(member: Member, now_us: int) -> None:
+    for found in member.acts.conversations.conversations():
         assert found.due_us is None or found.due_us >= now_us, f"{found.opening} is open beyond its reply-by"
         assert found.phase is not Phase.ASKED or found.due_us is not None
 
 
-def _whoever_waits_has_a_conversation(platform: Platform) -> None:
-    ours = {found.opening.conversation_id for found in platform.ports.agent.conversations.conversations() if found.ours}
-    assert set(platform.ports.agent.acts._pending) <= ours
-    assert platform.ports.agent._local == {}
+def _whoever_waits_has_a_conversation(member: Member) -> None:
+    ours = {found.opening.conversation_id for found in member.acts.conversations.conversations() if found.ours}
+    assert set(member.acts._pending) <= ours
 
 
-def _subscriptions_are_what_is_imported(wire: Wire, platform: Platform) -> None:
-    imported = {keys.stream_expr(label, policy) for _, label, policy in platform.ports.gateway.importer.imports.streams}
-    listened = {expr for expr in wire.nodes[platform.unit].subscriptions if expr.startswith("x/")}
+def _subscriptions_are_what_is_imported(wire: Wire, member: Member) -> None:
+    imported = {keys.stream_expr(label, policy) for _, label, policy in member.imports.streams}
+    listened = {expr for expr in wire.nodes[member.unit].subscriptions if expr.startswith("x/")}
     assert listened == imported
 
 

@@ -9,11 +9,16 @@ from typing import Any, NamedTuple
 from agents.config import PlatformConfig
 from agents.effects import Effect, Event, Halt, Note, Reported
 from agents.platform import Platform
+from dyknow.model.errors import Refused
 from federation import keys
+from federation.members.command_centre import CommandCentre
+from federation.members.member import Member
 from federation.messages.acts import Act, Performative
 from federation.messages.codec import decode_act
 from federation.messages.contents import Content
+from federation.messages.dialogue import Dialogue
 from federation.messages.receipts import RECEIPT_AGENT
+from federation.security.trust import Trust
 from federation.transport import (
     Answer,
     Answered,
@@ -33,6 +38,8 @@ from federation.transport import (
     WatchTokens,
 )
 from navigation.vehicle import Command, CommandResult, HomeReport, PositionReport, Report, StatusReport, VelocityReport
+from sim_uavs.world.units import WorldProcess
+from sim_uavs.world.world import LASTING
 
 EPOCH = 1_700_000_000_000_000
 METRE_DEG = 1 / 111_320.0
@@ -89,7 +96,7 @@ class Vehicle:
 
 @dataclass
 class Node:
-    platform: Platform
+    process: WorldProcess
     vehicle: Vehicle | None = None
     subscriptions: set[str] = field(default_factory=set)
     queryables: set[str] = field(default_factory=set)
@@ -99,6 +106,11 @@ class Node:
     other: list[Effect] = field(default_factory=list)
     frozen: bool = False
     waiting: list[Event] = field(default_factory=list)
+
+    @property
+    def platform(self) -> Platform:
+        assert isinstance(self.process, Platform)
+        return self.process
 
 
 @dataclass
@@ -141,36 +153,44 @@ class Wire:
     # -- what tests do -----------------------------------------------------------------------------------------
 
     def join(self, unit: str, vehicle: Vehicle | None = None, **config: Any) -> Platform:
-        """A platform starts; a command centre has no vehicle."""
-        is_centre = config.get("kind") == "command-centre"
-        settings: dict[str, Any] = {"boot": self.now_us + next(self._boots), "vehicle": not is_centre, **config}
-        platform = Platform(PlatformConfig(unit, **settings), self.now_us)
-        node = self.nodes[unit] = Node(platform, None if is_centre else vehicle or Vehicle())
-        self.perform(unit, platform.start(self.now_us))
-        if node.vehicle is not None:
-            self._later(0, lambda: self._report(unit, node))
+        """A platform starts."""
+        platform = Platform(
+            PlatformConfig(unit, **{"boot": self.now_us // 1000 + next(self._boots), **config}), self.now_us
+        )
+        node = self._start(unit, Node(platform, vehicle or Vehicle()))
+        self._later(0, lambda: self._report(unit, node))
         return platform
 
-    def centre(self, unit: str = "cc", **config: Any) -> Platform:
-        return self.join(unit, kind="command-centre", **config)
+    def centre(self, unit: str = "cc", trust: Trust | None = None) -> CommandCentre:
+        """A command centre, which has no vehicle, starts."""
+        centre = CommandCentre(unit, self.now_us, trust=trust)
+        self._start(unit, Node(centre))
+        return centre
+
+    def _start(self, unit: str, node: Node) -> Node:
+        self.nodes[unit] = node
+        self.perform(unit, node.process.start(self.now_us))
+        return node
 
     def ask(
         self, by: str, unit: str, content: Content, performative: Performative = P.REQUEST, within_us: int = 2_000_000
     ) -> Question:
         """One platform's interface agent asks another's; `run` to hear the answers."""
-        asker = self.nodes[by].platform
         question = Question("")
 
-        def on_reply(act: Act, said: Content | None, _now_us: int) -> None:
+        def on_reply(act: Act, said: Content | None, _is_last: bool, _now_us: int) -> None:
             question.answers.append(Said(act.performative, said, act))
 
         def on_silence(why: str, _now_us: int) -> None:
             question.why_silent = why
 
-        question.conversation = asker.ports.agent.delegate(
-            unit, content, self.now_us,
-            performative=performative, on_reply=on_reply, on_silence=on_silence, reply_within_us=within_us,
-        )  # fmt: skip
+        try:
+            question.conversation = self.member(by).acts.ask(
+                unit, content, self.now_us, performative=performative, on_reply=on_reply, on_silence=on_silence,
+                within_us=within_us, standing=content.head in LASTING,
+            )  # fmt: skip
+        except Refused as refused:
+            question.why_silent = refused.reason
         self.settle(by)
         return question
 
@@ -181,12 +201,21 @@ class Wire:
         return question
 
     def cancel(self, by: str, unit: str, conversation: str) -> None:
-        self.nodes[by].platform.ports.agent.cancel(unit, conversation, self.now_us)
+        self.member(by).acts.cancel(unit, conversation, self.now_us)
         self.settle(by)
+
+    def cancel_task(self, by: str, unit: str, conversation: str) -> Dialogue:
+        """End a task of `unit` that `by` need not have delegated."""
+        dialogue = Dialogue(unit, conversation)
+        self.member(by).acts.cancel_task(
+            unit, conversation, self.now_us, on_reply=dialogue.on_reply, on_silence=dialogue.on_silence
+        )
+        self.settle(by)
+        return dialogue
 
     def settle(self, unit: str) -> None:
         """Send what a platform has to say after it was stepped by hand."""
-        self.perform(unit, self.nodes[unit].platform.settle())
+        self.perform(unit, self.nodes[unit].process.on_time(self.now_us))
 
     def inject(self, key: str, payload: bytes) -> None:
         """Somebody who is no platform puts bytes on a key."""
@@ -228,7 +257,7 @@ class Wire:
         until_us = self.now_us + round(seconds * 1e6)
         while True:
             due_us, unit = min(
-                ((n.platform.deadline_us, u) for u, n in self.nodes.items() if not n.frozen), default=(until_us + 1, "")
+                ((n.process.deadline_us, u) for u, n in self.nodes.items() if not n.frozen), default=(until_us + 1, "")
             )
             if self._queue and self._queue[0][0] <= due_us:
                 if self._queue[0][0] > until_us:
@@ -240,10 +269,18 @@ class Wire:
                 break
             else:
                 self.now_us = max(self.now_us, due_us)
-                self.perform(unit, self.nodes[unit].platform.on_time(self.now_us))
+                self.perform(unit, self.nodes[unit].process.on_time(self.now_us))
         self.now_us = until_us
 
     # -- what tests look at ------------------------------------------------------------------------------------
+
+    @property
+    def platforms(self) -> dict[str, Platform]:
+        """Those that run, by unit."""
+        return {unit: node.process for unit, node in self.nodes.items() if isinstance(node.process, Platform)}
+
+    def member(self, unit: str) -> Member:
+        return self.nodes[unit].process.member
 
     def platform(self, unit: str) -> Platform:
         return self.nodes[unit].platform
@@ -301,10 +338,10 @@ class Wire:
                     self._ask(unit, node, effect)
                 case Answer(ask, key, payload):
                     asker, question = self._asked[ask]
-                    self._post(unit, asker.platform.unit, Answered(question, key, 0, payload))
+                    self._post(unit, asker.process.member.unit, Answered(question, key, 0, payload))
                 case AnswerEnd(ask):
                     asker, question = self._asked.pop(ask)
-                    self._post(unit, asker.platform.unit, AskEnded(question, 0))
+                    self._post(unit, asker.process.member.unit, AskEnded(question, 0))
                 case Command():
                     node.commands.append((self.now_us, effect))
                     answer = node.vehicle.answer if node.vehicle is not None else ""
@@ -349,7 +386,7 @@ class Wire:
         if node.frozen:
             node.waiting.append(event)
             return
-        self.perform(unit, node.platform.on_event(event, self.now_us))
+        self.perform(unit, node.process.on_event(event, self.now_us))
 
     def _later(self, after_us: int, happen: Callable[[], None]) -> None:
         heappush(self._queue, (self.now_us + after_us, next(self._numbers), happen))

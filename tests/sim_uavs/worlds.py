@@ -9,8 +9,8 @@ from agents.config import PlatformConfig
 from agents.flight.places import FlightPlan
 from agents.monitoring.alarm_log import AlarmLog
 from agents.platform import Platform
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.contents import Alarm, Cancel
+from federation.messages.contents import Alarm
+from federation.messages.dialogue import Dialogue
 from navigation.geodesy import LocalFrame
 from sim_uavs.dynamics.flight_plans import plan_of
 from sim_uavs.dynamics.quadcopter import Vector
@@ -18,7 +18,7 @@ from sim_uavs.dynamics.routes import through
 from sim_uavs.dynamics.scenarios import ORIGIN, scenario
 from sim_uavs.dynamics.settings import HomePlace, VehicleConfig
 from sim_uavs.dynamics.vehicles import SimulatedVehicle
-from sim_uavs.world.units import WorldDialogue, WorldNode
+from sim_uavs.world.units import WorldNode
 from sim_uavs.world.wire import Wire
 from sim_uavs.world.world import World
 
@@ -45,8 +45,9 @@ class WatchedWorld(World):
 
     def _boot(self, node: WorldNode) -> None:
         super()._boot(node)
-        unit, platform = node.config.unit, node.platform
-        assert platform is not None
+        unit, platform = node.unit, node.platform
+        if platform is None:
+            return
         watched = Watched(platform, self.now_us)
         self.watched.setdefault(unit, []).append(watched)
         monitors, calls = platform.ports.monitors, watched.calls
@@ -139,9 +140,11 @@ def place(found: Any) -> tuple[float, float, float]:
     return FRAME.to_ned(found.latitude_deg, found.longitude_deg, found.altitude_m)
 
 
-def alarms(dialogue: WorldDialogue, monitor: str, event: str = "opened") -> list[Alarm]:
+def alarms(dialogue: Dialogue, monitor: str, event: str = "opened") -> list[Alarm]:
     """What the delegator was told of one monitor."""
-    return [told for told in dialogue.contents(Alarm) if (told.monitor, told.event) == (monitor, event)]
+    return [
+        told for told in dialogue.results if isinstance(told, Alarm) and (told.monitor, told.event) == (monitor, event)
+    ]
 
 
 def raised(world: World, unit: str, monitor: str, event: str = "opened") -> list[Any]:
@@ -149,6 +152,7 @@ def raised(world: World, unit: str, monitor: str, event: str = "opened") -> list
     return [
         found
         for platform in world.nodes[unit].lives
+        if isinstance(platform, Platform)
         for found in platform.part(AlarmLog).events
         if (found.monitor, found.event) == (monitor, event)
     ]
@@ -156,14 +160,13 @@ def raised(world: World, unit: str, monitor: str, event: str = "opened") -> list
 
 def cancel_task(world: World, by: str, unit: str, conversation: str) -> None:
     """End a task at whoever leads it now, as `dyknow cancel` does."""
-
-    def send(platform: Platform, now_us: int) -> None:
-        me, it = AgentName("interface", by), AgentName("interface", unit)
-        act = Act(Performative.CANCEL, me, it, Cancel().expr(), conversation_id=conversation)
-        desk = platform.ports.agent
-        desk.acts._handle(desk.conversations.send(act, now_us)[1], now_us)
-
-    world.call(by, send)
+    dialogue = Dialogue(unit)
+    world.speak(
+        by,
+        lambda member, now_us: member.acts.cancel_task(
+            unit, conversation, now_us, on_reply=dialogue.on_reply, on_silence=dialogue.on_silence
+        ),
+    )
 
 
 def leaders(world: World) -> list[str]:

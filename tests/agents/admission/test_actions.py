@@ -62,7 +62,7 @@ def denied(wire: Wire, by: str, agent: str, action: Action) -> str | None:
     before = dict(platform.ports.agent.audit_log.counts)
     performative = P.QUERY_REF if action.performatives == QUERIED else next(iter(action.performatives))
     number = next(wire._numbers)
-    boot = wire.platform(by).config.boot
+    boot = wire.member(by).boot
     act = Act(
         performative, AgentName("interface", by), AgentName(agent, "0"), example(action).expr(),
         conversation_id=f"{by}-{number}", boot=boot + 1, seq=number, created_us=wire.now_us,

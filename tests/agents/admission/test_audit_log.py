@@ -75,7 +75,7 @@ def test_the_account_is_what_crossed_the_wire(wire: Wire, seed: int) -> None:
         by, to = rng.sample(units, 2)
         performative, content = rng.choice(QUESTIONS)
         if performative is P.INFORM:
-            wire.platform(by).ports.agent.tell(to, content, wire.now_us)
+            wire.member(by).acts.tell(to, content, wire.now_us)
             wire.settle(by)
         else:
             open_.append((by, to, wire.ask(by, to, content, performative).conversation))
@@ -83,8 +83,7 @@ def test_the_account_is_what_crossed_the_wire(wire: Wire, seed: int) -> None:
             wire.cancel(*rng.choice(open_))
         wire.run(rng.choice([0.0, 0.01, 0.3]))
     wire.run(6.0)
-    for unit in units:
-        platform = wire.platform(unit)
+    for unit, platform in wire.platforms.items():
         out, into = crossed(wire, unit)
         assert accounted(platform, "out") == out
         assert accounted(platform, "in") == into

@@ -177,7 +177,7 @@ def test_only_who_asked_or_a_command_centre_ends_a_task(signed: Wire) -> None:
 
 
 def test_forged_foreign_unsigned_and_replayed_acts_are_counted_and_not_acted_on(signed: Wire) -> None:
-    boot = signed.platform("cc").config.boot
+    boot = signed.member("cc").boot
 
     def order(seq: int) -> Act:
         return Act(

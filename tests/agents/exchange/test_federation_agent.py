@@ -143,7 +143,7 @@ def test_a_local_answer_longer_than_an_act_comes_in_pages(wire: Wire, node: Plat
     found = [reading.valid_us for page in pages for reading in page.samples]
     assert len(found) == 551
     assert found == sorted(found)
-    assert wire.platform("cc").ports.agent.conversations.conversations() == [], "closed by the last page"
+    assert wire.member("cc").acts.conversations.conversations() == [], "closed by the last page"
 
 
 def test_a_global_answer_longer_than_an_act_comes_in_pages_and_nothing_is_left_out(wire: Wire, node: Platform) -> None:
@@ -163,7 +163,7 @@ def test_a_global_answer_longer_than_an_act_comes_in_pages_and_nothing_is_left_o
     assert pages[-1].merged is not None
     assert all(page.missing == () and page.merged is None for page in pages[:-1])
     for unit in ("0", "1", "cc"):
-        assert wire.platform(unit).ports.agent.conversations.conversations() == []
+        assert wire.member(unit).acts.conversations.conversations() == []
 
 
 def test_a_silent_platform_costs_a_global_question_its_answer_and_not_the_others(wire: Wire, node: Platform) -> None:

@@ -51,9 +51,9 @@ def test_a_peer_calls_it_and_its_stream_is_queried_and_exported(extended: Wire) 
 def test_it_is_in_the_directory_and_one_without_it_does_not_understand(extended: Wire) -> None:
     from examples.extension.beacon import RingBeacon
 
-    offering = extended.platform("cc").ports.directory.search(service="beacon")
+    offering = extended.member("cc").directory.search(service="beacon")
     assert sorted(entry.unit for entry in offering) == ["0", "1"]
-    assert [e.unit for e in extended.platform("cc").ports.directory.search(label="beacon-rings")] == ["0", "1"]
+    assert [e.unit for e in extended.member("cc").directory.search(label="beacon-rings")] == ["0", "1"]
     assert extended.asked("1", "2", RingBeacon()).performatives == [P.NOT_UNDERSTOOD]
 
 

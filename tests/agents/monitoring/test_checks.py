@@ -65,7 +65,7 @@ def pair() -> Any:
 def asked(pair: Any, text: str, timeout_s: float = 8.0) -> tuple[list[Performative], Any]:
     dialogue = pair.world.ask("1", "0", CheckFormula(text=text, timeout_s=timeout_s), Performative.REQUEST)
     pair.world.run_for(timeout_s + 1)
-    return [act.performative for _, act, _ in dialogue.replies], dialogue.replies[-1]
+    return [act.performative for act, _ in dialogue.said], dialogue.said[-1]
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def asked(pair: Any, text: str, timeout_s: float = 8.0) -> tuple[list[Performati
 def test_a_formula_over_streams_of_the_specification_is_decided_with_the_samples_that_did(
     pair: Any, text: str, verdict: str, label: str
 ) -> None:
-    performatives, (_, _, said) = asked(pair, text)
+    performatives, (_, said) = asked(pair, text)
     assert performatives == [Performative.AGREE, Performative.INFORM]
     assert isinstance(said, Verdict)
     assert (said.verdict, said.no_value, said.missing) == (verdict, (), ())
@@ -104,7 +104,7 @@ def test_a_formula_speaks_of_streams_of_the_specification_and_of_derived_feature
         now_us = pair.world.platform("0").ports.network.now_us // PERIOD_US * PERIOD_US
         instance.push("fed", now_us, (90.0,), pair.world.platform("0").ports.network.now_us)
         pair.world.run_for(0.1)
-    said = dialogue.replies[-1][2]
+    said = dialogue.said[-1][1]
     assert (said.verdict, said.no_value, said.missing) == ("false", (), ())
     assert {label: value for one in said.because for label, value in one.samples.items()} == {
         "speed[car1]": 30.0,
@@ -116,7 +116,7 @@ def test_a_formula_speaks_of_streams_of_the_specification_and_of_derived_feature
 
 def test_what_brings_nothing_is_named_when_the_time_is_over(pair: Any) -> None:
     pair.specify("0", f"{SPECIFICATION}source number fed\nstrmgen speed[car3] = fed\n")
-    _, (_, _, said) = asked(pair, "always (speed[car1] >= 0 and speed[car3] > 0)", 1.0)
+    _, (_, said) = asked(pair, "always (speed[car1] >= 0 and speed[car3] > 0)", 1.0)
     assert (said.verdict, said.no_value, said.missing) == ("undecided", ("speed[car3]",), ("speed[car3]",))
 
 
@@ -132,7 +132,7 @@ def test_what_brings_nothing_is_named_when_the_time_is_over(pair: Any) -> None:
 def test_what_cannot_be_checked_is_refused_in_words_and_leaves_nothing(
     pair: Any, text: str, words: tuple[str, ...]
 ) -> None:
-    performatives, (_, _, said) = asked(pair, text, 0.5)
+    performatives, (_, said) = asked(pair, text, 0.5)
     assert len(performatives) == 1
     assert performatives[0] in {Performative.REFUSE, Performative.NOT_UNDERSTOOD}
     for each in words:

@@ -44,7 +44,7 @@ def ask(world, **given):
 
 
 def recognised(dialogue):
-    return [said for _, _, said in dialogue.replies if isinstance(said, Recognised)]
+    return [said for said in dialogue.results if isinstance(said, Recognised)]
 
 
 def running(world):
@@ -65,17 +65,18 @@ def test_each_instance_is_told_when_it_is_certain_and_the_end_when_the_time_is_o
     for each in found:
         assert each.chronicle == "turns"
         assert each.recognised_us == each.instants["t2"] == each.instants["t1"] + PERIOD_US
-    times = {said.recognised_us: at_us for at_us, _, said in dialogue.replies if isinstance(said, Recognised)}
-    assert all(200_000 <= at_us - certain_us <= 300_000 for certain_us, at_us in times.items())
+    heard_us = {e.act.seq: e.at_us for e in world.platform("0").ports.agent.audit_log.entries if e.direction == "in"}
+    times = [(said.recognised_us, heard_us[act.seq]) for act, said in dialogue.said if isinstance(said, Recognised)]
+    assert all(200_000 <= at_us - certain_us <= 300_000 for certain_us, at_us in times)
     world.run_for(4)
-    assert dialogue.replies[-1][2] == Reason(text="its time is over")
+    assert dialogue.said[-1][1] == Reason(text="its time is over")
     assert running(world) == []
 
 
 def test_who_does_not_want_to_know_any_more_ends_it(world):
     dialogue = ask(world, timeout_s=600.0)
     world.run_for(4)
-    world.cancel(dialogue)
+    world.cancel("0", dialogue)
     world.run_for(1)
     heard = len(recognised(dialogue))
     world.run_for(4)
@@ -96,8 +97,7 @@ def test_who_does_not_want_to_know_any_more_ends_it(world):
 def test_what_cannot_be_recognised_is_refused_in_words(world, text, said):
     dialogue = ask(world, text=text)
     world.run_for(1)
-    (reply,) = dialogue.replies
-    _, act, why = reply
+    ((act, why),) = dialogue.said
     assert act.performative is not Performative.AGREE
     assert isinstance(why, Reason)
     assert said in why.text
@@ -107,4 +107,4 @@ def test_what_cannot_be_recognised_is_refused_in_words(world, text, said):
 def test_there_are_no_more_than_so_many(world):
     dialogues = [ask(world) for _ in range(MOST + 1)]
     world.run_for(1)
-    assert [dialogue.replies[0][1].performative.value for dialogue in dialogues] == ["agree"] * MOST + ["refuse"]
+    assert [dialogue.said[0][0].performative.value for dialogue in dialogues] == ["agree"] * MOST + ["refuse"]

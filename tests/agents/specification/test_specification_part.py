@@ -285,7 +285,7 @@ def places(from_us):
 def listed_and_told(pair):
     asked = [pair.world.ask("1", "0", each, Performative.QUERY_REF) for each in (Monitors(), AlarmList())]
     pair.world.run_for(1)
-    monitors, alarms = (next(said for _, act, said in each.replies if said is not None) for each in asked)
+    monitors, alarms = (each.results[0] for each in asked)
     return monitors.monitors, alarms.alarms
 
 
@@ -420,7 +420,7 @@ def asks(pair, op="latest", seconds=1.5, **times):
     query = Query(semantic_label="heli-position", op=op, **times)
     dialogue = pair.world.ask("0", "1", query, Performative.QUERY_REF)
     pair.world.run_for(seconds)
-    return dialogue.replies[-1][2]
+    return dialogue.said[-1][1]
 
 
 def test_a_query_rouses_what_rests_and_its_first_sample_is_the_answer():

@@ -7,9 +7,8 @@ import pytest
 from agents.platform import Platform
 from dyknow import US_PER_S
 from federation import keys
-from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import decode_act
-from federation.messages.contents import Cancel, MonitorProximity
+from federation.messages.contents import MonitorProximity
 from federation.sharing.streams import ImportStream
 from federation.transport import Put
 from tests.agents.wire import Vehicle, Wire
@@ -128,11 +127,7 @@ def test_what_was_asked_for_before_a_cut_ends_with_the_task_after_it(wire: Wire,
     wire.deaf.clear()
     wire.run(8.0)
     (leader,) = [u for u in UNITS for t in wire.nodes[u].platform.ports.tasks.all() if not t.is_part]
-    centre = wire.nodes["cc"].platform.ports.agent
-    cancel = Act(
-        Performative.CANCEL, AgentName("interface", "cc"), AgentName("interface", leader), Cancel().expr(), task
-    )
-    centre.acts._handle(centre.conversations.send(cancel, wire.now_us)[1], wire.now_us)
+    wire.cancel_task("cc", leader, task)
     wire.run(10.0)
     assert watched(wire) == {}
     for unit in UNITS:

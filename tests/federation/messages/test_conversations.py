@@ -274,6 +274,22 @@ def test_a_cancel_that_is_not_answered_is_a_failure() -> None:
     assert a.on_time(1_000_000 + REPLY_BY_US) == [TimedOut("a-1-1", said, "no answer to cancel in time")]
 
 
+@pytest.mark.parametrize("conversation", ["a-1-1", "c-9-4"])
+def test_a_cancel_of_what_was_lost_or_another_member_opened_is_answered_or_fails(conversation: str) -> None:
+    for is_answered in (True, False):
+        a, b, _ = opened(standing=True)
+        a.peer_gone("b")
+        said, (put,) = a.send(act(P.CANCEL, GOTO, conversation_id=conversation), 0)
+        incoming = hear(b, put)[-1]
+        assert isinstance(incoming, Incoming)
+        if is_answered:
+            assert only_reply(hear(a, b.answer(incoming.act, P.INFORM, DONE, 1)[0])).closed
+        else:
+            a.on_receipt("b", Receipt(1, (1, 2)))
+            assert a.on_time(REPLY_BY_US) == [TimedOut(conversation, said, "no answer to cancel in time")]
+        assert a.conversations() == []
+
+
 def test_a_standing_request_that_failed_in_silence_is_cancelled_too() -> None:
     a, b, said = opened(standing=True)
     a.on_receipt("b", Receipt(1, (1,)))

@@ -14,8 +14,8 @@ import pytest
 
 from agents.monitoring.alarm_log import AlarmLog
 from federation.messages.contents import MonitorProximity
+from federation.messages.dialogue import Dialogue
 from federation.sharing.exports import LINGER_US
-from sim_uavs.world.units import WorldDialogue
 from tests.sim_uavs.oracle import PERIOD_US, heard_in, spans, truly_violated, unalarmed, unfounded
 from tests.sim_uavs.world.fault_schedule import ScheduledFault, arrange, draw_faults
 from tests.sim_uavs.worlds import WatchedWorld, cancel_task, crowd, fly_scenario, is_down, kept_by, leaders, raised
@@ -27,7 +27,7 @@ NOISE_M = 2.0
 SEEDS = [pytest.param(seed, marks=() if seed % 80 in {0, 30} else pytest.mark.full) for seed in range(500)]
 
 
-def run(seed: int, faults: int = 4) -> tuple[WatchedWorld, WorldDialogue, tuple[ScheduledFault, ...], int]:
+def run(seed: int, faults: int = 4) -> tuple[WatchedWorld, Dialogue, tuple[ScheduledFault, ...], int]:
     """Three UAVs in one place for half a minute, and ten seconds after the last fault. In half of them they give way."""
     gives_way = seed // 10 % 2 == 0
     world = crowd(seed, len(UAVS), avoidance=gives_way)
@@ -48,7 +48,7 @@ def test_whatever_happens_alarms_are_right_and_nothing_stays_open(seed):
     assert not overdue(world), told
     world.run_for(2)
     for unit in world.nodes:
-        assert [entry.unit for entry in world.platform(unit).ports.directory.entries()] == [*UAVS, "cc"], told
+        assert [entry.unit for entry in world.nodes[unit].process.member.directory.entries()] == [*UAVS, "cc"], told
     (leader,) = leaders(world)
     for unit in UAVS:
         over = {(name, m) for name, n in world.platform(unit).ports.monitors.named.items() for m in n.instances}
@@ -132,8 +132,8 @@ def overdue(world):
     return [
         (unit, conversation.opening.conversation_id, conversation.phase)
         for unit, node in world.nodes.items()
-        if node.platform is not None
-        for conversation in node.platform.ports.agent.conversations.conversations()
+        if node.process is not None
+        for conversation in node.process.member.acts.conversations.conversations()
         if (
             conversation.phase.value in {"asked", "cancelling"}
             if conversation.due_us is None

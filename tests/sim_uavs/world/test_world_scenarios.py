@@ -39,7 +39,7 @@ def test_two_that_meet_warn_in_time_fly_apart_and_resume(name):
         opened = raised(world, unit, "proximity-warn")
         assert len(opened) == 1, "the warning does not flicker into a second manoeuvre"
         assert opened[0].detected_us - opened[0].valid_us <= LATEST_US
-        plan = world.nodes[unit].config.plan
+        plan = world.platform(unit).config.plan
         end = place(plan.waypoints[-1])
         assert max(abs(a - b) for a, b in zip(place(world.nodes[unit].truth[-1]), end, strict=True)) < 3.0
     assert all(not raised(world, unit, "proximity") for unit in "012")
@@ -59,8 +59,8 @@ def test_told_not_to_give_way_they_meet_and_both_alarms_open():
 @pytest.mark.parametrize("partner", [{"control": False}, {"avoidance": False}])
 def test_a_partner_that_cannot_be_commanded_leaves_the_manoeuvre_to_the_other(partner):
     world = fly_scenario(2, "crossing", 2, settings={"0": partner})
-    node = world.nodes["0"]
-    goal = GoToOrder(*node.config.plan.waypoints[-1][:3], node.config.plan.speed_m_s)
+    node, plan = world.nodes["0"], world.platform("0").config.plan
+    goal = GoToOrder(*plan.waypoints[-1][:3], plan.speed_m_s)
     world.at(world.start_us + PLAN_US, node.vehicle.on_command, Command(0, goal), 0, 0)  # somebody else flies it
     delegated(world)
     world.run_for(60)
@@ -124,7 +124,7 @@ def test_a_global_query_names_whom_it_misses():
     query = Query(semantic_label="heli-position", op="latest", scope="global")
     asked = world.ask("cc", "0", query, Performative.QUERY_REF, within_us=3 * S)
     world.run_for(3)
-    (answers,) = asked.contents(Answers)
+    (answers,) = [each for each in asked.results if isinstance(each, Answers)]
     assert {samples.unit for samples in answers.answers} == {"0", "1", "2"}
     assert [missing.unit for missing in answers.missing] == ["3"]
 

@@ -67,7 +67,7 @@ def values(found: object) -> list[tuple[int, float]]:
 
 def test_9_3_2_the_directory_facilitator_finds_services_and_who_provides_them(federation: Wire) -> None:
     for unit in ("a", "cc"):
-        found = federation.platform(unit).ports.directory.search(service="dyknow-federation")
+        found = federation.member(unit).directory.search(service="dyknow-federation")
         assert [entry.unit for entry in found] == list("abcd")
     found_by_act = federation.asked("cc", "a", Search(service="dyknow-federation"), P.QUERY_REF).contents[0]
     assert found_by_act == Found(agents=tuple(f"interface@{unit}" for unit in "abcd"))
