@@ -11,10 +11,10 @@ from typing import TypeVar
 from agents.audit_log import AuditLog
 from agents.part import ClockCompared, PeerChange
 from dyknow.model.errors import Refused
-from federation.members.correspondence import INTERFACE, OnSilence
+from federation.members.correspondence import OnSilence
 from federation.members.directory import DirectoryEvent
 from federation.members.member import Member, MemberAgents
-from federation.messages.acts import Act, AgentName, Performative
+from federation.messages.acts import Act, Performative
 from federation.messages.contents import Content, Done, Reason
 
 P = Performative
@@ -35,6 +35,7 @@ class InterfaceAgent:
         member: what it takes to be in a federation: directory, clock offsets, imported streams, acts.
         requests: acts that arrived and were not admitted yet.
         lost: the opening acts of conversations whose initiators are gone.
+        own_answers: takes those to the request of an agent of this platform, while it is made.
     """
 
     def __init__(
@@ -50,7 +51,7 @@ class InterfaceAgent:
         self.conversations = self.acts.conversations
         self.requests: list[Act] = []
         self.lost: list[Act] = []
-        self._local: dict[str, Callable[[Act], None]] = {}
+        self.own_answers: list[Act] | None = None
 
     # -- out ---------------------------------------------------------------------------------------------------
 
@@ -99,10 +100,9 @@ class InterfaceAgent:
     def answer(self, act: Act, performative: Performative, content: Content | None, now_us: int) -> None:
         """Answer an act that came in, in its conversation."""
         if act.sender.unit == self.unit:
-            on_answer = self._local.get(act.conversation_id or "")
-            if on_answer is not None:
+            if self.own_answers is not None:
                 expr = None if content is None else content.expr()
-                on_answer(self.conversations.answering(act, performative, expr))
+                self.own_answers.append(self.conversations.answering(act, performative, expr))
             return
         standing = performative is P.AGREE and act.content is not None and act.content.head in self._lasting
         self.acts.answer(act, performative, content, now_us, standing=standing)
@@ -134,17 +134,6 @@ class InterfaceAgent:
     def cancel(self, unit: str, conversation: str, now_us: int) -> None:
         """End our request to `unit` in `conversation`."""
         self.acts.cancel(unit, conversation, now_us)
-
-    def local_act(self, agent: str, content: Content, on_answer: Callable[[Act], None], by: str = INTERFACE) -> Act:
-        """A request of one agent of this platform to another: it is answered here, and not entered into the log."""
-        conversation = self.conversations.new_conversation()
-        self._local[conversation] = on_answer
-        sender, receiver = AgentName(by, self.unit), AgentName(agent, self.unit)
-        return Act(P.REQUEST, sender, receiver, content.expr(), conversation_id=conversation)
-
-    def end_local(self, act: Act) -> None:
-        """No more answers to a local act are taken."""
-        self._local.pop(act.conversation_id or "", None)
 
     # -- in ----------------------------------------------------------------------------------------------------
 

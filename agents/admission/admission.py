@@ -17,7 +17,7 @@ from federation import keys
 from federation.members.correspondence import INTERFACE
 from federation.members.liveness import PlatformAppeared, PlatformGone, PlatformReturned
 from federation.members.offers import Service, Visibility
-from federation.messages.acts import Act, Performative
+from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.contents import Content, Done, Reason, read
 from federation.messages.protocols import OPENING
 from federation.transport import Arrived, Subscribe
@@ -119,13 +119,15 @@ class Admission(Part):
         """Acknowledge what no act of this step did."""
         self._interface.acts.flush()
 
-    def ask_locally(
-        self, agent: str, content: Content, now_us: int, on_answer: Callable[[Act], None], *, by: str = INTERFACE
-    ) -> None:
-        """An agent of this platform asks another; answers that come at once are taken."""
-        act = self._interface.local_act(agent, content, on_answer, by)
-        self._consider(act, now_us)
-        self._interface.end_local(act)
+    def ask_locally(self, by: str, agent: str, content: Content, now_us: int) -> list[Act]:
+        """Agent `by` of this platform asks another; the answers that come at once. Nothing of it is in the audit log."""
+        interface = self._interface
+        sender, receiver = AgentName(by, self._unit), AgentName(agent, self._unit)
+        conversation = interface.conversations.new_conversation()
+        answers = interface.own_answers = []
+        self._consider(Act(P.REQUEST, sender, receiver, content.expr(), conversation_id=conversation), now_us)
+        interface.own_answers = None
+        return answers
 
     # -- admission ---------------------------------------------------------------------------------------------
 

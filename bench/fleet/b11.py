@@ -20,7 +20,6 @@ from bench.wire.raw import STAMP, latencies, opened
 from bench.workers import Worker
 from dyknow import US_PER_S
 from federation import keys
-from federation.messages.acts import Act
 from federation.messages.codec import StreamSample, encode_samples
 from federation.messages.contents import MonitorProximity
 from reasoning import AlarmEvent
@@ -154,18 +153,12 @@ class Monitoring(Member):
         """Have this platform lead the task."""
 
         def asked() -> None:
-            self.platform.part(Admission).ask_locally(
-                COORDINATION.agent,
-                MonitorProximity(profile="proximity", avoidance=False),
-                self.clock.now_us(),
-                self._on_answer,
-            )
+            content, admission = MonitorProximity(profile="proximity", avoidance=False), self.platform.part(Admission)
+            for answer in admission.ask_locally("interface", COORDINATION.agent, content, self.clock.now_us()):
+                self.task = answer.conversation_id or ""
 
         self.do(asked)
         return True
-
-    def _on_answer(self, act: Act) -> None:
-        self.task = act.conversation_id or ""
 
     def settled(self) -> bool:
         """Every monitor has fresh inputs."""

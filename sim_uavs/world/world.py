@@ -47,7 +47,7 @@ from sim_uavs.dynamics.faults import SimulatedFault, parse_fault
 from sim_uavs.dynamics.vehicles import SimulatedVehicle
 from sim_uavs.world.agenda import Agenda
 from sim_uavs.world.sessions import SessionLink
-from sim_uavs.world.units import DriftingClock, WorldNode, WorldProcess
+from sim_uavs.world.units import DriftingClock, WorldNode
 from sim_uavs.world.wire import LEASE_US, Wire
 
 START_US = 1_700_000_000_000_000

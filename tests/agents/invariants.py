@@ -17,7 +17,7 @@ def check(wire: Wire) -> None:
         _subscriptions_are_what_is_imported(wire, process.member)
         assert process.deadline_us > wire.now_us, "what is due was done"
     for platform in (process for process in running if isinstance(process, Platform)):
-        assert platform.ports.agent._local == {}
+        assert platform.ports.agent.own_answers is None
         _subscriptions_in_the_instance_have_a_reason(platform)
         _monitors_have_owners(platform)
         _the_account_is_what_crossed(wire, platform)

@@ -69,9 +69,8 @@ def test_the_rules_of_9_3_2_are_this_table() -> None:
 def test_an_agent_of_the_own_platform_uses_every_service(wire: Wire, node: Platform, visibility: Visibility) -> None:
     wire.run(1.0)
     agent, content = ASKED[visibility]
-    heard: list[Act] = []
     before = sum(node.ports.agent.audit_log.counts.values())
-    node.part(Admission).ask_locally(agent, content, wire.now_us, heard.append, by="coordination")
+    heard = node.part(Admission).ask_locally("coordination", agent, content, wire.now_us)
     assert [act.performative for act in heard] == [P.INFORM]
     assert sum(node.ports.agent.audit_log.counts.values()) == before, "what stays on the platform is not in its account"
 

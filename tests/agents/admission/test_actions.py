@@ -90,9 +90,8 @@ def test_the_answer_is_what_the_action_says(roster: Wire, service: Service, acti
 
 @pytest.mark.parametrize(("service", "action"), ACTIONS, ids=IDS)
 def test_agents_of_the_own_platform_reach_every_action(roster: Wire, service: Service, action: Action) -> None:
-    heard: list[Act] = []
     admission = roster.platform("0").part(Admission)
-    admission.ask_locally(service.agent, example(action), roster.now_us, heard.append, by="coordination")
+    heard = admission.ask_locally("coordination", service.agent, example(action), roster.now_us)
     roster.settle("0")
     codes = {read(act.content).code for act in heard if act.content is not None and act.content.head == Reason.head}
     assert codes.isdisjoint({"role", *map(str, Visibility)})
