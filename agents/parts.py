@@ -19,7 +19,6 @@ from agents.admission.limits import ActLimits
 from agents.admission.message_log import MessageLog
 from agents.audit_log import AuditLog
 from agents.config import PlatformConfig
-from agents.directory.clocks import Clocks
 from agents.directory.directory import DirectoryAgent
 from agents.effects import Effect
 from agents.exchange.export_proxy import ExportProxy
@@ -56,13 +55,14 @@ from federation.members.offsets import ClockOffsets
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from federation.sharing.exports import Exports
 from federation.sharing.ontology import Convert, Translation
+from federation.transport import Reopen, WireEffect
 from kpl import Instance
 from reasoning import AlarmEvent
 
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    FlightAgent, Faults, LocalInstance, FederationAgent, ImportProxy, SubscriptionKeeper, Clocks, Admission, UnitMonitoring,
+    FlightAgent, Faults, LocalInstance, FederationAgent, ImportProxy, SubscriptionKeeper, Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     MessageLog, DirectoryAgent,
 )  # fmt: skip
@@ -136,10 +136,15 @@ class Ports:
     def agent(self) -> InterfaceAgent:
         config, audit_log = self.config, AuditLog()
 
+        def emit(effect: WireEffect) -> None:
+            if isinstance(effect, Reopen):
+                self.note(f"opens a new session: {effect.why}")
+            self.emit(effect)
+
         def member(agents: MemberAgents) -> Member:
             return Member(
-                self.unit, self.boot, self.started_us, agents, audit_log.enter, self.emit,
-                kind="uav", zid=config.zid, clock=self.clock, trust=config.trust,
+                self.unit, self.boot, self.started_us, agents, audit_log.enter, emit,
+                kind="uav", zid=config.zid, clock=self.clock, trust=config.trust, tails=self.exports.tails,
             )  # fmt: skip
 
         return InterfaceAgent(member, lasting_heads(config.extensions), audit_log, self.on_peer)

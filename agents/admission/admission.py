@@ -9,18 +9,16 @@ from typing import Any, TypeAlias
 
 from agents.actions import Action, Role, ServiceTable
 from agents.admission.limits import ActLimits
-from agents.effects import Effect
 from agents.interface import InterfaceAgent
-from agents.part import Followed, Part, PeerChange
+from agents.part import ClockCompared, Followed, Part, PeerChange
 from dyknow.model import errors
 from federation import keys
 from federation.members.correspondence import INTERFACE
-from federation.members.liveness import PlatformAppeared, PlatformGone, PlatformReturned
 from federation.members.offers import Service, Visibility
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.contents import Content, Done, Reason, read
 from federation.messages.protocols import OPENING
-from federation.transport import Arrived, Subscribe
+from federation.transport import Arrived
 
 P = Performative
 Handler: TypeAlias = Callable[[Act, Any, int], None]
@@ -54,7 +52,6 @@ class Admission(Part):
         parts: all others of the platform: their actions, cancels and losses.
         limits: how much one peer may ask.
         role_of: what a unit may ask for.
-        emit: takes effects.
         refuse: counts what is dropped before it is an act.
 
     Raises:
@@ -70,21 +67,16 @@ class Admission(Part):
         parts: Sequence[Part],
         limits: ActLimits,
         role_of: Callable[[str], Role],
-        emit: Callable[[Effect], None],
         refuse: Callable[[str], None],
     ) -> None:
         self._interface, self._parts, self._limits, self._role_of = agent, tuple(parts), limits, role_of
-        self._emit, self._refuse, self._unit = emit, refuse, agent.unit
+        self._refuse, self._unit = refuse, agent.unit
         self.table = ServiceTable(offer for part in parts for offer in part.offers)
         self._handlers: dict[str, Handler] = {
             action.head: _handler(part, action) for part in parts for offer in part.offers for action in offer.actions
         }
 
     # -- events ------------------------------------------------------------------------------------------------
-
-    def start(self, _now_us: int) -> None:
-        self._emit(Subscribe(keys.inbox(self._unit)))
-        self._emit(Subscribe(keys.BROADCAST))
 
     def on_act(self, event: Arrived, _now_us: int) -> Followed:
         """Bytes on an act key; raises DecodeError for what is none."""
@@ -100,19 +92,8 @@ class Admission(Part):
         return None
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
-        match change:
-            case PlatformAppeared() | PlatformReturned():
-                self._interface.acts.peer_appeared(change.unit, change.boot, now_us)
-            case PlatformGone():
-                self._interface.acts.peer_gone(change.unit, now_us)
-        self._admit_all(now_us)
-
-    @property
-    def deadline_us(self) -> int | None:
-        return self._interface.acts.deadline_us
-
-    def on_time(self, now_us: int) -> None:
-        self._interface.acts.on_time(now_us)
+        if not isinstance(change, ClockCompared):
+            self._interface.member.follow(change, now_us)
         self._admit_all(now_us)
 
     def flush(self) -> None:

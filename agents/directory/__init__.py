@@ -1,4 +1,4 @@
 """What a platform knows and tells of the others and of itself: the Directory Facilitator and questions about state.
 
-Peers that come and go are turned into events for the other parts. Subscriptions to alarms, acts and directory changes are served here.
+The agent steps the platform's member. Subscriptions to directory changes are served here.
 """

@@ -3,29 +3,26 @@
 Times are the node clock.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from agents.actions import FEDERATION, QUERIED, SUBSCRIBED, Action, Offer, Role
 from agents.admission.message_log import ACCOUNT
 from agents.effects import Effect, Halt, LeaveRequested
-from agents.exchange.import_proxy import ImportProxy
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
 from agents.subscribers import Subscribers
 from agents.tasks.life import TaskLife
+from dyknow.model.errors import DecodeError
 from federation import keys
 from federation.members import liveness
-from federation.members.directory import Outcome
-from federation.members.member import Member, heartbeat_of
+from federation.members.member import Member
 from federation.members.offers import LabelAppeared, LabelGone, Service, ServiceAppeared, ServiceGone, Visibility
 from federation.members.replicas import PlatformRefused
 from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import Heartbeat
 from federation.messages.contents import MAX_LIST, Directory, DirectoryEvent, Found, Leave, Rejoin, Search
 from federation.messages.descriptions import ConditionEntry, LabelEntry
-from federation.sharing.exports import Exports
-from federation.transport import Answered, Arrived, Asked, AskEnded, Reopen, TokenChanged
+from federation.transport import Answered, Arrived, Asked, AskEnded, DeclareQueryable, TokenChanged
 
 JOINING_US = 5_000_000
 """How long after its start a platform may still be refused."""
@@ -34,10 +31,6 @@ NOTED = 64
 DIRECTORY: Final = Service("directory", "directory", Visibility.PUBLIC)
 MISSING_US = 60_000_000
 """How long a platform that timed out is listed as missing."""
-_CHANGES: Final = (
-    liveness.PlatformAppeared, liveness.PlatformReturned, liveness.PlatformSuspected, liveness.PlatformGone, ServiceAppeared, ServiceGone, LabelAppeared,
-    LabelGone, liveness.NameConflict, PlatformRefused,
-)  # fmt: skip
 _PLATFORM: Final[Mapping[type, str]] = {
     liveness.PlatformAppeared: "platform-appeared",
     liveness.PlatformSuspected: "platform-suspected",
@@ -47,11 +40,11 @@ _PLATFORM: Final[Mapping[type, str]] = {
 
 
 class DirectoryAgent(Part):
-    """Feeds the directory, tells the parts what changes in it, and answers questions about it.
+    """Steps the platform's member by what arrives and by time, and answers questions about the directory.
 
     Args:
         offered, labels: the services and semantic labels this platform offers, as they are now.
-        on_peer: called with every change.
+        fed: the parts that imported samples may make due earlier.
         emit, note: take effects, and words for users.
     """
 
@@ -72,13 +65,11 @@ class DirectoryAgent(Part):
         ),
     )
     answers = (DirectoryEvent, Found)
-    arrivals = {"hb": "on_heartbeat"}  # noqa: RUF012  (declarations)
+    arrivals = {"hb": "on_heartbeat", "x": "on_samples"}  # noqa: RUF012  (declarations)
     takes = {  # noqa: RUF012
-        TokenChanged: "on_token",
-        keys.DescribeKey: "on_asked",
-        Answered: "on_answered",
-        AskEnded: "on_ask_ended",
         LeaveRequested: "on_leave_requested",
+        AskEnded: "on_ask_ended",
+        **dict.fromkeys((TokenChanged, Answered, keys.ClockKey, keys.DescribeKey), "on_wire"),
     }
 
     def __init__(
@@ -89,44 +80,41 @@ class DirectoryAgent(Part):
         offered: Callable[[], Sequence[Service]],
         labels: Callable[[], Sequence[LabelEntry]],
         conditions: Callable[[], Sequence[ConditionEntry]],
-        importer: ImportProxy,
-        exports: Exports,
-        on_peer: Callable[[PeerChange, int], None],
+        fed: tuple[Part, ...],
         emit: Callable[[Effect], None],
         note: Callable[[str], None],
     ) -> None:
         self.facilitator, self._agent, self._offered, self._labels = member.directory, agent, offered, labels
         self._conditions = conditions
-        self._imports, self._importing, self._own_tails = member.imports, (importer,), exports.tails
-        self._member, self._is_twin = member, member.is_twin
+        self._member, self._emit, self._note = member, emit, note
         self._noted: set[str] = set()
-        self._publish, self._emit, self._note = on_peer, emit, note
-        self._continues, self._tails = member.directory.goes_on, member.imports.tails
         self._subscribers = Subscribers(agent, tasks)
         self._members: tuple[str, ...] | None = None
         self._missing: dict[str, int] = {}
         self._own: Followed = (self,)
+        self._fed: Followed = (self, *fed)
 
     # -- our own entry -----------------------------------------------------------------------------------------
 
     def start(self, now_us: int) -> None:
+        self._emit(DeclareQueryable(keys.clock(self._member.unit)))
         self.offer(now_us)
-        self._take(self.facilitator.start(now_us), now_us)
+        self._member.start(now_us)
 
     def offer(self, now_us: int) -> None:
         """Tell the others which services and labels there are now, and in which condition we are."""
         offered, labels, conditions = self._offered(), self._labels(), self._conditions()
-        self._take(self.facilitator.declare(offered, labels, now_us, self._own_tails(), conditions), now_us)
+        self._member.take(self.facilitator.declare(offered, labels, now_us, self._member.tails(), conditions), now_us)
 
     def on_leave_requested(self, event: LeaveRequested, _now_us: int) -> Followed:
         """Unregister: streams that are set up continue while the process lives (thesis 9.3.4)."""
-        self._take(self.facilitator.leave(event.at_us), event.at_us)
+        self._member.leave(event.at_us)
         return None
 
     def on_leave(self, act: Act, _content: Leave, now_us: int) -> None:
         """`(leave)`: the answer goes before the good-bye, since a platform that has left is not listened to."""
         self._agent.done(act, now_us)
-        self._take(self.facilitator.leave(now_us), now_us)
+        self._member.leave(now_us)
 
     def on_rejoin(self, act: Act, _content: Rejoin, now_us: int) -> None:
         """`(rejoin)`"""
@@ -135,74 +123,27 @@ class DirectoryAgent(Part):
 
     def rejoin(self, now_us: int) -> None:
         """Come back into the federation."""
-        self._take(self.facilitator.start(now_us, self._own_tails()), now_us)
+        self._member.take(self.facilitator.start(now_us, self._member.tails()), now_us)
 
     # -- what arrives ------------------------------------------------------------------------------------------
 
     def on_heartbeat(self, event: Arrived, now_us: int) -> Followed:
-        """Nearly all of what arrives besides samples, and nearly always nothing follows from it."""
-        key, at_us, payload = event
-        beat = heartbeat_of(key, payload)
-        if beat is None:
-            return self._on_announced(event, now_us)
-        if not self._continues(beat, at_us):
-            return self._on_changed(beat, at_us, now_us)
-        return () if self._tails.get(beat.unit) is beat.tails else self._follow(beat, at_us)
+        follows = self._member.on_heartbeat(event, now_us)
+        return self._own if follows is None else None if follows else ()
 
-    def _on_announced(self, event: Arrived, now_us: int) -> Followed:
-        key = keys.parse_key(event.key)
-        if not isinstance(key, keys.AnnouncementKey):
-            return None
-        self._take(self.facilitator.on_announced(key.unit, event.payload, event.at_us), now_us)
+    def on_samples(self, event: Arrived, _now_us: int) -> Followed:
+        """Samples were put on the key of a stream; raises DecodeError for malformed ones."""
+        if not self._member.imports.on_arrived(event):
+            raise DecodeError("key")
+        return self._fed
+
+    def on_wire(self, event: TokenChanged | Answered | Asked, now_us: int) -> Followed:
+        self._member.dispatch(event, now_us)
         return None
 
-    def _on_changed(self, beat: Heartbeat, at_us: int, now_us: int) -> Followed:
-        """A heartbeat that may tell of a change."""
-        if beat.unit == self.facilitator.unit and not self._is_twin(beat.boot, at_us):
-            return ()
-        outcome = self.facilitator.on_heartbeat(beat, at_us)
-        followed = self._follow(beat, at_us)
-        if not outcome:
-            return followed
-        self._take(outcome, now_us)
-        return None
-
-    def _follow(self, beat: Heartbeat, at_us: int) -> Followed:
-        return self._importing if self._imports.on_tails(beat.unit, beat.boot, beat.tails, at_us) else ()
-
-    def on_token(self, event: TokenChanged, now_us: int) -> Followed:
-        key = keys.parse_key(event.key)
-        if key is None:
-            return ()
-        return self._followed(self.facilitator.on_token(key, event.alive, event.at_us), now_us)
-
-    def on_asked(self, event: Asked, now_us: int) -> Followed:
-        self._take(self.facilitator.on_asked(event), now_us)
-        return None
-
-    def on_answered(self, event: Answered, now_us: int) -> Followed:
-        return self._followed(self.facilitator.on_answered(event), now_us)
-
-    def on_ask_ended(self, event: AskEnded, _now_us: int) -> Followed:
-        self.facilitator.on_ask_ended(event)
-        return self._own
-
-    def _followed(self, outcomes: Iterable[Outcome], now_us: int) -> Followed:
-        return None if self._take(outcomes, now_us) else self._own
-
-    def _take(self, outcomes: Iterable[Outcome], now_us: int) -> bool:
-        """Emit the effects of the directory, tell the parts of its changes; whether there were changes."""
-        is_changed = False
-        for outcome in outcomes:
-            if isinstance(outcome, _CHANGES):
-                is_changed = True
-                self._on_own(outcome, now_us)
-                self._publish(outcome, now_us)
-            else:
-                if isinstance(outcome, Reopen):
-                    self._note(f"opens a new session: {outcome.why}")
-                self._emit(outcome)
-        return is_changed
+    def on_ask_ended(self, event: AskEnded, now_us: int) -> Followed:
+        self._member.dispatch(event, now_us)
+        return self._fed
 
     def _on_own(self, change: PeerChange, now_us: int) -> None:
         """What is this platform's own affair: its name, its clock, its members."""
@@ -238,12 +179,11 @@ class DirectoryAgent(Part):
 
     @property
     def deadline_us(self) -> int | None:
-        return self.facilitator.deadline_us
+        return self._member.deadline_us
 
     def on_time(self, now_us: int) -> None:
-        """Judge the silent, ask for what is not known, beat."""
-        tails = self._own_tails() if self.facilitator.beats_at(now_us) else ()
-        self._take(self.facilitator.on_time(now_us, tails), now_us)
+        """Judge the silent, ask for what is not known, put again what is not acknowledged, beat."""
+        self._member.on_time(now_us)
 
     # -- questions and subscriptions ---------------------------------------------------------------------------
 
@@ -274,6 +214,7 @@ class DirectoryAgent(Part):
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
         """Inform the subscribers, and remember which platform is missing."""
+        self._on_own(change, now_us)
         self._note_missing(change, now_us)
         content = _content_of(change, now_us)
         if content is not None:

@@ -6,15 +6,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TypeAlias
 
-from agents.part import NOT_MINE, Followed, Part, PeerChange
+from agents.part import Part
 from dyknow import SURE, Label, Network, Policy, PolicyAdapter, Quality, Sample, Value, converted_quality
-from dyknow.model.errors import DecodeError, SortError
+from dyknow.model.errors import SortError
 from federation.members.clock import FederationClock, Offset, Standing
 from federation.members.imports import Imports
-from federation.members.liveness import PlatformAppeared
 from federation.messages.codec import WireSample
 from federation.sharing.ontology import Convert, Ontology, Translation
-from federation.transport import Answered, Arrived, AskEnded, WireEffect
+from federation.transport import WireEffect
 
 MAX_STREAMS = 4096
 _SKEWED, _CORRECTED = Standing.SKEWED, Standing.CORRECTED
@@ -48,11 +47,7 @@ class ImportProxy(Part):
 
     Args:
         source: (semantic label, unit) -> its local label, declared if it was not, and how its values become semantic.
-        fed: the parts that samples may make due earlier.
     """
-
-    takes = {Answered: "on_answered", AskEnded: "on_ask_ended"}  # noqa: RUF012  (a declaration)
-    arrivals = {"x": "on_samples"}  # noqa: RUF012
 
     def __init__(
         self,
@@ -64,39 +59,12 @@ class ImportProxy(Part):
         imports: Imports,
         emit: Callable[[WireEffect], None],
         source: Callable[[str, str], tuple[Label, Convert]],
-        fed: tuple[Part, ...],
     ) -> None:
         self._network, self._ontology, self._translation = network, ontology, translation
         self._clock, self._offset_of, self._emit, self._declare = clock, offset_of, emit, source
         self.imports = imports
-        self._followed: Followed = (self, *fed)
         self._sinks: dict[tuple[str, str], Sink] = {}
         self.refused: Counter[str] = Counter()
-
-    def on_samples(self, event: Arrived, _now_us: int) -> Followed:
-        """Samples were put on the key of a stream; raises DecodeError for malformed ones."""
-        if not self.imports.on_arrived(event):
-            raise DecodeError("key")
-        return self._followed
-
-    def on_answered(self, event: Answered, _now_us: int) -> Followed:
-        return None if self.imports.on_answered(event) else NOT_MINE
-
-    def on_ask_ended(self, event: AskEnded, _now_us: int) -> Followed:
-        return self._followed if self.imports.on_ask_ended(event) else NOT_MINE
-
-    @property
-    def deadline_us(self) -> int | None:
-        return self.imports.deadline_us
-
-    def on_time(self, now_us: int) -> None:
-        """Ask for what is missing."""
-        for effect in self.imports.on_time(now_us):
-            self._emit(effect)
-
-    def on_peer(self, change: PeerChange, _now_us: int) -> None:
-        if isinstance(change, PlatformAppeared):
-            self.imports.on_owner(change.unit, change.boot)
 
     def expect(self, owner: str, semantic_label: str, policy_hash: str, policy: Policy, now_us: int) -> None:
         """`owner` announced a stream for us: listen to it. Saying it twice is saying it once."""

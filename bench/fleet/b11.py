@@ -11,7 +11,6 @@ import zenoh
 
 from agents.actions import COORDINATION
 from agents.admission.admission import Admission
-from agents.directory.clocks import Clocks
 from agents.exchange.gateway import stream_policy
 from agents.platform import Platform
 from bench.fleet.members import PATIENCE_S, PERIOD_US, Member, Source
@@ -187,7 +186,7 @@ class Monitoring(Member):
             if instance.monitor.inputs != "fresh"
         }
         present = [entry.unit for entry in platform.ports.directory.search()]
-        standing = {unit: platform.part(Clocks).offsets.standing(unit) for unit in stale}
+        standing = {unit: platform.member.offsets.standing(unit) for unit in stale}
         imports = {
             found.stream.label: (found.stream.account, found.stream.missing)
             for found in platform.ports.gateway.importer.imports.streams.values()

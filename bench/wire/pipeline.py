@@ -203,7 +203,6 @@ class _ImportingNode:
             self._imports,
             self._effects.append,
             source,
-            (),
         )
         self._importer.expect(OWNER, LABEL, POLICY.content_hash(), POLICY, 0)
         self._instance = Instance(self._network)

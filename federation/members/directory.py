@@ -30,7 +30,7 @@ DirectoryEvent: TypeAlias = LivenessEvent | OfferEvent | PlatformRefused
 Outcome: TypeAlias = transport.WireEffect | DirectoryEvent
 """What a step returns: effects for the wire and events for the agents, in order."""
 
-_Tails: TypeAlias = Sequence[tuple[str, str, int]]
+Tails: TypeAlias = Sequence[tuple[str, str, int]]
 
 
 class DirectoryEntry(NamedTuple):
@@ -98,7 +98,7 @@ class DirectoryFacilitator:
 
     # Own entry
 
-    def start(self, now_us: int, tails: _Tails = ()) -> list[Outcome]:
+    def start(self, now_us: int, tails: Tails = ()) -> list[Outcome]:
         """Come into the federation: listen, be askable, then declare what is offered, the platform itself last."""
         self._started = self._is_greeting = True
         self._beat_us = now_us
@@ -115,7 +115,7 @@ class DirectoryFacilitator:
         services: Iterable[Service],
         labels: Iterable[LabelEntry],
         now_us: int,
-        tails: _Tails = (),
+        tails: Tails = (),
         conditions: Iterable[ConditionEntry] = (),
     ) -> list[Outcome]:
         """Offer exactly these services and labels under these conditions from now on; changes are announced at once."""
@@ -186,7 +186,7 @@ class DirectoryFacilitator:
             keys.token_platform(zid, unit, self.kind, self.version),
         ]
 
-    def _beat(self, now_us: int, tails: _Tails) -> list[Outcome]:
+    def _beat(self, now_us: int, tails: Tails) -> list[Outcome]:
         """A heartbeat, for newcomers with our description; and the end of the platform token of an earlier version."""
         self._beat_us = max(self._beat_us + HEARTBEAT_US, now_us + HEARTBEAT_US // 2)
         superseded = [transport.UndeclareToken(token) for token in self._superseded]
@@ -196,7 +196,7 @@ class DirectoryFacilitator:
             greeting, self._is_greeting, self._greeted_us = [self._announcement()], False, now_us
         return [self._heartbeat(now_us, self.version, tails), *greeting, *superseded]
 
-    def _heartbeat(self, now_us: int, version: int, tails: _Tails) -> transport.Put:
+    def _heartbeat(self, now_us: int, version: int, tails: Tails) -> transport.Put:
         self._beats += 1
         hears = self._liveness.heard(now_us)
         said = Heartbeat(self.unit, self.boot, self._beats, now_us, version, hears, tails)
@@ -284,7 +284,7 @@ class DirectoryFacilitator:
         """Whether a heartbeat is due."""
         return self._started and now_us >= self._beat_us
 
-    def on_time(self, now_us: int, tails: _Tails = ()) -> list[Outcome]:
+    def on_time(self, now_us: int, tails: Tails = ()) -> list[Outcome]:
         """Judge silent peers, request what is not known, beat."""
         outcome = self._told(self._liveness.on_time(now_us))
         outcome += self._replicas.on_time(now_us)

@@ -6,7 +6,7 @@ it learns it passes on to its `MemberAgents` by plain calls, in the order in whi
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from itertools import count
 from typing import Protocol
@@ -15,7 +15,7 @@ from dyknow.model.errors import DecodeError
 from federation import keys, transport
 from federation.members.clock import FederationClock
 from federation.members.correspondence import ActAgents, Audit, Correspondence
-from federation.members.directory import DirectoryEvent, DirectoryFacilitator, Kind
+from federation.members.directory import DirectoryEvent, DirectoryFacilitator, Kind, Tails
 from federation.members.directory import Outcome as DirectoryOutcome
 from federation.members.imports import ImportName, Imports, Take
 from federation.members.liveness import PlatformAppeared, PlatformGone, PlatformReturned
@@ -50,6 +50,7 @@ class Member:
         audit: given each act that passes.
         emit: takes each effect as it arises.
         clock: the federation's; None: learned from the first platform that is met.
+        tails: the newest number of each exported stream, for heartbeats.
         trust: None in an open federation.
 
     Attributes:
@@ -70,8 +71,9 @@ class Member:
         zid: str = "",
         clock: FederationClock | None = None,
         trust: Trust | None = None,
+        tails: Callable[[], Tails] = tuple,
     ) -> None:
-        self.unit, self.boot, self.trust, self.since_us = unit, boot, trust, now_us
+        self.unit, self.boot, self.trust, self.since_us, self.tails = unit, boot, trust, now_us, tails
         self.refused: Counter[str] = Counter()
         self._agents, self._emit, self._kind, self._zid = agents, emit, kind, zid
         self._questions = count(1)
@@ -125,19 +127,20 @@ class Member:
     def on_event(self, event: transport.WireEvent, now_us: int) -> None:
         """Take one event of the wire; what does not belong here is counted in `refused`."""
         try:
-            self._on_event(event, now_us)
+            self.dispatch(event, now_us)
         except DecodeError as error:
             self.refused[error.reason] += 1
         self.acts.flush()
 
-    def _on_event(self, event: transport.WireEvent, now_us: int) -> None:
+    def dispatch(self, event: transport.WireEvent, now_us: int) -> None:
+        """The same, with the receipts left to `acts.flush`; raises DecodeError for what is malformed."""
         match event:
             case transport.Arrived():
-                self._on_arrived(event)
+                self._on_arrived(event, now_us)
             case transport.TokenChanged():
                 token = keys.parse_key(event.key)
                 if token is not None:
-                    self.take(self.directory.on_token(token, event.alive, event.at_us), event.at_us)
+                    self.take(self.directory.on_token(token, event.alive, event.at_us), now_us)
             case transport.Asked():
                 self._on_asked(event, now_us)
             case transport.Answered():
@@ -159,23 +162,21 @@ class Member:
 
     def on_time(self, now_us: int) -> None:
         """Send heartbeats, acts that were not acknowledged and questions, as they are due."""
-        self.take(self.directory.on_time(now_us), now_us)
-        self.acts.on_time(now_us)
-        for ask in (*self.offsets.on_time(now_us), *self.imports.on_time(now_us)):
+        for ask in (*self.imports.on_time(now_us), *self.offsets.on_time(now_us)):
             self._emit(ask)
+        self.acts.on_time(now_us)
+        tails = self.tails() if self.directory.beats_at(now_us) else ()
+        self.take(self.directory.on_time(now_us, tails), now_us)
 
     # -- the directory -----------------------------------------------------------------------------------------
 
-    def take(self, outcomes: Iterable[DirectoryOutcome], now_us: int) -> bool:
-        """Emit the effects among `outcomes` and report the events; whether there were events."""
-        is_changed = False
+    def take(self, outcomes: Iterable[DirectoryOutcome], now_us: int) -> None:
+        """Emit the effects among `outcomes` and report the events."""
         for outcome in outcomes:
             if isinstance(outcome, transport.WireEffect):
                 self._emit(outcome)
             else:
-                is_changed = True
                 self._agents.on_peer(outcome, now_us)
-        return is_changed
 
     def follow(self, change: DirectoryEvent, now_us: int) -> None:
         """Draw the consequences of a peer's coming and going for its streams, its clock and conversations with it."""
@@ -196,7 +197,7 @@ class Member:
         offset = self.offsets.of(unit)
         return 0 if offset is None else offset.offset_us
 
-    def is_twin(self, boot: int, at_us: int) -> bool:
+    def _is_twin(self, boot: int, at_us: int) -> bool:
         """Whether another process has our name: heard for over a second, since an earlier life of ours may echo."""
         if boot == self.boot:
             return False
@@ -204,8 +205,7 @@ class Member:
             del self._twins[next(iter(self._twins))]
         return at_us - self._twins.setdefault(boot, at_us) >= TWIN_US
 
-    def _on_arrived(self, event: transport.Arrived) -> None:
-        at_us = event.at_us
+    def _on_arrived(self, event: transport.Arrived, now_us: int) -> None:
         match key := keys.parse_key(event.key):
             case keys.ActKey():
                 if key.sender == self.unit:
@@ -213,17 +213,35 @@ class Member:
                 else:
                     self.acts.on_arrived(event, key)
             case keys.HeartbeatKey():
-                beat = heartbeat_of(event.key, event.payload)
-                if beat is not None and (beat.unit != self.unit or self.is_twin(beat.boot, at_us)):
-                    self.imports.on_tails(beat.unit, beat.boot, beat.tails, at_us)
-                    self.take(self.directory.on_heartbeat(beat, at_us), at_us)
+                self.on_heartbeat(event, now_us)
             case keys.AnnouncementKey(unit):
                 if not self._learns_clock(event):
-                    self.take(self.directory.on_announced(unit, event.payload, at_us), at_us)
+                    self.take(self.directory.on_announced(unit, event.payload, event.at_us), now_us)
             case keys.StreamKey():
                 self.imports.on_arrived(event)
             case _:
                 raise DecodeError("key")
+
+    def on_heartbeat(self, event: transport.Arrived, now_us: int) -> bool | None:
+        """A heartbeat, or a description that was announced. Whether anything may follow; None: at most questions are due.
+
+        Most of what arrives besides samples are heartbeats, and nearly always nothing follows: False.
+        """
+        key, at_us, payload = event
+        beat = heartbeat_of(key, payload)
+        if beat is None:
+            self._on_arrived(event, now_us)
+            return True
+        outcome: Sequence[DirectoryOutcome] = ()
+        if not self.directory.goes_on(beat, at_us):
+            if beat.unit == self.unit and not self._is_twin(beat.boot, at_us):
+                return False
+            outcome = self.directory.on_heartbeat(beat, at_us)
+        elif self.imports.tails.get(beat.unit) is beat.tails:
+            return False
+        is_due = self.imports.on_tails(beat.unit, beat.boot, beat.tails, at_us)
+        self.take(outcome, now_us)
+        return True if outcome else None if is_due else False
 
     def _on_asked(self, event: transport.Asked, now_us: int) -> None:
         match keys.parse_key(event.key):
@@ -241,7 +259,7 @@ class Member:
         if unit is not None:
             self._agents.on_clock(unit, now_us)
         elif not self.imports.on_answered(event) and not self._learns_clock(event):
-            self.take(self.directory.on_answered(event), event.at_us)
+            self.take(self.directory.on_answered(event), now_us)
 
     def _learns_clock(self, event: transport.Answered | transport.Arrived) -> bool:
         """Adopt the clock that the first platform describes; whether ours was another, and the directory begins again."""
