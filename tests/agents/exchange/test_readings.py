@@ -1,0 +1,23 @@
+import pytest
+
+from agents.exchange.readings import merge_inverse_variance, merge_mean, select_best, select_newest
+from federation.messages.contents import Reading
+
+
+def reading(valid_us: int, value: float, variance: float | None = None) -> Reading:
+    stated = None if variance is None else {"altitude_m": variance}
+    return Reading(valid_us=valid_us, available_us=valid_us + 1, value={"altitude_m": value}, variance=stated)
+
+
+def test_readings_are_selected_and_merged_as_their_names_say() -> None:
+    found = [reading(3, 10.0, 4.0), reading(5, 20.0, 1.0), reading(9, 90.0)]
+    assert select_newest(found) == found[2]
+    assert select_best(found) == found[1]
+    mean, weighed = merge_mean(found), merge_inverse_variance(found)
+    assert mean is not None
+    assert weighed is not None
+    assert mean.value == {"altitude_m": 40.0}
+    assert weighed.value == {"altitude_m": 18.0}, "(10/4 + 20) / (1/4 + 1); one without a variance is left out"
+    assert weighed.variance == {"altitude_m": pytest.approx(0.8)}
+    assert mean.valid_us == 9
+    assert [f([]) for f in (select_newest, select_best, merge_mean, merge_inverse_variance)] == [None] * 4
