@@ -10,7 +10,7 @@ import signal
 import stat
 import sys
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from queue import Empty
@@ -23,7 +23,7 @@ from agents.flight.vehicle_streams import ESTIMATE
 from agents.monitoring.monitor_plans import PlanBook
 from agents.platform import Platform
 from dyknow import Policy
-from dyknow.model.errors import DecodeError, DyknowError, EndpointFailed, RosterError, UnitError
+from dyknow.model.errors import DecodeError, DyknowError, EndpointFailed, RosterError, UnitError, WrongCall
 from federation.members.clock import FederationClock
 from federation.messages import contents
 from federation.messages.codec import decode_description
@@ -330,24 +330,57 @@ def _flights(platform: Platform) -> list[FlightAgent]:
     return [part for part in platform.parts if isinstance(part, FlightAgent)]
 
 
-def serve(config: NodeConfig, make_vehicle: Callable[[VehiclePorts], Vehicle]) -> int:
-    """Run one platform until a signal, its duration, or the end of the process that started it."""
+def serve(configs: Sequence[NodeConfig], make_vehicle: Callable[[VehiclePorts], Vehicle]) -> int:
+    """Run platforms until a signal, their duration, or the end of the process that started them; the exit code.
+
+    Each has its own mailbox and thread. One that fails ends the others: whoever started them shall see it.
+    """
+    writing = threading.Lock()
 
     def say(said: dict[str, Any]) -> None:
-        with contextlib.suppress(BrokenPipeError):
+        with contextlib.suppress(BrokenPipeError), writing:
             sys.stdout.write(json.dumps(said) + "\n")
             sys.stdout.flush()
 
     try:
-        process = PlatformProcess(config, make_vehicle, say)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda _number, _frame: process.stop())
-        if stat.S_ISFIFO(os.fstat(0).st_mode):
-            threading.Thread(target=_lifeline, args=(process.stop,), daemon=True).start()
-        return process.run()
+        processes = [PlatformProcess(config, make_vehicle, say) for config in configs]
     except DyknowError as wrong:
-        sys.stderr.write(f"platform {config.unit}: {wrong}\n")
-        return WRONG if isinstance(wrong, UnitError) else FAILED
+        return _failed(configs[0].unit, wrong)
+
+    def stop() -> None:
+        for process in processes:
+            process.stop()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda _number, _frame: stop())
+    if stat.S_ISFIFO(os.fstat(0).st_mode):
+        threading.Thread(target=_lifeline, args=(stop,), daemon=True).start()
+    codes: list[int] = []
+
+    def run(process: PlatformProcess) -> None:
+        code = FAILED
+        try:
+            code = process.run()
+        except DyknowError as wrong:
+            code = _failed(process.config.unit, wrong)
+        finally:
+            codes.append(code)
+            if code:
+                stop()
+
+    threads = [threading.Thread(target=run, args=(process,), name=process.config.unit) for process in processes[1:]]
+    for thread in threads:
+        thread.start()
+    run(processes[0])
+    for thread in threads:
+        thread.join()
+    return max(codes)
+
+
+def _failed(unit: str, wrong: DyknowError) -> int:
+    """Write what went wrong with a platform; the exit code."""
+    sys.stderr.write(f"platform {unit}: {wrong}\n")
+    return WRONG if isinstance(wrong, UnitError | WrongCall) else FAILED
 
 
 def _lifeline(stop: Callable[[], None]) -> None:

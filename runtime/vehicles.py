@@ -4,10 +4,11 @@ A kind is registered by the module that builds it. The kinds of real vehicles ar
 as the simulator, registers its own, and the process is started with the name of that module (`--vehicles`).
 """
 
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from agents.effects import InjectFault
 from agents.flight.places import FlightLimits
@@ -16,6 +17,9 @@ from federation.members.clock import FederationClock
 from navigation.vehicle import Command, Report
 from runtime.clock import NodeClock
 from runtime.configuration.config import NodeConfig
+
+if TYPE_CHECKING:
+    from proxies.mavlink.port import MavlinkPort
 
 
 class VehiclePart(Protocol):
@@ -58,14 +62,35 @@ class Vehicle:
             part.stop()
 
 
+class SharedPorts:
+    """MAVLink endpoints that are open in this process: vehicles of several platforms that speak at one share it."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._open: dict[tuple[str, bytes | None], MavlinkPort] = {}
+
+    def port(self, endpoint: str, key: bytes | None) -> "MavlinkPort":
+        """The port of an endpoint, opened when it is first asked for; raises EndpointFailed."""
+        from proxies.mavlink.port import MavlinkPort
+
+        with self._lock:
+            if (endpoint, key) not in self._open:
+                self._open[endpoint, key] = MavlinkPort(endpoint, key=key)
+            return self._open[endpoint, key]
+
+
 class VehiclePorts(NamedTuple):
-    """What a vehicle is built from: configuration, clocks, where its reports go, and what to call when it has ended."""
+    """What a vehicle is built from: configuration, clocks, where its reports go, what to call when it has ended.
+
+    `shared` has what it may share with vehicles of other platforms of this process.
+    """
 
     config: NodeConfig
     clock: FederationClock
     node_clock: NodeClock
     post: Callable[[Report], None]
     ended: Callable[[], None]
+    shared: "SharedPorts | None" = None
 
     @property
     def limits(self) -> FlightLimits:
@@ -92,7 +117,7 @@ def vehicle_kind(name: str) -> Callable[[BuildVehicle], BuildVehicle]:
     return register
 
 
-def build_vehicle(ports: VehiclePorts, modules: Sequence[str] = ()) -> Vehicle:
+def build_vehicle(ports: VehiclePorts, modules: Sequence[str] = (), shared: SharedPorts | None = None) -> Vehicle:
     """The vehicle that the configuration names; `modules` register further kinds, and are imported only for them.
 
     Raises:
@@ -103,7 +128,7 @@ def build_vehicle(ports: VehiclePorts, modules: Sequence[str] = ()) -> Vehicle:
         import_module(module)
     if table.kind not in _KINDS:
         raise UnitError(f"no vehicle is of kind {table.kind!r}; kinds are {', '.join(sorted(_KINDS))}")
-    return _KINDS[table.kind](table, ports)
+    return _KINDS[table.kind](table, ports._replace(shared=shared or SharedPorts()))
 
 
 @vehicle_kind("none")
@@ -115,9 +140,15 @@ def _none(_table: Any, _ports: VehiclePorts) -> Vehicle:
 @vehicle_kind("mavlink")
 def _mavlink(table: Any, ports: VehiclePorts) -> Vehicle:
     """A vehicle outside this process, heard and commanded over MAVLink."""
+    from proxies.mavlink.endpoints import parse_endpoint
     from proxies.mavlink.feed import MavlinkFeed
+    from proxies.mavlink.signing import insist_on_key, read_key
 
-    feed = MavlinkFeed(table.endpoint, table.sysid, ports.post, ports.now_us)
+    key = None if table.signing_key is None else read_key(table.signing_key)
+    endpoint = parse_endpoint(table.endpoint)
+    insist_on_key(endpoint, "mavlink", control=table.control, has_key=key is not None, unsigned=table.unsigned)
+    port = (ports.shared or SharedPorts()).port(table.endpoint, key)
+    feed = MavlinkFeed(port, table.sysid, ports.post, ports.now_us, compid=table.compid)
     return Vehicle((feed,), {"control": table.control, "limits": ports.limits}, feed.command)
 
 

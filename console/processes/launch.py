@@ -181,9 +181,7 @@ def _vehicle(
 ) -> config.SimulatedVehicleConfig | config.MavlinkVehicle | config.ReplayedVehicle:
     """What the platform flies: the file's vehicle or recording, else a simulated UAV."""
     if own.mavlink:
-        return config.MavlinkVehicle(
-            endpoint=mavlink_endpoint(own.mavlink, place=f"[unit.{unit}] mavlink"), sysid=own.sysid, control=own.control
-        )
+        return mavlink_vehicle(own, place=f"[unit.{unit}] mavlink")
     if own.replay:
         return replayed(own.replay, own.from_ or "0s", own.epoch or "now", now_us, place=f"[unit.{unit}]")
     return config.SimulatedVehicleConfig(
@@ -207,15 +205,51 @@ def _address(text: str | None) -> str | None:
     return text
 
 
-def mavlink_endpoint(text: str, *, place: str) -> str:
-    """An endpoint at which vehicles speak; raises WrongCall."""
+def mavlink_vehicle(own: UnitFile, *, place: str) -> config.MavlinkVehicle:
+    """A vehicle that speaks MAVLink, its endpoint and its key looked at; raises WrongCall."""
     from proxies.mavlink.endpoints import parse_endpoint
+    from proxies.mavlink.signing import insist_on_key, read_key
 
+    text, key = own.mavlink or "", own.signing_key
     try:
-        parse_endpoint(text)
+        endpoint = parse_endpoint(text)
     except TextError as error:
         raise WrongCall(f"{place}: {text!r}: {error.message}; write {error.repair}.") from None
-    return text
+    if key is not None:
+        read_key(key)
+    insist_on_key(endpoint, place, control=own.control, has_key=key is not None, unsigned=own.unsigned)
+    return config.MavlinkVehicle(
+        endpoint=str(endpoint),
+        sysid=own.sysid,
+        compid=own.compid,
+        control=own.control,
+        signing_key=None if key is None else key.absolute(),
+        unsigned=own.unsigned,
+    )
+
+
+def together(configs: Sequence[config.NodeConfig]) -> list[list[config.NodeConfig]]:
+    """The platforms that run in one process each: an endpoint is opened once, for all vehicles that speak there.
+
+    Raises:
+        WrongCall: vehicles of one endpoint that are not told apart by their system ids.
+    """
+    groups: dict[str, list[config.NodeConfig]] = {}
+    for each in configs:
+        vehicle = each.vehicle
+        place = vehicle.endpoint if isinstance(vehicle, config.MavlinkVehicle) else f"unit {each.unit}"
+        groups.setdefault(place, []).append(each)
+    for place, group in groups.items():
+        vehicles = [each.vehicle for each in group if isinstance(each.vehicle, config.MavlinkVehicle)]
+        ids = [vehicle.sysid for vehicle in vehicles]
+        if len(group) > 1 and (None in ids or len(set(ids)) < len(ids)):
+            units = ", ".join(each.unit for each in group)
+            raise WrongCall(
+                f"{place}: platforms {units} share it: give each vehicle its system id (sysid), no two the same."
+            )
+        if len({vehicle.signing_key for vehicle in vehicles}) > 1:
+            raise WrongCall(f"{place}: all vehicles there are signed with one key (signing_key).")
+    return list(groups.values())
 
 
 def replayed(file: Path, from_: str, epoch: str, now_us: int, *, place: str) -> config.ReplayedVehicle:

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from types import FrameType
@@ -59,27 +59,37 @@ class Fleet:
         self.directory, self._lifeline = directory, lifeline
         self._children: dict[str, subprocess.Popen[bytes]] = {}
         self._heard: dict[str, int] = {}
+        self._first: dict[str, str] = {}
         self.running: dict[str, Running] = {}
 
     def start(self, unit: str, configuration: str, module: str = "runtime.node") -> None:
         """Start the platform `unit` with its configuration, a JSON text."""
-        config = self.directory / f"{unit}.json"
-        config.write_text(configuration, encoding="utf-8")
-        with (self.directory / f"{unit}.out").open("wb") as out, (self.directory / f"{unit}.log").open("wb") as log:
+        self.start_together({unit: configuration}, module)
+
+    def start_together(self, configurations: Mapping[str, str], module: str = "runtime.node") -> None:
+        """Start platforms, by name, in one process; its events and its log are those of the first."""
+        words = [sys.executable, "-m", module, "--vehicles", VEHICLES]
+        for unit, configuration in configurations.items():
+            config = self.directory / f"{unit}.json"
+            config.write_text(configuration, encoding="utf-8")
+            words += ["--config", str(config)]
+        first = next(iter(configurations))
+        with (self.directory / f"{first}.out").open("wb") as out, (self.directory / f"{first}.log").open("wb") as log:
             child = subprocess.Popen(  # noqa: S603 - our own module, our own interpreter
-                [sys.executable, "-m", module, "--vehicles", VEHICLES, "--config", str(config)],
+                words,
                 stdin=subprocess.PIPE if self._lifeline else subprocess.DEVNULL,
                 stdout=out,
                 stderr=log,
                 start_new_session=True,
             )
-        self._children[unit] = child
-        self._heard[unit] = 0
-        self.running[unit] = Running(unit, child.pid, psutil.Process(child.pid).create_time())
+        self._heard[first] = 0
+        for unit in configurations:
+            self._children[unit], self._first[unit] = child, first
+            self.running[unit] = Running(unit, child.pid, psutil.Process(child.pid).create_time())
 
     def heard(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """Events of the platforms since the last call: whole JSON lines of their standard output."""
-        for unit in self._children:
+        for unit in self._heard:
             with (self.directory / f"{unit}.out").open("rb") as out:
                 out.seek(self._heard[unit])
                 whole, newline, _part = out.read().rpartition(b"\n")
@@ -90,7 +100,7 @@ class Fleet:
                 except ValueError:
                     continue
                 if isinstance(said, dict):
-                    yield unit, said
+                    yield str(said.get("unit", unit)), said
 
     def ended(self) -> dict[str, int]:
         """The platforms that have ended, with their exit codes (negative: the signal that ended them)."""
@@ -133,7 +143,7 @@ class Fleet:
 
     def last_words(self, unit: str, lines: int = 8) -> str:
         """The end of a platform's log, and where the whole of it is."""
-        log = self.directory / f"{unit}.log"
+        log = self.directory / f"{self._first.get(unit, unit)}.log"
         said = log.read_text(encoding="utf-8", errors="replace").splitlines()[-lines:] if log.exists() else []
         return "\n".join([*(f"    {line}" for line in said), f"the whole log: {log}"])
 

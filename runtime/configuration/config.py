@@ -55,12 +55,17 @@ class SimulatedVehicleConfig(Strict):
 
 
 class MavlinkVehicle(Strict):
-    """Any vehicle that speaks MAVLink over UDP."""
+    """Any vehicle that speaks MAVLink."""
 
     kind: Literal["mavlink"] = "mavlink"
     endpoint: str
     sysid: int | None = Field(None, ge=1, le=255)
+    compid: int | None = Field(None, ge=0, le=255)
+    """The autopilot's component id; None: 1, or that of the only component that says it is an autopilot."""
     control: bool = False
+    signing_key: Path | None = None
+    unsigned: bool = False
+    """Whether the vehicle may be commanded over a network without a key."""
 
 
 class ReplayedVehicle(Strict):

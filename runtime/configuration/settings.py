@@ -51,7 +51,10 @@ class UnitFile(Strict):
     gcs: str | None = None
     mavlink: str | None = None
     sysid: int | None = Field(default=None, ge=1, le=255)
+    compid: int | None = Field(default=None, ge=0, le=255)
     control: bool = False
+    signing_key: Path | None = None
+    unsigned: bool = False
     replay: Path | None = None
     from_: str | None = Field(default=None, alias="from")
     epoch: InstantText | None = None
@@ -145,7 +148,9 @@ def read_federation(path: Path) -> dict[str, Any]:
     for unit, own in settings.get("unit", {}).items():
         if own.get("mavlink") and own.get("replay"):
             raise WrongCall(f"{path}: [unit.{unit}] has both mavlink and replay; a platform has one vehicle: keep one.")
-        own.update({key: base / own[key] for key in ("replay", "translation", "profiles") if own.get(key)})
+        own.update(
+            {key: base / own[key] for key in ("replay", "translation", "profiles", "signing_key") if own.get(key)}
+        )
     settings.update({key: base / settings[key] for key in ("roster", "journal") if settings.get(key)})
     if named := settings.get("extensions"):
         settings["extensions"] = [str(base / name) if name.endswith(".py") else name for name in named]

@@ -1,4 +1,7 @@
-"""`dyknow join`: one platform on a MAVLink vehicle or a recorded flight, in a child process of this command."""
+"""`dyknow join`: a platform on a MAVLink vehicle or a recorded flight, or several on the vehicles of one endpoint.
+
+They run in one child process of this command.
+"""
 
 import time
 from pathlib import Path
@@ -13,8 +16,8 @@ from console.commands.texts.run_output import tell_record
 from console.commands.texts.specification_files import read_text
 from console.errors import DONE, INTERRUPTED
 from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Speed, UnitModules
-from console.output.output import unit_json
-from console.processes.launch import clock_of, mavlink_endpoint, platform_config, replayed
+from console.output.output import unit_json, verbatim
+from console.processes.launch import clock_of, mavlink_vehicle, platform_config, replayed, together
 from console.processes.supervision import Fleet, interruptible, uninterrupted
 from dyknow.model.errors import FederationFailed, WrongCall
 from proxies.recordings.named_files import beside
@@ -31,14 +34,27 @@ _POLL_S = 0.1
 def join(
     call: Call,
     *,
-    unit: Annotated[str, typer.Option(metavar="U", help="Its name in the federation.")],
+    unit: Annotated[
+        list[str], typer.Option(metavar="U", help="Its name in the federation (repeatable, with --sysid).")
+    ],
     mavlink: Annotated[
-        str | None, typer.Option(metavar="ENDPOINT", help="A MAVLink vehicle, e.g. udpin:127.0.0.1:14550.")
+        str | None,
+        typer.Option(metavar="ENDPOINT", help="udpin:, udpout: or tcp:127.0.0.1:14550, or serial:/dev/ttyACM0:57600."),
     ] = None,
     sysid: Annotated[
-        int | None, typer.Option(metavar="S", min=1, max=255, help="Which vehicle, when several send there.")
+        list[int] | None,
+        typer.Option(metavar="S", min=1, max=255, help="Which vehicle, when several send there; one for each --unit."),
+    ] = None,
+    compid: Annotated[
+        int | None, typer.Option(metavar="C", min=0, max=255, help="The component that is its autopilot.")
     ] = None,
     control: Annotated[bool, typer.Option("--control", help="The platform may command the vehicle.")] = False,
+    signing_key: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Key of MAVLink 2 signing; frames without it are refused.")
+    ] = None,
+    unsigned: Annotated[
+        bool, typer.Option("--unsigned", help="Command the vehicle over a network without a key.")
+    ] = False,
     replay: Annotated[
         Path | None, typer.Option(metavar="FILE", help="A recorded flight: .tlog, .bin, .ulg or .mcap.")
     ] = None,
@@ -64,34 +80,46 @@ def join(
     duration: Duration = None,
 ) -> int:
     """One platform on any MAVLink vehicle, on a recorded flight, or on a specification alone."""
-    own = UnitFile(
-        mavlink=mavlink, sysid=sysid, control=control, replay=replay, from_=from_, epoch=epoch, translation=translation
-    )
-    _check_sources(own, spec, feed)
-    vehicle, clock = _vehicle(call, own, speed or 1.0)
-    config = platform_config(
-        call,
-        unit,
-        vehicle,
-        clock,
-        own,
-        avoidance=avoidance,
-        spec=_absolute(spec),
-        units=[str(Path(name).absolute()) if name.endswith(".py") else name for name in modules or ()],
-        feed=_absolute(feed),
-        admit=admit,
-        govern_ms=duration_us(govern, option="--govern", least_us=SHORTEST_US) / 1e3 if govern else None,
-        duration_s=duration_us(duration, option="--duration", least_us=SHORTEST_US) / 1e6 if duration else None,
-    )
-    _fits_in(call, config)
-    return _run(call, config)
+    sysids = sysid or []
+    if len(set(unit)) < len(unit) or (len(unit) > 1 and mavlink is None):
+        raise WrongCall("--unit: several platforms join the vehicles of one --mavlink endpoint, each by its own name.")
+    if sysids and len(sysids) != len(unit):
+        raise WrongCall("--sysid: give one for each --unit, in the same order: --unit a --sysid 1 --unit b --sysid 2.")
+    configs = []
+    for at, name in enumerate(unit):
+        own = UnitFile(
+            mavlink=mavlink, sysid=sysids[at] if sysids else None, compid=compid, control=control,
+            signing_key=signing_key, unsigned=unsigned, replay=replay, from_=from_, epoch=epoch, translation=translation,
+        )  # fmt: skip
+        if at == 0:
+            _check_sources(own, spec, feed)
+        vehicle, clock = _vehicle(call, own, speed or 1.0)
+        config = platform_config(
+            call,
+            name,
+            vehicle,
+            clock,
+            own,
+            avoidance=avoidance,
+            spec=_absolute(spec),
+            units=[str(Path(name).absolute()) if name.endswith(".py") else name for name in modules or ()],
+            feed=_absolute(feed),
+            admit=admit,
+            govern_ms=duration_us(govern, option="--govern", least_us=SHORTEST_US) / 1e3 if govern else None,
+            duration_s=duration_us(duration, option="--duration", least_us=SHORTEST_US) / 1e6 if duration else None,
+        )
+        configs.append(config)
+    together(configs)
+    _fits_in(call, configs)
+    return _run(call, configs)
 
 
-def _run(call: Call, config: NodeConfig) -> int:
-    """Run the platform until its duration is over, it fails, or it is interrupted."""
-    unit, needed = config.unit, config.vehicle.kind == "none"
+def _run(call: Call, configs: list[NodeConfig]) -> int:
+    """Run the platforms until their duration is over, one fails, or they are interrupted."""
+    units, needed = [config.unit for config in configs], configs[0].vehicle.kind == "none"
+    named = f"platform{'s' if len(units) > 1 else ''} {', '.join(units)}"
     fleet = Fleet(run_directory(call.settings.federation), lifeline=True)
-    gathering = FleetStart([unit])
+    gathering = FleetStart(units)
     early: list[dict[str, Any]] = []
 
     def on_heard(who: str, event: dict[str, Any]) -> None:
@@ -100,32 +128,38 @@ def _run(call: Call, config: NodeConfig) -> int:
 
     with interruptible():
         try:
-            fleet.start(unit, config.model_dump_json())
-            with call.out.waiting(f"platform {unit} is starting"):
+            fleet.start_together({config.unit: config.model_dump_json() for config in configs})
+            with call.out.waiting(f"{named}: starting"):
                 if not fleet.follow(gathering.all_joined, on_heard, READY_S):
-                    raise FederationFailed(
-                        f"platform {unit} did not join in {READY_S:.0f} s.\n{fleet.last_words(unit)}"
-                    )
-            labels = gathering.labels[unit]
-            offers = f" offers {', '.join(labels) or 'no labels yet'}" if labels or config.spec is None else ""
-            call.out.say(
-                f"[green]joined[/green]: platform {unit}{offers}", event="joined", unit=unit_json(unit), labels=labels
-            )
+                    raise FederationFailed(f"{named} did not join in {READY_S:.0f} s.\n{fleet.last_words(units[0])}")
+            for config in configs:
+                _say_joined(call, config, gathering.labels[config.unit])
             _check_specified(early, needed=needed)
             tell_notes(call, gathering)
-            code = _followed(call, fleet, unit, early, needed=needed)
+            code = _followed(call, fleet, units, early, needed=needed)
         except KeyboardInterrupt:
             return INTERRUPTED
         finally:
             with uninterrupted():
                 fleet.end()
     if code:
-        raise FederationFailed(f"platform {unit} ended with code {code}.\n{fleet.last_words(unit)}")
+        raise FederationFailed(f"{named} ended with code {code}.\n{fleet.last_words(units[0])}")
     return DONE
 
 
-def _followed(call: Call, fleet: Fleet, unit: str, early: list[dict[str, Any]], *, needed: bool) -> int:
-    """Show what the specification brings forth until the platform ends; its exit code."""
+def _say_joined(call: Call, config: NodeConfig, labels: list[str]) -> None:
+    unit, vehicle = config.unit, config.vehicle
+    offers = f" offers {', '.join(labels) or 'no labels yet'}" if labels or config.spec is None else ""
+    if isinstance(vehicle, MavlinkVehicle):
+        whose = "" if vehicle.sysid is None else f"system {vehicle.sysid} at "
+        offers += f" when it hears {whose}{vehicle.endpoint}"
+    call.out.say(
+        f"[green]joined[/green]: platform {unit}{verbatim(offers)}", event="joined", unit=unit_json(unit), labels=labels
+    )
+
+
+def _followed(call: Call, fleet: Fleet, units: list[str], early: list[dict[str, Any]], *, needed: bool) -> int:
+    """Show what the specification brings forth until the platforms end; the exit code."""
     heard = [said for said in early if said.get("event") != "note"]  # those are told
     while True:
         ended = fleet.ended()
@@ -134,8 +168,8 @@ def _followed(call: Call, fleet: Fleet, unit: str, early: list[dict[str, Any]], 
         for said in heard:
             tell_record(call, said)
         heard = []
-        if unit in ended:
-            return ended[unit]
+        if units[0] in ended:
+            return ended[units[0]]
         time.sleep(_POLL_S)
 
 
@@ -174,19 +208,19 @@ def _absolute(path: Path | None) -> Path | None:
     return None if path is None else path.absolute()
 
 
-def _fits_in(call: Call, config: NodeConfig) -> None:
+def _fits_in(call: Call, configs: list[NodeConfig]) -> None:
     """Two platforms of one name would be taken for one, and two clocks are two federations; raises WrongCall."""
-    unit, speed = config.unit, config.clock.speed
+    speed = configs[0].clock.speed
     with connected(call) as client:
         there = {seen.unit: seen for seen in client.settle(_LOOK_S)}
-        if unit in there:
+        for unit in [config.unit for config in configs if config.unit in there]:
             raise WrongCall(
                 f"--unit: there is a platform {unit} in federation {call.settings.federation} already; choose another name."
             )
         known = any(seen.entry is not None and seen.entry.version for seen in there.values())
         runs = client.centre.clock.speed
         if known and runs != speed:
-            remedy = f"join with --speed {runs:g}" if config.vehicle.kind == "replay" else "join another federation"
+            remedy = f"join with --speed {runs:g}" if configs[0].vehicle.kind == "replay" else "join another federation"
             raise WrongCall(
                 f"--speed: federation {call.settings.federation} runs {runs:g} times as fast as the wall, "
                 f"this platform would run {speed:g} times as fast; {remedy}."
@@ -201,11 +235,11 @@ def _vehicle(call: Call, own: UnitFile, speed: float) -> tuple[Vehicle, ClockCon
             return NoVehicle(), clock_of(call.settings, None, now_us)
         if speed != 1.0 or own.epoch is not None or own.from_ != "0s":
             raise WrongCall("--speed, --epoch and --from belong to --replay: a vehicle's own clock cannot be driven.")
-        endpoint = mavlink_endpoint(own.mavlink, place="--mavlink")
-        vehicle = MavlinkVehicle(endpoint=endpoint, sysid=own.sysid, control=own.control)
-        return vehicle, clock_of(call.settings, None, now_us)
-    if own.control or own.sysid is not None:
-        raise WrongCall("--control and --sysid belong to --mavlink: a recording cannot be commanded.")
+        return mavlink_vehicle(own, place="--mavlink"), clock_of(call.settings, None, now_us)
+    if own.control or own.sysid is not None or own.compid is not None or own.signing_key is not None or own.unsigned:
+        raise WrongCall(
+            "--control, --sysid, --compid, --signing-key and --unsigned belong to --mavlink: a recording cannot be commanded."
+        )
     epoch = None if own.epoch == "now" else own.epoch
     replay = replayed(own.replay, own.from_ or "0s", epoch or "now", now_us, place="--replay")
     if epoch is None:

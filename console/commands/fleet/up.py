@@ -12,7 +12,7 @@ from console.commands.members.ls import ls
 from console.errors import DONE, FAILED, INTERRUPTED, NO
 from console.options.arguments import Avoidance, Duration, Speed
 from console.output.output import unit_json
-from console.processes.launch import FleetPlan, clock_of, fleet_of
+from console.processes.launch import FleetPlan, clock_of, fleet_of, together
 from console.processes.supervision import GRACE_S, Fleet, end, interruptible, uninterrupted
 from dyknow.model.errors import FederationFailed, TextError, WrongCall, did_you_mean
 from federation.members.clock import FederationClock
@@ -172,8 +172,8 @@ def _vacant(call: Call) -> Path:
 def gathered(call: Call, fleet: Fleet, configs: list[NodeConfig]) -> FleetStart:
     """Start them and wait until each has found all others; raises FederationFailed."""
     gathering = FleetStart([config.unit for config in configs])
-    for config in configs:
-        fleet.start(config.unit, config.model_dump_json())
+    for group in together(configs):
+        fleet.start_together({config.unit: config.model_dump_json() for config in group})
     with call.out.waiting(f"{len(configs)} platforms are looking for each other"):
         if not fleet.follow(gathering.all_found, gathering.on_heard, READY_S):
             late = sorted(gathering.units - (gathering.complete_us.keys() & gathering.joined_us.keys()))

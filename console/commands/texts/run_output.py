@@ -14,8 +14,8 @@ def tell_record(call: Call, said: dict[str, Any], *, begins_us: int | None = Non
     kind = str(said.get("event"))
     if kind not in _SHOWN:
         return
-    valid_us = said.get("valid_us")
-    when = "" if valid_us is None else _when(valid_us, begins_us)
+    shown_us = said.get("valid_us", said.get("at_us") if begins_us is None else None)
+    when = "" if shown_us is None else _when(shown_us, begins_us)
     text = _SHOWN[kind](said)
     if call.out.json_lines or not when:
         call.out.say(text, **said)
