@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from inspect import Parameter, signature
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
@@ -50,6 +51,21 @@ def command(*, example: str) -> Callable[[F], F]:
     return declare
 
 
+BARE: Mapping[str, str] = {"--control": "guided"}
+"""Options that may stand without a value, and the value that they then have."""
+
+
+class OwnCommand(TyperCommand):
+    """A command whose options may leave out their value where `BARE` has one."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        whole = [
+            f"{given}={BARE[given]}" if given in BARE and after.startswith("-") else given
+            for given, after in zip_longest(args, args[1:], fillvalue="-")
+        ]
+        return super().parse_args(ctx, whole)
+
+
 class CommandGroup(TyperGroup):
     """A group whose commands are imported when they are called; until then a summary stands for each."""
 
@@ -90,7 +106,7 @@ def loaded(where: str, name: str) -> Any:
     run.__signature__ = signature(run).replace(parameters=parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     single = typer.Typer(add_completion=False, rich_markup_mode="rich")
-    single.command(name, epilog=f"Example: [cyan]{_EXAMPLES[function]}[/cyan]")(run)
+    single.command(name, cls=OwnCommand, epilog=f"Example: [cyan]{_EXAMPLES[function]}[/cyan]")(run)
     return get_command(single)
 
 

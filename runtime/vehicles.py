@@ -94,8 +94,8 @@ class VehiclePorts(NamedTuple):
 
     @property
     def limits(self) -> FlightLimits:
-        """Floor and ceiling of commanded flight."""
-        return FlightLimits(self.config.floor_m, self.config.ceiling_m)
+        """Floor, ceiling and range of commanded flight."""
+        return FlightLimits(self.config.floor_m, self.config.ceiling_m, self.config.range_m)
 
     def now_us(self) -> int:
         """Federation time."""
@@ -146,10 +146,11 @@ def _mavlink(table: Any, ports: VehiclePorts) -> Vehicle:
 
     key = None if table.signing_key is None else read_key(table.signing_key)
     endpoint = parse_endpoint(table.endpoint)
-    insist_on_key(endpoint, "mavlink", control=table.control, has_key=key is not None, unsigned=table.unsigned)
+    insist_on_key(endpoint, "mavlink", control=bool(table.control), has_key=key is not None, unsigned=table.unsigned)
     port = (ports.shared or SharedPorts()).port(table.endpoint, key)
     feed = MavlinkFeed(port, table.sysid, ports.post, ports.now_us, compid=table.compid)
-    return Vehicle((feed,), {"control": table.control, "limits": ports.limits}, feed.command)
+    settings = {"control": bool(table.control), "missions": table.control == "auto", "limits": ports.limits}
+    return Vehicle((feed,), settings, feed.command)
 
 
 @vehicle_kind("replay")

@@ -18,7 +18,16 @@ from federation.members.offers import Service
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Content, Done, Fault, Goto, Hold, Land, Reason, Resume, ReturnHome
 from federation.messages.descriptions import ConditionEntry, LabelEntry
-from navigation.vehicle import Command, GoToOrder, HoldOrder, LandOrder, LinkReport, Order, ReturnHomeOrder
+from navigation.vehicle import (
+    Command,
+    GoToOrder,
+    HoldOrder,
+    LandOrder,
+    LinkReport,
+    Order,
+    ReturnHomeOrder,
+    StatusReport,
+)
 
 FLIGHT: Final = Service("flight", "pilot")
 FAULTS: Final = Service("fault-injection", "simulator")
@@ -38,6 +47,7 @@ class FlightAgent(Part):
         emit: takes commands to the vehicle.
         note: takes what is heard of the vehicle, or why it is not heard.
         offer: called when its condition changes.
+        may_avoid: whether this platform may give way at all.
     """
 
     offers = (
@@ -65,10 +75,13 @@ class FlightAgent(Part):
         emit: Callable[[Command], None],
         note: Callable[[str], None],
         offer: Callable[[int], None],
+        may_avoid: bool,
     ) -> None:
         self._agent, self._clock, self.pilot, self.streams, self._emit = agent, clock, pilot, streams, emit
         self._on_moved, self._note, self._offer = giving_way.on_moved, note, offer
-        self._conditions: tuple[ConditionEntry, ...] = ()
+        self._may_avoid = may_avoid
+        self._link: ConditionEntry | None = None
+        self._avoidance: ConditionEntry | None = None
         self._followed: Followed = (self, local)
         self._awaited: tuple[Act, Errand] | None = None
 
@@ -76,7 +89,7 @@ class FlightAgent(Part):
         return self.streams.entries()
 
     def conditions(self) -> Iterable[ConditionEntry]:
-        return self._conditions
+        return tuple(condition for condition in (self._link, self._avoidance) if condition is not None)
 
     def on_reported(self, event: Reported, now_us: int) -> Followed:
         """The vehicle's word counts when it is taken, not when it was posted: timers may have passed since."""
@@ -86,12 +99,24 @@ class FlightAgent(Part):
             return None
         self._fly(self.pilot.on_report(event.report, federation_us))
         self._on_estimates(self.streams.on_report(event.report, federation_us), now_us)
-        return None if self._tell(now_us) else self._followed
+        changed = isinstance(event.report, StatusReport) and self._on_status(now_us)
+        return None if self._tell(now_us) or changed else self._followed
 
     def _on_link(self, report: LinkReport, now_us: int) -> None:
         self._note(report.text)
-        self._conditions = () if report.ok else (ConditionEntry(text=report.text[:200], since_us=now_us),)
+        self._link = None if report.ok else ConditionEntry(text=report.text[:200], since_us=now_us)
         self._offer(now_us)
+
+    def _on_status(self, now_us: int) -> bool:
+        """Show whether the vehicle flies in a mode in which it does not give way; whether that changed."""
+        mode = self.pilot.uncommanded_mode if self._may_avoid else None
+        text, before = f"avoidance off: mode {mode}", self._avoidance
+        if (before and before.text) == (mode and text):
+            return False
+        self._avoidance = None if mode is None else ConditionEntry(text=text, since_us=now_us)
+        self._note("avoidance on" if mode is None else text)
+        self._offer(now_us)
+        return True
 
     def _fly(self, commands: Iterable[Command]) -> None:
         for command in commands:

@@ -272,6 +272,14 @@ class Pilot:
         return f"the vehicle is in mode {status.mode}, which takes no positions; a guided mode is needed{remedy}"
 
     @property
+    def uncommanded_mode(self) -> str | None:
+        """The mode in which the vehicle flies without giving way, though the platform may command it."""
+        status = self.status
+        if not self.control or status is None or not (status.armed and status.airborne) or self._unguided() is None:
+            return None
+        return status.mode
+
+    @property
     def _may_interrupt(self) -> bool:
         """Whether the vehicle flies a mission that may be interrupted."""
         return self.missions and self.status is not None and self.status.mode in vehicle.MISSION_MODES
@@ -303,6 +311,8 @@ class Pilot:
         Raises:
             Refused: the vehicle is giving way, or there is nothing to return to.
         """
+        if not self.control:
+            raise Refused(self._unready() or "")
         if self.diversion is not None:
             raise Refused("the vehicle is giving way to another; it flies on by itself")
         before, self._standing, self._before = self._before, None, None

@@ -19,6 +19,7 @@ from runtime.configuration.run_directory import run_directory
 from runtime.configuration.settings import Persona, Settings, UnitFile
 
 _NOTHING = UnitFile()
+_LIMITS = ("floor_m", "ceiling_m", "range_m")
 
 
 class FleetPlan(NamedTuple):
@@ -131,6 +132,7 @@ def platform_config(
         "translation": own.translation,
         "profiles": own.profiles,
         "hosts": hosts_of(call, unit),
+        **{name: value for name in _LIMITS if (value := getattr(own, name)) is not None},
         "extensions": [_found_anywhere(name) for name in call.settings.extensions],
         **more,
     }

@@ -62,7 +62,8 @@ class MavlinkVehicle(Strict):
     sysid: int | None = Field(None, ge=1, le=255)
     compid: int | None = Field(None, ge=0, le=255)
     """The autopilot's component id; None: 1, or that of the only component that says it is an autopilot."""
-    control: bool = False
+    control: bool | Literal["auto"] = False
+    """Whether the platform may command it; `auto`: and interrupt its missions to give way."""
     signing_key: Path | None = None
     unsigned: bool = False
     """Whether the vehicle may be commanded over a network without a key."""
@@ -104,8 +105,9 @@ class NodeConfig(Strict):
     trust: TrustConfig = TrustConfig()
     avoidance: bool = True
     period_ms: int = Field(100, ge=10, le=10_000)
-    floor_m: float = 10.0
-    ceiling_m: float = 120.0
+    floor_m: float = Field(10.0, allow_inf_nan=False)
+    ceiling_m: float = Field(120.0, allow_inf_nan=False)
+    range_m: float = Field(1000.0, gt=0, allow_inf_nan=False)
     translation: Path | None = None
     profiles: Path | None = None
     journal: Path | None = None

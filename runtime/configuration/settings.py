@@ -52,7 +52,11 @@ class UnitFile(Strict):
     mavlink: str | None = None
     sysid: int | None = Field(default=None, ge=1, le=255)
     compid: int | None = Field(default=None, ge=0, le=255)
-    control: bool = False
+    control: bool | Literal["auto"] = False
+    """Whether the platform may command its vehicle; `auto`: and interrupt its missions to give way."""
+    floor_m: float | None = None
+    ceiling_m: float | None = None
+    range_m: float | None = None
     signing_key: Path | None = None
     unsigned: bool = False
     replay: Path | None = None

@@ -67,7 +67,8 @@ class Vehicle:
     """Flies straight and level: metres north and east of 58 N 15 E, metres above mean sea level, metres per second.
 
     `armed`, `guided`, `airborne`, `mode` are what it says of itself, nothing if `says_status` is not set; `home_m` is
-    the height of its home above mean sea level, None while it has none. Orders it accepts, or refuses with `answer`.
+    the height of its home above mean sea level, None while it has none. Orders it accepts, or refuses with `answer`;
+    None: they are never acknowledged.
     """
 
     north_m: float = 0.0
@@ -76,7 +77,7 @@ class Vehicle:
     north_m_s: float = 0.0
     east_m_s: float = 0.0
     is_silent: bool = False
-    answer: str = ""
+    answer: str | None = ""
     armed: bool = True
     guided: bool = True
     airborne: bool | None = True
@@ -345,8 +346,9 @@ class Wire:
                 case Command():
                     node.commands.append((self.now_us, effect))
                     answer = node.vehicle.answer if node.vehicle is not None else ""
-                    result = CommandResult(self.now_us, effect.number, not answer, answer)
-                    self._post(unit, unit, Reported(self.now_us, result))
+                    if answer is not None:
+                        result = CommandResult(self.now_us, effect.number, not answer, answer)
+                        self._post(unit, unit, Reported(self.now_us, result))
                 case Note() | Halt() | Reopen():
                     node.other.append(effect)
                 case _:

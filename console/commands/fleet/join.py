@@ -5,7 +5,7 @@ They run in one child process of this command.
 
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -48,7 +48,13 @@ def join(
     compid: Annotated[
         int | None, typer.Option(metavar="C", min=0, max=255, help="The component that is its autopilot.")
     ] = None,
-    control: Annotated[bool, typer.Option("--control", help="The platform may command the vehicle.")] = False,
+    control: Annotated[
+        Literal["guided", "auto"] | None,
+        typer.Option(metavar="[auto]", help="The platform may command the vehicle; auto: and interrupt its missions."),
+    ] = None,
+    floor: Annotated[float, typer.Option(metavar="M", help="It is sent no lower above home, in metres.")] = 10.0,
+    ceiling: Annotated[float, typer.Option(metavar="M", help="Nor higher.")] = 120.0,
+    range_: Annotated[float, typer.Option("--range", metavar="M", help="Nor farther from home.")] = 1000.0,
     signing_key: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Key of MAVLink 2 signing; frames without it are refused.")
     ] = None,
@@ -88,7 +94,8 @@ def join(
     configs = []
     for at, name in enumerate(unit):
         own = UnitFile(
-            mavlink=mavlink, sysid=sysids[at] if sysids else None, compid=compid, control=control,
+            mavlink=mavlink, sysid=sysids[at] if sysids else None, compid=compid, control="auto" if control == "auto" else control is not None,
+            floor_m=floor, ceiling_m=ceiling, range_m=range_,
             signing_key=signing_key, unsigned=unsigned, replay=replay, from_=from_, epoch=epoch, translation=translation,
         )  # fmt: skip
         if at == 0:
