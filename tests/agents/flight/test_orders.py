@@ -88,7 +88,7 @@ def test_a_vehicle_in_a_mode_without_giving_way_shows_it(wire: Wire) -> None:
     agent = wire.platform("0").part(FlightAgent)
     assert [condition.text for condition in agent.conditions()] == ["avoidance off: mode AUTO"]
     assert notes(wire).count("avoidance off: mode AUTO") == 1
-    entry = next(each for each in wire.platform("cc").ports.directory.entries() if each.unit == "0")
+    entry = next(each for each in wire.nodes["cc"].process.member.directory.entries() if each.unit == "0")
     assert [condition.text for condition in entry.conditions] == ["avoidance off: mode AUTO"]
     vehicle = wire.nodes["0"].vehicle
     assert vehicle is not None
