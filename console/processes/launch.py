@@ -219,7 +219,7 @@ def mavlink_vehicle(own: UnitFile, *, place: str) -> config.MavlinkVehicle:
         raise WrongCall(f"{place}: {text!r}: {error.message}; write {error.repair}.") from None
     if key is not None:
         read_key(key)
-    insist_on_key(endpoint, place, control=own.control, has_key=key is not None, unsigned=own.unsigned)
+    insist_on_key(endpoint, place, control=bool(own.control), has_key=key is not None, unsigned=own.unsigned)
     return config.MavlinkVehicle(
         endpoint=str(endpoint),
         sysid=own.sysid,
