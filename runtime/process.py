@@ -37,7 +37,7 @@ from runtime.accepted_acts import AcceptedActs
 from runtime.clock import NodeClock
 from runtime.configuration.config import NodeConfig
 from runtime.configuration.resolved import platform_config
-from runtime.configuration.session import reaches_beyond, wire_options
+from runtime.configuration.session import reaches_beyond, unprotected, wire_options
 from runtime.journal.journal import Journal, Journalled
 from runtime.loop import SteppedNode, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
@@ -92,7 +92,7 @@ class PlatformProcess:
         """Join, step until stopped, leave; the exit code.
 
         Raises:
-            RosterError: the federation has no roster and would reach beyond loopback, which was not allowed.
+            RosterError: the federation lacks a roster or TLS and would reach beyond loopback, which was not allowed.
         """
         try:
             self.open()
@@ -108,7 +108,7 @@ class PlatformProcess:
         """Join: the session, the vehicle, the specification.
 
         Raises:
-            RosterError: the federation has no roster and would reach beyond loopback, which is not allowed.
+            RosterError: the federation lacks a roster or TLS and would reach beyond loopback, which is not allowed.
             SessionFailed: the session does not open.
         """
         self._insist_on_trust()
@@ -227,17 +227,15 @@ class PlatformProcess:
         return Journalled(platform, journal)
 
     def _insist_on_trust(self) -> None:
-        if self.config.trust.roster is not None:
+        """Refuse to take part where strangers could, unless that is allowed; note what is not protected."""
+        wire = self.config.wire
+        lacking = unprotected(wire, has_roster=self.config.trust.roster is not None)
+        if lacking is None:
             return
-        beyond = reaches_beyond(self.config.wire)
-        if beyond and not (self.config.wire.open or os.environ.get("DYKNOW_OPEN") == "1"):
-            raise RosterError(
-                f"{beyond} lies beyond loopback, and this federation has no roster: every host there could command it. "
-                "Make one with `dyknow roster init`, or set DYKNOW_OPEN=1 to allow it all the same"
-            )
-        self._note(
-            f"open federation: acts are not signed{f', and {beyond} reaches beyond this machine' if beyond else ''}"
-        )
+        beyond = reaches_beyond(wire)
+        if beyond and not (wire.open or os.environ.get("DYKNOW_OPEN") == "1"):
+            raise RosterError(f"{beyond} lies beyond loopback. {lacking.danger} {lacking.remedy}")
+        self._note(f"{lacking.note}{f', and {beyond} reaches beyond this machine' if beyond else ''}")
 
     def _adopt_epoch(self) -> None:
         """Take over the epoch of a federation that is there and runs at our speed, so that all clocks agree.

@@ -1,7 +1,7 @@
 """The platform processes that `dyknow up` starts: started, followed until they are ready, and ended by their id.
 
-The run directory of the federation has the configuration of each platform, its events (`.out`, JSON lines) and its log
-(`.log`), and in `state.json` the processes that run.
+The run directory of the federation has in `state.json` the processes that run, and in `units/`, where no name of a unit
+meets another file, the configuration of each platform, its events (`.out`, JSON lines) and its log (`.log`).
 """
 
 import json
@@ -56,7 +56,8 @@ class Fleet:
     def __init__(self, directory: Path, *, lifeline: bool) -> None:
         """With `lifeline` a platform's standard input stays open until this process ends, however it ends."""
         directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-        self.directory, self._lifeline = directory, lifeline
+        self.directory, self._units, self._lifeline = directory, directory / "units", lifeline
+        self._units.mkdir(mode=0o700, exist_ok=True)
         self._children: dict[str, subprocess.Popen[bytes]] = {}
         self._heard: dict[str, int] = {}
         self._first: dict[str, str] = {}
@@ -70,11 +71,11 @@ class Fleet:
         """Start platforms, by name, in one process; its events and its log are those of the first."""
         words = [sys.executable, "-m", module, "--vehicles", VEHICLES]
         for unit, configuration in configurations.items():
-            config = self.directory / f"{unit}.json"
+            config = self._units / f"{unit}.json"
             config.write_text(configuration, encoding="utf-8")
             words += ["--config", str(config)]
         first = next(iter(configurations))
-        with (self.directory / f"{first}.out").open("wb") as out, (self.directory / f"{first}.log").open("wb") as log:
+        with (self._units / f"{first}.out").open("wb") as out, (self._units / f"{first}.log").open("wb") as log:
             child = subprocess.Popen(  # noqa: S603 - our own module, our own interpreter
                 words,
                 stdin=subprocess.PIPE if self._lifeline else subprocess.DEVNULL,
@@ -90,7 +91,7 @@ class Fleet:
     def heard(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """Events of the platforms since the last call: whole JSON lines of their standard output."""
         for unit in self._heard:
-            with (self.directory / f"{unit}.out").open("rb") as out:
+            with (self._units / f"{unit}.out").open("rb") as out:
                 out.seek(self._heard[unit])
                 whole, newline, _part = out.read().rpartition(b"\n")
             self._heard[unit] += len(whole) + len(newline)
@@ -143,7 +144,7 @@ class Fleet:
 
     def last_words(self, unit: str, lines: int = 8) -> str:
         """The end of a platform's log, and where the whole of it is."""
-        log = self.directory / f"{self._first.get(unit, unit)}.log"
+        log = self._units / f"{self._first.get(unit, unit)}.log"
         said = log.read_text(encoding="utf-8", errors="replace").splitlines()[-lines:] if log.exists() else []
         return "\n".join([*(f"    {line}" for line in said), f"the whole log: {log}"])
 

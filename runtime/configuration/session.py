@@ -1,6 +1,8 @@
 """What a process needs to take part in a federation: the session's options, and its trust, with their files read."""
 
 import json
+from ipaddress import ip_address
+from typing import NamedTuple
 
 from dyknow.model.errors import RosterError
 from federation.security.trust import Roster, Trust
@@ -12,11 +14,44 @@ from runtime.configuration.config import TrustConfig, WireConfig
 def reaches_beyond(wire: WireConfig) -> str:
     """The first endpoint or interface that is not loopback; empty if there is none."""
     for endpoint in (*wire.listen, *wire.connect):
-        host = endpoint.partition("/")[2].rpartition(":")[0].strip("[]")
-        if host not in {"localhost", "::1"} and not host.startswith("127."):
+        if not _is_loopback(endpoint.partition("/")[2].rpartition(":")[0].strip("[]")):
             return endpoint
     meets = not wire.listen or (wire.discover == "multicast" and not wire.connect)
     return wire.interface if meets and wire.interface != LOOPBACK else ""
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return host == "localhost" or ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+class Unprotected(NamedTuple):
+    """What a federation does without: in a line, and, where strangers reach it, the danger and the remedy."""
+
+    note: str
+    danger: str
+    remedy: str
+
+
+def unprotected(wire: WireConfig, *, has_roster: bool) -> Unprotected | None:
+    """What is not protected on this wire; None if everything is, by mutual TLS."""
+    remedy = "or set DYKNOW_OPEN=1 to allow it all the same"
+    if not has_roster:
+        return Unprotected(
+            "open federation: acts are not signed",
+            "This federation has no roster: every host there could command it.",
+            f"Make one with `dyknow roster init`, {remedy}",
+        )
+    if wire.security is None:
+        return Unprotected(
+            "without tls/ endpoints only acts are protected: samples, heartbeats and clocks can be forged and read",
+            "Of what passes there only acts would be signed: every host could forge positions, and aircraft would "
+            "give way to them.",
+            f"Use endpoints that begin with tls/, which show the roster's certificates, {remedy}",
+        )
+    return None
 
 
 def wire_options(wire: WireConfig) -> ZenohOptions:

@@ -1,12 +1,13 @@
-"""A federation without a roster stays on loopback unless somebody allows more, and says that it is open."""
+"""A federation without a roster, or without TLS, stays on loopback unless more is allowed, and notes what it lacks."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from dyknow.model.errors import RosterError
-from runtime.configuration.config import NodeConfig, WireConfig
-from runtime.configuration.session import reaches_beyond
+from runtime.configuration.config import NodeConfig, TrustConfig, WireConfig
+from runtime.configuration.session import reaches_beyond, unprotected
 from runtime.process import PlatformProcess
 from runtime.vehicles import Vehicle
 
@@ -19,6 +20,8 @@ from runtime.vehicles import Vehicle
         (WireConfig(listen=("tcp/[::1]:7447",), connect=("tcp/localhost:7448",)), ""),
         (WireConfig(listen=("tcp/0.0.0.0:7447",)), "tcp/0.0.0.0:7447"),
         (WireConfig(connect=("tcp/router:7447",)), "tcp/router:7447"),
+        (WireConfig(connect=("tcp/127.0.0.1.example:7447",)), "tcp/127.0.0.1.example:7447"),
+        (WireConfig(connect=("tcp/127.1.2.3:7447", "tcp/[::ffff:10.0.0.1]:7447")), "tcp/[::ffff:10.0.0.1]:7447"),
         (WireConfig(interface="eth0"), "eth0"),
         (WireConfig(interface="eth0", listen=("tcp/127.0.0.1:0",), discover="none"), ""),
     ],
@@ -35,3 +38,30 @@ def test_an_open_federation_is_refused_beyond_loopback_with_a_remedy(monkeypatch
     with pytest.raises(RosterError, match="dyknow roster init"):
         process.run()
     assert said == []
+
+
+@pytest.mark.parametrize("beyond", [WireConfig(interface="eth0"), WireConfig(connect=("tcp/router:7447",))])
+def test_a_roster_without_tls_is_refused_beyond_loopback(
+    beyond: WireConfig, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv("DYKNOW_OPEN", raising=False)
+    trust = TrustConfig(roster=tmp_path / "roster.toml", key=tmp_path / "0.key")
+    process = PlatformProcess(
+        NodeConfig(unit="0", wire=beyond, trust=trust), lambda _ports: Vehicle(), lambda _said: None
+    )
+    with pytest.raises(RosterError, match=r"forge positions.*tls/"):
+        process.run()
+
+
+@pytest.mark.parametrize(
+    ("wire", "has_roster", "lacking"),
+    [
+        (WireConfig(), False, "acts are not signed"),
+        (WireConfig(), True, "samples, heartbeats and clocks can be forged and read"),
+        (WireConfig(security=Path("0.wire.json")), True, None),
+    ],
+)
+def test_one_line_says_what_is_not_protected(wire: WireConfig, has_roster: bool, lacking: str | None) -> None:
+    found = unprotected(wire, has_roster=has_roster)
+    assert (found is None) == (lacking is None)
+    assert found is None or (lacking or "") in found.note

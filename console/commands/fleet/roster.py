@@ -25,6 +25,8 @@ from federation.security.trust import KEY_BYTES, Role, Roster, RosterMember, Sig
 from runtime.configuration.reach import COMMAND_CENTRE
 
 DEFAULT_FILE = Path("roster.toml")
+AUTHORITY = "ca"
+"""What the files of the certificate authority are called, next to those of the members."""
 LOOPBACK = ("127.0.0.1", "localhost")
 
 Hosts: TypeAlias = Annotated[
@@ -120,6 +122,8 @@ def write_private(path: Path, content: bytes) -> None:
 def _member(path: Path, call: Call, unit: str, role: Role, hosts: Sequence[str] | None) -> RosterMember:
     """A member with a new key, kept next to the roster, and a certificate."""
     unit_name(unit)
+    if unit == AUTHORITY:
+        raise WrongCall(f"{unit}: the certificate authority's files have this name; choose another for the platform.")
     keys, pki = path.parent / "keys", path.parent / "pki"
     for directory in (keys, pki):
         directory.mkdir(mode=0o700, exist_ok=True)
@@ -132,12 +136,19 @@ def _member(path: Path, call: Call, unit: str, role: Role, hosts: Sequence[str] 
 def _certify(pki: Path, unit: str, authority: str, hosts: Sequence[str]) -> None:
     """A key and a certificate for `unit`, signed by the authority, which is made when it is not there."""
     now_us = time.time_ns() // 1000
-    if not (pki / "ca.key").exists():
-        write_private(pki / "ca.key", tls_key(secrets.token_bytes(48)))
-        (pki / "ca.pem").write_bytes(authority_certificate((pki / "ca.key").read_bytes(), authority, now_us))
+    if not (pki / f"{AUTHORITY}.key").exists():
+        write_private(pki / f"{AUTHORITY}.key", tls_key(secrets.token_bytes(48)))
+        (pki / f"{AUTHORITY}.pem").write_bytes(
+            authority_certificate((pki / f"{AUTHORITY}.key").read_bytes(), authority, now_us)
+        )
     key = tls_key(secrets.token_bytes(48))
     signed = platform_certificate(
-        unit, key, (pki / "ca.key").read_bytes(), (pki / "ca.pem").read_bytes(), now_us, hosts=tuple(hosts)
+        unit,
+        key,
+        (pki / f"{AUTHORITY}.key").read_bytes(),
+        (pki / f"{AUTHORITY}.pem").read_bytes(),
+        now_us,
+        hosts=tuple(hosts),
     )
     write_private(pki / f"{unit}.key", key)
     (pki / f"{unit}.pem").write_bytes(signed)
@@ -154,7 +165,7 @@ def _write(path: Path, call: Call, roster: Roster) -> None:
         if member.revoked:
             wire.unlink(missing_ok=True)
             continue
-        paths = Paths(str(pki / "ca.pem"), str(pki / f"{unit}.pem"), str(pki / f"{unit}.key"))
+        paths = Paths(str(pki / f"{AUTHORITY}.pem"), str(pki / f"{unit}.pem"), str(pki / f"{unit}.key"))
         settings = zenoh_security_config(roster, unit, paths, call.settings.federation)
         wire.write_text(json.dumps(settings, indent=2) + "\n", encoding="utf-8")
 

@@ -111,3 +111,13 @@ def test_the_run_directory_is_the_owners_alone(tmp_path: Path, monkeypatch: pyte
     assert found == tmp_path / "dyknow" / "alpha"
     Fleet(found, lifeline=False)
     assert found.stat().st_mode & 0o077 == 0
+
+
+def test_no_name_of_a_unit_meets_the_file_of_the_processes(fleet: Fleet, tmp_path: Path) -> None:
+    running = Running("0", 1, 2.0)
+    write_state(tmp_path, ProcessState((running,), ("tcp/127.0.0.1:1",)))
+    before = (tmp_path / "state.json").read_text()
+    for unit in ("state", "units", "state-json"):
+        fleet.start(unit, "{}", module="child_speaks")
+    assert fleet.follow(lambda: len(fleet.running) == 3, lambda _unit, _said: None, timeout_s=20)
+    assert (tmp_path / "state.json").read_text() == before

@@ -91,3 +91,11 @@ def test_a_roster_that_is_not_there_is_told_with_its_remedy(tmp_path: Path, dykn
     done = dyknow("roster", "show", "--roster", str(tmp_path / "none.toml"))
     assert done.returncode == 2
     assert "dyknow roster init" in done.stderr
+
+
+def test_no_member_takes_the_authoritys_files(path: Path, dyknow: Run) -> None:
+    key = (path.parent / "pki" / "ca.key").read_bytes()
+    done = dyknow("roster", "add", "ca", "--roster", str(path), "--federation", "alpha")
+    assert done.returncode == 2
+    assert "authority" in done.stderr
+    assert (path.parent / "pki" / "ca.key").read_bytes() == key
