@@ -72,8 +72,15 @@ class HostLeft(NamedTuple):
     host: int
 
 
+class Impaired(NamedTuple):
+    """Something of this process no longer works, such as its journal; the platform continues without it."""
+
+    at_us: int
+    text: str
+
+
 HostEvent: TypeAlias = HostCame | HostSaid | HostLeft
-Event: TypeAlias = WireEvent | Reported | LeaveRequested | Specify | Fed | Waited | HostEvent
+Event: TypeAlias = WireEvent | Reported | LeaveRequested | Specify | Fed | Waited | Impaired | HostEvent
 
 
 class InjectFault(NamedTuple):

@@ -1,6 +1,6 @@
 """What a platform has accepted of each member, kept next to its key: acts recorded before a restart are worth nothing.
 
-Its clock may be set back while it is off, as that of a board without a battery is; then the age of an act says nothing.
+Its clock may be set back while it is off, as that of a board without a battery is; then the age of an act is no evidence.
 """
 
 import json

@@ -21,6 +21,7 @@ def main() -> int:
         "--config", action="append", type=Path, required=True, help="JSON file with the configuration of a platform"
     )
     parser.add_argument("--vehicles", action="append", default=[], help="module that registers kinds of vehicles")
+    parser.add_argument("--records", type=Path, help="file for what happens, bounded; without it: standard output")
     chosen = parser.parse_args()
     configs = []
     for path in chosen.config:
@@ -30,7 +31,7 @@ def main() -> int:
             parser.error(f"{path}: {wrong}")
     if any(config.vehicle.kind != "none" for config in configs):
         import filterpy.kalman  # noqa: F401  half a second: before the session opens, not while others wait for us
-    return serve(configs, partial(build_vehicle, modules=chosen.vehicles, shared=SharedPorts()))
+    return serve(configs, partial(build_vehicle, modules=chosen.vehicles, shared=SharedPorts()), chosen.records)
 
 
 if __name__ == "__main__":

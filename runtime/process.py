@@ -4,7 +4,6 @@ What the process says goes to standard output as JSON lines: `joined`, `director
 """
 
 import contextlib
-import json
 import os
 import signal
 import stat
@@ -13,11 +12,12 @@ import threading
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from queue import Empty
 from typing import Any
 
 from agents.directory.directory import DirectoryAgent
-from agents.effects import Event, Halt, HostEffect, InjectFault, LeaveRequested, Note, Reported, Tell, Waited
+from agents.effects import Event, Halt, HostEffect, Impaired, InjectFault, LeaveRequested, Note, Reported, Tell, Waited
 from agents.flight.flight import FlightAgent
 from agents.flight.vehicle_streams import ESTIMATE
 from agents.monitoring.monitor_plans import PlanBook
@@ -41,6 +41,7 @@ from runtime.configuration.session import reaches_beyond, unprotected, wire_opti
 from runtime.journal.journal import Journal, Journalled
 from runtime.loop import SteppedNode, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
+from runtime.records import NoteLimit, Records
 from runtime.specified import Specified
 from runtime.vehicles import Vehicle, VehiclePorts
 
@@ -67,7 +68,7 @@ class PlatformProcess:
         make_vehicle: Callable[[VehiclePorts], Vehicle],
         say: Callable[[dict[str, Any]], None],
     ) -> None:
-        self.config, self._say = config, say
+        self.config, self._say, self._notes = config, say, NoteLimit()
         self.clock = NodeClock(config.clock.skew_us)
         self.mailbox = Mailbox(self.clock.now_us)
         self._going, self._is_open = True, False
@@ -76,6 +77,7 @@ class PlatformProcess:
         self._node: SteppedNode[Event, Any]
         self._journal: Journal | None = None
         self._accepted: AcceptedActs | None = None
+        self._is_journal_lost = False
         self._edge = ZenohEdge(wire_options(config.wire), self.mailbox.post, self.clock.now_us)
         self._make_vehicle = make_vehicle
         epoch_us = config.clock.epoch_us
@@ -145,7 +147,7 @@ class PlatformProcess:
         self._node = self._journalled(platform)
         trust, key = platform.config.trust, self.config.trust.key
         if trust is not None and key is not None:
-            self._accepted = AcceptedActs(key, trust.verifier, self._note)
+            self._accepted = AcceptedActs(key, trust.verifier, self.impair)
         if self.config.duration_s is not None:
             end = threading.Timer(self.config.duration_s, self.stop)
             end.daemon = True
@@ -166,6 +168,9 @@ class PlatformProcess:
         step(self._node, self.mailbox, self.clock.now_us, self._perform, timeout_s)
         if self._accepted is not None:
             self._accepted.step()
+        if self._journal is not None and self._journal.failed is not None and not self._is_journal_lost:
+            self._is_journal_lost = True
+            self.impair(f"the journal has ended: {self._journal.failed}")
         self._tell_directory(self._platform)
         self._tell_waiting()
 
@@ -212,14 +217,16 @@ class PlatformProcess:
         if self.config.journal is None:
             return platform
         clock = self._federation_clock
-        journal = self._journal = Journal(
-            self.config.journal,
-            {
-                "config": self.config.model_dump_json(),
-                CLOCK_EPOCH: str(clock.epoch_us),
-                CLOCK_SPEED: str(clock.speed),
-            },
-        )
+        about = {
+            "config": self.config.model_dump_json(),
+            CLOCK_EPOCH: str(clock.epoch_us),
+            CLOCK_SPEED: str(clock.speed),
+        }
+        try:
+            journal = self._journal = Journal(self.config.journal, about)
+        except OSError as wrong:
+            self.impair(f"there is no journal: {wrong}")
+            return platform
         for flight in _flights(platform):
             estimate, fields = flight.streams.estimate, [field.name for field in ESTIMATE.fields]
             on_sample = partial(journal.on_sample, str(estimate), fields)
@@ -286,7 +293,8 @@ class PlatformProcess:
             self._say({**effect.record, "unit": self.config.unit})
         elif kind is Halt:
             self._tell("halted", reason=effect.reason)
-            sys.stderr.write(f"{effect.reason}\n")
+            with contextlib.suppress(OSError):
+                sys.stderr.write(f"{effect.reason}\n")
             self._code = 3
             self._going = False
         else:
@@ -306,7 +314,12 @@ class PlatformProcess:
         self._say({"event": event, "unit": self.config.unit, **more, "at_us": self.clock.now_us()})
 
     def _note(self, text: str) -> None:
-        self._tell("note", text=text)
+        for line in self._notes.lines(text, self.clock.now_us()):
+            self._tell("note", text=line)
+
+    def impair(self, text: str) -> None:
+        """Something of this process failed, not the platform: it is noted and listed by `dyknow ls`; from any thread."""
+        self.mailbox.post(Impaired(self.clock.now_us(), text))
 
     def _tell_waiting(self) -> None:
         """Report to the governor how busy this process is."""
@@ -328,18 +341,20 @@ def _flights(platform: Platform) -> list[FlightAgent]:
     return [part for part in platform.parts if isinstance(part, FlightAgent)]
 
 
-def serve(configs: Sequence[NodeConfig], make_vehicle: Callable[[VehiclePorts], Vehicle]) -> int:
+def serve(
+    configs: Sequence[NodeConfig], make_vehicle: Callable[[VehiclePorts], Vehicle], records: Path | None = None
+) -> int:
     """Run platforms until a signal, their duration, or the end of the process that started them; the exit code.
 
-    Each has its own mailbox and thread. One that fails ends the others: whoever started them shall see it.
+    Each has its own mailbox and thread. One that fails ends the others: whoever started them shall see it. What
+    happens goes to the file `records`, or to standard output.
     """
-    writing = threading.Lock()
 
-    def say(said: dict[str, Any]) -> None:
-        with contextlib.suppress(BrokenPipeError), writing:
-            sys.stdout.write(json.dumps(said) + "\n")
-            sys.stdout.flush()
+    def on_failed(why: str) -> None:
+        for process in processes:
+            process.impair(why)
 
+    say = Records(records, on_failed)
     try:
         processes = [PlatformProcess(config, make_vehicle, say) for config in configs]
     except DyknowError as wrong:

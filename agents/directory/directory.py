@@ -8,7 +8,7 @@ from typing import Final
 
 from agents.actions import FEDERATION, QUERIED, SUBSCRIBED, Action, Offer, Role
 from agents.admission.message_log import ACCOUNT
-from agents.effects import Effect, Halt, LeaveRequested
+from agents.effects import Effect, Halt, Impaired, LeaveRequested
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
 from agents.subscribers import Subscribers
@@ -28,6 +28,8 @@ JOINING_US = 5_000_000
 """How long after its start a platform may still be refused."""
 NOTED = 64
 """Conflicts with others that are noted, each once."""
+IMPAIRED, MAX_TEXT = 8, 200
+"""Conditions of the process that are listed, and characters of each."""
 DIRECTORY: Final = Service("directory", "directory", Visibility.PUBLIC)
 MISSING_US = 60_000_000
 """How long a platform that timed out is listed as missing."""
@@ -70,6 +72,7 @@ class DirectoryAgent(Part):
         LeaveRequested: "on_leave_requested",
         AskEnded: "on_ask_ended",
         **dict.fromkeys((TokenChanged, Answered, keys.ClockKey, keys.DescribeKey), "on_wire"),
+        Impaired: "on_impaired",
     }
 
     def __init__(
@@ -88,6 +91,7 @@ class DirectoryAgent(Part):
         self._conditions = conditions
         self._member, self._emit, self._note = member, emit, note
         self._noted: set[str] = set()
+        self._impaired: dict[str, int] = {}
         self._subscribers = Subscribers(agent, tasks)
         self._members: tuple[str, ...] | None = None
         self._missing: dict[str, int] = {}
@@ -105,6 +109,18 @@ class DirectoryAgent(Part):
         """Tell the others which services and labels there are now, and in which condition we are."""
         offered, labels, conditions = self._offered(), self._labels(), self._conditions()
         self._member.take(self.facilitator.declare(offered, labels, now_us, self._member.tails(), conditions), now_us)
+
+    def conditions(self) -> Sequence[ConditionEntry]:
+        return [ConditionEntry(text=text, since_us=at_us) for text, at_us in self._impaired.items()]
+
+    def on_impaired(self, event: Impaired, now_us: int) -> Followed:
+        """Something of the process failed, for the rest of its life."""
+        text = event.text[:MAX_TEXT]
+        if text not in self._impaired and len(self._impaired) < IMPAIRED:
+            self._impaired[text] = event.at_us
+            self._note(text)
+            self.offer(now_us)
+        return None
 
     def on_leave_requested(self, event: LeaveRequested, _now_us: int) -> Followed:
         """Unregister: streams that are set up continue while the process lives (thesis 9.3.4)."""

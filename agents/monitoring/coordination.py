@@ -15,6 +15,7 @@ from agents.interface import InterfaceAgent
 from agents.monitoring.alarm_log import alarm_content
 from agents.monitoring.monitor_plans import MonitorPlan, PlanBook
 from agents.monitoring.monitors import UnitMonitors
+from agents.monitoring.reported_alarms import ReportedAlarms
 from agents.part import Part, PeerChange
 from agents.tasks.life import TaskLife
 from agents.tasks.task import Claim, CoordinatedTask, Task, TaskPlan
@@ -69,7 +70,7 @@ class Coordination(Part):
     ) -> None:
         self._unit, self._boot, self._clock, self._agent, self._directory = unit, boot, clock, agent, directory
         self._monitors, self._life, self._plans, self._exporting = monitors, tasks, plans, exporting
-        self._keeper = keeper
+        self._keeper, self._reported = keeper, ReportedAlarms()
 
     # -- a task is delegated to this platform -------------------------------------------------------------------
 
@@ -133,7 +134,7 @@ class Coordination(Part):
                 delay_s=plan.max_delay_us / US_PER_S,
                 avoidance=led.avoidance,
                 delegator=led.delegator or None,
-                delegate=led.delegate or None,
+                delegate=(led.delegate or None) if led.generation > 1 else None,
             )
             asked.append(self._ask(led, unit, part, f"monitor {plan.name}", now_us))
         for content in _exports(led.plans, (unit,)):  # step 3 of figure 9.5: our own streams to the newcomer
@@ -303,6 +304,10 @@ class Coordination(Part):
         due_us = self.deadline_us
         if due_us is None or now_us < due_us:
             return
+        for task, alarm in self._reported.unconfirmed(now_us):
+            if task in self._life.coordinated:
+                unseen_by = tuple(unit for unit in alarm.units if unit != alarm.by)
+                self._pass_on(self._life.coordinated[task], alarm.model_copy(update={"unseen_by": unseen_by}), now_us)
         for led in list(self._life.coordinated.values()):
             for unit in [unit for unit, due_us in led.again_us.items() if due_us <= now_us]:
                 del led.again_us[unit]
@@ -315,7 +320,7 @@ class Coordination(Part):
 
     @property
     def deadline_us(self) -> int | None:
-        due_us = None
+        due_us = self._reported.deadline_us
         for led in self._life.coordinated.values():
             due_us = earlier(due_us, led.deadline_us)
         return due_us
@@ -330,6 +335,7 @@ class Coordination(Part):
     def on_alarm(self, event: AlarmEvent, now_us: int) -> None:
         """Notify the delegator, through the coordinator, and the other platform that the alarm is about."""
         alarm = alarm_content(event, self._unit)
+        self._reported.see(self._unit, event.monitor, event.units, is_open=event.event == "opened")
         for led in self._life.coordinated.values():
             if not any(plan.name == event.monitor for plan in led.plans):
                 continue
@@ -344,7 +350,7 @@ class Coordination(Part):
     def on_told(self, act: Act, alarm: contents.Alarm, now_us: int) -> None:
         """`(alarm ...)`: a participant of a task we coordinate raised it; what others tell us is in our monitors, too.
 
-        What our own monitors do not show is passed on as the word of that participant alone.
+        What no other of its units sees is passed on once more, as the word of that participant alone.
 
         Raises:
             Refused: `not-a-participant`; or it is no alarm of a monitor of the task about the sender.
@@ -359,8 +365,8 @@ class Coordination(Part):
             raise Refused(f"{sender} takes no part in task {led.task}", "not-a-participant")
         if not any(plan.name == alarm.monitor for plan in led.plans):
             raise Refused(f"task {led.task} has no monitor {alarm.monitor}", "not-its-alarm")
-        is_seen = alarm.event == "closed" or self._monitors.is_violated(alarm.monitor, alarm.units, sender)
-        self._pass_on(led, alarm if is_seen else alarm.model_copy(update={"unseen_by": self._unit}), now_us)
+        self._reported.report(led.task, alarm, now_us)
+        self._pass_on(led, alarm, now_us)
 
     def on_progress(self, _act: Act, _content: contents.Progress, _now_us: int) -> None:
         """`(progress ...)`: this platform delegates nothing that it waits for."""

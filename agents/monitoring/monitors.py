@@ -211,12 +211,6 @@ class UnitMonitors:
         """Whether there are monitors over `unit`, or would be."""
         return unit in self._members
 
-    def is_violated(self, name: str, units: tuple[str, ...], other: str) -> bool:
-        """Whether our own monitor of that name, over us and `other`, has an open alarm."""
-        named = self.named.get(name)
-        instance = None if named is None or self.unit not in units else named.instances.get(other)
-        return instance is not None and instance.monitor.verdict == "false"
-
     @property
     def members(self) -> tuple[str, ...]:
         """The other units there are monitors over."""

@@ -3,9 +3,9 @@
 import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from textwrap import fill
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -45,6 +45,12 @@ class Output:
     def hold(self) -> None:
         """Standard output is ours alone from now on: what code of others prints goes to standard error."""
         self._held, sys.stdout = sys.stdout, sys.stderr
+
+    def outlast(self) -> None:
+        """Continue when the terminal is closed, or the reader has gone: what cannot be written is dropped."""
+        sys.stdout, sys.stderr = _outlasting(sys.stdout), _outlasting(sys.stderr)
+        self._held = None if self._held is None else _outlasting(self._held)
+        self._out = self._err = None
 
     @property
     def console(self) -> "Console":
@@ -139,6 +145,29 @@ class Output:
             return
         with self.terminal.status(text) as status:
             yield status.update
+
+
+class _Outlasting:
+    """A stream whose writing never fails."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        with suppress(OSError, ValueError):
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with suppress(OSError, ValueError):
+            self._stream.flush()
+
+
+def _outlasting(stream: TextIO) -> TextIO:
+    return cast("TextIO", _Outlasting(stream))
 
 
 def folded(line: str, width: int) -> str:

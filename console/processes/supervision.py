@@ -5,6 +5,7 @@ meets another file, the configuration of each platform, its events (`.out`, JSON
 """
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from typing import Any
 import psutil
 
 from console.errors import WRONG
+from console.output.output import Output
 from dyknow.model.errors import FederationFailed, WrongCall
 from runtime.configuration.run_directory import Running
 
@@ -59,7 +61,7 @@ class Fleet:
         self.directory, self._units, self._lifeline = directory, directory / "units", lifeline
         self._units.mkdir(mode=0o700, exist_ok=True)
         self._children: dict[str, subprocess.Popen[bytes]] = {}
-        self._heard: dict[str, int] = {}
+        self._heard: dict[str, tuple[int, int]] = {}
         self._first: dict[str, str] = {}
         self.running: dict[str, Running] = {}
 
@@ -69,39 +71,55 @@ class Fleet:
 
     def start_together(self, configurations: Mapping[str, str], module: str = "runtime.node") -> None:
         """Start platforms, by name, in one process; its events and its log are those of the first."""
+        first = next(iter(configurations))
+        out = self._units / f"{first}.out"
+        for records in (out, _before(out)):
+            records.unlink(missing_ok=True)
         words = [sys.executable, "-m", module, "--vehicles", VEHICLES]
         for unit, configuration in configurations.items():
             config = self._units / f"{unit}.json"
             config.write_text(configuration, encoding="utf-8")
             words += ["--config", str(config)]
-        first = next(iter(configurations))
-        with (self._units / f"{first}.out").open("wb") as out, (self._units / f"{first}.log").open("wb") as log:
+        with (self._units / f"{first}.log").open("wb") as log:
             child = subprocess.Popen(  # noqa: S603 - our own module, our own interpreter
-                words,
+                [*words, "--records", str(out)],
                 stdin=subprocess.PIPE if self._lifeline else subprocess.DEVNULL,
-                stdout=out,
+                stdout=log,
                 stderr=log,
                 start_new_session=True,
             )
-        self._heard[first] = 0
+        self._heard[first] = (0, 0)
         for unit in configurations:
             self._children[unit], self._first[unit] = child, first
             self.running[unit] = Running(unit, child.pid, psutil.Process(child.pid).create_time())
 
     def heard(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Events of the platforms since the last call: whole JSON lines of their standard output."""
+        """Events of the platforms since the last call: whole JSON lines, also across a file that was begun again."""
         for unit in self._heard:
-            with (self._units / f"{unit}.out").open("rb") as out:
-                out.seek(self._heard[unit])
-                whole, newline, _part = out.read().rpartition(b"\n")
-            self._heard[unit] += len(whole) + len(newline)
-            for line in whole.splitlines():
+            for line in self._lines(unit):
                 try:
                     said = json.loads(line)
                 except ValueError:
                     continue
                 if isinstance(said, dict):
                     yield str(said.get("unit", unit)), said
+
+    def _lines(self, unit: str) -> Iterator[bytes]:
+        inode, at = self._heard[unit]
+        path = self._units / f"{unit}.out"
+        for part in (_before(path), path):
+            try:
+                with part.open("rb") as out:
+                    found = os.fstat(out.fileno()).st_ino
+                    if part is not path and found != inode:
+                        continue  # read before
+                    out.seek(at if found == inode else 0)
+                    whole, newline, _torn = out.read().rpartition(b"\n")
+            except FileNotFoundError:
+                continue
+            at = (at if found == inode else 0) + len(whole) + len(newline)
+            inode, self._heard[unit] = found, (found, at)
+            yield from whole.splitlines()
 
     def ended(self) -> dict[str, int]:
         """The platforms that have ended, with their exit codes (negative: the signal that ended them)."""
@@ -157,6 +175,11 @@ class Fleet:
             child.wait(timeout=GRACE_S)
 
 
+def _before(records: Path) -> Path:
+    """The part of a file of records before the one that is written."""
+    return records.with_name(f"{records.name}.1")
+
+
 @contextmanager
 def _handled(handler: Any, *numbers: signal.Signals) -> Iterator[None]:
     before = {number: signal.signal(number, handler) for number in numbers}
@@ -168,12 +191,21 @@ def _handled(handler: Any, *numbers: signal.Signals) -> Iterator[None]:
 
 
 def interruptible() -> AbstractContextManager[None]:
-    """SIGTERM and SIGHUP interrupt as SIGINT does, so that what was started is ended in every case."""
+    """SIGTERM and SIGHUP interrupt as SIGINT does, so that what was started is ended in every case.
+
+    Once the platforms are ready a closed terminal no longer ends them: see `outlasting`.
+    """
 
     def interrupt(_number: int, _frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
     return _handled(interrupt, signal.SIGTERM, signal.SIGHUP)
+
+
+def outlasting(output: Output) -> None:
+    """From now on nothing that happens to the terminal ends the platforms: SIGINT and SIGTERM do, and `dyknow down`."""
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    output.outlast()
 
 
 def uninterrupted() -> AbstractContextManager[None]:

@@ -19,7 +19,7 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 
-from agents.effects import Event, Fed, HostEvent, LeaveRequested, Reported, Specify, Waited
+from agents.effects import Event, Fed, HostEvent, Impaired, LeaveRequested, Reported, Specify, Waited
 from dyknow import Quality
 from dyknow.model.errors import DecodeError
 from federation.transport import WireEvent
@@ -43,6 +43,7 @@ _KINDS: dict[str, type[Any]] = {
         Specify,
         Fed,
         Waited,
+        Impaired,
         Quality,
     )
 }

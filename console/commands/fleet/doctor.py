@@ -17,12 +17,14 @@ from console.command import Call, command
 from console.errors import DONE, NO
 from console.output.output import verbatim
 from dyknow.model.errors import did_you_mean
+from runtime.configuration.run_directory import run_directory
 
 DISTRIBUTION = "dyknow-federation"
 TOP_LEVEL = (
     "agents", "compunits", "console", "dyknow", "federation", "kpl", "navigation", "proxies", "reasoning", "runtime",
     "sim_uavs",
 )  # fmt: skip
+LEAST_MB = 100
 OLDEST_PYTHON = (3, 11)
 MULTICAST_GROUP = "224.0.0.224"
 GROUND_STATION_PORT = 14550
@@ -66,6 +68,7 @@ def findings_here() -> Iterator[Finding]:
     yield _python()
     yield from _packages()
     yield from _names()
+    yield _space()
     yield _multicast()
     yield _port("tcp", socket.SOCK_STREAM, 0)
     yield _port("udp", socket.SOCK_DGRAM, GROUND_STATION_PORT)
@@ -128,6 +131,16 @@ def _names() -> Iterator[Finding]:
             )  # fmt: skip
     if not foreign:
         yield Finding("our packages", "ok", f"all {len(TOP_LEVEL)} are ours")
+
+
+def _space() -> Finding:
+    """Room for the records of platforms: without it they fly on, unrecorded."""
+    place = next(path for path in (run_directory("default"), *run_directory("default").parents) if path.exists())
+    free_mb = shutil.disk_usage(place).free // 1_000_000
+    detail = f"{free_mb} MB at {place}"
+    if free_mb >= LEAST_MB:
+        return Finding("disk", "ok", detail)
+    return Finding("disk", "missing", detail, f"free {LEAST_MB} MB: records and journals are lost on a full disk")
 
 
 def _multicast() -> Finding:

@@ -18,7 +18,7 @@ from console.errors import DONE, INTERRUPTED
 from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Speed, UnitModules
 from console.output.output import unit_json, verbatim
 from console.processes.launch import clock_of, mavlink_vehicle, platform_config, replayed, together
-from console.processes.supervision import Fleet, interruptible, uninterrupted
+from console.processes.supervision import Fleet, interruptible, outlasting, uninterrupted
 from dyknow.model.errors import FederationFailed, WrongCall
 from proxies.recordings.named_files import beside
 from runtime.configuration.config import ClockConfig, MavlinkVehicle, NodeConfig, NoVehicle, Vehicle
@@ -139,6 +139,7 @@ def _run(call: Call, configs: list[NodeConfig]) -> int:
             with call.out.waiting(f"{named}: starting"):
                 if not fleet.follow(gathering.all_joined, on_heard, READY_S):
                     raise FederationFailed(f"{named} did not join in {READY_S:.0f} s.\n{fleet.last_words(units[0])}")
+            outlasting(call.out)
             for config in configs:
                 _say_joined(call, config, gathering.labels[config.unit])
             _check_specified(early, needed=needed)

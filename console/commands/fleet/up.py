@@ -13,7 +13,7 @@ from console.errors import DONE, FAILED, INTERRUPTED, NO
 from console.options.arguments import Avoidance, Duration, Speed
 from console.output.output import unit_json
 from console.processes.launch import FleetPlan, clock_of, fleet_of, together
-from console.processes.supervision import GRACE_S, Fleet, end, interruptible, uninterrupted
+from console.processes.supervision import GRACE_S, Fleet, end, interruptible, outlasting, uninterrupted
 from dyknow.model.errors import FederationFailed, TextError, WrongCall, did_you_mean
 from federation.members.clock import FederationClock
 from federation.members.directory import unit_order
@@ -102,6 +102,8 @@ def up(
         try:
             gathering = gathered(call, fleet, configs)
             _note_state(fleet, configs, stays=not detach)
+            if not detach:
+                outlasting(call.out)
             _say_ready(call, fleet, gathering)
             if detach:
                 is_left = True

@@ -148,7 +148,7 @@ def plain(said: Content) -> str:
         case Done():
             return said.text or "done"
         case Alarm():
-            unseen = f" (reported by {said.by}, not seen by {said.unseen_by})" if said.unseen_by else ""
+            unseen = f" (reported by {said.by}, not seen by {', '.join(said.unseen_by)})" if said.unseen_by else ""
             between = ", ".join(said.units)
             return f"alarm {said.event}: {said.monitor} between {between}, {clock_time(said.valid_us)}{unseen}"
         case _:

@@ -87,7 +87,7 @@ class Alarm(parts.Content):
     """An alarm opened or closed: raised by a monitor of `by`, about `units`, for the state valid at `valid_us`.
 
     `samples`: valid times of the samples that this state was made of, by input, in microseconds. `unseen_by`: the
-    coordinator that passes it on and whose own monitors do not show it, or not yet.
+    others of its units, where none of them has raised it within a second; the coordinator passes it on once more then.
     """
 
     id: parts.Line
@@ -99,7 +99,7 @@ class Alarm(parts.Content):
     detected_us: parts.Instant
     values: parts.Values = Field(default_factory=dict)
     samples: parts.Values = Field(default_factory=dict)
-    unseen_by: parts.Unit | None = None
+    unseen_by: parts.Units = ()
 
 
 class AlarmList(parts.Content):

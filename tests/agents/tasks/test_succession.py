@@ -200,21 +200,27 @@ def test_an_alarm_counts_only_from_a_participant(three: Wire) -> None:
     assert three.platform("0").ports.agent.audit_log.refused["refused"] == 1
 
 
-def test_an_alarm_that_the_coordinator_does_not_see_is_the_word_of_one(three: Wire) -> None:
+@pytest.mark.parametrize("other", ["0", "1"])
+def test_an_alarm_that_no_other_of_its_units_sees_is_the_word_of_one(three: Wire, other: str) -> None:
     task = delegated(three)
-    (alarm,) = told(three, task)
-    assert (alarm.by, alarm.unseen_by) == ("2", "0")
-    assert plain(alarm).endswith("(reported by 2, not seen by 0)")
+    assert [alarm.unseen_by for alarm in told(three, task, units=("2", other))] == [()], "it is passed on at once"
+    three.run(1.0)
+    first, second = (content for content in task.contents if isinstance(content, Alarm))
+    assert second == first.model_copy(update={"unseen_by": (other,)})
+    assert plain(second).endswith(f"(reported by 2, not seen by {other})")
 
 
-def test_an_alarm_that_the_coordinator_sees_is_not_marked(wire: Wire) -> None:
-    wire.join("0", Vehicle(), trust=trust("0"))
-    wire.join("2", Vehicle(north_m=5.0), trust=trust("2"))
+def test_an_alarm_that_both_see_is_passed_on_as_it_is(wire: Wire) -> None:
+    for unit, east_m in (("0", 3000.0), ("1", -60.0), ("2", 0.0)):
+        speed_m_s = 3.0 if unit == "1" else 0.0
+        wire.join(unit, Vehicle(east_m=east_m, east_m_s=speed_m_s), trust=trust(unit))
     wire.centre("cc", trust=trust("cc"))
     wire.run(1.0)
-    task = delegated(wire)
-    alarms = told(wire, task)
-    assert [(alarm.id, alarm.unseen_by) for alarm in alarms][-1] == ("x/1", None)
+    task = wire.asked("cc", "0", MonitorProximity(avoidance=False))
+    wire.run(30.0)
+    alarms = [content for content in task.contents if isinstance(content, Alarm)]
+    assert {(alarm.by, alarm.event) for alarm in alarms} >= {("1", "opened"), ("2", "opened"), ("2", "closed")}
+    assert {alarm.unseen_by for alarm in alarms} == {()}
 
 
 def test_only_who_leads_hands_over(three: Wire) -> None:

@@ -14,14 +14,15 @@ from console.processes.supervision import Fleet, end
 from dyknow.model.errors import FederationFailed, WrongCall
 from runtime.configuration.config import NodeConfig
 from runtime.configuration.run_directory import ProcessState, Running, read_state, run_directory, write_state
+from runtime.records import Records
 
 SPEAKS = """
 import json, sys, time
-print(json.dumps({"event": "joined", "unit": 0}), flush=True)
+open(sys.argv[-1], "w").write(json.dumps({"event": "joined", "unit": 0}) + "\\n")
 sys.stdin.read()
 time.sleep(60)
 """
-STUBBORN = "import signal, sys, time\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\nprint('{\"up\": 1}', flush=True)\ntime.sleep(60)\n"
+STUBBORN = "import signal, sys, time\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\nopen(sys.argv[-1], 'w').write('{\"up\": 1}\\n')\ntime.sleep(60)\n"
 FAILS = "import sys\nsys.exit('cannot bind 127.0.0.1:1')\n"
 
 
@@ -121,3 +122,16 @@ def test_no_name_of_a_unit_meets_the_file_of_the_processes(fleet: Fleet, tmp_pat
         fleet.start(unit, "{}", module="child_speaks")
     assert fleet.follow(lambda: len(fleet.running) == 3, lambda _unit, _said: None, timeout_s=20)
     assert (tmp_path / "state.json").read_text() == before
+
+
+def test_records_are_heard_once_each_across_files_that_are_begun_again(fleet: Fleet) -> None:
+    fleet.start("0", "{}", module="child_fails")
+    assert fleet._children["0"].wait(20) == 1
+    say = Records(fleet._units / "0.out", pytest.fail, part_bytes=2_000)
+    numbers: list[int] = []
+    for at in range(600):
+        say({"at": at})
+        if at % 37 == 0:
+            numbers += [said["at"] for _, said in fleet.heard()]
+    numbers += [said["at"] for _, said in fleet.heard()]
+    assert numbers == list(range(600))
