@@ -392,7 +392,8 @@ def serve(
 
 def _failed(unit: str, wrong: DyknowError) -> int:
     """Write what went wrong with a platform; the exit code."""
-    sys.stderr.write(f"platform {unit}: {wrong}\n")
+    with contextlib.suppress(OSError):
+        sys.stderr.write(f"platform {unit}: {wrong}\n")
     return WRONG if isinstance(wrong, UnitError | WrongCall) else FAILED
 
 
