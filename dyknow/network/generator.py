@@ -101,7 +101,9 @@ class Generator:
         last_us: available time of the last sample.
     """
 
-    __slots__ = ("_adapted", "_closed_us", "_open", "history", "label", "last_us", "owner", "sort", "subscriptions")
+    __slots__ = (
+        "_adapted", "_begin_us", "_beginning", "_closed_us", "_open", "history", "label", "last_us", "owner", "sort", "subscriptions",
+    )  # fmt: skip
 
     def __init__(self, label: Label, sort: Sort, capacity: int) -> None:
         self.label, self.sort = label, sort
@@ -109,8 +111,9 @@ class Generator:
         self.owner: Owner | None = None
         self.subscriptions: tuple[Subscription, ...] = ()
         self._open: tuple[Subscription, ...] = ()  # no constraint: every sample passes as it is
-        self._adapted: tuple[Subscription, ...] = ()
-        self.last_us = self._closed_us = -(2**80)
+        self._adapted: tuple[tuple[PolicyAdapter, tuple[Subscription, ...]], ...] = ()
+        self.last_us = self._closed_us = self._begin_us = -(2**80)
+        self._beginning: dict[Policy, PolicyAdapter] = {}  # of the streams that begin after `_begin_us`
 
     def push(self, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> Sample:
         """Add a sample that became available at `now_us` and hand it on. A tie of available times is moved by 1 us."""
@@ -121,9 +124,10 @@ class Generator:
         adapted_to = self._adapted  # who subscribes while consumers are called begins with the next sample
         for subscription in self._open:
             subscription.consumer(sample)
-        for subscription in adapted_to:
-            for adapted in subscription.adapter.on_sample(sample, now_us):
-                subscription.consumer(adapted)
+        for adapter, subscriptions in adapted_to:
+            for adapted in adapter.on_sample(sample, now_us):
+                for subscription in subscriptions:
+                    subscription.consumer(adapted)
         return sample
 
     def remember(self, valid_us: int, value: Value, available_us: int, quality: Quality = SURE) -> None:
@@ -141,6 +145,7 @@ class Generator:
         """Forget the past."""
         self.history.reset()
         self.last_us = self._closed_us = -(2**80)
+        self._beginning = {}
 
     def prepare(self, from_us: int) -> int:
         """Hold as much as can be had of what is valid from `from_us` on; the time from which on that is all."""
@@ -179,28 +184,32 @@ class Generator:
     def subscribe(
         self, policy: Policy | PolicyAdapter, consumer: Consumer, on_end: Callable[[], None] | None = None
     ) -> Subscription:
-        """A stream of what is pushed from now on; `on_end` is called when the generator is removed."""
+        """A stream of what is pushed from now on; `on_end` is called when the generator is removed.
+
+        Subscriptions of one policy that begin with the same sample are one stream: they share its adapter.
+        """
         subscription = Subscription(self, policy, consumer, on_end)
+        if self._begin_us != self.last_us:
+            self._beginning, self._begin_us = {}, self.last_us
+        if subscription.adapter.is_fresh:
+            subscription.adapter = self._beginning.setdefault(subscription.policy, subscription.adapter)
         self.subscriptions = (*self.subscriptions, subscription)
-        if subscription.adapter.is_open:
-            self._open = (*self._open, subscription)
-        else:
-            self._adapted = (*self._adapted, subscription)
-        self._tell()
+        self.rearrange()
         return subscription
 
     def drop(self, subscription: Subscription) -> None:
-        self.subscriptions, self._open, self._adapted = (
-            tuple([s for s in some if s is not subscription])
-            for some in (self.subscriptions, self._open, self._adapted)
-        )
-        self._tell()
+        self.subscriptions = tuple([s for s in self.subscriptions if s is not subscription])
+        self.rearrange()
 
     def rearrange(self) -> None:
-        """A subscription has another policy."""
-        self._open = tuple(s for s in self.subscriptions if s.adapter.is_open)
-        self._adapted = tuple(s for s in self.subscriptions if not s.adapter.is_open)
-        self._tell()
+        """Subscriptions have come or gone, or one has another policy."""
+        streams: dict[PolicyAdapter, list[Subscription]] = {}
+        self._open = tuple([s for s in self.subscriptions if s.adapter.is_open])
+        for subscription in self.subscriptions:
+            streams.setdefault(subscription.adapter, []).append(subscription)
+        self._adapted = tuple([(adapter, tuple(each)) for adapter, each in streams.items() if not adapter.is_open])
+        if self.owner is not None:
+            self.owner.on_demand()
 
     def end(self) -> None:
         """Remove the generator: all its streams end."""
@@ -222,10 +231,6 @@ class Generator:
             period_us = gcd(period_us, grid.period_us, grid.anchor_us - anchor_us if period_us else 0)
             anchor_us = grid.anchor_us
         return Grid(period_us, anchor_us % period_us) if period_us else None
-
-    def _tell(self) -> None:
-        if self.owner is not None:
-            self.owner.on_demand()
 
 
 def _available_us(sample: Sample) -> int:

@@ -18,16 +18,8 @@ class History:
     """
 
     __slots__ = (
-        "_base",
-        "_counted",
-        "_disorder",
-        "_dropped_us",
-        "_highest_us",
-        "_limit",
-        "_samples",
-        "_sorted",
-        "capacity",
-    )
+        "_base", "_counted", "_disorder", "_dropped_us", "_highest_us", "_limit", "_samples", "_sorted", "capacity",
+    )  # fmt: skip
 
     def __init__(self, capacity: int) -> None:
         if capacity < 1:

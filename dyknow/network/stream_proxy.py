@@ -89,6 +89,7 @@ class StreamProxy:
         if self._last_us is not None:
             generator.last_us = max(generator.last_us, self._last_us)
         self._subscription = generator.subscribe(self._adapter, self._consumer, lambda: self._lost(generator))
+        self._adapter = self._subscription.adapter
         self._network.watch(self._subscription)
         if self._on_link is not None:
             self._on_link(True)
@@ -104,9 +105,7 @@ class StreamProxy:
         """Only what lies on `grid`, which has an anchor, is of use to the client; None: everything."""
         if grid != self._wanted:
             self._wanted = grid
-            self._adapter.confine(grid)
-            if self._subscription is not None:
-                self._subscription.retune(self._adapter)
+            self._continue(self._adapter.policy)
 
     def stretch(self, factor: int) -> None:
         """Let every sample period be `factor` times as long as it would be; 1 takes that back."""
@@ -132,8 +131,11 @@ class StreamProxy:
         policy = self.policy
         if self.stretched > 1 and policy.sample_us is not None:
             policy = replace(policy, sample_us=policy.sample_us * self.stretched)
-        if policy == self._adapter.policy:
-            return
+        if policy != self._adapter.policy:
+            self._continue(policy)
+
+    def _continue(self, policy: Policy) -> None:
+        """The rest of the stream, under a policy, by an adapter of its own: the one until now may serve others."""
         self._adapter = self._adapter.continued(policy)
         self._adapter.on_starved = self._starved
         self._adapter.confine(self._wanted)
@@ -153,6 +155,7 @@ class StreamProxy:
     def _lost(self, generator: Generator) -> None:
         self._last_us = generator.last_us
         self._subscription = None
+        self._continue(self._adapter.policy)
         self._network.wait(self)
         if self._on_link is not None:
             self._on_link(False)

@@ -54,7 +54,7 @@ class PolicyAdapter:
     """
 
     __slots__ = (
-        "_all", "_anchor_us", "_changes", "_confined_to", "_from_us", "_hungry_us", "_in_vain", "_last", "_late", "_least_certainty", "_least_step_us",
+        "_all", "_anchor_us", "_changes", "_confined_to", "_from_us", "_hungry_us", "_in_vain", "_is_unrestricted", "_last", "_late", "_least_certainty", "_least_step_us",
         "_max_delay_us", "_most_deviation", "_no_change", "_off_grid", "_out_of_order", "_outside", "_owed", "_patience_us",
         "_period_us", "_previous", "_take", "_to_us", "_uncertain", "gaps", "on_sample", "on_starved", "policy",
     )  # fmt: skip
@@ -63,7 +63,7 @@ class PolicyAdapter:
     _take: Callable[[Sample, int], list[Sample]]
 
     def __init__(self, policy: Policy) -> None:
-        self.policy = policy
+        self.policy, self._is_unrestricted = policy, policy == _UNRESTRICTED
         self.gaps = self._late = self._out_of_order = self._outside = self._no_change = self._off_grid = 0
         self._period_us = policy.sample_us or 0
         self._from_us = -_EVER_US if policy.from_us is None else policy.from_us
@@ -135,7 +135,8 @@ class PolicyAdapter:
         """The rest of this stream under another policy: order, counts and, where it has none of its own, the grid."""
         after = PolicyAdapter(policy)
         after._last, after._previous = self._last, self._previous
-        for name in ("gaps", *_REASONS):
+        starving = ("_hungry_us", "_in_vain", "_patience_us") if after._period_us == self._period_us else ()
+        for name in ("gaps", *_REASONS, *starving):
             setattr(after, name, getattr(self, name))
         if after._anchor_us is None:
             after._anchor_us = self._anchor_us
@@ -154,9 +155,14 @@ class PolicyAdapter:
         return self._period_us > 0 and self._anchor_us is None
 
     @property
+    def is_fresh(self) -> bool:
+        """Whether it gives what another of its policy would from now on: it has passed and owes nothing."""
+        return self._last is None and self._previous is None and self._owed is None and self._confined_to[0] == 1
+
+    @property
     def is_open(self) -> bool:
         """Whether every sample passes as it is."""
-        return self.policy == _UNRESTRICTED and self._confined_to[0] == 1
+        return self._is_unrestricted and self._confined_to[0] == 1
 
     @property
     def needed(self) -> Grid | None:

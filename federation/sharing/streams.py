@@ -116,19 +116,9 @@ class ImportStream:
     """
 
     __slots__ = (
-        "_asked",
-        "_backoff_us",
-        "_due_us",
-        "_missing",
-        "_next",
-        "_progress",
-        "_questions",
-        "account",
-        "boot",
-        "label",
-        "owner",
-        "policy_hash",
-    )
+        "_asked", "_backoff_us", "_due_us", "_missing", "_next", "_progress", "_questions", "account", "boot",
+        "label", "owner", "policy_hash",
+    )  # fmt: skip
 
     def __init__(
         self,

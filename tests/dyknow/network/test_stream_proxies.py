@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow import Network, Policy, PolicyAdapter, Sample
+from dyknow.network.stream_proxy import StreamProxy
 from dyknow.policies.sampling import Grid
 from tests.dyknow.networks import ANY, Counted, feed, invariants, label, policy, refine, times
 from tests.satisfaction import satisfied
@@ -162,3 +163,72 @@ def test_a_stream_that_gets_next_to_nothing_for_its_grid_says_so_once(text, step
         network.push(label(0), valid_us, i, valid_us)
     assert len(said) == told
     assert all("next to nothing" in each and "`use linear`" in each for each in said)
+
+
+def heard(samples, wanted, clients, changes, lost_at, current) -> list[list[Sample]]:
+    """What each client gets that joins before a sample; clients change what they want, and the source is lost once."""
+    network = network_of_one()
+    streams, got = {}, [[] for _ in clients]
+    for at, s in enumerate(samples):
+        for number, joins_at in enumerate(clients):
+            if joins_at == at:
+                streams[number] = network.connect(label(0), wanted, got[number].append, current=current)
+        for changes_at, number, what in changes:
+            if changes_at == at and number in streams:
+                {
+                    "cancel": StreamProxy.cancel,
+                    "stretch": lambda stream: stream.stretch(2),
+                    "want": lambda stream: stream.want(Grid(40, 0)),
+                    "want all": lambda stream: stream.want(None),
+                }[what](streams[number])
+        if at == lost_at:
+            network.remove(label(0))
+            network.add_source(label(0), ANY)
+        while (due_us := network.deadline_us) is not None and due_us < s.available_us:
+            network.on_time(due_us)
+        network.push(label(0), s.valid_us, s.value, s.available_us)
+    return got
+
+
+@given(
+    gridded_streams(),
+    policies(),
+    st.lists(st.sampled_from([0, 0, 0, 1, 5]), min_size=2, max_size=4),
+    st.lists(
+        st.tuples(st.integers(0, 12), st.integers(0, 3), st.sampled_from(["cancel", "stretch", "want", "want all"])),
+        max_size=4,
+    ),
+    st.sampled_from([None, 2, 7]),
+    st.booleans(),
+)
+def test_a_client_gets_what_it_would_get_alone(samples, wanted, clients, changes, lost_at, current) -> None:
+    others = lost_at, current
+    alone = [
+        heard(samples, wanted, [joins_at], [(at, 0, what) for at, of, what in changes if of == number], *others)[0]
+        for number, joins_at in enumerate(clients)
+    ]
+    assert heard(samples, wanted, clients, changes, *others) == alone
+
+
+def test_streams_of_one_policy_that_begin_together_share_one_adapter() -> None:
+    network = network_of_one()
+    streams = [network.connect(label(0), policy("sample every 20us"), lambda _: None) for _ in range(3)]
+    network.push(label(0), 1, 1, 1)
+    late = network.connect(label(0), policy("sample every 20us"), lambda _: None)
+    assert len({stream.adapter for stream in streams}) == 1
+    assert late.adapter is not streams[0].adapter
+    streams[0].stretch(2)
+    assert streams[0].adapter.policy.sample_us == 40
+    assert streams[1].adapter.policy.sample_us == 20
+
+
+def test_each_of_several_clients_begins_again_with_the_newest_sample() -> None:
+    network, got = network_of_one(), ([], [])
+    refine(network, 1, Counted().prototype, [(0, Policy())])
+    for each in got:
+        network.connect(label(1), policy("sample every 10us"), each.append, current=True)
+    feed(network, [(0, 10, 1, 10), (0, 20, 2, 20)])
+    network.remove(label(1))
+    feed(network, [(0, 30, 3, 30)])
+    refine(network, 1, Counted().prototype, [(0, Policy())])
+    assert [[s.valid_us for s in each] for each in got] == [[10, 20, 30]] * 2
