@@ -31,8 +31,6 @@ NOTED = 64
 IMPAIRED, MAX_TEXT = 8, 200
 """Conditions of the process that are listed, and characters of each."""
 DIRECTORY: Final = Service("directory", "directory", Visibility.PUBLIC)
-MISSING_US = 60_000_000
-"""How long a platform that timed out is listed as missing."""
 _PLATFORM: Final[Mapping[type, str]] = {
     liveness.PlatformAppeared: "platform-appeared",
     liveness.PlatformSuspected: "platform-suspected",
@@ -212,11 +210,11 @@ class DirectoryAgent(Part):
         return self._members
 
     def on_search(self, act: Act, content: Search, now_us: int) -> None:
-        """`(search ...)`: platforms that provide a service or have a label; and which platforms timed out lately."""
+        """`(search ...)`: platforms that provide a service or have a label; and which platforms are missing."""
         entries = self.facilitator.search(service=content.service, label=content.semantic_label, outside=True)
         agents = tuple(str(AgentName("interface", entry.unit)) for entry in entries)[:MAX_LIST]
-        missing = tuple(unit for unit, since_us in self._missing.items() if now_us < since_us + MISSING_US)[:MAX_LIST]
-        self._agent.answer(act, Performative.INFORM, Found(agents=agents, missing_units=missing), now_us)
+        found = Found(agents=agents, missing_units=tuple(self._missing), missing_since=tuple(self._missing.values()))
+        self._agent.answer(act, Performative.INFORM, found, now_us)
 
     def on_subscribe(self, act: Act, _content: Directory, now_us: int) -> None:
         """`(directory)`"""
@@ -231,22 +229,28 @@ class DirectoryAgent(Part):
     def on_peer(self, change: PeerChange, now_us: int) -> None:
         """Inform the subscribers, and remember which platform is missing."""
         self._on_own(change, now_us)
-        self._note_missing(change, now_us)
+        self._note_missing(change)
         content = _content_of(change, now_us)
         if content is not None:
             self._subscribers.inform(content, now_us)
 
-    def _note_missing(self, change: PeerChange, now_us: int) -> None:
-        """A platform that timed out is listed as missing; one whose token was withdrawn while it still beat has left."""
-        if isinstance(change, liveness.PlatformSuspected):
-            entry = self.facilitator.entry(change.unit)
-            if entry is not None and entry.kind == "uav" and entry.since_us >= entry.heard_us + liveness.SUSPECT_US:
-                self._missing.setdefault(change.unit, now_us)
-        elif isinstance(change, liveness.PlatformAppeared | liveness.PlatformReturned) or (
-            isinstance(change, liveness.PlatformGone) and change.why == "left"
-        ):
-            self._missing.pop(change.unit, None)
-        for unit in [unit for unit, since_us in self._missing.items() if now_us >= since_us + MISSING_US]:
+    def _note_missing(self, change: PeerChange) -> None:
+        """A platform that timed out or crashed is missing until it returns, or says good-bye."""
+        match change:
+            case liveness.PlatformSuspected(unit) | liveness.PlatformGone(unit) if change.why != "left":
+                entry = self.facilitator.entry(unit)
+                if (
+                    entry is not None
+                    and entry.kind == "uav"
+                    and (
+                        isinstance(change, liveness.PlatformGone)
+                        or entry.since_us >= entry.heard_us + liveness.SUSPECT_US
+                    )
+                ):
+                    self._missing.setdefault(unit, entry.heard_us)
+            case liveness.PlatformAppeared(unit) | liveness.PlatformReturned(unit) | liveness.PlatformGone(unit):
+                self._missing.pop(unit, None)
+        for unit in list(self._missing)[:-MAX_LIST]:
             del self._missing[unit]
 
 

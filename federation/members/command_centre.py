@@ -28,12 +28,17 @@ OnSample: TypeAlias = Callable[[ImportName, WireSample, int], None]
 
 @dataclass(frozen=True, slots=True)
 class PlatformView:
-    """A platform as it is listed: `state` is alive, suspect, gone or refused; `entry` None if it was never heard."""
+    """A platform as it is listed: `state` is alive, suspect, gone or refused; `entry` None if it was never heard.
+
+    Attributes:
+        gone_us: since when it is gone, on the node clock, as those say that miss it.
+    """
 
     unit: str
     kind: str
     state: str
     entry: DirectoryEntry | None
+    gone_us: int | None = None
 
     @property
     def labels(self) -> tuple[str, ...]:

@@ -40,6 +40,7 @@ class DirectoryEntry(NamedTuple):
         hears: the units that hear its heartbeat say that they are heard.
         refusal: why this platform cannot federate with it, or None.
         conditions: what it says is not as it should be there.
+        left: it said good-bye.
     """
 
     unit: str
@@ -54,6 +55,7 @@ class DirectoryEntry(NamedTuple):
     hears: tuple[str, ...]
     refusal: str | None = None
     conditions: tuple[ConditionEntry, ...] = ()
+    left: bool = False
 
 
 class DirectoryFacilitator:
@@ -366,6 +368,7 @@ class DirectoryFacilitator:
             tuple(peer.hears),
             replica.refusal if replica else None,
             replica.found.conditions if replica and replica.found and replica.refusal is None else (),
+            peer.left,
         )
 
 

@@ -9,12 +9,13 @@ from types import TracebackType
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from federation.members.command_centre import PlatformView
-from federation.messages.contents import Alarm, Content, MonitorEntry
+from federation.messages.contents import Content, MonitorEntry
 from federation.messages.dialogue import Dialogue
 from runtime.client import Job, command_centre, surroundings
 from runtime.configuration.reach import COMMAND_CENTRE, client_wire
 from runtime.configuration.settings import Settings, load
 from runtime.library import jobs
+from runtime.library.alarm_news import AlarmItem, follow_alarms
 from runtime.library.feed import Feed
 from runtime.library.member_thread import MemberThread
 from runtime.library.results import QueryResult, UnitSample
@@ -150,14 +151,18 @@ class _Face:
         self._thread.post(jobs.follow_task(dialogue, feed))
         return dialogue, feed
 
-    def alarms(self) -> Feed[Alarm]:
+    def alarms(self) -> Feed[AlarmItem]:
         """Alarms as they open and close, on every platform, those that appear later included.
 
-        Each has `.event` (`opened` or `closed`), `.monitor`, `.by` (the platform that raised it), `.units` (which it is
+        Among them is what makes it unknown whether there are any, each told within two seconds: a `MonitorChange` for
+        a monitor that is `unknown` (`.which` inputs lack), `known` again or `ended`, a `PlatformChange` for a platform
+        that is `silent`, `gone`, has `left` or is `back`. They have the attributes of alarms, empty where they have none.
+
+        Each alarm has `.event` (`opened` or `closed`), `.monitor`, `.by` (the platform that raised it), `.units` (which it is
         about), `.valid_us`, `.detected_us` and `.values`.
         """
-        feed: Feed[Alarm] = Feed()
-        self._thread.post(jobs.follow_alarms(self._client, feed))
+        feed: Feed[AlarmItem] = Feed()
+        self._thread.post(follow_alarms(self._client, feed))
         return feed
 
 
@@ -286,8 +291,11 @@ class FederationClient(_Face):
         return self._do(jobs.monitors(self._client))
 
     def ls(self) -> list[PlatformView]:
-        """The platforms: `.unit`, `.state` (`alive`, `suspect`, `refused`), `.labels`, `.services`."""
-        return self._do(jobs.platforms(self._client))
+        """The platforms: `.unit`, `.state` (`alive`, `suspect`, `gone`, `refused`), `.labels`, `.services`.
+
+        One that is gone without a good-bye stays, with `.gone_us` (when it was last heard), until it returns.
+        """
+        return self._do(jobs.all_platforms(self._client))
 
 
 class AsyncFederationClient(_Face):
@@ -326,7 +334,7 @@ class AsyncFederationClient(_Face):
 
     async def ls(self) -> list[PlatformView]:
         """See `FederationClient.ls`."""
-        return await self._done(jobs.platforms(self._client))
+        return await self._done(jobs.all_platforms(self._client))
 
 
 def _name(unit: str | int | None) -> str | None:

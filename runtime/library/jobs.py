@@ -8,11 +8,10 @@ from federation.keys import label as label_name
 from federation.members.command_centre import PlatformView
 from federation.members.directory import unit_order
 from federation.members.imports import ImportName
+from federation.members.liveness import PeerState
 from federation.messages.acts import Performative
 from federation.messages.codec import WireSample
 from federation.messages.contents import (
-    Alarm,
-    Alarms,
     Content,
     CreateMulticast,
     Done,
@@ -30,7 +29,7 @@ from federation.messages.dialogue import Dialogue
 from runtime.client import QUIET_US, SETTLE_S, Client, Job, Wait
 from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.configuration.wording import content_with
-from runtime.library.questions import ask_who_is_missing, check_label, missing_units, query_of, receiver_of
+from runtime.library.questions import ask_who_is_missing, check_label, gone_text, missing_units, query_of, receiver_of
 from runtime.library.results import QueryResult, UnitSample, sample_of_reading, sample_of_wire
 
 if TYPE_CHECKING:
@@ -40,8 +39,6 @@ P = Performative
 C = TypeVar("C", bound=Content)
 GRACE_S = 0.5
 SET_UP_S = 2.0
-REMEMBERED = 10_000
-"""Alarms by which repetitions are known: each is reported by every platform that it is about."""
 _LOOK_S = 0.2
 
 
@@ -49,6 +46,21 @@ def platforms(client: Client, *, all_kinds: bool = False) -> Job[list[PlatformVi
     """Wait until the directory has settled; return the platforms."""
     yield Wait(lambda: client.centre.settled(client.now_us(), QUIET_US), SETTLE_S)
     return client.centre.platforms(all_kinds=all_kinds)
+
+
+def all_platforms(client: Client, *, all_kinds: bool = False) -> Job[list[PlatformView]]:
+    """The same, with those that are gone without a good-bye; they are listed as gone until they return."""
+    there = yield from platforms(client)
+    alive = [view.unit for view in there if view.state == PeerState.ALIVE.value]
+    missing = yield from missing_units((), ask_who_is_missing(client, alive))
+    there = client.centre.platforms(all_kinds=all_kinds)  # as it is now
+    known, now_us = {view.unit for view in there}, client.now_us()
+    gone = [
+        PlatformView(unit, "uav", PeerState.GONE.value, None, now_us - ago_us)
+        for unit, ago_us in missing.items()
+        if unit not in known
+    ]
+    return sorted([*there, *gone], key=lambda view: unit_order(view.unit))
 
 
 def query(
@@ -80,8 +92,10 @@ def readings_of(
     take: Callable[[str, list[Reading], str], None],
 ) -> Job[None]:
     """Query a label; `take` gets a platform, its readings and why it has not answered, as soon as that is known."""
-    units = client.pick(unit)
-    around = ask_who_is_missing(client, units) if unit is None else []
+    there = client.pick(None)
+    around = ask_who_is_missing(client, there) if unit is None or unit not in there else []
+    missing = yield from missing_units(there, around if unit is not None else [])
+    units = [] if unit in missing else client.pick(unit)
     content = query_of(label, at, between, client.federation_us())
     answered = False
 
@@ -94,8 +108,9 @@ def readings_of(
         take(dialogue.unit, readings, why)
 
     yield from client.answers(units, content, P.QUERY_REF, within_s, take_answer)
-    for name in (yield from missing_units(units, around)):
-        take(name, [], "lost: it no longer answers")
+    for name, ago_us in (yield from missing_units(there, around)).items():
+        if unit in {None, name}:
+            take(name, [], gone_text(ago_us))
     check_label(client, label, answered=answered)
 
 
@@ -212,15 +227,19 @@ class Subscriptions:
     def __init__(self, client: Client, content: Content) -> None:
         self._client, self._content = client, content
         self._open: dict[str, Dialogue] = {}
+        self._refused = set[str]()
 
     def news(self, within_s: float) -> Job[list[tuple[str, Content]]]:
         """Wait a moment; what came since, with the platform that sent it."""
         for view in self._client.centre.platforms():
             known = self._open.get(view.unit)
-            if view.state == "alive" and (known is None or known.over):
+            if view.state != "alive":
+                self._refused.discard(view.unit)
+            elif view.unit not in self._refused and (known is None or known.over):
                 self._open[view.unit] = self._client.say(view.unit, P.SUBSCRIBE, self._content, standing=True)
         yield Wait(lambda: any(one.said for one in self._open.values()), within_s)
         found = [(unit, content) for unit, one in self._open.items() for content in one.results]
+        self._refused.update(unit for unit, one in self._open.items() if one.refusal is not None)
         for one in self._open.values():
             one.said.clear()
         return found
@@ -230,23 +249,6 @@ class Subscriptions:
         for unit, one in self._open.items():
             if not one.over:
                 self._client.cancel(unit, one.conversation)
-
-
-def follow_alarms(client: Client, feed: "Feed[Alarm]") -> Job[None]:
-    """Subscribe to the alarms of every platform, until the feed is closed."""
-    subscriptions = Subscriptions(client, Alarms())
-    reported: dict[tuple[str, str], None] = {}
-    try:
-        while not feed.is_closed:
-            for _, alarm in (yield from subscriptions.news(_LOOK_S)):
-                if isinstance(alarm, Alarm) and (alarm.id, alarm.event) not in reported:
-                    reported[alarm.id, alarm.event] = None
-                    if len(reported) > REMEMBERED:
-                        del reported[next(iter(reported))]
-                    feed.put(alarm)
-    finally:
-        feed.close()
-        subscriptions.cancel()
 
 
 # Tasks

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable, Sequence
 
 from dyknow.model.errors import NothingFound, WrongCall, did_you_mean
+from dyknow.model.instants import US_PER_S, print_span
 from federation.keys import unit as unit_name
 from federation.members.directory import unit_order
 from federation.messages.acts import Performative
@@ -12,6 +13,8 @@ from runtime.client import Client, Job, Wait
 from runtime.configuration.instants import instant_us
 
 LOOK_S = 1.0
+GRACE_S = 0.2
+"""For those that answer later than the first."""
 
 
 def query_of(label: str, at: str | int | None, between: Sequence[str | int] | None, now_us: int) -> Query:
@@ -38,11 +41,43 @@ def ask_who_is_missing(client: Client, units: Iterable[str]) -> list[Dialogue]:
     return [client.say(unit, Performative.QUERY_REF, Search(), within_s=LOOK_S) for unit in units]
 
 
-def missing_units(units: Collection[str], around: list[Dialogue]) -> Job[list[str]]:
-    """Wait for an answer to `ask_who_is_missing`; the platforms that others miss, without `units`."""
+def missing_units(units: Collection[str], around: list[Dialogue]) -> Job[dict[str, int]]:
+    """Wait for answers to `ask_who_is_missing`; the platforms that others miss, without `units`.
+
+    With each comes how long ago it was last heard by any of those that miss it, in microseconds.
+    """
     yield Wait(lambda: not around or any(dialogue.results for dialogue in around), LOOK_S)
-    found = [content for dialogue in around for content in dialogue.results if isinstance(content, Found)]
-    return sorted({name for content in found for name in content.missing_units} - set(units), key=unit_order)
+    yield Wait(lambda: all(dialogue.over for dialogue in around), GRACE_S)
+    ago: dict[str, int] = {}
+    for act, content in (said for dialogue in around for said in dialogue.said):
+        if isinstance(content, Found):
+            for name, since_us in zip(content.missing_units, content.missing_since, strict=False):
+                heard_us = max(0, act.created_us - since_us)  # both by the clock of the platform that answers
+                ago[name] = min(heard_us, ago.get(name, heard_us))
+    return {name: ago[name] for name in sorted(ago.keys() - set(units), key=unit_order)}
+
+
+def gone_text(ago_us: int) -> str:
+    """`gone 12 s ago`."""
+    ago_s = max(1, ago_us // US_PER_S)
+    return f"gone {f'{ago_s} s' if ago_s < 60 else print_span(ago_s * US_PER_S)} ago"
+
+
+def age_of(client: Client, unit: str, label: str, valid_us: int) -> tuple[int, bool]:
+    """How old a sample of a platform is, in microseconds of federation time, and whether it is stale."""
+    entry, offset = client.centre.member.directory.entry(unit), client.centre.member.offsets.of(unit)
+    ahead_us = 0 if offset is None else round(offset.offset_us * client.centre.clock.speed)
+    age_us = max(0, client.federation_us() - (valid_us - ahead_us))
+    periods = (one.period_us for one in (entry.labels if entry else ()) if one.label == label)
+    return age_us, is_stale(client, age_us, next(periods, 1))
+
+
+def is_stale(client: Client, age_us: int, period_us: int) -> bool:
+    """Whether a sample is older than its policy allows: three periods, and a second by the wall.
+
+    Ages and periods are of federation time. What has no period comes only when it changes, and is not stale.
+    """
+    return period_us > 0 and age_us > max(3 * period_us, round(US_PER_S * client.centre.clock.speed))
 
 
 def check_label(client: Client, label: str, *, answered: bool) -> None:

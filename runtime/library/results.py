@@ -1,7 +1,8 @@
 """What a federation answers, as a program reads it. Instants are microseconds of federation time."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, overload
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple, overload
 
 from dyknow import SURE, Quality, as_json
 from dyknow.model.values import NO_VALUE, NoValue
@@ -28,6 +29,27 @@ class UnitSample(NamedTuple):
     valid_us: int
     available_us: int
     quality: Quality = SURE
+
+
+class PlatformChange(NamedTuple):
+    """A platform is not heard (`silent`), `gone` without a good-bye, has `left`, or is `back`.
+
+    Attributes:
+        at_us: federation time.
+        monitor, by, values: empty; it is read where alarms are.
+    """
+
+    event: Literal["silent", "gone", "left", "back"]
+    unit: str
+    at_us: int
+    monitor: str = ""
+    by: str = ""
+    values: Mapping[str, Any] = MappingProxyType({})
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """The platform, as alarms name what they are about."""
+        return (self.unit,)
 
 
 class QueryResult(Sequence[UnitSample]):

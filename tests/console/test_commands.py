@@ -1,5 +1,6 @@
 """The commands against real platforms on a fake wire: what is printed, and with which code they end."""
 
+import re
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
@@ -9,8 +10,9 @@ import pytest
 from console.centre import client
 from console.command import Call
 from console.errors import DONE, NO
+from console.output.output import Output
 from dyknow.model.errors import DyknowError, NothingFound, WrongCall
-from navigation.vehicle import BatteryReport
+from navigation.vehicle import BatteryReport, HomeReport, PositionReport, StatusReport, VelocityReport
 from tests.console.world import START_US, World
 
 Lines = Callable[[], list[dict[str, Any]]]
@@ -112,18 +114,77 @@ def test_a_platform_that_froze_out_of_a_newcomers_reach_is_named_and_listed(
     assert _query(call, label="battery") == DONE
     assert {entry["unit"]: "error" in entry for entry in lines()} == {0: False, 1: True, 2: False}
     assert ls(call, all_kinds=False) == DONE
-    assert {entry["unit"]: entry["state"] for entry in lines()} == {0: "alive", 1: "suspect", 2: "alive"}
+    assert {entry["unit"]: entry["state"] for entry in lines()} == {0: "alive", 1: "gone", 2: "alive"}
 
 
-def test_a_platform_that_crashed_is_neither_named_nor_listed(world: World, call: Call, lines: Lines) -> None:
+def test_a_platform_that_was_killed_stays_as_gone_until_it_returns(
+    world: World, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
+) -> None:
     from console.commands.members.ls import ls
 
+    killed_us = world.now_us
     world.kill("1")
-    world.run(0.5)
+    for wait_s in (1.0, 300.0):
+        world.run(wait_s)
+        assert ls(call, all_kinds=False) == DONE
+        shown = {entry["unit"]: entry for entry in lines()}
+        assert {unit: entry["state"] for unit, entry in shown.items()} == {0: "alive", 1: "gone", 2: "alive"}
+        assert -200_000 <= shown[1]["gone_us"] - killed_us <= 1000
+        assert _query(call, label="battery") == DONE
+        assert {entry["unit"]: "error" in entry for entry in lines()} == {0: False, 1: True, 2: False}
+        assert _query(call, unit="1") == NO
+        (missing,) = lines()
+        assert missing["error"].startswith("gone ")
+        assert missing["error"].endswith(" ago")
+    text = Call(call.settings, Output(json_lines=False))
+    assert ls(text, all_kinds=False) == DONE
+    assert re.search(r"^.*\b1\b.*gone \d+(\.\d)? (s|min) ago", capsys.readouterr().out, re.MULTILINE)
+    world.add("1", 0.0, 200.0, 2.0)
+    world.run(2.0)
+    assert ls(call, all_kinds=False) == DONE
+    assert {entry["state"] for entry in lines()} == {"alive"}
+
+
+def test_a_platform_that_said_good_bye_is_neither_named_nor_listed(world: World, call: Call, lines: Lines) -> None:
+    from console.commands.members.ls import ls
+
+    world.leave("1")
+    world.run(1.0)
     assert ls(call, all_kinds=False) == DONE
     assert {entry["unit"]: entry["state"] for entry in lines()} == {0: "alive", 2: "alive"}
     assert _query(call, label="battery") == DONE
     assert {entry["unit"]: "error" in entry for entry in lines()} == {0: False, 2: False}
+
+
+def test_data_older_than_its_policy_allows_is_red_and_said_to_be(
+    world: World, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from console.commands.members.ls import ls
+
+    text = Call(call.settings, Output(json_lines=False))
+    assert ls(call, all_kinds=False) == DONE
+    assert {entry["data"] for entry in lines()} == {"fresh"}
+    world.lacking |= {PositionReport, VelocityReport}
+    world.run(3.0)
+    assert ls(call, all_kinds=False) == DONE
+    shown = lines()
+    assert {(entry["state"], entry["data"]) for entry in shown} == {("alive", "stale")}
+    labels = {entry["label"]: entry for entry in shown[0]["labels"]}
+    assert labels["heli-position"]["stale"]
+    assert labels["heli-position"]["age_ms"] > 1000
+    assert not labels["battery"]["stale"]
+    world.lacking |= {HomeReport, BatteryReport, StatusReport}
+    world.run(3.0)
+    assert ls(text, all_kinds=False) == DONE
+    assert "alive, no data" in capsys.readouterr().out
+    assert _query(call) == DONE
+    assert [(entry["stale"], entry["age_ms"] > 5000) for entry in lines()] == [(True, True)] * 3
+    assert _query(text) == DONE
+    assert capsys.readouterr().out.count(" s old") == 3
+    world.lacking.clear()
+    world.run(1.0)
+    assert _query(call) == DONE
+    assert not any(entry["stale"] for entry in lines())
 
 
 def test_one_value_is_selected_or_made_of_all(world: World, call: Call, lines: Lines) -> None:
@@ -284,6 +345,118 @@ def test_alarms_are_told_as_they_happen_and_remembered(
     assert {"opened", "closed"} == {entry["event"] for entry in remembered}
     assert [entry["detected_us"] for entry in remembered] == sorted(entry["detected_us"] for entry in remembered)
     assert {entry["monitor"] for entry in remembered} >= {"proximity", "proximity-warn"}
+
+
+def _freeze_for_a_moment(world: World) -> None:
+    world.lacking |= {PositionReport, VelocityReport, HomeReport, BatteryReport, StatusReport}
+    world._later(4_000_000, world.lacking.clear)
+
+
+WITHIN_US = 2_000_000
+
+
+@pytest.mark.parametrize(
+    ("happens", "events"),
+    [
+        (lambda world: world.kill("2"), {"gone", "unknown"}),
+        (lambda world: world.freeze("2"), {"silent", "gone", "unknown"}),
+        (lambda world: world.leave("2"), {"left", "ended"}),
+        (_freeze_for_a_moment, {"unknown", "known"}),
+    ],
+    ids=["killed", "frozen", "left", "without data for a moment"],
+)
+def test_followers_of_alarms_are_told_when_monitoring_is_lost_and_when_it_is_back(
+    world: World, call: Call, lines: Lines, happens: Callable[[World], None], events: set[str]
+) -> None:
+    from console.commands.members.follow import alarms
+
+    class Enough(Exception):
+        pass
+
+    def end() -> None:
+        raise Enough
+
+    _delegated(call, lines)
+    world.run(3.0)
+    since_us = world.now_us + 3_000_000
+    world._later(3_000_000, lambda: happens(world))
+    world._later(12_000_000, end)
+    with pytest.raises(Enough):
+        alarms(call, follow=True, count=None)
+    told = lines()
+    assert {entry["event"] for entry in told} == events
+    for event in events:
+        delay_us = min(entry["at_us"] for entry in told if entry["event"] == event) - since_us
+        within_us = {"gone": 3_000_000 if "silent" in events else 1_000_000, "known": 4_500_000}.get(event, WITHIN_US)
+        assert 0 <= delay_us <= within_us, event
+    if "unknown" in events:
+        lost = [entry for entry in told if entry["event"] == "unknown"]
+        assert {tuple(entry["units"]) for entry in lost} >= {(0, 2), (1, 2)}
+        assert all(entry["which"] for entry in lost)
+        back = [entry for entry in told if entry["event"] == "known"]
+        assert len(back) == (len(lost) if "known" in events else 0)
+
+
+def test_alarms_and_monitors_end_with_how_many_monitors_are_unknown(
+    world: World, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from console.commands.members.follow import alarms, monitors
+
+    text = Call(call.settings, Output(json_lines=False))
+    _delegated(call, lines)
+    world.run(3.0)
+    assert alarms(text, follow=False, count=None) == NO
+    assert "unknown" not in capsys.readouterr().err
+    world.kill("2")
+    world.run(2.0)
+    assert alarms(text, follow=False, count=None) == NO
+    told = " ".join(capsys.readouterr().err.split())
+    assert "4 of 8 monitors are unknown" in told
+    assert "platform 2: gone" in told
+    assert alarms(call, follow=False, count=None) == NO
+    assert lines()[-1] == {"monitors": 8, "unknown": 4}
+    assert monitors(call) == DONE
+    shown = lines()
+    assert shown[-1] == {"monitors": 8, "unknown": 4}
+    assert shown[-2]["by"] == 2
+    unknown = [entry for entry in shown if entry.get("shows") == "unknown"]
+    assert {tuple(entry["units"]) for entry in unknown} == {(0, 2), (1, 2)}
+    assert not any(entry.get("shows") == "ok" for entry in shown if 2 in entry.get("units", ()))
+
+
+def test_a_follower_who_comes_later_is_told_what_is_unknown_already(world: World, call: Call, lines: Lines) -> None:
+    from runtime.library.alarm_news import AlarmNews
+
+    _delegated(call, lines)
+    world.run(3.0)
+    world.kill("2")
+    world.run(3.0)
+    with client.connected(call) as one:
+        for _ in range(2):
+            news = AlarmNews(one)
+            told = [each for _ in range(10) for each in one.run(news.next(0.2))]
+            assert {each.event for each in told} == {"unknown", "gone"}
+            assert sum(each.event == "unknown" for each in told) == 4
+
+
+def test_a_monitor_without_another_platform_to_watch_says_so(
+    monkeypatch: pytest.MonkeyPatch, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from console.commands.members.follow import monitors
+
+    world = World()
+    world.add("0", 0.0, 0.0)
+    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    world.run(2.0)
+    _delegated(call, lines)
+    world.run(1.0)
+    assert monitors(call) == DONE
+    assert {(entry["monitor"], entry["shows"]) for entry in lines()} == {
+        ("proximity", "idle"),
+        ("proximity-warn", "idle"),
+    }
+    assert monitors(Call(call.settings, Output(json_lines=False))) == DONE
+    assert "has no other platform to watch" in capsys.readouterr().out
 
 
 def test_acts_are_told_in_s_expressions(world: World, call: Call, lines: Lines) -> None:

@@ -8,7 +8,7 @@ from queue import Empty
 from typing import Any
 
 from agents.config import PlatformConfig
-from agents.effects import Halt, InjectFault, Reported
+from agents.effects import Halt, InjectFault, LeaveRequested, Reported
 from agents.platform import Platform
 from federation import keys
 from federation.members.clock import FederationClock
@@ -85,6 +85,11 @@ class World:
 
     def freeze(self, unit: str) -> None:
         self.platforms[unit][1].frozen = True
+
+    def leave(self, unit: str) -> None:
+        """It says good-bye and ends."""
+        self._step(unit, lambda: self.platforms[unit][0].on_event(LeaveRequested(self.now_us), self.now_us))
+        self.kill(unit)
 
     def kill(self, unit: str) -> None:
         _, session = self.platforms.pop(unit)

@@ -2,12 +2,13 @@
 
 from typing import Any
 
+from agents.monitoring.monitor_queries import IDLE
 from console.centre.client import connected
 from console.command import Call, command
 from console.commands.members.ended_tasks import warn_of_ended
 from console.errors import DONE, NO
 from console.options.arguments import Count, Follow
-from console.output.output import unit_json, verbatim
+from console.output.output import counted, unit_json, verbatim
 from dyknow.model.errors import TextError
 from dyknow.model.instants import print_span
 from federation.messages.acts import Performative, parse_act
@@ -17,13 +18,16 @@ from federation.messages.contents import (
     Acts,
     Alarm,
     AlarmList,
-    Alarms,
+    MonitorChange,
     MonitorEntry,
 )
 from runtime.client import Client
 from runtime.configuration.instants import clock_time
+from runtime.library.alarm_news import AlarmItem, AlarmNews
 from runtime.library.jobs import Subscriptions, lists
 from runtime.library.jobs import monitors as all_monitors
+from runtime.library.questions import ask_who_is_missing, gone_text, missing_units
+from runtime.library.results import PlatformChange
 
 P = Performative
 _STEP_S = 0.2
@@ -38,9 +42,13 @@ def alarms(call: Call, *, follow: Follow = False, count: Count = None) -> int:
     """Alarms raised by monitors of all platforms, in the order of their detection; exit 1 if there are none."""
     told: set[tuple[str, str]] = set()
 
-    def tell(found: list[Alarm]) -> bool:
+    def tell(found: list[AlarmItem]) -> bool:
         """Print what is new; whether that is enough."""
-        for alarm in sorted(found, key=lambda alarm: (alarm.detected_us, alarm.event == "closed")):
+        for each in found:
+            if not isinstance(each, Alarm):
+                _tell_change(call, each)
+        alarms = [each for each in found if isinstance(each, Alarm)]
+        for alarm in sorted(alarms, key=lambda alarm: (alarm.detected_us, alarm.event == "closed")):
             if (alarm.id, alarm.event) not in told and (count is None or len(told) < count):
                 told.add((alarm.id, alarm.event))
                 _tell_alarm(call, alarm)
@@ -50,13 +58,16 @@ def alarms(call: Call, *, follow: Follow = False, count: Count = None) -> int:
         units = _there(client, follow=follow)
         remembered = client.run(lists(client, units, AlarmList(), AlarmList))
         known = [alarm for _, said in remembered for alarm in said.alarms or ()]
-        enough = tell(known[-count:] if count is not None and not follow else known)
+        enough = tell([*known[-count:]] if count is not None and not follow else [*known])
         if follow and not enough:
-            subscriptions = Subscriptions(client, Alarms())
-            while not tell([said for _, said in client.run(subscriptions.news(_STEP_S)) if isinstance(said, Alarm)]):
+            news = AlarmNews(client)
+            while not tell(client.run(news.next(_STEP_S))):
                 pass
-    if not told and not call.out.json_lines:
-        call.out.note("no alarm; dyknow monitors shows what is watched.")
+        elif not follow:
+            found = client.run(all_monitors(client))
+            if not told and not call.out.json_lines:
+                call.out.note("no alarm; dyknow monitors shows what is watched.")
+            tell_unknown(call, client, found)
     return DONE if told else NO
 
 
@@ -105,6 +116,56 @@ def alarm_json(alarm: Alarm) -> dict[str, Any]:
     }
 
 
+def _tell_change(call: Call, change: MonitorChange | PlatformChange) -> None:
+    """What makes it unknown whether there are alarms, or ends that."""
+    colour = "green" if change.event in {"known", "back"} else "yellow" if change.event in {"ended", "left"} else "red"
+    if isinstance(change, PlatformChange):
+        unit, at_us = change.unit, change.at_us
+        record: dict[str, Any] = {"event": change.event, "unit": unit_json(unit), "at_us": at_us}
+        text = f"[{colour}]{change.event}[/{colour}]  [bold]{verbatim(unit)}[/bold]"
+    else:
+        at_us, units = change.at_us, ", ".join(change.units)
+        record = {
+            "event": change.event,
+            "monitor": change.monitor,
+            "by": unit_json(change.by),
+            "units": [unit_json(unit) for unit in change.units],
+            "which": list(change.which),
+            "at_us": at_us,
+        }
+        missing = f": {', '.join(_input_names(change))} missing" if change.which else ""
+        text = (
+            f"[{colour}]{change.event}[/{colour}]  [bold]{verbatim(change.monitor)}[/bold] {verbatim(units + missing)}  "
+            f"[dim]by {verbatim(change.by)}[/dim]"
+        )
+    if call.out.json_lines:
+        call.out.line(record)
+    else:
+        call.out.aside(clock_time(at_us), text)
+
+
+def _input_names(monitor: MonitorEntry | MonitorChange) -> list[str]:
+    return [f"platform {name}" if name in monitor.units else name for name in monitor.which]
+
+
+def tell_unknown(call: Call, client: Client, found: list[MonitorEntry]) -> None:
+    """How many monitors are unknown, and which platforms are gone with theirs; nothing where all are known."""
+    unknown = sum(monitor.shows == "unknown" for monitor in found)
+    there = [view.unit for view in client.centre.platforms()]
+    gone = client.run(missing_units(there, ask_who_is_missing(client, there)))
+    for unit, ago_us in gone.items():
+        if call.out.json_lines:
+            call.out.line({"by": unit_json(unit), "error": gone_text(ago_us)})
+        else:
+            call.out.note(f"platform {unit}: {gone_text(ago_us)}, and its monitors with it", style="red")
+    if unknown and call.out.json_lines:
+        call.out.line({"monitors": len(found), "unknown": unknown})
+    elif unknown:
+        call.out.note(
+            f"{unknown} of {counted(len(found), 'monitor')} {'is' if unknown == 1 else 'are'} unknown", style="red"
+        )
+
+
 # Monitors
 
 
@@ -115,15 +176,15 @@ def monitors(call: Call) -> int:
         with call.out.waiting("asking for monitors"):
             found = client.run(all_monitors(client))
             warn_of_ended(call, client, client.chosen(None))
-        now_us = client.federation_us()
-    if call.out.json_lines:
-        for monitor in found:
+        for monitor in found if call.out.json_lines else ():
             call.out.line(_monitor_json(monitor))
-    elif found:
-        rows = [_monitor_row(monitor, now_us) for monitor in found]
-        call.out.table("", ("by", "monitor", "units", "shows", "verdict", "inputs", "for"), rows)
-    else:
-        call.out.note("no monitor is set up; begin with dyknow delegate monitor-proximity.")
+        if found and not call.out.json_lines:
+            now_us = client.federation_us()
+            rows = [_monitor_row(monitor, now_us) for monitor in found]
+            call.out.table("", ("by", "monitor", "units", "shows", "verdict", "inputs", "for"), rows)
+        elif not found and not call.out.json_lines:
+            call.out.note("no monitor is set up; begin with dyknow delegate monitor-proximity.")
+        tell_unknown(call, client, found)
     return DONE if found else NO
 
 
@@ -145,8 +206,9 @@ def _monitor_json(monitor: MonitorEntry) -> dict[str, Any]:
 def _monitor_row(monitor: MonitorEntry, now_us: int) -> tuple[str, ...]:
     colour = _SHOWN.get(monitor.shows, "yellow")
     since = print_span(max(0, now_us - monitor.since_us)) if monitor.since_us is not None else ""
-    missing = (f"platform {name}" if name in monitor.units else name for name in monitor.which)
-    which = "".join(f"\n{verbatim(name)}" for name in missing)
+    which = "".join(f"\n{verbatim(name)}" for name in _input_names(monitor))
+    if monitor.shows == IDLE:
+        return (monitor.by, monitor.name, "-", f"[{colour}]has no other platform to watch[/{colour}]", "", "", "")
     return (
         monitor.by,
         monitor.name,

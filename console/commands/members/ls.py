@@ -13,13 +13,12 @@ from console.errors import DONE, NO
 from console.output.output import unit_json, verbatim
 from dyknow.model.instants import US_PER_S, print_span
 from federation.members.command_centre import PlatformView
-from federation.members.directory import unit_order
 from federation.members.liveness import PeerState
 from federation.messages.acts import Performative
 from federation.messages.contents import Query, Samples
-from federation.messages.dialogue import Dialogue
 from runtime.client import Client
-from runtime.library.questions import ask_who_is_missing, missing_units
+from runtime.library.jobs import all_platforms
+from runtime.library.questions import gone_text, is_stale
 
 AGES_S = 1.0
 _STATES = {"alive": "green", "suspect": "yellow", "refused": "red"}
@@ -30,14 +29,10 @@ def ls(call: Call, *, all_kinds: Annotated[bool, typer.Option("--all", help="Com
     """The directory: platforms, services, labels, age of samples, clock offsets; exit 1 if no platform is there."""
     with connected(call) as client:
         with call.out.waiting("looking for platforms"):
-            client.settle()
-            there = client.centre.platforms(all_kinds=all_kinds)
+            there = client.run(all_platforms(client, all_kinds=all_kinds))
             alive = [seen.unit for seen in there if seen.kind == "uav" and seen.state == PeerState.ALIVE.value]
-            around = ask_who_is_missing(client, alive)
             warn_of_ended(call, client, alive)
             ages = label_ages(client, there)
-            # Who came or went while they were asked is listed as it is now.
-            there = _with_missed(client, client.centre.platforms(all_kinds=all_kinds), around)
         records = [_record(client, seen, ages) for seen in there]
         centre = client.centre.unit
     if call.out.json_lines:
@@ -48,15 +43,6 @@ def ls(call: Call, *, all_kinds: Annotated[bool, typer.Option("--all", help="Com
     else:
         call.out.note(f"{centre} sees no platform of federation {call.settings.federation}: start some with dyknow up.")
     return DONE if any(seen.state in {"alive", "suspect"} for seen in there) else NO
-
-
-def _with_missed(client: Client, there: list[PlatformView], around: list[Dialogue]) -> list[PlatformView]:
-    """Platforms that are there and those they miss: one that was lost before this command began is unknown to it."""
-    known = [seen.unit for seen in there]
-    silent = [
-        PlatformView(unit, "uav", PeerState.SUSPECT.value, None) for unit in client.run(missing_units(known, around))
-    ]
-    return sorted([*there, *silent], key=lambda seen: unit_order(seen.unit))
 
 
 def label_ages(client: Client, there: list[PlatformView]) -> Mapping[tuple[str, str], int]:
@@ -100,10 +86,15 @@ def _record(client: Client, seen: PlatformView, ages: Mapping[tuple[str, str], i
                 "sort": label.sort,
                 "period_ms": label.period_us // 1000,
                 "age_ms": age_us // 1000 if (age_us := ages.get((seen.unit, label.label))) is not None else None,
+                "stale": age_us is not None and is_stale(client, age_us, label.period_us),
             }
             for label in (entry.labels if entry else ())
         ],
     }
+    if seen.state == "alive":
+        record["data"] = _data(record["labels"])
+    if seen.gone_us is not None:
+        record["gone_us"] = seen.gone_us
     if entry is not None and entry.conditions:
         ahead_us = offset.offset_us if offset else 0
         record["conditions"] = [{"text": c.text, "since_us": c.since_us - ahead_us} for c in entry.conditions]
@@ -112,11 +103,20 @@ def _record(client: Client, seen: PlatformView, ages: Mapping[tuple[str, str], i
     return record
 
 
+def _data(labels: list[dict[str, Any]]) -> str:
+    """`fresh`; `stale`: of some labels it is; `none`: of all, or there never was any."""
+    if not labels:
+        return "fresh"
+    came = [label for label in labels if label["age_ms"] is not None]
+    stale = [label for label in came if label["stale"]]
+    return "none" if len(stale) == len(came) else "stale" if stale else "fresh"
+
+
 def show(call: Call, records: list[dict[str, Any]]) -> None:
     """One block of rows a platform: labels next to services."""
     rows = []
     for record in records:
-        colour = _STATES.get(record["state"], "red")
+        state, colour = _state(record)
         clock = (
             ""
             if record["offset_us"] is None
@@ -127,13 +127,13 @@ def show(call: Call, records: list[dict[str, Any]]) -> None:
             for visibility in ("public", "protected")
             if (names := [s["service"] for s in record["services"] if s["visibility"] == visibility])
         ]
-        labels = [f"{label['label']} [dim]{_age(label['age_ms'])}[/dim]" for label in record["labels"]]
+        labels = [f"{label['label']} {_age(label)}" for label in record["labels"]]
         if "error" in record:
             services = [f"[red]{verbatim(record['error'])}[/red]"]
         rows.append(
             (
                 str(record["unit"]),
-                f"[{colour}]{record['state']}[/{colour}]",
+                f"[{colour}]{state}[/{colour}]",
                 clock,
                 "\n".join(labels),
                 "\n".join(services),
@@ -147,5 +147,15 @@ def show(call: Call, records: list[dict[str, Any]]) -> None:
             call.out.say(f"[yellow]{record['unit']}: {verbatim(condition['text'])}[/yellow] [dim](for {since})[/dim]")
 
 
-def _age(age_ms: int | None) -> str:
-    return "no sample" if age_ms is None else print_span(age_ms * 1000)
+def _state(record: dict[str, Any]) -> tuple[str, str]:
+    """The state in words, and its colour: what is there but brings no data is not green."""
+    state = record["state"]
+    if "gone_us" in record:
+        return gone_text(time.time_ns() // 1000 - record["gone_us"]), "red"
+    data = {"none": "no data", "stale": "stale data"}.get(record.get("data", ""))
+    return (f"{state}, {data}", "red") if data else (state, _STATES.get(state, "red"))
+
+
+def _age(label: dict[str, Any]) -> str:
+    age_ms, colour = label["age_ms"], "red" if label["stale"] else "dim"
+    return f"[{colour}]{'no sample' if age_ms is None else print_span(age_ms * 1000)}[/{colour}]"

@@ -11,11 +11,13 @@ from console.errors import DONE, NO
 from console.options.arguments import Label, Unit
 from console.output.output import unit_json, verbatim
 from dyknow.model.errors import NothingFound, WrongCall
+from dyknow.model.instants import print_span
 from dyknow.model.values import NoValue
 from federation.keys import label as label_name
 from federation.messages.contents import Reading
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 from runtime.library.jobs import readings_of
+from runtime.library.questions import age_of
 
 SELECT = {"newest": select_newest, "best": select_best}
 MERGE = {"mean": merge_mean, "inverse-variance": merge_inverse_variance}
@@ -48,12 +50,15 @@ def query(
     nothing = f"no sample between {between[0]} and {between[1]}" if between else "no sample"
     found: list[tuple[str, Reading]] = []
 
+    is_latest = at is None and between is None
+
     def take(name: str, readings: list[Reading], why: str) -> None:
         found.extend((name, reading) for reading in readings)
         if not readings:
             _missing(call, name, why or nothing)
         for reading in () if one_of_all else readings:
-            _tell(call, label, name, reading)
+            age = age_of(client, name, label, reading.valid_us) if is_latest else None
+            _tell(call, label, name, reading, age)
 
     with connected(call) as client:
         with call.out.waiting(f"asking for {label}"):
@@ -101,14 +106,17 @@ def _number(name: str, value: Any) -> str:
     return f"{value:.7f}" if name in {"latitude_deg", "longitude_deg"} else f"{value:.2f}"
 
 
-def _tell(call: Call, label: str, unit: str, reading: Reading) -> None:
+def _tell(call: Call, label: str, unit: str, reading: Reading, age: tuple[int, bool] | None = None) -> None:
+    """One sample; `age` of the latest is how old it is, and whether it is older than its policy allows."""
     record = reading_json(label, unit, reading)
+    age_us, stale = age or (0, False)
     if call.out.json_lines:
-        call.out.line(record)
-    else:
-        call.out.console.print(
-            f"[bold]{unit}[/bold]  [dim]{clock_time(reading.valid_us)}[/dim]  {verbatim(value_text(record['value']))}"
-        )
+        call.out.line(record if age is None else record | {"age_ms": age_us // 1000, "stale": stale})
+        return
+    old = f"  [red]{print_span(age_us)} old[/red]" if stale else ""
+    call.out.console.print(
+        f"[bold]{unit}[/bold]  [dim]{clock_time(reading.valid_us)}[/dim]  {verbatim(value_text(record['value']))}{old}"
+    )
 
 
 def _tell_one(call: Call, label: str, found: list[tuple[str, Reading]], select: str | None, merge: str | None) -> None:

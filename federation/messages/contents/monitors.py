@@ -79,6 +79,30 @@ class MonitorList(parts.Content):
     more: bool = False
 
 
+class MonitorChanges(parts.Content):
+    """Subscribe: tell me of every monitor that becomes unknown, is known again or ends; first of those unknown now."""
+
+
+class MonitorChange(parts.Content):
+    """A monitor of `by` about `units` is unknown since `which` inputs lack, is known again, or has ended.
+
+    `since_us`: since when its inputs are as they are.
+    """
+
+    event: Literal["unknown", "known", "ended"]
+    monitor: parts.Word
+    by: parts.Unit
+    units: parts.Units
+    at_us: parts.Instant
+    which: Annotated[tuple[parts.Line, ...], Field(max_length=parts.MAX_LIST)] = ()
+    since_us: parts.Instant | None = None
+
+    @property
+    def values(self) -> parts.Values:
+        """None: it is read where alarms are."""
+        return {}
+
+
 class Alarms(parts.Content):
     """Subscribe: tell me of every alarm as it opens and closes."""
 

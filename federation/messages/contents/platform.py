@@ -72,10 +72,11 @@ class Search(parts.Content):
 
 
 class Found(parts.Content):
-    """Those platforms. `missing_units` timed out: they did not say good-bye, and no session ended first."""
+    """Those platforms. `missing_units` are gone without a good-bye, `missing_since` when they were last heard there."""
 
     agents: Annotated[tuple[parts.Agent, ...], Field(max_length=parts.MAX_LIST)]
     missing_units: parts.Units = ()
+    missing_since: Annotated[tuple[parts.Instant, ...], Field(max_length=parts.MAX_LIST)] = ()
 
 
 class Labels(parts.Content):

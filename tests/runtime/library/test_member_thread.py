@@ -12,6 +12,7 @@ from federation.transport import WireEffect, WireEvent
 from runtime.client import Surroundings
 from runtime.clock import NodeClock
 from runtime.library import jobs
+from runtime.library.alarm_news import follow_alarms
 from runtime.library.feed import Feed
 from runtime.library.member_thread import Job, MemberThread, Wait
 
@@ -89,7 +90,7 @@ def test_what_waits_when_the_connection_closes_learns_of_it() -> None:
 
     waiting = thread.post(forever())
     feed: Feed[object] = Feed()
-    alarms = thread.post(jobs.follow_alarms(thread.client, feed))  # type: ignore[arg-type]
+    alarms = thread.post(follow_alarms(thread.client, feed))  # type: ignore[arg-type]
     thread.post(counted(1)).result(5)
     thread.close()
     for result in (waiting, alarms):
