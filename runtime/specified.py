@@ -9,7 +9,7 @@ from pathlib import Path
 
 from agents.effects import Fed, Specify
 from agents.specification.specification_part import read
-from dyknow.model.errors import DyknowError, SpecificationFailed
+from dyknow.model.errors import DyknowError, SourceText, SpecificationFailed
 from kpl import parse_specification
 from proxies.recordings.sample_file import FedSample, read_feed
 from proxies.recordings.watched_file import WatchedFiles
@@ -65,10 +65,10 @@ class Specified:
             return texts[name]
 
         try:
-            text = self._path.read_text("utf-8")
-            parse_specification(text, str(self._path), read_named)
-            given = Specify(self._now_us(), text, str(self._path), tuple(texts.items()))
-            read(given.text, given.file, given.named)
+            text = SourceText(self._path.read_text("utf-8"), str(self._path))
+            parse_specification(text, read_named)
+            given = Specify(self._now_us(), str(text), text.file, tuple(texts.items()))
+            read(text, given.named)
         except (OSError, UnicodeDecodeError, DyknowError) as wrong:
             raise SpecificationFailed(str(wrong)) from None
         return given

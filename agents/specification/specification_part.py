@@ -23,7 +23,7 @@ from agents.monitoring.unit_streams import UnitStreams
 from agents.part import Followed, Part
 from agents.specification.imported import ImportDemand, Imported, converting
 from dyknow import Network, Policy, Sample
-from dyknow.model.errors import Refused, TextError, TextErrors, Unmade
+from dyknow.model.errors import Refused, SourceText, TextError, TextErrors, Unmade
 from dyknow.network.process import Input
 from dyknow.network.processes import RefinementProcess
 from federation.members.offers import Service
@@ -56,7 +56,7 @@ PAGE = 4000
 
 
 @lru_cache(maxsize=4)
-def read(text: str, file: str, named: tuple[tuple[str, str], ...] = ()) -> Specification:
+def read(text: str, named: tuple[tuple[str, str], ...] = ()) -> Specification:
     """Parse a specification and the files it names; it is read before it is handed over, so that the node need not.
 
     Raises:
@@ -69,7 +69,7 @@ def read(text: str, file: str, named: tuple[tuple[str, str], ...] = ()) -> Speci
             raise FileNotFoundError("it does not come with the specification")
         return texts[path]
 
-    return parse_specification(text, file, read_file)
+    return parse_specification(text, read_file)
 
 
 class SpecificationPart(Part):
@@ -156,13 +156,13 @@ class SpecificationPart(Part):
         self._faults.clear()
         self._govern(now_us)
         self._not_taken = None
-        text, file = given.text, given.file
+        text = SourceText(given.text, given.file)
         try:
-            self.instance.change(read(text, file, given.named), now_us, text, file)
+            self.instance.change(read(text, given.named), now_us, text)
         except TextError as wrong:
             self._not_taken = given
             runs, awaits = bool(self.instance.specification), _awaited(wrong)
-            said = {"file": file, "said": wrong.drawn(), "runs": runs, "awaits": awaits}
+            said = {"file": text.file, "said": wrong.drawn(), "runs": runs, "awaits": awaits}
             self._tell({"event": "not-specified", **said})
             until = f" until a host offers {', '.join(awaits[:8])} (dyknow host MODULE --unit {self._unit})"
             self._note(
@@ -174,13 +174,13 @@ class SpecificationPart(Part):
         self._tell(
             {
                 "event": "specified",
-                "file": file,
+                "file": text.file,
                 "declarations": declarations,
                 "exports": exports,
                 "imports": imports,
             }
         )
-        for warning in grid_warnings(self.instance.specification, text, file):
+        for warning in grid_warnings(self.instance.specification, text):
             self._note(warning.drawn())
         for name, labels in self.instance.lacking.items():
             self._note(f"no host offers {name} yet; {', '.join(map(str, labels[:8]))} start when one does")

@@ -30,7 +30,7 @@
 
 from collections.abc import Sequence
 from difflib import get_close_matches
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 
 class DyknowError(Exception):
@@ -129,11 +129,29 @@ class UnitError(DyknowError):
     """No prototype, or more than one, has the name that was asked for, or what should offer it does not load."""
 
 
+class SourceText(str):
+    """A text that knows the file it is from; errors about it say so."""
+
+    __slots__ = ("file",)
+    file: str
+
+    def __new__(cls, text: str, file: str = "") -> Self:
+        made = super().__new__(cls, text)
+        made.file = file
+        return made
+
+
+def file_of(text: str) -> str:
+    """The file a text is from; empty if it is not known."""
+    return text.file if isinstance(text, SourceText) else ""
+
+
 class TextError(DyknowError):
     """A text of a user is wrong: where, what was expected, and the repair.
 
     Attributes:
         text: the whole text; line and column count from 1; `width` is how many characters the caret covers.
+        file: if it is not given, that of the text.
     """
 
     def __init__(
@@ -148,7 +166,7 @@ class TextError(DyknowError):
         file: str = "",
     ) -> None:
         self.message, self.text, self.line, self.column = message, text, line, column
-        self.width, self.repair, self.file = max(1, width), repair, file
+        self.width, self.repair, self.file = max(1, width), repair, file or file_of(text)
         super().__init__(self.drawn())
 
     @classmethod

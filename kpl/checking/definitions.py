@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 from functools import cached_property
 from typing import Any
 
-from dyknow.model.errors import TextError
+from dyknow.model.errors import TextError, file_of
 from kpl.checking.formulas import Vocabulary, check
 from kpl.checking.symbols import DEFINITION, Constant, SymbolTable, constant_of
 from kpl.syntax.specification import Define, MonitorDeclaration
@@ -92,7 +92,7 @@ class Definitions:
     def _defined(self, use: tree.Feature) -> Define | None:
         return self.features.get((use.name, len(use.objects))) if use.attribute is None else None
 
-    def resolved(self, formula: tree.Formula, unit: str, text: str = "", file: str = "") -> tree.Formula:
+    def resolved(self, formula: tree.Formula, unit: str, text: str = "") -> tree.Formula:
         """The formula over streams only: definitions put in, constants and `self` replaced, sorts checked.
 
         Raises:
@@ -102,11 +102,11 @@ class Definitions:
         try:
             whole = self._expand(formula, ())
         except RecursionError:
-            raise TextError("nested too deep for where this is read", file=file, repair="nest less") from None
+            raise TextError("nested too deep for where this is read", file=file_of(text), repair="nest less") from None
         vocabulary = Vocabulary(constants={**self.constants, "self": unit}, named=self.objects)
         if sum(1 for _ in tree.walk(whole)) > tree.LIMIT_NODES:
             raise tree.too_large()
-        return check(whole, vocabulary, text, file)
+        return check(whole, vocabulary, text)
 
     def _expand(self, node: Any, inside: tuple[Define, ...]) -> Any:
         if isinstance(node, tuple):

@@ -21,8 +21,8 @@ class DeclarationErrors(ErrorCollector):
         is_old: whether it runs already, so that it is not in the text.
     """
 
-    def __init__(self, text: str, file: str) -> None:
-        super().__init__(text, file)
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
         self.of: Declaration | None = None
         self.is_old = False
 
@@ -50,7 +50,7 @@ class DeclarationErrors(ErrorCollector):
             return TextError(
                 f"{message}, which the running instance needs", text=running, width=len(running), repair=repair
             )
-        return TextError.at(node.place, message, text=self.text, repair=repair, file=self.file)
+        return TextError.at(node.place, message, text=self.text, repair=repair)
 
 
 def shortened(message: str) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal, TypeAlias
 
-from dyknow.model.errors import TextError
+from dyknow.model.errors import TextError, file_of
 from kpl.checking.symbols import Constant
 from kpl.diagnostics.collector import ErrorCollector, nearest
 from kpl.syntax.numbers import number_time_us
@@ -45,22 +45,22 @@ class Vocabulary:
     named: Collection[str] = ()
 
 
-def read_formula(text: str, vocabulary: Vocabulary | None = None, file: str = "") -> tree.Formula:
+def read_formula(text: str, vocabulary: Vocabulary | None = None) -> tree.Formula:
     """Parse and check in one go; raises TextError with everything that is wrong."""
-    formula, errors = read_tree(text, file)
-    checker = Checker(vocabulary or Vocabulary(), text, file)
+    formula, errors = read_tree(text)
+    checker = Checker(vocabulary or Vocabulary(), text)
     found = checker.resolve(formula)
     raise_all(errors + checker.errors)
     return found
 
 
-def check(formula: tree.Formula, vocabulary: Vocabulary, text: str = "", file: str = "") -> tree.Formula:
+def check(formula: tree.Formula, vocabulary: Vocabulary, text: str = "") -> tree.Formula:
     """The formula with its names resolved; `text` is what it was read from, for the carets.
 
     Raises:
         TextErrors: with every error, in the order of the text.
     """
-    checker = Checker(vocabulary, text, file)
+    checker = Checker(vocabulary, text)
     found = checker.resolve(formula)
     raise_all(checker.errors)
     return found
@@ -69,8 +69,8 @@ def check(formula: tree.Formula, vocabulary: Vocabulary, text: str = "", file: s
 class Checker(ErrorCollector):
     """Walks one formula. What a feature, an object or a domain is can be looked up elsewhere."""
 
-    def __init__(self, vocabulary: Vocabulary, text: str, file: str) -> None:
-        super().__init__(text, file)
+    def __init__(self, vocabulary: Vocabulary, text: str) -> None:
+        super().__init__(text)
         self._known = vocabulary
 
     def resolve(self, formula: tree.Formula) -> tree.Formula:
@@ -81,7 +81,9 @@ class Checker(ErrorCollector):
         try:
             return self.truth(formula)
         except RecursionError:
-            raise TextError("nested too deep for where this is checked", file=self.file, repair="nest less") from None
+            raise TextError(
+                "nested too deep for where this is checked", file=file_of(self.text), repair="nest less"
+            ) from None
 
     def truth(self, node: tree.Formula) -> tree.Formula:
         """A node where a truth value is wanted."""

@@ -38,7 +38,7 @@ class FormulaChecker(Checker):
         bare = [label.feature for label in self._labels if not label.objects]
         constants = {**self._definitions.constants, SELF: SELF}
         self._domains = {*bare, *known.unread, OF_A_PLATFORM}
-        super().__init__(Vocabulary(named=self._definitions.objects, constants=constants), "", "")
+        super().__init__(Vocabulary(named=self._definitions.objects, constants=constants), "")
         self._defined: dict[tuple[str, int], Sort] = {}
         self._is_quiet = False
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from dyknow.model.errors import SourceText
 from dyknow.model.instants import parse_duration
 from kpl.checking.formulas import FeatureType, Vocabulary, read_formula
 from kpl.checking.symbols import Constant
@@ -23,7 +24,7 @@ def profile_formula(profile: Profile, unit: str) -> Formula:
         TextError: if the text of the profile is wrong.
     """
     constants = {name: _constant(value) for name, value in profile.thresholds.items()}
-    return read_formula(profile.formula, unit_vocabulary(unit, constants), profile.name)
+    return read_formula(SourceText(profile.formula, profile.name), unit_vocabulary(unit, constants))
 
 
 def _constant(value: Threshold) -> Constant:

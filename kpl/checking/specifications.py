@@ -30,16 +30,16 @@ class Findings(NamedTuple):
 
 
 def check_specification(
-    specification: Iterable[spec.Declaration], known: Known | None = None, text: str = "", file: str = ""
+    specification: Iterable[spec.Declaration], known: Known | None = None, text: str = ""
 ) -> Findings:
-    """Look at all declarations together; `text` and `file` are what they were read from, for the drawing of errors."""
+    """Look at all declarations together; `text` is what they were read from, for the drawing of errors."""
     every = tuple(specification)
-    return check_symbols(SymbolTable(every, known), every, text, file)
+    return check_symbols(SymbolTable(every, known), every, text)
 
 
-def check_symbols(symbols: SymbolTable, every: Sequence[spec.Declaration], text: str = "", file: str = "") -> Findings:
+def check_symbols(symbols: SymbolTable, every: Sequence[spec.Declaration], text: str = "") -> Findings:
     """The same of declarations that are in a table already."""
-    checker = _Checker(symbols, text, file)
+    checker = _Checker(symbols, text)
     checker.check(every, every)
     return Findings(_in_order(checker.errors), _in_order(warnings_of(every, symbols, checker)))
 
@@ -49,7 +49,6 @@ def check_change(
     gone: Sequence[spec.Declaration],
     new: Sequence[spec.Declaration],
     text: str = "",
-    file: str = "",
 ) -> tuple[TextError, ...]:
     """What is wrong with `symbols` now that these have gone and come, if nothing was before: as if all were looked at.
 
@@ -63,14 +62,14 @@ def check_change(
             if id(each) not in touched:
                 touched[id(each)] = each
                 waiting.append(each)  # its sort may be another one now, and chains through it longer
-    checker = _Checker(symbols, text, file)
+    checker = _Checker(symbols, text)
     checker.check(new, tuple(touched.values()))
     return _in_order(checker.errors)
 
 
 class _Checker(DeclarationErrors):
-    def __init__(self, symbols: SymbolTable, text: str, file: str) -> None:
-        super().__init__(text, file)
+    def __init__(self, symbols: SymbolTable, text: str) -> None:
+        super().__init__(text)
         self.symbols, self.known = symbols, symbols.known
         self.streams = Streams(symbols)
 

@@ -46,9 +46,9 @@ def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors:
     return [*found, *stray_grids(every, errors)]
 
 
-def grid_warnings(specification: Iterable[spec.Declaration], text: str, file: str) -> list[TextError]:
+def grid_warnings(specification: Iterable[spec.Declaration], text: str) -> list[TextError]:
     """The warnings that also matter when a specification is only run."""
-    return list(stray_grids(specification, DeclarationErrors(text, file)))
+    return list(stray_grids(specification, DeclarationErrors(text)))
 
 
 def stray_grids(every: Iterable[spec.Declaration], errors: DeclarationErrors) -> Iterator[TextError]:

@@ -20,9 +20,9 @@ class ErrorCollector:
 
     limit = 1 << 30
 
-    def __init__(self, text: str, file: str) -> None:
+    def __init__(self, text: str) -> None:
         self.errors: list[TextError] = []
-        self.text, self.file = text, file
+        self.text = text
 
     @property
     def is_full(self) -> bool:
@@ -32,7 +32,7 @@ class ErrorCollector:
     def error(self, message: str, place: Place, repair: str = "") -> None:
         """Keep an error at its place; `repair` is what could be written instead."""
         if not self.is_full:
-            self.errors.append(TextError.at(place, message, text=self.text, repair=repair, file=self.file))
+            self.errors.append(TextError.at(place, message, text=self.text, repair=repair))
 
     def attempt(self, make: Callable[[], Made], place: Place, otherwise: Made, repair: str = "") -> Made:
         """What `make` returns; if it raises TextError, its message becomes an error here, and `otherwise` is returned."""

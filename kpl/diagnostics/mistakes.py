@@ -41,7 +41,7 @@ def learn(parse: Callable[[str], Any], mistakes: Iterable[Mistake]) -> Mapping[M
 
 
 def explain(
-    error: "UnexpectedInput", text: str, file: str, marks: Callable[[], Mapping[Mark, Mistake]], language: Language
+    error: "UnexpectedInput", text: str, marks: Callable[[], Mapping[Mark, Mistake]], language: Language
 ) -> TextError:
     """The error with place, cause and repair; `marks` gives what `learn` made of the samples, if they are needed."""
     token = getattr(error, "token", None)
@@ -51,7 +51,7 @@ def explain(
     offset = len(text) if error.pos_in_stream is None or error.pos_in_stream < 0 else error.pos_in_stream
     offset = min(offset, len(text)) if stopped else len(text.rstrip())
     message, repair, offset, width = _diagnose(error, text, offset, stopped, marks, language)
-    return TextError.at_offset(text, offset, message, width=width, repair=repair, file=file)
+    return TextError.at_offset(text, offset, message, width=width, repair=repair)
 
 
 def _diagnose(

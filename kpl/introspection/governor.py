@@ -184,7 +184,7 @@ class Governor:
         """Whether there is no time for more."""
         return self.overloaded or self.load > ROOM
 
-    def refusals(self, new: Iterable[spec.Declaration], text: str, file: str) -> list[TextError]:
+    def refusals(self, new: Iterable[spec.Declaration], text: str) -> list[TextError]:
         """What there is to say against declarations that are work, while there is no time for more."""
         idle = spec.SourceDeclaration | spec.UnitDeclaration | spec.Define
         work = next((each for each in new if not isinstance(each, idle)), None)
@@ -192,7 +192,7 @@ class Governor:
             return []
         said = f"there is no time for more: {self.load:.0%} of it is spent"
         repair = "later, or with the choice to admit it at a longer period"
-        return [TextError.at(work.place, said, text=text, repair=repair, file=file)]
+        return [TextError.at(work.place, said, text=text, repair=repair)]
 
     def hold_back(self, known: Collection[int], now_us: int) -> None:
         """Let sampled streams that are new begin at twice their period, until there is room; `known` are the others."""

@@ -39,7 +39,7 @@ def read_over(instance: "Instance", text: str) -> Formula:
     symbols.add(asked)
     try:
         errors = check_change(symbols, (), (asked,), text)
-        unread = Makers(symbols, derived).unread(asked.formula, DeclarationErrors(text, ""))
+        unread = Makers(symbols, derived).unread(asked.formula, DeclarationErrors(text))
         raise_all(together(errors, unread))
     finally:
         symbols.discard(asked)

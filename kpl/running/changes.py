@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-from dyknow.model.errors import TextError, TextErrors, TooEarly
+from dyknow.model.errors import TextError, TextErrors, TooEarly, file_of
 from dyknow.model.instants import US_PER_MS, print_span
 from kpl.checking.definitions import Definitions
 from kpl.checking.symbols import SymbolTable
@@ -70,18 +70,18 @@ def rank(declaration: spec.Declaration) -> int:
     return ranks.get(type(declaration), 0)
 
 
-def in_text(wrong: TextError, text: str, file: str, repair: str = "") -> TextError:
+def in_text(wrong: TextError, text: str, repair: str = "") -> TextError:
     """The error with the text it is about."""
-    return wrong.but(text=wrong.text or text, repair=wrong.repair or repair, file=wrong.file or file)
+    return wrong.but(text=wrong.text or text, repair=wrong.repair or repair, file=wrong.file or file_of(text))
 
 
-def as_text_errors(wrong: BaseException, text: str, file: str) -> TextErrors:
+def as_text_errors(wrong: BaseException, text: str) -> TextErrors:
     if isinstance(wrong, TextErrors):
         return wrong
     if isinstance(wrong, TextError):
-        return TextErrors((in_text(wrong, text, file),))
+        return TextErrors((in_text(wrong, text),))
     said = "a chain of streams is too long" if isinstance(wrong, RecursionError) else str(wrong)
-    return TextErrors((TextError(said, text=text, file=file),))
+    return TextErrors((TextError(said, text=text),))
 
 
 def together(errors: Iterable[TextError], more: Iterable[TextError]) -> list[TextError]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
 from dyknow import Label, Policy, PolicyError, Sort
-from dyknow.model.errors import ChronicleError, SortError, TextError, TextErrors, WrongNumberOfInputs
+from dyknow.model.errors import ChronicleError, SortError, TextError, TextErrors, WrongNumberOfInputs, file_of
 from dyknow.model.instants import US_PER_MS, print_duration
 from dyknow.network.factory import Prototypes, process_of
 from dyknow.network.mediation import Mediation
@@ -141,28 +141,26 @@ class Compiler:
 
     # What can be said beforehand
 
-    def check(
-        self, new: Iterable[spec.Declaration], wanted: spec.Specification, text: str, file: str
-    ) -> list[TextError]:
+    def check(self, new: Iterable[spec.Declaration], wanted: spec.Specification, text: str) -> list[TextError]:
         """What cannot run although it is well-formed: units without an implementation, periods that cannot be kept, limits."""
         errors: list[TextError] = []
         if len(wanted) > MAX_DECLARATIONS:
-            return [too_many(len(wanted), file)]
+            return [too_many(len(wanted), text)]
         definitions = Definitions(self.symbols)
         for each in new:
             try:
-                self._check(each, definitions, text, file)
+                self._check(each, definitions, text)
             except WrongNumberOfInputs:
                 continue  # that is told where units are looked at
             except TextErrors as wrong:
                 errors += wrong.errors
             except TextError as wrong:
-                errors.append(in_text(wrong, text, file))
+                errors.append(in_text(wrong, text))
             if len(errors) >= MAX_ERRORS:
                 break
         return errors
 
-    def _check(self, declaration: spec.Declaration, definitions: Definitions, text: str, file: str) -> None:
+    def _check(self, declaration: spec.Declaration, definitions: Definitions, text: str) -> None:
         match declaration:
             case spec.GeneratorDeclaration():
                 self._check_made(declaration)
@@ -185,7 +183,7 @@ class Compiler:
             case spec.Define():
                 definitions.check(declaration)
             case spec.MonitorDeclaration():
-                definitions.resolved(declaration.formula, self.unit, text, file)
+                definitions.resolved(declaration.formula, self.unit, text)
                 self._check_policy(declaration, declaration.policy, of_states=True)
                 max_delay_us = declaration.policy.max_delay_us
                 try:
@@ -265,10 +263,12 @@ class Compiler:
         return Sort(label.feature, is_open=True)
 
 
-def too_many(declarations: int, file: str) -> TextError:
+def too_many(declarations: int, text: str) -> TextError:
     """The error for a specification that is too large."""
     return TextError(
-        f"{declarations} declarations; an instance holds at most {MAX_DECLARATIONS}", file=file, repair="declare less"
+        f"{declarations} declarations; an instance holds at most {MAX_DECLARATIONS}",
+        file=file_of(text),
+        repair="declare less",
     )
 
 

@@ -91,13 +91,13 @@ class Instance:
 
     # What a specification says
 
-    def add(self, declarations: Iterable[spec.Declaration], now_us: int, text: str = "", file: str = "") -> None:
+    def add(self, declarations: Iterable[spec.Declaration], now_us: int, text: str = "") -> None:
         """Declare more.
 
         Raises:
             TextErrors: with everything that is wrong; the instance is as it was.
         """
-        self.change((*self.specification, *declarations), now_us, text, file)
+        self.change((*self.specification, *declarations), now_us, text)
 
     def remove(self, declarations: Iterable[spec.Declaration], now_us: int) -> None:
         """Take declarations back.
@@ -108,7 +108,7 @@ class Instance:
         gone = {id(self.symbols.find(each)) for each in declarations}
         self.change([each for each in self.specification if id(each) not in gone], now_us)
 
-    def change(self, specification: Iterable[spec.Declaration], now_us: int, text: str = "", file: str = "") -> None:
+    def change(self, specification: Iterable[spec.Declaration], now_us: int, text: str = "") -> None:
         """Become another specification; what both declare keeps running, what both make differently is replaced.
 
         What a formula is defined by is part of what it declares: a monitor whose definitions change is another one.
@@ -119,24 +119,24 @@ class Instance:
         before = self.specification
         every = tuple(specification)
         if len(every) > MAX_DECLARATIONS:
-            raise_all([too_many(len(every), file)])
+            raise_all([too_many(len(every), text)])
         change = difference(before, every)
         meant = dict(formulas(self.symbols, change, self.unit))
         self.network.now_us = max(self.network.now_us, now_us)
         self._declare(change.gone, change.new)
         try:
-            self._check(change, text, file)
+            self._check(change, text)
             redefined = [each for each, formula in formulas(self.symbols, change, self.unit) if formula != meant[each]]
             if self.governor is not None and self.compiler.admission == "refuse":
-                raise_all(self.governor.refusals(change.new, text, file))
+                raise_all(self.governor.refusals(change.new, text))
         except TextError as wrong:
             self._declare(change.new, change.gone)
-            raise as_text_errors(wrong, text, file) from None
+            raise as_text_errors(wrong, text) from None
         is_full = self.governor is not None and self.governor.full
         known = {id(proxy) for _, proxy in self.proxies()} if is_full else ()
         change.gone.sort(key=rank, reverse=True)
         change.new.sort(key=rank)
-        self._take_over(change, redefined, text, file)
+        self._take_over(change, redefined, text)
         self.specification = change.wanted
         self.network.sweep()
         if self.governor is not None and self.governor.full:
@@ -227,25 +227,24 @@ class Instance:
         for each in new:
             self.symbols.add(each)
 
-    def _check(self, change: SpecificationChange, text: str, file: str) -> None:
+    def _check(self, change: SpecificationChange, text: str) -> None:
         """Check a change before anything changes."""
         self._look_up(change.new)
-        errors = check_change(self.current_symbols(), change.gone, change.new, text, file)
-        raise_all(together(errors, self.compiler.check(change.new, change.wanted, text, file)))
+        errors = check_change(self.current_symbols(), change.gone, change.new, text)
+        raise_all(together(errors, self.compiler.check(change.new, change.wanted, text)))
 
     def findings(
         self,
         wanted: spec.Specification,
         running: Collection[spec.Declaration] = (),
         text: str = "",
-        file: str = "",
         unread: Collection[str] = (),
     ) -> Findings:
         """All findings before it runs; `running` does already, nothing called like a word of `unread` is missing."""
         self._look_up(wanted)
         symbols = SymbolTable(wanted, self.known(running, unread))
-        found = check_symbols(symbols, wanted, text, file)
-        more = self.compiler.over(symbols).check(wanted, wanted, text, file)
+        found = check_symbols(symbols, wanted, text)
+        more = self.compiler.over(symbols).check(wanted, wanted, text)
         return Findings(tuple(together(found.errors, more)), found.warnings)
 
     def _look_up(self, wanted: Iterable[spec.Declaration]) -> None:
@@ -258,9 +257,7 @@ class Instance:
                 if prototype is not None:
                     self.prototypes.add(prototype)
 
-    def _take_over(
-        self, change: SpecificationChange, redefined: Collection[spec.Declaration], text: str, file: str
-    ) -> None:
+    def _take_over(self, change: SpecificationChange, redefined: Collection[spec.Declaration], text: str) -> None:
         """Become what is wanted, or stay; what was never begun has reported nothing."""
         (gone, new, _), before, self._backlog = change, self.specification, []
         remade: list[spec.Declaration] = []
@@ -276,7 +273,7 @@ class Instance:
             done = [each for each in (*new, *remade) if each in self._undo]
             self._become(done[::-1], [each for each in before if each not in self._undo])
             self._is_going_back = False
-            raise as_text_errors(wrong, text, file) from wrong
+            raise as_text_errors(wrong, text) from wrong
         for name, sample in self._backlog:
             self.hooks.on_output(name, sample)
 

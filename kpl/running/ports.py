@@ -33,7 +33,7 @@ class LoadGovernor(Protocol):
     def full(self) -> bool:
         """Whether there is no time for more."""
 
-    def refusals(self, new: Iterable[Declaration], text: str, file: str) -> list[TextError]:
+    def refusals(self, new: Iterable[Declaration], text: str) -> list[TextError]:
         """Errors for declarations that are refused now."""
 
     def hold_back(self, known: Collection[int], now_us: int) -> None:

@@ -50,8 +50,8 @@ class ChronicleReader(TimeReader):
 
     limit = MAX_ERRORS
 
-    def __init__(self, text: str, file: str) -> None:
-        super().__init__(text, file)
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
         self._mentions: list[Mention] = []
 
     def declaration(self, node: Any) -> ReadChronicle:

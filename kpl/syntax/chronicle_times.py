@@ -51,8 +51,8 @@ class Sum(NamedTuple):
 class TimeReader(ErrorCollector):
     """Reads times; every instant that is named is kept in `instants` with its place."""
 
-    def __init__(self, text: str, file: str) -> None:
-        super().__init__(text, file)
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
         self.instants: list[tuple[str, Place]] = []
 
     def point(self, node: Any) -> times.TimePoint:

@@ -26,7 +26,7 @@ _READ_AGAIN: Final = 2 * LIMIT_CHARACTERS
 """Most characters that are read again in search of more errors."""
 
 
-def parse_chronicles(text: str, file: str = "") -> ChronicleFile:
+def parse_chronicles(text: str) -> ChronicleFile:
     """Read a chronicle file.
 
     Raises:
@@ -34,32 +34,30 @@ def parse_chronicles(text: str, file: str = "") -> ChronicleFile:
             declared or not bound, values outside their domains, what stands on itself.
         TextError: a limit is passed.
     """
-    found, errors = read_chronicles(text, file)
+    found, errors = read_chronicles(text)
     raise_all(errors)
     return found
 
 
-def read_chronicles(text: str, file: str = "") -> tuple[ChronicleFile, list[TextError]]:
+def read_chronicles(text: str) -> tuple[ChronicleFile, list[TextError]]:
     """What could be read, and what is wrong with the text; raises TextError at a limit."""
-    reader, left, broken = ChronicleReader(text, file), list[TextError](), frozenset[str]()
+    reader, left, broken = ChronicleReader(text), list[TextError](), frozenset[str]()
     try:
-        trees = list(parse_tree(text, "chronicles", file).children)
+        trees = list(parse_tree(text, "chronicles").children)
     except TextError as first:
         if len(text) > LIMIT_CHARACTERS or not text.strip():
             raise
-        trees, left, broken = _mended(text, file, first)
+        trees, left, broken = _mended(text, first)
         left = left or [first]
     if not trees and not left:
         message, repair = language("chronicles").empty
-        raise TextError(message, text=text, repair=repair, file=file)
+        raise TextError(message, text=text, repair=repair)
     found = [reader.declaration(tree) for tree in trees]
     check_chronicles(found, reader, broken)
     return ChronicleFile(tuple([each.declaration for each in found])), left + reader.errors
 
 
-def _mended(
-    text: str, file: str, first: TextError
-) -> "tuple[list[Tree[Token] | Token], list[TextError], frozenset[str]]":
+def _mended(text: str, first: TextError) -> "tuple[list[Tree[Token] | Token], list[TextError], frozenset[str]]":
     """The trees of what is right, an error for each place that leaves the grammar, and the names of what is not whole.
 
     `first` is what is wrong with the text as a whole.
@@ -75,7 +73,7 @@ def _mended(
             try:
                 if piece == text:
                     raise first
-                trees += moved(parse_tree(piece, "chronicles", file), start, lines).children
+                trees += moved(parse_tree(piece, "chronicles"), start, lines).children
             except TextError as wrong:
                 errors.append(placed(wrong, text, lines))
                 names.update(_NAMED.findall(text[start:end]))

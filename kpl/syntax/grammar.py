@@ -9,7 +9,7 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from dyknow.model.errors import TextError
+from dyknow.model.errors import TextError, file_of
 from kpl.diagnostics.languages import Mistake, language
 from kpl.diagnostics.mistakes import Mark, explain, learn
 
@@ -59,7 +59,7 @@ def _marks(kind: str) -> Mapping[Mark, Mistake]:
     return learn(lambda sample: parser(text.grammar).parse(sample, start=text.begin), language(text.language).mistakes)
 
 
-def parse_tree(text: str, kind: str, file: str = "") -> "Tree[Token]":
+def parse_tree(text: str, kind: str) -> "Tree[Token]":
     """The parse tree of `text`, a text of `TEXTS`, no deeper than `LIMIT_NESTING`.
 
     Raises:
@@ -68,41 +68,41 @@ def parse_tree(text: str, kind: str, file: str = "") -> "Tree[Token]":
     from lark.exceptions import UnexpectedInput
 
     known = TEXTS[kind]
-    _check_length(text, file)
-    _check_brackets(text, file, known.inner)
+    _check_length(text)
+    _check_brackets(text, known.inner)
     try:
         tree = parser(known.grammar).parse(text, start=known.begin)
     except UnexpectedInput as error:
-        raise explain(error, text, file, lambda: _marks(kind), language(known.language)) from None
-    _check_depth(tree, text, file, known.inner)
+        raise explain(error, text, lambda: _marks(kind), language(known.language)) from None
+    _check_depth(tree, text, known.inner)
     return tree
 
 
-def _check_length(text: str, file: str) -> None:
+def _check_length(text: str) -> None:
     if len(text) > LIMIT_CHARACTERS:
         raise TextError(
             f"the text has {len(text)} characters, {LIMIT_CHARACTERS} are allowed",
-            file=file,
+            file=file_of(text),
             repair="split it, or define its parts as features of their own",
         )
 
 
-def _too_deep(text: str, file: str, offset: int, repair: str) -> TextError:
-    return TextError.at_offset(text, offset, f"nested more than {LIMIT_NESTING} deep", repair=repair, file=file)
+def _too_deep(text: str, offset: int, repair: str) -> TextError:
+    return TextError.at_offset(text, offset, f"nested more than {LIMIT_NESTING} deep", repair=repair)
 
 
-def _check_brackets(text: str, file: str, repair: str) -> None:
+def _check_brackets(text: str, repair: str) -> None:
     depth = 0
     for offset, character in enumerate(text):
         if character in _OPENING:
             depth += 1
             if depth > LIMIT_NESTING:
-                raise _too_deep(text, file, offset, repair)
+                raise _too_deep(text, offset, repair)
         elif character in _CLOSING:
             depth -= 1
 
 
-def _check_depth(tree: "Tree[Token]", text: str, file: str, repair: str) -> None:
+def _check_depth(tree: "Tree[Token]", text: str, repair: str) -> None:
     """What is long counts as deep where it is read as ((a + b) + c) + d."""
     from lark import Tree
 
@@ -112,7 +112,7 @@ def _check_depth(tree: "Tree[Token]", text: str, file: str, repair: str) -> None
         if node.data in _CHAINS:
             depth += len(node.children) // 2
         if depth > LIMIT_NESTING:
-            raise _too_deep(text, file, node.meta.start_pos, repair)
+            raise _too_deep(text, node.meta.start_pos, repair)
         waiting += [(child, depth + 1) for child in node.children if isinstance(child, Tree)]
 
 

@@ -8,7 +8,7 @@ it reads as `(always A) -> B`, while the thesis prints its boxes over the whole 
 import re
 from typing import TYPE_CHECKING, Any, Final
 
-from dyknow.model.errors import TextError, TextErrors
+from dyknow.model.errors import TextError, TextErrors, file_of
 from dyknow.model.instants import parse_duration
 from kpl.diagnostics.collector import ErrorCollector
 from kpl.syntax.grammar import parse_tree
@@ -23,26 +23,26 @@ _PREFIXED: Final = ("always", "eventually")
 _CUT: Final = 80
 
 
-def parse_formula(text: str, file: str = "") -> tree.Formula:
+def parse_formula(text: str) -> tree.Formula:
     """Read one formula.
 
     Raises:
         TextError: at the first place where the text leaves the grammar or a limit.
         TextErrors: with everything else that is wrong: ambiguous readings, numbers, intervals.
     """
-    found, errors = read_tree(text, file)
+    found, errors = read_tree(text)
     raise_all(errors)
     return found
 
 
-def read_tree(text: str, file: str = "") -> tuple[tree.Formula, list[TextError]]:
+def read_tree(text: str) -> tuple[tree.Formula, list[TextError]]:
     """One formula, and what is wrong with it beyond the grammar; raises TextError where it leaves the grammar."""
-    parsed = parse_tree(text, "formula_only", file)
-    reader = FormulaReader(text, file)
+    parsed = parse_tree(text, "formula_only")
+    reader = FormulaReader(text)
     try:
         return reader.read(parsed.children[0], frozenset()), reader.errors
     except RecursionError:
-        raise TextError("nested too deep for where this is read", file=file, repair="nest less") from None
+        raise TextError("nested too deep for where this is read", file=file_of(text), repair="nest less") from None
 
 
 def raise_all(errors: list[TextError]) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias, cast
 
-from dyknow.model.errors import PolicyError, TextError, TextErrors
+from dyknow.model.errors import PolicyError, SourceText, TextError, TextErrors
 from dyknow.model.labels import Label
 from dyknow.policies.policy import Policy
 from kpl.diagnostics.suggestions import begins_statement
@@ -52,7 +52,7 @@ class ReadSpecification(NamedTuple):
     unread: frozenset[str]
 
 
-def parse_specification(text: str, file: str = "", read_file: ReadFile | None = None) -> spec.Specification:
+def parse_specification(text: str, read_file: ReadFile | None = None) -> spec.Specification:
     """Read a KPL specification, and with `read_file` the chronicle files it names.
 
     Raises:
@@ -60,17 +60,16 @@ def parse_specification(text: str, file: str = "", read_file: ReadFile | None = 
             formulas that read in two ways.
         TextError: a limit is passed.
     """
-    found = read_specification(text, file, read_file)
+    found = read_specification(text, read_file)
     raise_all(found.errors)
     return found.specification
 
 
-def read_specification(text: str, file: str = "", read_file: ReadFile | None = None) -> ReadSpecification:
+def read_specification(text: str, read_file: ReadFile | None = None) -> ReadSpecification:
     """What could be read, and what is wrong with the text; raises TextError at a limit."""
-    reader = _StatementReader(text, file)
-    reader.read_file = read_file
+    reader = _StatementReader(text, read_file)
     try:
-        read = reader.declarations(parse_tree(text, "start", file))
+        read = reader.declarations(parse_tree(text, "start"))
         return ReadSpecification(read, reader.errors, frozenset(reader.unread))
     except TextError as wrong:
         starts = [found.start() for found in _STATEMENT.finditer(text) if begins_statement(found[0].strip())]
@@ -82,7 +81,7 @@ def read_specification(text: str, file: str = "", read_file: ReadFile | None = N
     for start, end in zip([0, *starts[1:]], [*starts[1:], len(text)], strict=True):
         lines = text.count("\n", 0, start)
         try:
-            found += reader.declarations(moved(parse_tree(text[start:end], "start", file), start, lines))
+            found += reader.declarations(moved(parse_tree(text[start:end], "start"), start, lines))
         except TextError as wrong:
             unread.update(_WORD.findall(text[start:end]))
             reader.errors.append(placed(wrong, text, lines))
@@ -95,9 +94,9 @@ def read_specification(text: str, file: str = "", read_file: ReadFile | None = N
 class _StatementReader(FormulaReader):
     """Reads declarations; offsets of the parse tree are those of the whole text."""
 
-    def __init__(self, text: str, file: str) -> None:
-        super().__init__(text, file)
-        self.read_file: ReadFile | None = None
+    def __init__(self, text: str, read_file: ReadFile | None) -> None:
+        super().__init__(text)
+        self._read_file = read_file
         self.unread = set[str]()
 
     def declarations(self, tree: "Tree[Token]") -> tuple[spec.Declaration, ...]:
@@ -195,9 +194,9 @@ class _StatementReader(FormulaReader):
     def _chronicle_file(self, node: Any, place: Place) -> spec.Declaration:
         quoted, *policy = node.children
         path, content = str(quoted)[1:-1], None
-        if self.read_file is not None:
+        if self._read_file is not None:
             try:
-                content = parse_chronicles(self.read_file(path), path)
+                content = parse_chronicles(SourceText(self._read_file(path), path))
             except TextErrors as wrong:
                 self.errors += wrong.errors
             except (TextError, OSError, UnicodeDecodeError) as wrong:

@@ -7,6 +7,7 @@ import pytest
 
 from console.commands.texts.specification_files import instance_of
 from dyknow import Network
+from dyknow.model.errors import SourceText
 from dyknow.policies.policy import _FORMS
 from kpl import Hooks, parse_chronicles, parse_specification
 from kpl.syntax.grammar import parse_tree
@@ -35,11 +36,11 @@ def test_every_command_says_what_the_page_shows(name: str, tmp_path: Path) -> No
 def test_every_specification_can_be_read(name: str) -> None:
     for fence in fences(DOCS / name):
         if fence.language == "kpl":
-            assert parse_specification(fence.text, name)
+            assert parse_specification(SourceText(fence.text, name))
         elif fence.language == "chronicle":
-            assert parse_chronicles(fence.text, name)
+            assert parse_chronicles(SourceText(fence.text, name))
         elif fence.language == "formula":
-            assert all(parse_tree(line, "formula_only", name) for line in fence.text.splitlines())
+            assert all(parse_tree(line, "formula_only") for line in fence.text.splitlines())
 
 
 @pytest.mark.parametrize("name", NAMES)

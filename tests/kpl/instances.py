@@ -3,6 +3,7 @@
 from types import MappingProxyType
 
 from dyknow import Label, Network, Sort, SourcePrototype, UnitPrototype, of_values
+from dyknow.model.errors import SourceText
 from dyknow.model.sample import Sample
 from dyknow.model.values import NO_VALUE, Field
 from dyknow.network.computational_unit import latest_valid_us
@@ -53,13 +54,15 @@ class Running:
         return self.network.now_us
 
     def add(self, text):
-        self.instance.add(parse_specification(text, "a.kpl"), self.now_us, text, "a.kpl")
+        text = SourceText(text, "a.kpl")
+        self.instance.add(parse_specification(text), self.now_us, text)
 
     def remove(self, text):
         self.instance.remove(parse_specification(text), self.now_us)
 
     def change(self, text):
-        self.instance.change(parse_specification(text, "a.kpl"), self.now_us, text, "a.kpl")
+        text = SourceText(text, "a.kpl")
+        self.instance.change(parse_specification(text), self.now_us, text)
 
     def push(self, source, value, at_us=None):
         """A sample of a source; without a time 10 ms after now."""

@@ -204,7 +204,7 @@ def _check_sources(own: UnitFile, spec: Path | None, feed: Path | None) -> None:
             "or a specification of what it knows, --spec FILE.kpl."
         )
     if spec is not None:
-        parse_specification(read_text(spec), str(spec), beside(spec))
+        parse_specification(read_text(spec), beside(spec))
     elif feed is not None:
         raise WrongCall("--feed: samples are for the sources of a specification; give it with --spec FILE.kpl.")
     if feed is not None:

@@ -13,7 +13,7 @@ from console.command import Call, command
 from console.errors import DONE, NO
 from console.options.arguments import Unit
 from console.output.output import unit_json, verbatim
-from dyknow.model.errors import ChronicleError, TextError, WrongCall, did_you_mean
+from dyknow.model.errors import ChronicleError, SourceText, TextError, WrongCall, did_you_mean
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def chronicles_of(file: Path) -> "tuple[str, ChronicleFile]":
 
     with _opened(file, "FILE", "chronicles are a text") as lines:
         text = lines.read(_LONGEST)
-    found = parse_chronicles(text, str(file))
+    found = parse_chronicles(SourceText(text, str(file)))
     if not found.chronicles:
         raise TextError("there is no chronicle", file=str(file), repair="chronicle name[?x] { event(...) }")
     return text, found

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from dyknow.model.errors import WrongCall
+from dyknow.model.errors import SourceText, WrongCall
 
 if TYPE_CHECKING:
     from dyknow import Network, Prototype
@@ -15,12 +15,12 @@ Read = TypeVar("Read")
 LONGEST_FILE = 1 << 20
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path) -> SourceText:
     """A specification as it is written; raises WrongCall."""
     try:
         if path.stat().st_size > LONGEST_FILE:
             raise WrongCall(f"{path} is larger than {LONGEST_FILE >> 10} kB, the most that is read; split it.")
-        return path.read_text("utf-8")
+        return SourceText(path.read_text("utf-8"), str(path))
     except (OSError, UnicodeDecodeError) as error:
         raise WrongCall(f"{path} cannot be read ({error}); a specification is a text file.") from None
 

@@ -69,13 +69,13 @@ class Run:
         from kpl.checking.warnings import grid_warnings
         from kpl.introspection.governor import listens
 
-        specification = parse_specification(text, str(self._path), self.read_named)
+        specification = parse_specification(text, self.read_named)
         if self._governor is None and listens(specification):
             raise WrongCall(
                 f"{self._path} takes `refinements`, which a governor tells: give --govern TIME, e.g. 100ms."
             )
-        self.instance.change(specification, self.now_us, text, str(self._path))
-        for warning in grid_warnings(specification, text, str(self._path)):
+        self.instance.change(specification, self.now_us, text)
+        for warning in grid_warnings(specification, text):
             self._call.out.note(f"note: {warning.drawn()}")
         for name, labels in self.instance.lacking.items():
             waiting = ", ".join(map(str, labels[:4]))

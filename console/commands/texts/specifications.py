@@ -37,14 +37,14 @@ def check(
 
     text = read_text(file)
     if file.suffix == CHRONICLES:
-        return _check_chronicles(call, text, file)
+        return _check_chronicles(call, text)
     try:
-        specification, errors, unread = read_specification(text, str(file), beside(file))
+        specification, errors, unread = read_specification(text, beside(file))
     except TextError as wrong:
         specification, errors, unread = (), [wrong], frozenset()
     network, units = Network(), modules or ()
     speaks(network)
-    findings = instance_of(network, Hooks(), units, "0").findings(specification, (), text, str(file), unread)
+    findings = instance_of(network, Hooks(), units, "0").findings(specification, (), text, unread)
     code = _report(call, len(specification), [*errors, *findings.errors], findings.warnings)
     _tell_library(call, specification, units)
     return code
@@ -110,11 +110,11 @@ def graph(
             raise WrongCall("give a FILE, or --unit U for what a running platform does.")
         return held(call, unit, form="json" if call.out.json_lines else form)
     text = read_text(file)
-    specification, network = parse_specification(text, str(file), beside(file)), Network()
+    specification, network = parse_specification(text, beside(file)), Network()
     if listens(specification):
         speaks(network)
     instance = instance_of(network, Hooks(), modules or (), unit or "0")
-    instance.add(specification, 0, text, str(file))
+    instance.add(specification, 0, text)
     show_graph(call, instance, form)
     return DONE
 
@@ -124,7 +124,7 @@ def _show_file(call: Call, path: Path) -> int:
 
     if path.suffix == CHRONICLES:
         return _show_chronicles(call, path)
-    specification: Specification = parse_specification(read_text(path), str(path), beside(path))
+    specification: Specification = parse_specification(read_text(path), beside(path))
     for declaration in specification:
         said = print_declaration(declaration)
         if call.out.json_lines:
@@ -134,11 +134,11 @@ def _show_file(call: Call, path: Path) -> int:
     return DONE
 
 
-def _check_chronicles(call: Call, text: str, path: Path) -> int:
+def _check_chronicles(call: Call, text: str) -> int:
     from kpl import read_chronicles
 
     try:
-        found, errors = read_chronicles(text, str(path))
+        found, errors = read_chronicles(text)
     except TextError as wrong:
         return _report(call, 0, [wrong])
     return _report(call, len(found.declarations), errors)
@@ -159,7 +159,7 @@ def _report(call: Call, declarations: int, found: Iterable[TextError], warnings:
 def _show_chronicles(call: Call, path: Path) -> int:
     from kpl import parse_chronicles, print_chronicles
 
-    found = parse_chronicles(read_text(path), str(path))
+    found = parse_chronicles(read_text(path))
     if call.out.json_lines:
         call.out.line({"declaration": print_chronicles(found)})
     else:

@@ -35,7 +35,7 @@ def verify(
     from proxies.recordings.sample_file import read_record
 
     path, units = file, modules or ()
-    specification = parse_specification(read_text(path), str(path), beside(path))
+    specification = parse_specification(read_text(path), beside(path))
     labels: dict[str, list[Sample]] = {}
     streams: dict[str, list[Sample]] = {}
     if journal.suffix == ".mcap":

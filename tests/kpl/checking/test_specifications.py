@@ -3,6 +3,7 @@
 import pytest
 from hypothesis import given
 
+from dyknow.model.errors import SourceText
 from dyknow.model.labels import Label
 from kpl import Findings, Known, check_specification, parse_specification
 from tests.kpl.specifications import specifications
@@ -26,7 +27,8 @@ strmgen other = Fuse(pos[uav1], pos[uav1])
 
 
 def found(text: str, known: Known = KNOWN) -> Findings:
-    return check_specification(parse_specification(text, "a.kpl"), known, text, "a.kpl")
+    text = SourceText(text, "a.kpl")
+    return check_specification(parse_specification(text), known, text)
 
 
 def test_the_car_example_is_right() -> None:

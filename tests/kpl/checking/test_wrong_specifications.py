@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dyknow import Policy
-from dyknow.model.errors import TextError, TextErrors
+from dyknow.model.errors import SourceText, TextError, TextErrors
 from kpl import parse_specification
 from kpl.diagnostics.languages import table
 from kpl.syntax.statements import read_specification
@@ -73,8 +73,9 @@ monitor m = 3
 define p = q > 3 and p
 stream h = d
 """
-    reading = read_specification(BEFORE + text, "a.kpl")
-    findings = Running().instance.findings(reading.specification, (), BEFORE + text, "a.kpl", reading.unread)
+    whole = SourceText(BEFORE + text, "a.kpl")
+    reading = read_specification(whole)
+    findings = Running().instance.findings(reading.specification, (), whole, reading.unread)
     first = BEFORE.count("\n") + 1
     told = sorted(error.line - first for error in [*reading.errors, *findings.errors])
     assert told == [0, 1, 2, 3, 4, 6, 7, 8]

@@ -3,7 +3,7 @@
 import pytest
 
 from dyknow import Network
-from dyknow.model.errors import TextErrors
+from dyknow.model.errors import SourceText, TextErrors
 from kpl import Hooks, Instance, parse_specification, print_specification
 
 MS = 1000
@@ -46,8 +46,9 @@ class Run:
         self.change(text)
 
     def change(self, text, at_ms=0):
-        found = parse_specification(text, "run.kpl", lambda _path: self.chronicles)
-        self.instance.change(found, at_ms * MS, text, "run.kpl")
+        text = SourceText(text, "run.kpl")
+        found = parse_specification(text, lambda _path: self.chronicles)
+        self.instance.change(found, at_ms * MS, text)
 
     def at(self, now_ms):
         while (due_us := self.network.deadline_us) is not None and due_us <= now_ms * MS:
@@ -182,7 +183,7 @@ def test_a_file_that_cannot_be_read_is_told_where_it_is_named():
         raise FileNotFoundError(path)
 
     with pytest.raises(TextErrors) as wrong:
-        parse_specification(STREAMS, "run.kpl", missing)
+        parse_specification(SourceText(STREAMS, "run.kpl"), missing)
     (error,) = wrong.value.errors
     assert "turns.chr cannot be read" in str(error)
     assert error.line == STREAMS.splitlines().index('chronicle file "turns.chr" with max delay 100') + 1

@@ -1,5 +1,6 @@
 """What can be said of what formulas read before anything runs."""
 
+from dyknow.model.errors import SourceText
 from kpl import Known, check_specification, parse_specification
 
 SPECIFICATION = """\
@@ -14,7 +15,7 @@ define MIN_XY = 15.0
 
 def warnings(monitor: str) -> list[tuple[str, str]]:
     text = f"{SPECIFICATION}monitor watched = {monitor}\n"
-    found = check_specification(parse_specification(text), Known(), text, "mission.kpl")
+    found = check_specification(parse_specification(text), Known(), SourceText(text, "mission.kpl"))
     assert not found.errors
     return [(each.message, each.repair) for each in found.warnings]
 

@@ -14,7 +14,7 @@ from tests.kpl.chronicle_strategies import files
 
 def read_only(text):
     """What a text says, whether or not it makes sense."""
-    reader = ChronicleReader(text, "")
+    reader = ChronicleReader(text)
     found = [reader.declaration(tree).declaration for tree in parse_tree(text, "chronicles").children]
     assert reader.errors == []
     return ChronicleFile(tuple(found))

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from dyknow.model.errors import TextError
+from dyknow.model.errors import SourceText, TextError
 from kpl import print_chronicles, read_chronicles
 from kpl.diagnostics.languages import language
 
@@ -34,7 +34,7 @@ def answered(text):
     """How long it took, and what was said."""
     begun = time.process_time()
     try:
-        found, errors = read_chronicles(text, "hostile.chr")
+        found, errors = read_chronicles(SourceText(text, "hostile.chr"))
         said = "\n".join(map(str, errors)) or print_chronicles(found)
     except TextError as error:
         said = str(error)

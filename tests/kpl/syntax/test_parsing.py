@@ -4,7 +4,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dyknow.model.errors import TextError, TextErrors
+from dyknow.model.errors import SourceText, TextError, TextErrors
 from kpl import check, parse_formula, print_formula
 from kpl.checking.formulas import Vocabulary
 from kpl.diagnostics.languages import language
@@ -207,7 +207,7 @@ def test_an_error_draws_the_line_and_a_caret_under_the_place():
 
 def test_a_file_is_named_in_the_error():
     with pytest.raises(TextError, match=r"mission\.kpl:1:3"):
-        parse_formula("p q", file="mission.kpl")
+        parse_formula(SourceText("p q", "mission.kpl"))
 
 
 BOMBS = [

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dyknow.model.errors import TextError, TextErrors
+from dyknow.model.errors import SourceText, TextError, TextErrors
 from dyknow.model.labels import Label
 from dyknow.policies.policy import Policy
 from kpl.diagnostics.languages import language
@@ -119,7 +119,7 @@ stream h = a
 
 def test_all_errors_of_a_text_are_told_each_at_its_place() -> None:
     with pytest.raises(TextErrors) as caught:
-        parse_specification(WRONG, "wrong.kpl")
+        parse_specification(SourceText(WRONG, "wrong.kpl"))
     assert [(error.line, error.column) for error in caught.value.errors] == [
         (2, 22),
         (3, 12),

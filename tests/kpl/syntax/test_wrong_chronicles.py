@@ -2,7 +2,7 @@
 
 import pytest
 
-from dyknow.model.errors import TextErrors
+from dyknow.model.errors import SourceText, TextErrors
 from kpl import parse_chronicles
 
 WRONG = """\
@@ -138,7 +138,7 @@ TOLD_OF_BROKEN = [
 
 def told(text):
     with pytest.raises(TextErrors) as found:
-        parse_chronicles(text, "wrong.chr")
+        parse_chronicles(SourceText(text, "wrong.chr"))
     return found.value.errors
 
 

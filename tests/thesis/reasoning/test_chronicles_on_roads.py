@@ -46,7 +46,7 @@ ON_ROADS = {
 def recognised(name, events):
     """(chronicle, symbols ...) of what is told."""
     path = EXAMPLES / f"{name}.chr"
-    recogniser = Recogniser.of(parse_chronicles(path.read_text(encoding="utf-8"), str(path)))
+    recogniser = Recogniser.of(parse_chronicles(path.read_text(encoding="utf-8")))
     told = [one for event in read_events(map(json.dumps, events)) for one in event.told_to(recogniser)]
     assert not recogniser.incomplete
     assert not recogniser.ignored
