@@ -9,7 +9,7 @@ all other features unknown, holds.
 import math
 from typing import Final, NamedTuple
 
-from reasoning.formulas.evaluation import EvaluationCompiler, Moment
+from reasoning.formulas.evaluation import TRUE, EvaluationCompiler, Moment
 from reasoning.formulas.tree import Always, And, Compare, Const, Duration, Feature, Formula, Implies, Not, Or, walk
 
 FAR_M: Final = 1e9
@@ -48,7 +48,7 @@ def clearance(formula: Formula) -> Clearance | None:
         return None
     test = EvaluationCompiler().test(phi)
     for far in _CASES:
-        if test(Moment(0, {label: math.inf for label, one in features.items() if one.name in far})) is not True:
+        if test(*Moment(0, {label: math.inf for label, one in features.items() if one.name in far})) != TRUE:
             return None
     distances = [bound for name in (*_DISTANCES, "cpa_xy", "") for bound in bounds.get(name, ())]
     horizon_us = max(0.0, *bounds.get("cpa_time", (0.0,)))

@@ -8,28 +8,8 @@ from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple, TypeAlias
 
 from dyknow.model.errors import TextError
+from reasoning.formulas import tree
 from reasoning.formulas.evaluation import EvaluationCompiler
-from reasoning.formulas.tree import (
-    LIMIT_TEMPORAL,
-    Always,
-    And,
-    Bound,
-    Const,
-    Domains,
-    Eventually,
-    Exists,
-    Forall,
-    Formula,
-    Implies,
-    Not,
-    Or,
-    Until,
-    deepest_temporal,
-    domain_members,
-    instantiate,
-    is_temporal,
-    too_deep,
-)
 
 Kind: TypeAlias = Literal["atom", "constant", "and", "or", "always", "eventually", "until", "release", "growing"]
 _DUAL: Final[dict[Kind, Kind]] = {"and": "or", "always": "eventually", "until": "release"}
@@ -63,7 +43,7 @@ Binding: TypeAlias = tuple[tuple[str, str], ...]
 class AtomOrigin(NamedTuple):
     """Where a node comes from: the formula that was written, whether it stands negated, and for which members."""
 
-    formula: Formula
+    formula: tree.Formula
     negated: bool
     binding: Binding
 
@@ -78,9 +58,9 @@ class TakenApart:
     """
 
     shape: Shape
-    atoms: tuple[Formula, ...]
+    atoms: tuple[tree.Formula, ...]
     origins: tuple[AtomOrigin, ...]
-    growing: tuple[tuple[Forall | Exists, bool], ...] = ()
+    growing: tuple[tuple[tree.Forall | tree.Exists, bool], ...] = ()
     is_deep: bool = False
 
 
@@ -88,7 +68,7 @@ LIMIT_CLAUSES: Final = 5
 """Measured: with six, the remainder of random formulas comes to 100 000 obligations within 25 states if distributed."""
 
 
-def take_apart(formula: Formula, domains: Domains, compiler: EvaluationCompiler | None = None) -> TakenApart:
+def take_apart(formula: tree.Formula, domains: tree.Domains, compiler: EvaluationCompiler | None = None) -> TakenApart:
     """The skeleton of a formula over these domains; `compiler` bounds its size.
 
     Raises:
@@ -96,9 +76,9 @@ def take_apart(formula: Formula, domains: Domains, compiler: EvaluationCompiler 
             a comparison.
         UnknownLabel: if a quantifier ranges over a domain that `domains` lacks.
     """
-    depth, place = deepest_temporal(formula)
-    if depth > LIMIT_TEMPORAL:
-        raise TextError.at(place, too_deep(depth), repair="say it with fewer of them")
+    depth, place = tree.deepest_temporal(formula)
+    if depth > tree.LIMIT_TEMPORAL:
+        raise TextError.at(place, tree.too_deep(depth), repair="say it with fewer of them")
     found = _Parts(compiler or EvaluationCompiler(domains))
     found.add(formula, negated=False, binding=())
     shape = Shape(tuple(found.nodes), len(found.atoms))
@@ -108,12 +88,12 @@ def take_apart(formula: Formula, domains: Domains, compiler: EvaluationCompiler 
 class _Parts:
     def __init__(self, compiler: EvaluationCompiler) -> None:
         self.nodes: dict[SkeletonNode, int] = {}
-        self.atoms: dict[Formula, int] = {}
+        self.atoms: dict[tree.Formula, int] = {}
         self.origins: list[AtomOrigin] = []
-        self.growing: dict[tuple[Forall | Exists, bool], int] = {}
+        self.growing: dict[tuple[tree.Forall | tree.Exists, bool], int] = {}
         self._compiler = compiler
 
-    def add(self, formula: Formula, *, negated: bool, binding: Binding) -> int:
+    def add(self, formula: tree.Formula, *, negated: bool, binding: Binding) -> int:
         self._compiler.count()
         part = self._part(formula, negated, binding)
         if isinstance(part, int):
@@ -123,35 +103,35 @@ class _Parts:
             self.origins.append(AtomOrigin(formula, negated, binding))
         return known
 
-    def _part(self, formula: Formula, negated: bool, binding: Binding) -> SkeletonNode | int:
-        if not is_temporal(formula):
+    def _part(self, formula: tree.Formula, negated: bool, binding: Binding) -> SkeletonNode | int:
+        if not tree.is_temporal(formula):
             return self._atom(formula, negated, binding)
         match formula:
-            case Not(operand):
+            case tree.Not(operand):
                 return self.add(operand, negated=not negated, binding=binding)
-            case And(parts):
+            case tree.And(parts):
                 return self._joined("and", parts, negated, binding)
-            case Or(parts):
+            case tree.Or(parts):
                 return self._joined("or", parts, negated, binding)
-            case Implies(left, right):
+            case tree.Implies(left, right):
                 ends = (
                     self.add(left, negated=not negated, binding=binding),
                     self.add(right, negated=negated, binding=binding),
                 )
                 return self._node("or", ends, negated)
-            case Always(operand, lo_us, hi_us):
+            case tree.Always(operand, lo_us, hi_us):
                 inside = (self.add(operand, negated=negated, binding=binding),)
                 return self._node("always", inside, negated, lo_us, hi_us)
-            case Eventually(operand, lo_us, hi_us):
+            case tree.Eventually(operand, lo_us, hi_us):
                 inside = (self.add(operand, negated=negated, binding=binding),)
                 return self._node("eventually", inside, negated, lo_us, hi_us)
-            case Until(left, right, lo_us, hi_us):
+            case tree.Until(left, right, lo_us, hi_us):
                 sides = (
                     self.add(left, negated=negated, binding=binding),
                     self.add(right, negated=negated, binding=binding),
                 )
                 return self._node("until", sides, negated, lo_us, hi_us)
-            case Forall() | Exists():
+            case tree.Forall() | tree.Exists():
                 return self._quantified(formula, negated, binding)
         raise TextError(
             "a temporal operator stands inside a comparison or a calculation",
@@ -160,36 +140,38 @@ class _Parts:
             repair="compare values, and put the temporal operator around the comparison",
         )
 
-    def _atom(self, formula: Formula, negated: bool, binding: Binding) -> SkeletonNode:
-        while isinstance(formula, Not):
+    def _atom(self, formula: tree.Formula, negated: bool, binding: Binding) -> SkeletonNode:
+        while isinstance(formula, tree.Not):
             formula, negated = formula.operand, not negated
-        if isinstance(formula, Const) and isinstance(formula.value, bool):
+        if isinstance(formula, tree.Const) and isinstance(formula.value, bool):
             return SkeletonNode("constant", (formula.value is not negated,))
-        if binding and isinstance(formula, Forall | Exists):
+        if binding and isinstance(formula, tree.Forall | tree.Exists):
             self._compiler.test(formula)  # counts what it expands to
         return SkeletonNode("atom", (self.atoms.setdefault(formula, len(self.atoms)), int(negated)))
 
-    def _joined(self, kind: Kind, parts: tuple[Formula, ...], negated: bool, binding: Binding) -> SkeletonNode | int:
+    def _joined(
+        self, kind: Kind, parts: tuple[tree.Formula, ...], negated: bool, binding: Binding
+    ) -> SkeletonNode | int:
         return self._node(kind, tuple([self.add(one, negated=negated, binding=binding) for one in parts]), negated)
 
-    def _quantified(self, formula: Forall | Exists, negated: bool, binding: Binding) -> SkeletonNode | int:
+    def _quantified(self, formula: tree.Forall | tree.Exists, negated: bool, binding: Binding) -> SkeletonNode | int:
         if formula.growing:
             return SkeletonNode("growing", (self.growing.setdefault((formula, negated), len(self.growing)),))
-        members = domain_members(formula.domain, self._compiler.domains)
+        members = tree.domain_members(formula.domain, self._compiler.domains)
         parts = tuple(
             [
                 self.add(
-                    instantiate(formula.body, formula.variable, one),
+                    tree.instantiate(formula.body, formula.variable, one),
                     negated=negated,
                     binding=(*binding, (formula.variable, one)),
                 )
                 for one in members
             ]
         )
-        return self._node("and" if isinstance(formula, Forall) else "or", parts, negated)
+        return self._node("and" if isinstance(formula, tree.Forall) else "or", parts, negated)
 
     def _node(
-        self, kind: Kind, parts: tuple[int, ...], negated: bool, lo_us: Bound = 0, hi_us: Bound | None = None
+        self, kind: Kind, parts: tuple[int, ...], negated: bool, lo_us: tree.Bound = 0, hi_us: tree.Bound | None = None
     ) -> SkeletonNode | int:
         for bound in (lo_us, hi_us):
             if bound is not None and not isinstance(bound, int):

@@ -17,28 +17,13 @@ from typing import Final, NamedTuple
 from dyknow.model.errors import TextError
 from dyknow.model.sample import Value
 from dyknow.model.values import NO_VALUE
-from reasoning.formulas.evaluation import EvaluationCompiler, Moment
-from reasoning.formulas.tree import (
-    Always,
-    And,
-    Compare,
-    Domains,
-    Eventually,
-    Exists,
-    Forall,
-    Formula,
-    Implies,
-    Not,
-    Or,
-    Until,
-    domain_members,
-    instantiate,
-    is_temporal,
-    walk,
-)
+from reasoning.formulas import tree
+from reasoning.formulas.evaluation import UNDECIDED, EvaluationCompiler, Moment
 from reasoning.progression.changes import Changes
 
 Distance = Callable[[Moment], float | None]
+_FAR: Final = (-inf, inf, None)
+"""Of a truth value, by its digit."""
 _SIGN: Final = {"<": -1.0, "<=": -1.0, ">": 1.0, ">=": 1.0}
 
 
@@ -62,7 +47,9 @@ class Margins:
         UnknownLabel: if a quantifier ranges over a domain that `domains` lacks.
     """
 
-    def __init__(self, formula: Formula, domains: Domains | None = None, period_us: int | None = None) -> None:
+    def __init__(
+        self, formula: tree.Formula, domains: tree.Domains | None = None, period_us: int | None = None
+    ) -> None:
         check_windows(formula)
         formula = _repeated(formula)
         self._changes = Changes(formula)
@@ -76,23 +63,23 @@ class Margins:
         return self._root.on_moment(Moment(valid_us, values, MappingProxyType({}), events, changed_us))
 
 
-def check_windows(formula: Formula) -> None:
+def check_windows(formula: tree.Formula) -> None:
     """Raise TextError if a formula has no margins: a window in it has no end."""
-    for node in walk(_repeated(formula)):
-        if isinstance(node, Always | Eventually | Until) and not isinstance(node.hi_us, int):
+    for node in tree.walk(_repeated(formula)):
+        if isinstance(node, tree.Always | tree.Eventually | tree.Until) and not isinstance(node.hi_us, int):
             raise TextError.at(
                 node.place,
                 "a margin needs windows that end; only the outermost always may have none",
                 repair="an interval, as in eventually[0, 5s]",
             )
-        if isinstance(node, Compare) and is_temporal(node):
+        if isinstance(node, tree.Compare) and tree.is_temporal(node):
             raise TextError.at(node.place, "a temporal operator stands inside a comparison")
 
 
-def _repeated(formula: Formula) -> Formula:
+def _repeated(formula: tree.Formula) -> tree.Formula:
     """What an `always` without end demands of every state, which margins are about."""
-    is_always = isinstance(formula, Always) and formula.lo_us == 0 and formula.hi_us is None
-    return formula.operand if isinstance(formula, Always) and is_always else formula
+    is_always = isinstance(formula, tree.Always) and formula.lo_us == 0 and formula.hi_us is None
+    return formula.operand if isinstance(formula, tree.Always) and is_always else formula
 
 
 class _Times:
@@ -213,61 +200,58 @@ class _Maker:
     def __init__(self, compiler: EvaluationCompiler, times: _Times) -> None:
         self._compiler, self._times = compiler, times
 
-    def make(self, formula: Formula) -> _Node:
+    def make(self, formula: tree.Formula) -> _Node:
         self._compiler.count()
         match formula:
-            case Not(operand):
+            case tree.Not(operand):
                 return _Turned(self.make(operand))
-            case And(parts):
+            case tree.And(parts):
                 return self._all(list(parts))
-            case Or(parts):
+            case tree.Or(parts):
                 return self._any(list(parts))
-            case Implies(left, right):
-                return self._any([Not(left), right])
-            case Forall(variable, domain, body) | Exists(variable, domain, body):
-                members = domain_members(domain, self._compiler.domains)
-                bodies = [instantiate(body, variable, one) for one in members]
-                return self._all(bodies) if isinstance(formula, Forall) else self._any(bodies)
-            case Always(operand):
-                return _Turned(self._window(formula, Not(operand)))
-            case Eventually(operand):
+            case tree.Implies(left, right):
+                return self._any([tree.Not(left), right])
+            case tree.Forall(variable, domain, body) | tree.Exists(variable, domain, body):
+                members = tree.domain_members(domain, self._compiler.domains)
+                bodies = [tree.instantiate(body, variable, one) for one in members]
+                return self._all(bodies) if isinstance(formula, tree.Forall) else self._any(bodies)
+            case tree.Always(operand):
+                return _Turned(self._window(formula, tree.Not(operand)))
+            case tree.Eventually(operand):
                 return self._window(formula, operand)
-            case Until():
+            case tree.Until():
                 return self._window(formula, formula.right, formula.left)
         return _State(self._distance(formula))
 
-    def _all(self, parts: list[Formula]) -> _Node:
+    def _all(self, parts: list[tree.Formula]) -> _Node:
         return _Together([self.make(part) for part in parts], min) if parts else _State(lambda _moment: inf)
 
-    def _any(self, parts: list[Formula]) -> _Node:
+    def _any(self, parts: list[tree.Formula]) -> _Node:
         return _Together([self.make(part) for part in parts], max) if parts else _State(lambda _moment: -inf)
 
-    def _window(self, node: Always | Eventually | Until, right: Formula, left: Formula | None = None) -> _Node:
+    def _window(
+        self, node: tree.Always | tree.Eventually | tree.Until, right: tree.Formula, left: tree.Formula | None = None
+    ) -> _Node:
         first = _State(lambda _moment: inf) if left is None else self.make(left)
         second = self.make(right)
         assert isinstance(node.lo_us, int)  # noqa: S101  (windows have been checked)
         assert isinstance(node.hi_us, int)  # noqa: S101
         return _Windowed((first, second), node.lo_us, node.hi_us, self._times)
 
-    def _distance(self, formula: Formula) -> Distance:
-        if not isinstance(formula, Compare):
+    def _distance(self, formula: tree.Formula) -> Distance:
+        if not isinstance(formula, tree.Compare):
             test = self._compiler.test(formula)
-
-            def far(moment: Moment) -> float | None:
-                truth = test(moment)
-                return None if truth is None else inf if truth else -inf
-
-            return far
+            return lambda moment: _FAR[test(*moment)]
         first, second = self._compiler.term(formula.left), self._compiler.term(formula.right)
         operator, holds = formula.operator, self._compiler.test(formula)
 
         def distance(moment: Moment) -> float | None:
-            truth = holds(moment)
-            if truth is None:
+            truth = holds(*moment)
+            if truth == UNDECIDED:
                 return None
-            a, b = first(moment), second(moment)
+            a, b = first(*moment), second(*moment)
             if a is NO_VALUE or b is NO_VALUE or isinstance(a, str | bool) or isinstance(b, str | bool):
-                return inf if truth else -inf
+                return _FAR[truth]
             if operator in _SIGN:
                 return _SIGN[operator] * float(a - b)
             return float(abs(a - b)) * (1.0 if operator == "!=" else -1.0)

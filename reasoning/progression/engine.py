@@ -21,10 +21,9 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 from dyknow.model.sample import Value
-from reasoning.formulas.evaluation import EvaluationCompiler, Moment, NoValuePolicy
+from reasoning.formulas.evaluation import EvaluationCompiler, Moment, NoValuePolicy, Test
 from reasoning.formulas.skeletons import TakenApart, take_apart
 from reasoning.formulas.tree import Domains, Formula, Since, required_labels, walk
-from reasoning.formulas.truth_assignment import Reader, reader
 from reasoning.progression.automaton import (
     LIMIT_GAPS,
     Automaton,
@@ -130,7 +129,7 @@ class FastProgression:
         self._changes = Changes(formula) if any(isinstance(node, Since) for node in walk(formula)) else None
         self._compiler = EvaluationCompiler()
         self._progressor: Progressor | None = None
-        self._read: Reader = _unread
+        self._read: Test = _unread
         self._automaton: Automaton | None = None
         self._clauses: Clauses | None = None
         self._state: AutomatonState = _BEGINNING
@@ -213,7 +212,8 @@ class FastProgression:
     def _activate(self, domains: Domains) -> None:
         compiler = self._compiler = EvaluationCompiler(domains, self._no_value)
         found = self.taken_apart = take_apart(self.formula, domains, compiler)
-        self._read = reader(found.atoms, EvaluationCompiler(domains, self._no_value))  # its size is counted by itself
+        reading = EvaluationCompiler(domains, self._no_value)  # its size is counted by itself
+        self._read = reading.assignment(found.atoms)
         if found.growing or found.is_deep:
             self._progressor = progressor_of(found, domains, self.period_us, self._no_value, compiler)
             self._turn_to_deadlines()

@@ -10,20 +10,9 @@ from typing import NamedTuple
 
 from dyknow.model.sample import Value
 from dyknow.model.values import NO_VALUE
+from reasoning.formulas import tree
 from reasoning.formulas.evaluation import EvaluationCompiler, Moment
 from reasoning.formulas.skeletons import Binding, TakenApart
-from reasoning.formulas.tree import (
-    And,
-    Exists,
-    Forall,
-    Formula,
-    Implies,
-    Not,
-    Or,
-    domain_members,
-    instantiate,
-    required_labels,
-)
 from reasoning.progression.automaton import Letter, Progressor
 from reasoning.progression.clauses import DOUBT, FALSE, FOREVER, TRUE, Block, Clauses, Obligation
 
@@ -43,9 +32,9 @@ class Explanation(NamedTuple):
         samples: what it brought, by label.
     """
 
-    part: Formula
+    part: tree.Formula
     holds: bool
-    obligation: Formula | None
+    obligation: tree.Formula | None
     binding: Binding
     since_us: int | None
     until_us: int | None
@@ -54,7 +43,7 @@ class Explanation(NamedTuple):
 
 
 class _Within(NamedTuple):
-    obligation: Formula | None = None
+    obligation: tree.Formula | None = None
     since_us: int | None = None
     until_us: int | None = None
 
@@ -153,30 +142,30 @@ class Explainer:
             around = inner if within.obligation is None else within
             yield from self._operator(at, truth, inner, around, is_inside=not node.lo_us)
 
-    def _state(self, formula: Formula, truth: bool, binding: Binding, within: _Within) -> Iterator[Explanation]:
+    def _state(self, formula: tree.Formula, truth: bool, binding: Binding, within: _Within) -> Iterator[Explanation]:
         """A formula about one state, down to what makes it true or false there."""
         match formula:
-            case Not(operand):
+            case tree.Not(operand):
                 yield from self._state(operand, not truth, binding, within)
-            case And(parts):
+            case tree.And(parts):
                 yield from self._parts([(part, binding) for part in parts], truth, within, every=True)
-            case Or(parts):
+            case tree.Or(parts):
                 yield from self._parts([(part, binding) for part in parts], truth, within, every=False)
-            case Implies(left, right):
-                yield from self._parts([(Not(left), binding), (right, binding)], truth, within, every=False)
-            case Forall(variable, domain, body, growing) | Exists(variable, domain, body, growing):
-                members = domain_members(domain, self._moment.domains if growing else self._compiler.domains)
-                bodies = [(instantiate(body, variable, one), (*binding, (variable, one))) for one in members]
-                yield from self._parts(bodies, truth, within, every=isinstance(formula, Forall))
+            case tree.Implies(left, right):
+                yield from self._parts([(tree.Not(left), binding), (right, binding)], truth, within, every=False)
+            case tree.Forall(variable, domain, body, growing) | tree.Exists(variable, domain, body, growing):
+                members = tree.domain_members(domain, self._moment.domains if growing else self._compiler.domains)
+                bodies = [(tree.instantiate(body, variable, one), (*binding, (variable, one))) for one in members]
+                yield from self._parts(bodies, truth, within, every=isinstance(formula, tree.Forall))
             case _:
-                labels = required_labels(formula, self._compiler.domains)
+                labels = tree.required_labels(formula, self._compiler.domains)
                 samples = {label: self._moment.values.get(label, NO_VALUE) for label in labels}
                 yield Explanation(formula, truth, *within[:1], binding, *within[1:], self._moment.valid_us, samples)
 
     def _parts(
-        self, parts: list[tuple[Formula, Binding]], truth: bool, within: _Within, *, every: bool
+        self, parts: list[tuple[tree.Formula, Binding]], truth: bool, within: _Within, *, every: bool
     ) -> Iterator[Explanation]:
-        settled = [(part, binding) for part, binding in parts if self._compiler.test(part)(self._moment) is truth]
+        settled = [(part, binding) for part, binding in parts if self._compiler.test(part)(*self._moment) == truth]
         if every is not truth:
             parts = settled[:1] if truth else settled
         for part, binding in parts:

@@ -7,10 +7,9 @@ of one formula are stepped through every state, and those of states in a row can
 from collections.abc import Callable, Sequence
 from typing import Any, Final, Protocol
 
-from reasoning.formulas.evaluation import EvaluationCompiler, Moment, NoValuePolicy, Truth
+from reasoning.formulas.evaluation import TRUTHS, EvaluationCompiler, Moment, NoValuePolicy, Truth
 from reasoning.formulas.skeletons import TakenApart, take_apart
 from reasoning.formulas.tree import Domains, Exists, Forall, Formula, Not, domain_members, instantiate, is_temporal
-from reasoning.formulas.truth_assignment import reader
 from reasoning.progression.automaton import Automaton, AutomatonState, Letter, Progressor, automaton, moved
 from reasoning.progression.clauses import DECIDED, FALSE, LIMIT_PRODUCT, TRUE, UNKNOWN, Clauses, Grown, conjoin
 from reasoning.progression.explaining import Explainer, Explanation
@@ -83,10 +82,13 @@ class OneState:
 
     def __init__(self, formula: Formula, compiler: EvaluationCompiler) -> None:
         self._formula, self._compiler = formula, compiler
-        self.start = compiler.test(formula)
+        self._test = compiler.test(formula)
 
     def read(self, moment: Moment) -> Moment:
         return moment
+
+    def start(self, reading: Moment) -> Truth:
+        return TRUTHS[self._test(*reading)]
 
     def step(self, residual: Any, _reading: Any) -> Any:
         return residual
@@ -100,7 +102,7 @@ class OneState:
         compiler = EvaluationCompiler(self._compiler.domains)
         found = take_apart(self._formula, compiler.domains, compiler)
         progressor = Progressor(found.shape, None)
-        letter = progressor.letter(reader(found.atoms, self._compiler)(*moment))
+        letter = progressor.letter(self._compiler.assignment(found.atoms)(*moment))
         return Explainer(found, progressor, self._compiler, None, letter, moment).reasons(truth=False)
 
 
@@ -171,7 +173,7 @@ class OnClauses:
     """By clauses with absolute windows, for what has no automaton."""
 
     def __init__(self, taken_apart: TakenApart, compiler: EvaluationCompiler, progressor: Progressor) -> None:
-        self._read, self._progressor = reader(taken_apart.atoms, compiler), progressor
+        self._read, self._progressor = compiler.assignment(taken_apart.atoms), progressor
 
     def read(self, moment: Moment) -> tuple[Letter, int]:
         return self._progressor.letter(self._read(*moment), moment), moment.valid_us
@@ -201,7 +203,7 @@ class OnAutomaton:
 
     def __init__(self, taken_apart: TakenApart, compiler: EvaluationCompiler, shared: Automaton) -> None:
         self._taken_apart, self._compiler = taken_apart, compiler
-        self._read, self._automaton = reader(taken_apart.atoms, compiler), shared
+        self._read, self._automaton = compiler.assignment(taken_apart.atoms), shared
         self._valid_us: int | None = None
 
     def read(self, moment: Moment) -> tuple[int, int, int | None]:

@@ -15,7 +15,7 @@ from typing import Final, Literal, TypeAlias
 
 from dyknow.model.errors import TextError
 from dyknow.model.sample import Value
-from reasoning.formulas.evaluation import EvaluationCompiler, Moment, NoValuePolicy, Test
+from reasoning.formulas.evaluation import TRUTHS, EvaluationCompiler, Moment, NoValuePolicy, Test
 from reasoning.formulas.tree import (
     LIMIT_TEMPORAL,
     Always,
@@ -148,7 +148,7 @@ class Atom:
     __slots__ = ("start",)
 
     def __init__(self, test: Test) -> None:
-        self.start: Callable[[Moment], Residual] = test
+        self.start: Callable[[Moment], Residual] = lambda moment: TRUTHS[test(*moment)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,21 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 from dyknow.model.errors import ChronicleError
+from reasoning.chronicles.definition import model
 from reasoning.chronicles.definition.domains import symbol_set
-from reasoning.chronicles.definition.model import (
-    Choice,
-    ChronicleFile,
-    ChronicleVariable,
-    Conjunction,
-    Constraint,
-    Disjunction,
-    Equal,
-    Iff,
-    Implication,
-    MemberOf,
-    Negation,
-    Parameter,
-)
 
 LIMIT_DEPTH: Final = 100
 """So deep may constraints be nested, or use each other."""
@@ -33,7 +20,7 @@ LIMIT_PARTS: Final = 10_000
 
 Environment: TypeAlias = Mapping[str, str | None]
 Test: TypeAlias = Callable[[Environment], bool]
-Binding: TypeAlias = Mapping[str, Parameter]
+Binding: TypeAlias = Mapping[str, model.Parameter]
 """What the variables of a text stand for in the whole: by `?name`."""
 
 
@@ -46,7 +33,7 @@ class Condition:
     said: str
 
 
-def resolved(parameter: Parameter, prefix: str, binding: Binding) -> Parameter:
+def resolved(parameter: model.Parameter, prefix: str, binding: Binding) -> model.Parameter:
     """A parameter in the names of the whole: what it is bound to, else its name behind the prefix."""
     if isinstance(parameter, str) or not parameter.name:
         return parameter
@@ -56,11 +43,11 @@ def resolved(parameter: Parameter, prefix: str, binding: Binding) -> Parameter:
 class Conditions:
     """Makes the conditions of one file; `declared` names of domains and constraints are looked up in it."""
 
-    def __init__(self, file: ChronicleFile) -> None:
+    def __init__(self, file: model.ChronicleFile) -> None:
         self._domains, self._named = file.domains, file.named_constraints
         self._parts = 0
 
-    def condition(self, constraint: Constraint, prefix: str = "", binding: Binding | None = None) -> Condition:
+    def condition(self, constraint: model.Constraint, prefix: str = "", binding: Binding | None = None) -> Condition:
         """The condition that a constraint states.
 
         Raises:
@@ -71,33 +58,35 @@ class Conditions:
         test = self._test(constraint, prefix, binding or {}, variables, 0)
         return Condition(frozenset(variables), test, str(constraint))
 
-    def _test(self, constraint: Constraint, prefix: str, binding: Binding, variables: set[str], depth: int) -> Test:
+    def _test(
+        self, constraint: model.Constraint, prefix: str, binding: Binding, variables: set[str], depth: int
+    ) -> Test:
         if depth > LIMIT_DEPTH:
             raise ChronicleError(f"a constraint is nested, or used by itself, more than {LIMIT_DEPTH} deep")
         self._parts += 1
         if self._parts > LIMIT_PARTS:
             raise ChronicleError(f"a constraint has more than {LIMIT_PARTS} parts, with all that it uses")
 
-        def inner(one: Constraint) -> Test:
+        def inner(one: model.Constraint) -> Test:
             return self._test(one, prefix, binding, variables, depth + 1)
 
-        if isinstance(constraint, MemberOf):
+        if isinstance(constraint, model.MemberOf):
             return self._member(constraint, prefix, binding, variables)
-        if isinstance(constraint, Equal):
+        if isinstance(constraint, model.Equal):
             return _equal(constraint, prefix, binding, variables)
-        if isinstance(constraint, Negation):
+        if isinstance(constraint, model.Negation):
             operand = inner(constraint.operand)
             return lambda found: not operand(found)
-        if isinstance(constraint, Conjunction | Disjunction):
+        if isinstance(constraint, model.Conjunction | model.Disjunction):
             tests = tuple(inner(one) for one in constraint.operands)
-            all_of = isinstance(constraint, Conjunction)
+            all_of = isinstance(constraint, model.Conjunction)
             return lambda found: all(one(found) for one in tests) if all_of else any(one(found) for one in tests)
-        if isinstance(constraint, Implication | Iff):
+        if isinstance(constraint, model.Implication | model.Iff):
             left, right = inner(constraint.left), inner(constraint.right)
-            if isinstance(constraint, Implication):
+            if isinstance(constraint, model.Implication):
                 return lambda found: not left(found) or right(found)
             return lambda found: left(found) is right(found)
-        if isinstance(constraint, Choice):
+        if isinstance(constraint, model.Choice):
             condition, then, otherwise = map(inner, (constraint.condition, constraint.then, constraint.otherwise))
             return lambda found: then(found) if condition(found) else otherwise(found)
         named = self._named.get(constraint.name)
@@ -112,7 +101,7 @@ class Conditions:
         tests = tuple(self._test(one, prefix, bound, variables, depth + 1) for one in named.constraints)
         return lambda found: all(one(found) for one in tests)
 
-    def _member(self, member: MemberOf, prefix: str, binding: Binding, variables: set[str]) -> Test:
+    def _member(self, member: model.MemberOf, prefix: str, binding: Binding, variables: set[str]) -> Test:
         symbols, inside = symbol_set(member.domain, self._domains), member.inside
         one = resolved(member.variable, prefix, binding)
         if isinstance(one, str):
@@ -128,16 +117,16 @@ class Conditions:
         return test
 
 
-def _equal(equal: Equal, prefix: str, binding: Binding, variables: set[str]) -> Test:
+def _equal(equal: model.Equal, prefix: str, binding: Binding, variables: set[str]) -> Test:
     left, right = resolved(equal.variable, prefix, binding), resolved(equal.parameter, prefix, binding)
     same = equal.same
     for one in (left, right):
-        if isinstance(one, ChronicleVariable):
+        if isinstance(one, model.ChronicleVariable):
             if not one.name:
                 raise ChronicleError(f"{equal}: a mere {one} has no value to compare; give it a name")
             variables.add(str(one))
 
-    def value(parameter: Parameter, found: Environment) -> str | None:
+    def value(parameter: model.Parameter, found: Environment) -> str | None:
         return parameter if isinstance(parameter, str) else found[str(parameter)]
 
     def test(found: Environment) -> bool:

@@ -9,27 +9,8 @@ from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
 from dyknow.model.errors import ChronicleError
+from reasoning.chronicles.definition import model
 from reasoning.chronicles.definition.conditions import Binding, Condition, Conditions, resolved
-from reasoning.chronicles.definition.model import (
-    ANY,
-    VALUE,
-    Attribute,
-    Chronicle,
-    ChronicleFile,
-    ChronicleVariable,
-    Event,
-    EventType,
-    Inclusion,
-    Instants,
-    MemberOf,
-    Message,
-    NoEvent,
-    Occurs,
-    Parameter,
-    Predicate,
-    Statement,
-    Variables,
-)
 from reasoning.chronicles.definition.network import Difference, chained
 from reasoning.chronicles.definition.times import (
     ConstraintUse,
@@ -66,7 +47,7 @@ class Count:
 
     minimum: int
     maximum: int | None
-    type: EventType
+    type: model.EventType
     begin: Point
     end: Point
     declared: tuple[Condition, ...]
@@ -78,7 +59,7 @@ class Expanded:
     """A chronicle written out."""
 
     name: str
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[model.Parameter, ...]
     instants: list[str] = field(default_factory=list)
     counts: list[Count] = field(default_factory=list)
     conditions: list[Condition] = field(default_factory=list)
@@ -86,7 +67,7 @@ class Expanded:
     statements: int = 0
 
 
-def expand(chronicle: Chronicle, file: ChronicleFile) -> Expanded:
+def expand(chronicle: model.Chronicle, file: model.ChronicleFile) -> Expanded:
     """Write a chronicle out.
 
     Raises:
@@ -99,15 +80,15 @@ def expand(chronicle: Chronicle, file: ChronicleFile) -> Expanded:
 
 
 class _Expansion:
-    def __init__(self, file: ChronicleFile, into: Expanded) -> None:
+    def __init__(self, file: model.ChronicleFile, into: Expanded) -> None:
         self._into = into
         self._chronicles, self._complex = file.chronicles, file.complex_constraints
         self._conditions = Conditions(file)
-        self._declared: dict[str, Attribute | Message] = {**file.attributes, **file.messages}
+        self._declared: dict[str, model.Attribute | model.Message] = {**file.attributes, **file.messages}
         self._numbers: dict[str, int] = {}
         self._inclusions = 0
 
-    def body(self, chronicle: Chronicle, prefix: str, binding: Binding, scope: Scope, depth: int) -> None:
+    def body(self, chronicle: model.Chronicle, prefix: str, binding: Binding, scope: Scope, depth: int) -> None:
         """The statements of a chronicle whose parameters are bound and some of whose instants are given."""
         if depth > LIMIT_DEPTH:
             raise ChronicleError(f"chronicle {chronicle.name} is included by itself; it would have no end")
@@ -136,26 +117,26 @@ class _Expansion:
                     order = ("<=",) if end == "start" else (">=",)
                     self._into.differences += chained(order, (mine, other), f"{end} {order[0]} {name}")
 
-    def _statement(self, statement: Statement, prefix: str, binding: Binding, scope: Scope, depth: int) -> None:
+    def _statement(self, statement: model.Statement, prefix: str, binding: Binding, scope: Scope, depth: int) -> None:
         into = self._into
-        if isinstance(statement, Predicate):
+        if isinstance(statement, model.Predicate):
             self._count(statement, prefix, binding, scope)
         elif isinstance(statement, TimeConstraint):
             self._times(statement, str(statement), prefix, scope, depth)
-        elif isinstance(statement, Instants):
+        elif isinstance(statement, model.Instants):
             for name in statement.names:
                 self._point(TimePoint(name), prefix, scope)
-        elif isinstance(statement, Variables):
+        elif isinstance(statement, model.Variables):
             if statement.domain is not None:
                 for variable in statement.variables:
-                    member = MemberOf(variable, statement.domain)
+                    member = model.MemberOf(variable, statement.domain)
                     into.conditions.append(self._conditions.condition(member, prefix, binding))
-        elif isinstance(statement, Inclusion):
+        elif isinstance(statement, model.Inclusion):
             self._include(statement, prefix, binding, scope, depth)
         else:
             into.conditions.append(self._conditions.condition(statement, prefix, binding))
 
-    def _include(self, inclusion: Inclusion, prefix: str, binding: Binding, scope: Scope, depth: int) -> None:
+    def _include(self, inclusion: model.Inclusion, prefix: str, binding: Binding, scope: Scope, depth: int) -> None:
         chronicle = self._chronicles.get(inclusion.name)
         if chronicle is None:
             raise ChronicleError(f"{inclusion}: no chronicle is called {inclusion.name}")
@@ -164,12 +145,12 @@ class _Expansion:
         arguments = [resolved(one, prefix, binding) for one in inclusion.arguments]
         if inclusion.arguments and len(arguments) != len(chronicle.parameters):
             raise ChronicleError(f"{inclusion}: {inclusion.name} has {len(chronicle.parameters)} parameters")
-        bound: dict[str, Parameter] = {}
+        bound: dict[str, model.Parameter] = {}
         for mine, theirs in zip(chronicle.parameters, arguments, strict=False):
             if isinstance(mine, str):
-                if theirs not in {mine, ANY}:
+                if theirs not in {mine, model.ANY}:
                     raise ChronicleError(f"{inclusion}: {inclusion.name} is declared for {mine} there")
-            elif theirs != ANY:
+            elif theirs != model.ANY:
                 bound[str(mine)] = theirs
         given: dict[str, Point] = {}
         for at, (label, point) in enumerate(inclusion.points):
@@ -181,16 +162,16 @@ class _Expansion:
             given[name] = self._point(point, prefix, scope)
         self.body(chronicle, inner, bound, given, depth + 1)
 
-    def _count(self, predicate: Predicate, prefix: str, binding: Binding, scope: Scope) -> None:
+    def _count(self, predicate: model.Predicate, prefix: str, binding: Binding, scope: Scope) -> None:
         type_ = self.type(predicate.type, prefix, binding)
-        minimum, maximum = (1, None) if isinstance(predicate, Event) else (0, 0)
-        if isinstance(predicate, Event):
+        minimum, maximum = (1, None) if isinstance(predicate, model.Event) else (0, 0)
+        if isinstance(predicate, model.Event):
             begin = self._point(predicate.at, prefix, scope)
             end = (begin[0], begin[1] + 1)
         else:
             begin = self._point(predicate.begin, prefix, scope)
             end = self._point(predicate.end, prefix, scope)
-        if isinstance(predicate, Occurs):
+        if isinstance(predicate, model.Occurs):
             minimum, maximum = predicate.minimum, predicate.maximum
         if minimum < 0 or (maximum is not None and maximum < minimum):
             raise ChronicleError(
@@ -201,12 +182,12 @@ class _Expansion:
         if minimum:
             self._into.differences += chained(("<",), (begin, end), said)
 
-    def type(self, type_: EventType, prefix: str, binding: Binding) -> EventType:
+    def type(self, type_: model.EventType, prefix: str, binding: Binding) -> model.EventType:
         """An event type in the names of the whole; its number of arguments is that of what is declared."""
         declared = self._declared.get(type_.name) or self._chronicles.get(type_.name)
         if declared is not None and len(declared.parameters) != len(type_.arguments):
             raise ChronicleError(f"{type_}: {type_.name} is declared with {len(declared.parameters)} arguments")
-        if declared is not None and isinstance(declared, Attribute) is (type_.change is None):
+        if declared is not None and isinstance(declared, model.Attribute) is (type_.change is None):
             kind = (
                 "an attribute: write (old, new) after it" if type_.change is None else "no attribute: it has no values"
             )
@@ -218,18 +199,22 @@ class _Expansion:
         )
         return replace(type_, arguments=arguments, change=change)
 
-    def _demanded(self, type_: EventType) -> tuple[Condition, ...]:
+    def _demanded(self, type_: model.EventType) -> tuple[Condition, ...]:
         """What is declared of an event's arguments and its new value, and of its old one unless that is unknown."""
         declared = self._declared.get(type_.name)
         if declared is None:
             return ()
-        places: dict[str, Parameter] = {
-            str(one): ChronicleVariable(str(at)) for at, one in enumerate(declared.parameters)
+        places: dict[str, model.Parameter] = {
+            str(one): model.ChronicleVariable(str(at)) for at, one in enumerate(declared.parameters)
         }
         arity, found = len(declared.parameters), list[Condition]()
         for constraint in declared.constraints:
-            new = self._conditions.condition(constraint, "", {**places, str(VALUE): ChronicleVariable(str(arity + 1))})
-            old = self._conditions.condition(constraint, "", {**places, str(VALUE): ChronicleVariable(str(arity))})
+            new = self._conditions.condition(
+                constraint, "", {**places, str(model.VALUE): model.ChronicleVariable(str(arity + 1))}
+            )
+            old = self._conditions.condition(
+                constraint, "", {**places, str(model.VALUE): model.ChronicleVariable(str(arity))}
+            )
             found.append(new)
             if f"?{arity}" in old.variables:
                 found.append(_unless_unknown(old, f"?{arity}"))
@@ -296,18 +281,18 @@ def _unless_unknown(condition: Condition, old: str) -> Condition:
     return replace(condition, test=lambda found: found[old] is None or condition.test(found))
 
 
-def _instants_of(statement: Statement) -> set[str]:
+def _instants_of(statement: model.Statement) -> set[str]:
     """The instants that a statement names."""
-    if isinstance(statement, Event):
+    if isinstance(statement, model.Event):
         return {statement.at.instant}
-    if isinstance(statement, NoEvent | Occurs):
+    if isinstance(statement, model.NoEvent | model.Occurs):
         return {statement.begin.instant, statement.end.instant}
-    if isinstance(statement, Instants):
+    if isinstance(statement, model.Instants):
         return set(statement.names)
     if isinstance(statement, TimeOrder | ConstraintUse):
         return {point.instant for point in statement.points}
     if isinstance(statement, Distance):
         return {statement.to, *(() if statement.from_ is None else (statement.from_,))}
-    if isinstance(statement, Inclusion):
+    if isinstance(statement, model.Inclusion):
         return {point.instant for _, point in statement.points}
     return set()
