@@ -10,7 +10,7 @@ from dyknow.model.errors import PolicyError
 from dyknow.model.instants import earlier, print_duration
 from dyknow.model.sample import SURE, Quality, Sample, Value
 from dyknow.model.values import NO_VALUE
-from dyknow.network.process import Input
+from dyknow.network.process import FAR_US, Input
 from dyknow.network.processes import OnDemand
 from dyknow.policies.policy import Policy
 from dyknow.states.synchronization import Awaited, Category, Origin, State, StateInput, StatePolicy, Synchronizer
@@ -18,7 +18,6 @@ from dyknow.states.synchronization import Awaited, Category, Origin, State, Stat
 When: TypeAlias = Literal["sampled", "any update", "any change", "all updated", "all changed"]
 """At sampled points; or whenever any input has a new sample, or another value; or when all of them have."""
 KEPT = 64
-FAR_US = 2**80
 
 
 class StateStreamProcess(OnDemand):

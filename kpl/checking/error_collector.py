@@ -21,10 +21,8 @@ class DeclarationErrors(ErrorCollector):
         is_old: whether it runs already, so that it is not in the text.
     """
 
-    def __init__(self, text: str) -> None:
-        super().__init__(text)
-        self.of: Declaration | None = None
-        self.is_old = False
+    of: Declaration | None = None
+    is_old = False
 
     def wrong(self, message: str, node: Node, repair: str = "") -> None:
         self.errors.append(self.located(message, node, repair))

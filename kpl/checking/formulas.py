@@ -117,7 +117,7 @@ class Checker(ErrorCollector):
 
     def part_of(self, feature: tree.Feature) -> str:
         """A component of a record, as a formula reads it."""
-        return tree.label_text(feature.name, feature.objects, "FIELD")
+        return tree.label_text(f"{feature.name}.FIELD", feature.objects)
 
     def _each(self, parts: tuple[tree.Formula, ...]) -> tuple[tree.Formula, ...]:
         return tuple([self.truth(part) for part in parts])
@@ -227,7 +227,7 @@ class Checker(ErrorCollector):
         features = self._known.features
         if features is None:
             return found, "any"
-        stem = f"{node.name}.{node.attribute}" if node.attribute else node.name
+        stem = node.stem
         kind = features.get(stem)
         if kind is None:
             return found, self._unknown(node, stem, features)

@@ -70,7 +70,7 @@ class FormulaChecker(Checker):
         record = self._streams.record(*label_of(feature))
         if record is None or not record.fields:
             return "a field of it, where it is defined"
-        return tree.label_text(feature.name, feature.objects, record.fields[0].name)
+        return tree.label_text(f"{feature.name}.{record.fields[0].name}", feature.objects)
 
     def _set(self, found: tree.DomainSet, place: tree.Place) -> tree.DomainSet:
         if not isinstance(found, str):

@@ -286,9 +286,8 @@ def domains_of(formula: tree.Formula) -> tuple[str, ...]:
 
 def label_of(feature: tree.Feature) -> tuple[Label, frozenset[str]]:
     """The label of a feature in a formula, and which of its objects are variables."""
-    name = f"{feature.name}.{feature.attribute}" if feature.attribute else feature.name
     variables = frozenset(one.name for one in feature.objects if isinstance(one, tree.Variable))
-    return Label(name, tuple(one if isinstance(one, str) else one.name for one in feature.objects)), variables
+    return Label(feature.stem, tuple(one if isinstance(one, str) else one.name for one in feature.objects)), variables
 
 
 def constant_of(definition: spec.Define) -> Constant | None:

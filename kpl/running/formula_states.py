@@ -9,25 +9,14 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-from dyknow import (
-    NO_VALUE,
-    Label,
-    Network,
-    Policy,
-    Sample,
-    State,
-    StateInput,
-    StatePolicy,
-    Synchronizer,
-    Value,
-    earlier,
-)
+from dyknow import NO_VALUE, Label, Network, Policy, Sample, Value, earlier
 from dyknow.model.errors import SortError, TextError, UnknownLabel
 from dyknow.model.instants import US_PER_MS, US_PER_S
 from dyknow.network.mediation import members_of
-from dyknow.network.process import Input
+from dyknow.network.process import FAR_US, Input
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.policies.policy import Approximation
+from dyknow.states.synchronization import State, StateInput, StatePolicy, Synchronizer
 from kpl.checking.symbols import domains_of
 from kpl.syntax.specification import GeneratorDeclaration, Specification, StateStream, StreamDeclaration, StreamTerm
 from reasoning.features.derivation import FeatureInput
@@ -36,7 +25,6 @@ from reasoning.formulas.tree import Formula, event_labels, required_labels
 
 PERIOD_US = 100 * US_PER_MS
 MAX_DELAY_US = US_PER_S
-FAR_US = 2**80
 MOST_ERAS = 64
 """Changes of the members that may await the states before them; beyond, states are left out."""
 

@@ -55,9 +55,13 @@ def place_of(node: "Tree[Token] | Token", text: str) -> tree.Place:
     """Where a tree or token stood; the width ends with its first line."""
     at: Any = getattr(node, "meta", node)
     start, end = int(at.start_pos), int(at.end_pos)
+    return tree.Place(int(at.line), int(at.column), line_width(text, start, end), start, end)
+
+
+def line_width(text: str, start: int, end: int) -> int:
+    """Characters from `start` to `end`, or to the end of the line; at least 1."""
     line_end = text.find("\n", start)
-    width = min(end, line_end if line_end >= 0 else end) - start
-    return tree.Place(int(at.line), int(at.column), max(1, width), start, end)
+    return max(1, min(end, line_end if line_end >= 0 else end) - start)
 
 
 class FormulaReader(ErrorCollector):

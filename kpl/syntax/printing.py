@@ -95,11 +95,11 @@ def _value(formula: tree.Formula) -> str:
         case tree.Now():
             return "now"
         case tree.Since(feature):
-            return f"since({_feature(feature)})"
+            return f"since({feature.label})"
         case tree.Occurred(event):
-            return f"occurred({_feature(event)})"
+            return f"occurred({event.label})"
         case tree.Feature():
-            return _feature(formula)
+            return formula.label
     raise TypeError(f"{type(formula).__name__} is no formula")
 
 
@@ -109,11 +109,6 @@ def _constant(value: bool | float | str, *, quoted: bool) -> str:
     if isinstance(value, str):
         return f'"{value}"' if quoted else value
     return repr(value)
-
-
-def _feature(feature: tree.Feature) -> str:
-    stem = f"{feature.name}.{feature.attribute}" if feature.attribute else feature.name
-    return f"{stem}[{_objects(feature.objects)}]" if feature.objects else stem
 
 
 def _objects(objects: tuple[tree.Object, ...]) -> str:

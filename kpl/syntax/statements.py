@@ -19,7 +19,7 @@ from kpl.syntax import specification as spec
 from kpl.syntax.chronicles import parse_chronicles
 from kpl.syntax.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
 from kpl.syntax.numbers import is_time, parse_number
-from kpl.syntax.parsing import FormulaReader, place_of, raise_all
+from kpl.syntax.parsing import FormulaReader, line_width, place_of, raise_all
 from reasoning.formulas.evaluation import NoValuePolicy
 from reasoning.formulas.tree import Place
 
@@ -209,8 +209,7 @@ class _StatementReader(FormulaReader):
 
     def label(self, node: Any) -> Label:
         feature = self.feature(node, _FREE)
-        stem = f"{feature.name}.{feature.attribute}" if feature.attribute else feature.name
-        return Label(stem, tuple(map(str, feature.objects)))
+        return Label(feature.stem, tuple(map(str, feature.objects)))
 
     def _term(self, label: Any, policy: Sequence[Any]) -> spec.StreamTerm:
         """A label, and the constraints of an optional policy."""
@@ -249,7 +248,7 @@ class _StatementReader(FormulaReader):
             starts = [0, *accumulate(len(each) + 2 for each in words[:-1])]
             self.error(wrong.message, places[bisect_right(starts, wrong.column - 1) - 1], wrong.repair)
         except PolicyError as wrong:
-            whole = places[0]._replace(width=max(1, _line_width(self.text, places[0].start, places[-1].end)))
+            whole = places[0]._replace(width=line_width(self.text, places[0].start, places[-1].end))
             self.error(str(wrong), whole, wrong.repair)
         return spec.ANY_UPDATE
 
@@ -273,8 +272,3 @@ def _blank(text: str) -> str:
     return (
         _COMMENT.sub(lambda found: " " * len(found[0]), text).replace("\n", " ").replace("\t", " ").replace("\r", " ")
     )
-
-
-def _line_width(text: str, start: int, end: int) -> int:
-    line_end = text.find("\n", start)
-    return min(end, line_end if line_end >= 0 else end) - start

@@ -75,14 +75,18 @@ class Feature(Node):
     attribute: str | None = None
 
     @property
+    def stem(self) -> str:
+        """The name, with the attribute if there is one."""
+        return f"{self.name}.{self.attribute}" if self.attribute else self.name
+
+    @property
     def label(self) -> str:
-        """The key of the feature in a state; only for features without variables."""
-        return label_text(self.name, self.objects, self.attribute)
+        """As it is printed; without variables it is the key of the feature in a state."""
+        return label_text(self.stem, self.objects)
 
 
-def label_text(name: str, objects: Iterable[Object] = (), attribute: str | None = None) -> str:
+def label_text(stem: str, objects: Iterable[Object] = ()) -> str:
     """The text of a label, `xy_dist[0, 1]`, as `dyknow.Label` prints it: how states name their features."""
-    stem = f"{name}.{attribute}" if attribute else name
     inside = ", ".join(one if isinstance(one, str) else one.name for one in objects)
     return f"{stem}[{inside}]" if inside else stem
 

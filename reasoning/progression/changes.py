@@ -17,8 +17,7 @@ class Changes:
     """When each feature under a `since` last changed; its first value is a change."""
 
     def __init__(self, formula: Formula) -> None:
-        stems = ((node.feature.name, node.feature.attribute) for node in walk(formula) if isinstance(node, Since))
-        self._stems = {f"{name}.{attribute}" if attribute else name for name, attribute in stems}
+        self._stems = {node.feature.stem for node in walk(formula) if isinstance(node, Since)}
         self._last: dict[str, Value] = {}
         self._changed_us: dict[str, int] = {}
 

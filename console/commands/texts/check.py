@@ -106,10 +106,11 @@ def _note_of(call: Call, trace: "Trace", file: str) -> None:
 
 
 def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:
-    from console.centre.client import connected, failure_of
+    from console.centre.client import connected
     from federation.messages.acts import Performative
     from federation.messages.contents import CheckFormula, Verdict
     from kpl import parse_formula
+    from runtime.library.jobs import failure_of
 
     parse_formula(text)
     with connected(call) as client:

@@ -200,10 +200,11 @@ def _shown(at_ms: int) -> int | str:
 
 def _live(call: Call, file: Path, unit: str, seconds: float, delay_s: float | None) -> int:
     """Each instance on a platform as it becomes certain; 0 if something was recognised, 1 if nothing."""
-    from console.centre.client import connected, failure_of
+    from console.centre.client import connected
     from federation.messages.acts import Performative
     from federation.messages.contents import Recognise
     from federation.messages.contents.chronicles import LONGEST
+    from runtime.library.jobs import failure_of
 
     text, _ = chronicles_of(file)
     if len(text) > LONGEST:

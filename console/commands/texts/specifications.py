@@ -180,9 +180,9 @@ def held(
     In another form than KPL: the graph of what runs now.
     """
     from console.centre.client import connected
-    from dyknow.model.errors import FederationFailed
     from federation.messages.acts import Performative
     from federation.messages.contents import RestoreSpecification, Specification, SpecificationText
+    from runtime.library.jobs import failure_of
 
     with connected(call) as client:
         client.chosen(unit)
@@ -190,8 +190,7 @@ def held(
             said = RestoreSpecification(number=restore)
             [dialogue] = client.ask([unit], said, Performative.REQUEST, 3.0)
             if dialogue.trouble:
-                failed = NothingFound if dialogue.trouble.startswith("refuse") else FederationFailed
-                raise failed(f"platform {unit}: {dialogue.trouble}")
+                raise failure_of(dialogue, "")
             call.out.say(f"[green]restored[/] configuration {restore}", event="restored", unit=unit, number=restore)
             return DONE
         [dialogue] = client.ask([unit], Specification(number=number, form=form), Performative.QUERY_REF, 3.0)

@@ -18,7 +18,7 @@ def test_the_api_names_what_is_there_once():
 
 def test_labels_of_features_are_the_labels_of_streams():
     assert label_text("xy_dist", ("0", "1")) == str(Label("xy_dist", ("0", "1")))
-    assert label_text("cars", ("car1",), "link") == str(Label.parse("cars.link[car1]"))
+    assert label_text("cars.link", ("car1",)) == str(Label.parse("cars.link[car1]"))
 
 
 @given(bodies)
