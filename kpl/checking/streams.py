@@ -21,6 +21,7 @@ class Streams:
     def __init__(self, symbols: SymbolTable) -> None:
         self.symbols, self.known = symbols, symbols.known
         self._sorts: dict[int, str | None] = {}
+        self._derived: dict[str, bool] = {}
         self._known_by_stem: dict[str, list[Label]] = {}
         for label in self.known.labels:
             self._known_by_stem.setdefault(stem(label), []).append(label)
@@ -28,16 +29,19 @@ class Streams:
     @cached_property
     def derived(self) -> frozenset[str]:
         """The features that are derived in a federation, without those that streams of values here are called like."""
+        return frozenset(filter(self._is_derived, FEATURES))
 
-        def is_value(made: Symbol) -> bool:
-            record = self.record(made.label, made.variables)
-            return record is None or not record.fields
-
-        return frozenset(name for name in FEATURES if not any(map(is_value, self.symbols.of_feature(name))))
+    def _is_derived(self, feature: str) -> bool:
+        if feature not in self._derived:
+            self._derived[feature] = True  # while it is worked out: a stream may be selected from such features
+            records = (self.record(made.label, made.variables) for made in self.symbols.of_feature(feature))
+            self._derived[feature] = all(record is not None and record.fields for record in records)
+        return self._derived[feature]
 
     def derives(self, label: Label) -> bool:
         """Whether it is a derived feature, with as many units as it takes."""
-        return label.feature in self.derived and FEATURES[label.feature].arity == len(label.objects)
+        kind = FEATURES.get(label.feature)
+        return kind is not None and kind.arity == len(label.objects) and self._is_derived(label.feature)
 
     def has(self, label: Label, variables: frozenset[str] = NOTHING) -> bool:
         """Whether it has a producer, or what it is an attribute of has."""

@@ -142,6 +142,17 @@ def test_errors_come_in_the_order_of_the_text_and_all_of_them() -> None:
     assert [error.line for error in errors] == [9, 10, 11]
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "strmgen speed = select link[q] for q in p\n",
+        "strmgen xy_dist[a, b] = select z_dist[q, b] for q in p\nstrmgen z_dist[c, d] = select xy_dist[q, d] for q in p\n",
+    ],
+)
+def test_streams_called_like_derived_features_may_be_selected_from_what_nothing_makes(text: str) -> None:
+    assert any(error.message == "nothing makes p" for error in found(text, Known()).errors)
+
+
 @given(specifications)
 def test_any_specification_is_judged(specification) -> None:  # type: ignore[no-untyped-def]
     """Whatever it says, and with nothing known."""
