@@ -44,7 +44,7 @@ SEEN_WITHIN_US = 2_000_000
 MODE_WITHIN_US = 4_000_000
 """A mode is reported once a second, and an order that changes it is repeated only after it was."""
 SETTLES_US = 1_000_000
-"""So long a target from before an order may still be on its way."""
+"""So long a target from before an order may still be on its way, and a vehicle that reports none may yet do so."""
 LEVEL_M, UPRIGHT_M = 3.0, 1.5
 _M_PER_DEG = 111_194.9
 
@@ -83,6 +83,7 @@ class Errand:
     acknowledged: bool = False
     in_target: bool = False
     _acknowledges: bool = True
+    _is_settled: bool = False
     _shown_us: int | None = None
 
     @property
@@ -97,7 +98,7 @@ class Errand:
     @property
     def is_taken(self) -> bool:
         """Whether the vehicle has taken the order over: acknowledged, and its target, where it tells one."""
-        known = self.acknowledged and not self.tells_target and not self._modes
+        known = self.acknowledged and not self.tells_target and not self._modes and self._is_settled
         return self.progress is _P.FLOWN or (not self.is_over and (self.in_target or known))
 
     @property
@@ -120,6 +121,8 @@ class Errand:
             return None
         if self.progress is _P.FLOWN:
             return None if self._modes or self._shown_us is None else self._shown_us + SEEN_WITHIN_US
+        if not self._is_settled:
+            return self.sent_us + SETTLES_US
         return self.sent_us + (MODE_WITHIN_US if self._modes else SEEN_WITHIN_US)
 
     # -- evidence ----------------------------------------------------------------------------------------------
@@ -177,6 +180,7 @@ class Errand:
             self.progress, self.reason = _P.FLOWN, ""
 
     def on_time(self, now_us: int) -> None:
+        self._is_settled |= now_us >= self.sent_us + SETTLES_US
         due_us = self.deadline_us
         if due_us is None or now_us < due_us:
             return

@@ -75,8 +75,13 @@ def test_an_autopilot_that_tells_its_target_has_taken_an_order_only_when_its_tar
 
 
 def test_an_autopilot_that_tells_none_has_taken_it_when_it_acknowledges() -> None:
-    assert accepted(errand()).is_taken
-    assert not errand().is_taken
+    taken, unanswered = accepted(errand()), errand()
+    assert taken.deadline_us == SETTLES_US
+    assert not taken.is_taken, "it may tell one yet"
+    for each in (taken, unanswered):
+        each.on_time(SETTLES_US)
+    assert taken.is_taken
+    assert not unanswered.is_taken
 
 
 def test_what_no_acknowledgement_can_come_of_is_taken_when_the_motion_shows_it() -> None:
@@ -107,8 +112,8 @@ def test_answers_to_other_orders_and_to_what_was_replaced_are_not_its_own() -> N
 def test_what_is_not_seen_within_two_seconds_is_unseen_and_says_what_is_missing() -> None:
     silent, idle, elsewhere = errand(), accepted(errand()), accepted(errand(tells_target=True))
     for each in (silent, idle, elsewhere):
-        assert each.deadline_us == SEEN_WITHIN_US
         each.on_time(SEEN_WITHIN_US - 1)
+        assert each.deadline_us == SEEN_WITHIN_US
         assert each.progress is not P.UNSEEN
         each.on_time(SEEN_WITHIN_US)
         assert each.progress is P.UNSEEN
@@ -223,6 +228,7 @@ def test_landing_and_returning_are_shown_by_the_mode(order: Order, name: str) ->
 
 def test_a_mode_that_does_not_come_is_unseen() -> None:
     lands = accepted(errand(LandOrder()))
+    lands.on_time(SETTLES_US)
     assert lands.deadline_us == MODE_WITHIN_US
     lands.on_time(MODE_WITHIN_US)
     assert lands.has_failed
