@@ -275,9 +275,9 @@ class World:
         self.speak(by, say)
         return dialogue
 
-    def cancel(self, by: str, dialogue: Dialogue) -> None:
+    def cancel(self, by: str, to: str, conversation: str) -> None:
         """`by` cancels its conversation."""
-        self.speak(by, lambda member, now_us: member.acts.cancel(dialogue.unit, dialogue.conversation, now_us))
+        self.speak(by, lambda member, now_us: member.acts.cancel(to, conversation, now_us))
 
     # -- inside -------------------------------------------------------------------------------------------------
 

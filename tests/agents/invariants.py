@@ -5,24 +5,23 @@ from federation import keys
 from federation.members.member import Member
 from federation.messages.protocols import Phase
 from federation.messages.receipts import RECEIPT_AGENT
-from tests.agents.wire import Wire
+from tests.box import Box
 
 
-def check(wire: Wire) -> None:
+def check(wire: Box) -> None:
     """Assert the invariants of every platform of the wire."""
-    running = [node.process for node in wire.nodes.values() if not node.frozen]
-    for process in running:
+    for process in (node.process for node in wire.running.values()):
         _nothing_is_open_beyond_its_time(process.member, wire.now_us)
         _whoever_waits_has_a_conversation(process.member)
         _subscriptions_are_what_is_imported(wire, process.member)
         assert process.deadline_us > wire.now_us, "what is due was done"
-    for platform in (process for process in running if isinstance(process, Platform)):
+    for platform in (node.platform for node in wire.running.values() if node.platform):
         assert platform.ports.agent.own_answers is None
         _subscriptions_in_the_instance_have_a_reason(platform)
         _monitors_have_owners(platform)
         _the_account_is_what_crossed(wire, platform)
         if not platform.config.control:
-            assert wire.nodes[platform.unit].commands == [], "without control nothing is commanded"
+            assert wire.vehicle(platform.unit).commands == [], "without control nothing is commanded"
 
 
 def _nothing_is_open_beyond_its_time(member: Member, now_us: int) -> None:
@@ -36,9 +35,9 @@ def _whoever_waits_has_a_conversation(member: Member) -> None:
     assert set(member.acts._pending) <= ours
 
 
-def _subscriptions_are_what_is_imported(wire: Wire, member: Member) -> None:
+def _subscriptions_are_what_is_imported(wire: Box, member: Member) -> None:
     imported = {keys.stream_expr(label, policy) for _, label, policy in member.imports.streams}
-    listened = {expr for expr in wire.nodes[member.unit].subscriptions if expr.startswith("x/")}
+    listened = {expr for expr in wire.wire.session(member.unit).subscriptions if expr.startswith("x/")}
     assert listened == imported
 
 
@@ -62,7 +61,7 @@ def _monitors_have_owners(platform: Platform) -> None:
         assert named.owners <= asked, f"{name} is kept for a task that is not there"
 
 
-def _the_account_is_what_crossed(wire: Wire, platform: Platform) -> None:
+def _the_account_is_what_crossed(wire: Box, platform: Platform) -> None:
     """Every act that left is accounted for, and every act that arrived."""
     left = {(act.boot, act.seq) for act in wire.acts(sender=platform.unit) if act.boot == platform.config.boot}
     noted = [e for e in platform.ports.agent.audit_log.entries if e.direction == "out" and e.act is not None]
@@ -75,6 +74,6 @@ def _the_account_is_what_crossed(wire: Wire, platform: Platform) -> None:
         isinstance(key := keys.parse_key(crossed.put.key), keys.ActKey)
         and key.agent != RECEIPT_AGENT
         and key.sender != platform.unit
-        for crossed in wire.log
+        for crossed in wire.wire.log
         if crossed.sender == platform.unit
     ), "nobody speaks for another"

@@ -24,7 +24,7 @@ from federation.messages.contents import (
     read,
 )
 from federation.messages.sexpr import Expr
-from tests.agents.wire import Wire
+from tests.box import Box
 from tests.federation.expressions import parse_expr
 
 P = Performative
@@ -35,16 +35,16 @@ ASKED = {
 }
 
 
-def said(wire: Wire, to: str, content: Expr | None, performative: Performative = P.QUERY_REF, **given: object) -> Act:
+def said(wire: Box, to: str, content: Expr | None, performative: Performative = P.QUERY_REF, **given: object) -> Act:
     """An act as a stranger `9` would say it, put on the wire; answers are in the log."""
-    numbered = {"boot": 7, "seq": next(wire._numbers), "created_us": wire.now_us, "conversation_id": "9-7-1", **given}
+    numbered = {"boot": 7, "seq": next(wire.numbers), "created_us": wire.now_us, "conversation_id": "9-7-1", **given}
     act = Act(performative, AgentName("interface", "9"), AgentName.parse(to), content, **numbered)  # type: ignore[arg-type]
-    wire.inject(act.key, encode_act(act))
+    wire.put(act.key, encode_act(act))
     wire.run(0.01)
     return act
 
 
-def answers(wire: Wire, unit: str = "9") -> list[Act]:
+def answers(wire: Box, unit: str = "9") -> list[Act]:
     return wire.acts(receiver=unit)
 
 
@@ -66,7 +66,7 @@ def test_the_rules_of_9_3_2_are_this_table() -> None:
 
 
 @pytest.mark.parametrize("visibility", list(Visibility))
-def test_an_agent_of_the_own_platform_uses_every_service(wire: Wire, node: Platform, visibility: Visibility) -> None:
+def test_an_agent_of_the_own_platform_uses_every_service(wire: Box, node: Platform, visibility: Visibility) -> None:
     wire.run(1.0)
     agent, content = ASKED[visibility]
     before = sum(node.ports.agent.audit_log.counts.values())
@@ -76,9 +76,7 @@ def test_an_agent_of_the_own_platform_uses_every_service(wire: Wire, node: Platf
 
 
 @pytest.mark.parametrize("visibility", list(Visibility))
-def test_another_platform_directly_uses_public_services_only(
-    wire: Wire, node: Platform, visibility: Visibility
-) -> None:
+def test_another_platform_directly_uses_public_services_only(wire: Box, node: Platform, visibility: Visibility) -> None:
     wire.run(1.0)
     agent, content = ASKED[visibility]
     said(wire, f"{agent}@0", content.expr())
@@ -95,7 +93,7 @@ def test_another_platform_directly_uses_public_services_only(
 
 @pytest.mark.parametrize("visibility", list(Visibility))
 def test_another_platform_uses_protected_services_through_the_interface(
-    wire: Wire, node: Platform, visibility: Visibility
+    wire: Box, node: Platform, visibility: Visibility
 ) -> None:
     wire.run(1.0)
     said(wire, "interface@0", ASKED[visibility][1].expr())
@@ -104,16 +102,16 @@ def test_another_platform_uses_protected_services_through_the_interface(
     assert node.ports.agent.audit_log.refused == ({"private": 1} if visibility is Visibility.PRIVATE else {})
 
 
-def test_private_services_are_in_no_directory_but_their_own(wire: Wire, node: Platform) -> None:
+def test_private_services_are_in_no_directory_but_their_own(wire: Box, node: Platform) -> None:
     own = {service.service for service in node.ports.directory.search()[0].services}
     seen = node.ports.directory.unit, wire.platform("1").ports.directory.entry("0")
     assert "local-instance" in own
     assert seen[1] is not None
     assert "local-instance" not in {service.service for service in seen[1].services}
-    assert not any("local-instance" in token for token in wire.nodes["0"].tokens)
+    assert not any("local-instance" in token for token in wire.wire.session("0").tokens)
 
 
-def test_a_service_is_asked_of_the_agent_that_provides_it(wire: Wire, node: Platform) -> None:
+def test_a_service_is_asked_of_the_agent_that_provides_it(wire: Box, node: Platform) -> None:
     said(wire, "alarms@0", Search(service="alarms").expr())
     said(wire, "pilot@0", Alarms().expr(), P.SUBSCRIBE, conversation_id="9-7-2")
     said(wire, "nobody@0", Search(service="alarms").expr(), conversation_id="9-7-3")
@@ -134,7 +132,7 @@ def test_a_service_is_asked_of_the_agent_that_provides_it(wire: Wire, node: Plat
         "(cancel)",
     ],
 )
-def test_what_no_service_understands_is_not_understood(wire: Wire, node: Platform, text: str) -> None:
+def test_what_no_service_understands_is_not_understood(wire: Box, node: Platform, text: str) -> None:
     said(wire, "interface@0", parse_expr(text), P.REQUEST)
     (answer,) = answers(wire)
     assert answer.performative is P.NOT_UNDERSTOOD
@@ -144,30 +142,31 @@ def test_what_no_service_understands_is_not_understood(wire: Wire, node: Platfor
 
 @pytest.mark.parametrize("performative", [p for p in P if p not in {P.REQUEST, P.CANCEL, P.AGREE}])
 def test_a_command_is_carried_out_only_if_it_is_requested(
-    wire: Wire, node: Platform, performative: Performative
+    wire: Box, node: Platform, performative: Performative
 ) -> None:
     wire.run(1.0)
     said(wire, "interface@0", Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=100.0).expr(), performative)
-    assert wire.nodes["0"].commands == []
+    assert wire.vehicle("0").commands == []
     assert node.ports.agent.audit_log.refused == {"not understood": 1}
 
 
-def test_a_not_understood_answers_no_other(wire: Wire, node: Platform) -> None:
+def test_a_not_understood_answers_no_other(wire: Box, node: Platform) -> None:
     for performative in (P.NOT_UNDERSTOOD, P.REFUSE, P.FAILURE, P.INFORM, P.PROPAGATE):
         said(wire, "interface@0", parse_expr("(make-tea)"), performative)
     assert answers(wire) == []
     assert node.ports.agent.audit_log.refused == {"not understood": 5}
 
 
-def test_two_platforms_do_not_misunderstand_each_other_for_ever(wire: Wire, node: Platform) -> None:
+def test_two_platforms_do_not_misunderstand_each_other_for_ever(wire: Box, node: Platform) -> None:
     before = len(wire.acts())
     act = Act(P.NOT_UNDERSTOOD, AgentName("interface", "1"), AgentName("interface", "0"), parse_expr("(what)"))
-    wire.perform("1", list(wire.platform("1").ports.agent.conversations.send(act, wire.now_us)[1]))  # type: ignore[misc]
+    (put,) = wire.member("1").acts.conversations.send(act, wire.now_us)[1]
+    wire.wire.put("1", put)  # type: ignore[arg-type]
     wire.run(5.0)
     assert len(wire.acts()) == before + 1
 
 
-def test_what_lasts_needs_a_conversation_in_which_it_can_be_ended(wire: Wire, node: Platform) -> None:
+def test_what_lasts_needs_a_conversation_in_which_it_can_be_ended(wire: Box, node: Platform) -> None:
     for performative, content in [(P.REQUEST, MonitorProximity()), (P.SUBSCRIBE, Alarms())]:
         said(wire, "interface@0", content.expr(), performative, conversation_id=None)
     assert [act.performative for act in answers(wire)] == [P.NOT_UNDERSTOOD] * 2
@@ -175,7 +174,7 @@ def test_what_lasts_needs_a_conversation_in_which_it_can_be_ended(wire: Wire, no
     assert node.part(AlarmLog).subscribers._acts == {}
 
 
-def test_answers_go_to_who_asks_and_to_nobody_else(wire: Wire, node: Platform) -> None:
+def test_answers_go_to_who_asks_and_to_nobody_else(wire: Box, node: Platform) -> None:
     said(wire, "interface@0", Tasks().expr(), reply_to=AgentName("interface", "1"))
     assert [act.performative for act in answers(wire)] == [P.REFUSE]
     assert wire.acts(sender="0", receiver="1") == []
@@ -193,7 +192,7 @@ def test_every_head_belongs_to_one_service(node: Platform) -> None:
         ServiceTable([*GivingWay.offers, Offer(COORDINATION, (Action(Avoid, "on_avoid"),))])
 
 
-def test_a_conversation_id_is_not_a_key_to_the_task_of_another(wire: Wire, node: Platform) -> None:
+def test_a_conversation_id_is_not_a_key_to_the_task_of_another(wire: Box, node: Platform) -> None:
     task = wire.asked("cc", "0", MonitorProximity())
     said(wire, "interface@0", MonitorProximity(profile="energy").expr(), P.REQUEST, conversation_id=task.conversation)
     assert [act.performative for act in answers(wire)] == [P.REFUSE]
@@ -203,7 +202,7 @@ def test_a_conversation_id_is_not_a_key_to_the_task_of_another(wire: Wire, node:
     assert set(node.ports.monitors.named) == {"proximity", "proximity-warn"}
 
 
-def test_subscriptions_of_two_that_share_a_conversation_id_are_two(wire: Wire, node: Platform) -> None:
+def test_subscriptions_of_two_that_share_a_conversation_id_are_two(wire: Box, node: Platform) -> None:
     wire.centre("cc-2")
     wire.run(1.0)
     first = wire.asked("cc", "0", Alarms(), P.SUBSCRIBE)

@@ -10,7 +10,7 @@ from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import encode_act
 from federation.messages.contents import Content, Hold, Reason, heads, parts, read
 from tests.agents.admission.test_hostile import signer, trust
-from tests.agents.wire import Wire
+from tests.box import Box
 from tests.federation.expressions import parse_expr
 from tests.federation.messages.test_contents import TEXTS
 
@@ -41,9 +41,9 @@ def test_every_action_has_a_handler() -> None:
 
 
 @pytest.fixture(scope="module")
-def roster() -> Wire:
+def roster() -> Box:
     """0 has every service; cc commands, 1 is a platform, eye observes."""
-    wire = Wire()
+    wire = Box()
     wire.join("0", simulated=True, control=True, trust=trust("0"))
     wire.join("1", trust=trust("1"))
     for unit in ("cc", "eye"):
@@ -56,18 +56,18 @@ def example(action: Action) -> Content:
     return next(read(parse_expr(text)) for text in TEXTS if parse_expr(text).head == action.head)
 
 
-def denied(wire: Wire, by: str, agent: str, action: Action) -> str | None:
+def denied(wire: Box, by: str, agent: str, action: Action) -> str | None:
     """By which code the door refuses it; None if it gets through to the part."""
     platform = wire.platform("0")
     before = dict(platform.ports.agent.audit_log.counts)
     performative = P.QUERY_REF if action.performatives == QUERIED else next(iter(action.performatives))
-    number = next(wire._numbers)
+    number = next(wire.numbers)
     boot = wire.member(by).boot
     act = Act(
         performative, AgentName("interface", by), AgentName(agent, "0"), example(action).expr(),
         conversation_id=f"{by}-{number}", boot=boot + 1, seq=number, created_us=wire.now_us,
     )  # fmt: skip
-    wire.inject(act.key, encode_act(act, signer(by)))
+    wire.put(act.key, encode_act(act, signer(by)))
     wire.run(0.2)
     after = platform.ports.agent.audit_log.counts
     changed = {name for name, n in after.items() if n != before.get(name, 0) and name[0] == "in"}
@@ -78,7 +78,7 @@ def denied(wire: Wire, by: str, agent: str, action: Action) -> str | None:
 @pytest.mark.parametrize(("service", "action"), ACTIONS, ids=IDS)
 @pytest.mark.parametrize("by", list(ROLES))
 @pytest.mark.parametrize("way", ["directly", "through the interface"])
-def test_the_answer_is_what_the_action_says(roster: Wire, service: Service, action: Action, by: str, way: str) -> None:
+def test_the_answer_is_what_the_action_says(roster: Box, service: Service, action: Action, by: str, way: str) -> None:
     through = way != "directly"
     agent = "interface" if through else service.agent
     if not admitted(service.visibility, same_platform=False, through_interface=through):
@@ -89,7 +89,7 @@ def test_the_answer_is_what_the_action_says(roster: Wire, service: Service, acti
 
 
 @pytest.mark.parametrize(("service", "action"), ACTIONS, ids=IDS)
-def test_agents_of_the_own_platform_reach_every_action(roster: Wire, service: Service, action: Action) -> None:
+def test_agents_of_the_own_platform_reach_every_action(roster: Box, service: Service, action: Action) -> None:
     admission = roster.platform("0").part(Admission)
     heard = admission.ask_locally("coordination", service.agent, example(action), roster.now_us)
     roster.settle("0")

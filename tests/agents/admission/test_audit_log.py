@@ -23,7 +23,7 @@ from federation.messages.contents import (
 )
 from federation.messages.receipts import RECEIPT_AGENT
 from federation.transport import Put
-from tests.agents.wire import Wire
+from tests.box import Box
 
 P = Performative
 QUESTIONS: list[tuple[Performative, Content]] = [
@@ -40,10 +40,10 @@ QUESTIONS: list[tuple[Performative, Content]] = [
 ]
 
 
-def crossed(wire: Wire, unit: str) -> tuple[set[tuple[str, int]], set[tuple[str, int]]]:
+def crossed(wire: Box, unit: str) -> tuple[set[tuple[str, int]], set[tuple[str, int]]]:
     """(peer, number) of the acts that left a platform, and of those that reached it."""
     out, into = set(), set()
-    for _, sender, put in wire.log:
+    for _, sender, put in wire.wire.log:
         key = keys.parse_key(put.key)
         if isinstance(key, keys.ActKey) and key.agent != RECEIPT_AGENT:
             act = decode_act(put.payload)[0]
@@ -63,7 +63,7 @@ def accounted(platform: Platform, direction: str) -> set[tuple[str, int]]:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_the_account_is_what_crossed_the_wire(wire: Wire, seed: int) -> None:
+def test_the_account_is_what_crossed_the_wire(wire: Box, seed: int) -> None:
     rng = Random(seed)
     units = ["0", "1", "2", "cc"]
     for unit in units[:3]:
@@ -78,7 +78,7 @@ def test_the_account_is_what_crossed_the_wire(wire: Wire, seed: int) -> None:
             wire.member(by).acts.tell(to, content, wire.now_us)
             wire.settle(by)
         else:
-            open_.append((by, to, wire.ask(by, to, content, performative).conversation))
+            open_.append((by, to, wire.question(by, to, content, performative).conversation))
         if rng.random() < 0.2:
             wire.cancel(*rng.choice(open_))
         wire.run(rng.choice([0.0, 0.01, 0.3]))
@@ -94,39 +94,39 @@ def test_the_account_is_what_crossed_the_wire(wire: Wire, seed: int) -> None:
         )
 
 
-def test_what_is_put_again_is_one_act_that_left_and_its_copies_are_duplicates(wire: Wire, node: Platform) -> None:
-    wire.drop = lambda sender, receiver, put: sender == "0" and put.key.startswith(f"acl/{receiver}/0/")
-    question = wire.ask("cc", "0", Query(semantic_label="heli-position"), P.QUERY_REF)
+def test_what_is_put_again_is_one_act_that_left_and_its_copies_are_duplicates(wire: Box, node: Platform) -> None:
+    wire.wire.drop = lambda sender, receiver, put: sender == "0" and put.key.startswith(f"acl/{receiver}/0/")
+    question = wire.question("cc", "0", Query(semantic_label="heli-position"), P.QUERY_REF)
     wire.run(1.5)
     out = [e for e in node.ports.agent.audit_log.entries if e.direction == "out"]
     assert len({(e.act.seq, e.act.boot) for e in out if e.act is not None}) == len(out) == 1
     assert node.ports.agent.audit_log.refused == {"duplicate": 3}
-    wire.drop = lambda *_: False
+    wire.wire.drop = lambda *_: False
     wire.run(1.5)
-    assert question.performatives == [P.INFORM] or question.why_silent
+    assert question.performatives == [P.INFORM] or question.failed
 
 
-def test_an_act_that_is_never_acknowledged_is_noted_as_undelivered(wire: Wire, node: Platform) -> None:
-    wire.drop = lambda _sender, receiver, put: receiver == "cc" and put.key.startswith("acl/")
+def test_an_act_that_is_never_acknowledged_is_noted_as_undelivered(wire: Box, node: Platform) -> None:
+    wire.wire.drop = lambda _sender, receiver, put: receiver == "cc" and put.key.startswith("acl/")
     node.ports.agent.tell("cc", Tasks(), wire.now_us)
     wire.settle("0")
     wire.run(12.0)
     assert [e.outcome for e in node.ports.agent.audit_log.entries if e.direction == "out"] == ["sent", "undelivered"]
 
 
-def test_bytes_that_are_no_act_are_noted_with_their_reason(wire: Wire, node: Platform) -> None:
+def test_bytes_that_are_no_act_are_noted_with_their_reason(wire: Box, node: Platform) -> None:
     for payload in (b"", b"\xc1", bytes(70_000), b"\x91" * 900):
-        wire.inject(keys.act("0", "1", "interface"), payload)
+        wire.put(keys.act("0", "1", "interface"), payload)
     wire.run(0.1)
     noted = [(e.peer, e.act, e.outcome) for e in node.ports.agent.audit_log.entries if e.direction == "in"]
     assert [(peer, act) for peer, act, _ in noted] == [("1", None)] * 4
     assert sum(node.ports.agent.audit_log.refused.values()) == 4
 
 
-def test_who_follows_the_acts_is_told_of_all_but_of_that_telling(wire: Wire, node: Platform) -> None:
+def test_who_follows_the_acts_is_told_of_all_but_of_that_telling(wire: Box, node: Platform) -> None:
     followed = wire.asked("cc", "0", Acts(), P.SUBSCRIBE)
     wire.asked("1", "0", Tasks(), P.QUERY_REF)
-    wire.inject(keys.act("0", "1", "interface"), b"\xc1")
+    wire.put(keys.act("0", "1", "interface"), b"\xc1")
     wire.run(2.0)
     logs = [said.content for said in followed.answers if said.performative is P.INFORM]
     assert [(log.direction, log.peer, log.act is None) for log in logs] == [  # type: ignore[union-attr]
@@ -137,7 +137,7 @@ def test_who_follows_the_acts_is_told_of_all_but_of_that_telling(wire: Wire, nod
     assert "task-list" in str(logs[1].act)  # type: ignore[union-attr]
 
 
-def test_the_account_is_read_page_by_page(wire: Wire, node: Platform) -> None:
+def test_the_account_is_read_page_by_page(wire: Box, node: Platform) -> None:
     for _ in range(30):
         wire.asked("1", "0", Tasks(), P.QUERY_REF)
     wire.run(1.0)
@@ -147,14 +147,14 @@ def test_the_account_is_read_page_by_page(wire: Wire, node: Platform) -> None:
     assert sum(len(page.acts) for page in pages) == 60, "thirty in and thirty out"  # type: ignore[attr-defined]
 
 
-def test_a_put_under_our_own_name_is_counted_and_not_heard(wire: Wire, node: Platform) -> None:
-    wire._put("1", Put(keys.act("0", "0", "interface"), b"\xc1", None))  # type: ignore[arg-type]
+def test_a_put_under_our_own_name_is_counted_and_not_heard(wire: Box, node: Platform) -> None:
+    wire.wire.put("1", Put(keys.act("0", "0", "interface"), b"\xc1", None))  # type: ignore[arg-type]
     wire.run(0.1)
     assert node.refused == {"our own name": 1}
-    wire.log[:] = [crossed for crossed in wire.log if crossed.put.payload != b"\xc1"]
+    wire.wire.log[:] = [crossed for crossed in wire.wire.log if crossed.put.payload != b"\xc1"]
 
 
-def test_an_act_stands_before_what_follows_from_it(wire: Wire, node: Platform) -> None:
+def test_an_act_stands_before_what_follows_from_it(wire: Box, node: Platform) -> None:
     for performative, content in QUESTIONS[:6]:
         wire.asked("1", "0", content, performative)
     entries = node.ports.agent.audit_log.entries

@@ -19,7 +19,7 @@ from federation.messages.codec import decode_act, encode_act
 from federation.messages.contents import Goto, Hold, MonitorProximity, Query
 from federation.security.trust import Roster, RosterMember, Signer, Trust, Verifier
 from federation.transport import Arrived
-from tests.agents.wire import EPOCH, Wire
+from tests.box import EPOCH, Box
 from tests.federation.mutants import encode, mutate_bytes, mutate_tree
 from tests.federation.test_hostile import act_mutants, heartbeat_tree, recovered_tree, sample_tree
 
@@ -120,7 +120,7 @@ def test_names_by_the_thousand_open_no_conversations_for_ever() -> None:
 
 
 @pytest.fixture
-def signed(wire: Wire) -> Wire:
+def signed(wire: Box) -> Box:
     """0 and 1 are of the roster, 2 is revoked, cc commands, eye observes."""
     for unit in "012":
         wire.join(unit, control=True, trust=trust(unit))
@@ -133,27 +133,27 @@ def signed(wire: Wire) -> Wire:
 GOTO = Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=120.0)
 
 
-def test_with_a_roster_a_command_centre_alone_commands_flight(signed: Wire) -> None:
+def test_with_a_roster_a_command_centre_alone_commands_flight(signed: Box) -> None:
     for by, expected in [("1", [P.REFUSE]), ("eye", [P.REFUSE]), ("cc", [P.AGREE, P.INFORM])]:
         assert signed.asked(by, "0", GOTO).performatives == expected
-    assert len(signed.nodes["0"].commands) == 1
+    assert len(signed.vehicle("0").commands) == 1
     assert signed.platform("0").ports.agent.audit_log.refused == {"role": 2}
 
 
-def test_an_observer_asks_and_delegates_nothing(signed: Wire) -> None:
+def test_an_observer_asks_and_delegates_nothing(signed: Box) -> None:
     assert signed.asked("eye", "0", MonitorProximity()).performatives == [P.REFUSE]
     assert signed.asked("eye", "0", Query(semantic_label="heli-position"), P.QUERY_REF).performatives == [P.INFORM]
 
 
-def test_who_is_revoked_is_not_listened_to(signed: Wire) -> None:
-    question = signed.ask("2", "0", Query(semantic_label="heli-position"), P.QUERY_REF)
+def test_who_is_revoked_is_not_listened_to(signed: Box) -> None:
+    question = signed.question("2", "0", Query(semantic_label="heli-position"), P.QUERY_REF)
     signed.run(3.0)
     assert question.answers == []
-    assert question.why_silent
+    assert question.failed
     assert signed.platform("0").ports.agent.audit_log.refused == {"revoked": 4}, "once, and three times again"
 
 
-def test_two_of_the_roster_federate(signed: Wire) -> None:
+def test_two_of_the_roster_federate(signed: Box) -> None:
     task = signed.asked("cc", "0", MonitorProximity(profile="proximity"))
     signed.run(3.0)
     assert task.performatives[0] is P.AGREE
@@ -162,7 +162,7 @@ def test_two_of_the_roster_federate(signed: Wire) -> None:
     signed.run(1.0)
 
 
-def test_only_who_asked_or_a_command_centre_ends_a_task(signed: Wire) -> None:
+def test_only_who_asked_or_a_command_centre_ends_a_task(signed: Box) -> None:
     task = signed.asked("cc", "0", MonitorProximity(profile="proximity"))
     signed.run(1.0)
     cancel = Act(P.CANCEL, AgentName("interface", "1"), AgentName("interface", "0"), conversation_id=task.conversation)
@@ -176,7 +176,7 @@ def test_only_who_asked_or_a_command_centre_ends_a_task(signed: Wire) -> None:
     signed.run(1.0)
 
 
-def test_forged_foreign_unsigned_and_replayed_acts_are_counted_and_not_acted_on(signed: Wire) -> None:
+def test_forged_foreign_unsigned_and_replayed_acts_are_counted_and_not_acted_on(signed: Box) -> None:
     boot = signed.member("cc").boot
 
     def order(seq: int) -> Act:
@@ -190,30 +190,30 @@ def test_forged_foreign_unsigned_and_replayed_acts_are_counted_and_not_acted_on(
     flipped = bytearray(encode_act(order(903), signer("cc")))
     flipped[-1] ^= 1
     for payload in (encode_act(order(901)), encode_act(order(902), signer("1")), bytes(flipped), good, good, good):
-        signed.inject(key, payload)
+        signed.put(key, payload)
         signed.run(0.01)
-    assert len(signed.nodes["0"].commands) == 1
+    assert len(signed.vehicle("0").commands) == 1
     assert signed.platform("0").ports.agent.audit_log.refused == {"unsigned": 1, "forged": 2, "replayed": 2}
     signed.run(40.0)
-    signed.inject(key, good)
+    signed.put(key, good)
     signed.run(0.01)
-    assert len(signed.nodes["0"].commands) == 1
+    assert len(signed.vehicle("0").commands) == 1
 
 
-def test_what_was_said_under_another_key_is_not_believed(signed: Wire) -> None:
+def test_what_was_said_under_another_key_is_not_believed(signed: Box) -> None:
     act = Act(
         P.REQUEST, AgentName("interface", "cc"), AgentName("interface", "0"), Hold().expr(),
         conversation_id="cc-1", boot=1, seq=1, created_us=signed.now_us,
     )  # fmt: skip
     for key in (keys.act("0", "1", "interface"), keys.act("0", "cc", "pilot")):
-        signed.inject(key, encode_act(act, signer("cc")))
+        signed.put(key, encode_act(act, signer("cc")))
     signed.run(0.1)
     assert signed.platform("0").ports.agent.audit_log.refused == {"sender and key differ": 2}
 
 
-def test_beyond_its_rate_a_peer_is_refused_and_the_others_are_served(wire: Wire, node: Platform) -> None:
-    questions = [wire.ask("1", "0", Query(semantic_label="heli-position"), P.QUERY_REF) for _ in range(60)]
-    other = wire.ask("cc", "0", Query(semantic_label="heli-position"), P.QUERY_REF)
+def test_beyond_its_rate_a_peer_is_refused_and_the_others_are_served(wire: Box, node: Platform) -> None:
+    questions = [wire.question("1", "0", Query(semantic_label="heli-position"), P.QUERY_REF) for _ in range(60)]
+    other = wire.question("cc", "0", Query(semantic_label="heli-position"), P.QUERY_REF)
     wire.run(0.5)
     assert [q.performatives for q in questions[:40]] == [[P.INFORM]] * 40
     assert [q.performatives for q in questions[40:]] == [[P.REFUSE]] * 20

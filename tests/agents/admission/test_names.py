@@ -12,7 +12,7 @@ from federation.messages.codec import Heartbeat, encode_description, encode_hear
 from federation.messages.descriptions import Description
 from federation.transport import Arrived
 from tests.agents.admission.test_hostile import roster, trust
-from tests.agents.wire import Wire
+from tests.box import Box
 
 NOW_US = 1_700_000_000_000_000
 
@@ -52,7 +52,7 @@ def test_names_by_the_thousand_cost_no_memory() -> None:
 
 @pytest.mark.parametrize("signed", [True, False], ids=["roster", "open"])
 @pytest.mark.parametrize("boot", [1, None], ids=["older", "its own"])
-def test_another_clock_ends_no_platform_that_flies(wire: Wire, signed: bool, boot: int | None) -> None:
+def test_another_clock_ends_no_platform_that_flies(wire: Box, signed: bool, boot: int | None) -> None:
     """The member 1 says under its own name that its clock runs twice as fast, and that it was first."""
     for unit in "01":
         wire.join(unit, trust=trust(unit) if signed else None)
@@ -65,12 +65,11 @@ def test_another_clock_ends_no_platform_that_flies(wire: Wire, signed: bool, boo
         fast = Description(
             unit="1", boot=life, version=1, kind="uav", clock_speed=2.0, roster=roster().fingerprint if signed else None
         )
-        wire.inject(keys.heartbeat("1"), encode_heartbeat(said))
-        wire.inject(keys.announcement("1"), encode_description(fast))
+        wire.put(keys.heartbeat("1"), encode_heartbeat(said))
+        wire.put(keys.announcement("1"), encode_description(fast))
         wire.run(0.2)
-    effects = wire.nodes["0"].other
-    assert [effect for effect in effects if isinstance(effect, Halt)] == []
-    told = [effect.text for effect in effects if isinstance(effect, Note) and "clock" in effect.text]
+    assert wire.nodes["0"].halted == []
+    told = [note for note in wire.nodes["0"].notes if "clock" in note]
     assert len(told) == 1
     assert "1 is in this federation and" in told[0]
     entry = wire.platform("0").ports.directory.entry("1")

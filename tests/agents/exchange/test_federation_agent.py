@@ -10,7 +10,7 @@ from federation.messages.acts import Performative
 from federation.messages.codec import StreamSample, encode_samples
 from federation.messages.contents import Answers, CreateMulticast, EndStream, Query, Samples, Stream
 from federation.sharing.exports import STREAMS
-from tests.agents.wire import Vehicle, Wire
+from tests.box import Box, Vehicle
 
 P = Performative
 POLICY = Policy(change="sample", sample_us=200_000, max_delay_us=1_000_000, from_us=0)
@@ -22,7 +22,7 @@ def multicast(*labels: str, to: tuple[str, ...] = ("cc",), period_s: float = 0.2
     )
 
 
-def test_a_refused_multicast_leaves_nothing_behind(wire: Wire, node: Platform) -> None:
+def test_a_refused_multicast_leaves_nothing_behind(wire: Box, node: Platform) -> None:
     assert wire.asked("cc", "0", multicast("heli-position", "car-position")).performatives == [P.REFUSE]
     assert wire.asked("cc", "0", multicast(to=("0",))).reason == "a stream needs a receiver"
     assert wire.asked("cc", "0", multicast(to=())).reason == "a stream needs a receiver"
@@ -30,7 +30,7 @@ def test_a_refused_multicast_leaves_nothing_behind(wire: Wire, node: Platform) -
     assert node.ports.tasks.all() == []
 
 
-def test_a_multicast_that_does_not_fit_is_taken_back_as_a_whole(wire: Wire, node: Platform) -> None:
+def test_a_multicast_that_does_not_fit_is_taken_back_as_a_whole(wire: Box, node: Platform) -> None:
     for at in range(STREAMS - 1):
         node.ports.gateway.exporter.exports.open(
             f"c{at}", "battery", Policy(change="sample", sample_us=1000 + at, from_us=0), ["1"]
@@ -43,7 +43,7 @@ def test_a_multicast_that_does_not_fit_is_taken_back_as_a_whole(wire: Wire, node
         node.ports.gateway.exporter.on_events(node.ports.gateway.exporter.exports.stop(f"c{at}", wire.now_us))
 
 
-def test_one_peer_gets_so_many_streams_and_no_more(wire: Wire, node: Platform) -> None:
+def test_one_peer_gets_so_many_streams_and_no_more(wire: Box, node: Platform) -> None:
     for at in range(STREAMS_PER_PEER // 4):
         labels = ("heli-position", "heli-altitude", "heli-velocity", "battery")
         assert wire.asked("cc", "0", multicast(*labels, period_s=0.1 * (at + 1))).performatives == [P.AGREE, P.INFORM]
@@ -51,7 +51,7 @@ def test_one_peer_gets_so_many_streams_and_no_more(wire: Wire, node: Platform) -
     assert wire.asked("1", "0", multicast(to=("1",))).performatives == [P.AGREE, P.INFORM]
 
 
-def test_contracts_of_long_conversations_are_not_confused(wire: Wire, node: Platform) -> None:
+def test_contracts_of_long_conversations_are_not_confused(wire: Box, node: Platform) -> None:
     """An id is never cut: two owners that differ in their first letter alone hold two contracts."""
     end = "-" + "7" * 62
     for unit, owner in (("cc", "a" + end), ("1", "b" + end)):
@@ -66,7 +66,7 @@ def test_contracts_of_long_conversations_are_not_confused(wire: Wire, node: Plat
 
 
 def test_a_stream_that_has_run_out_ends_its_task_and_tells_who_asked_and_who_received(
-    wire: Wire, node: Platform
+    wire: Box, node: Platform
 ) -> None:
     until_us = wire.now_us + 2_000_000
     question = wire.asked("1", "0", multicast(to=("1",), to_us=until_us))
@@ -86,7 +86,7 @@ def test_a_stream_that_has_run_out_ends_its_task_and_tells_who_asked_and_who_rec
     assert history.get_latest().valid_us == until_us // 200_000 * 200_000
 
 
-def test_a_receiver_is_told_when_its_own_contract_ends_though_others_receive_on(wire: Wire, node: Platform) -> None:
+def test_a_receiver_is_told_when_its_own_contract_ends_though_others_receive_on(wire: Box, node: Platform) -> None:
     wire.join("2")
     wire.run(1.0)
     first = wire.asked("1", "0", multicast(to=("1",)))
@@ -100,7 +100,7 @@ def test_a_receiver_is_told_when_its_own_contract_ends_though_others_receive_on(
     wire.run(0.5)
 
 
-def test_a_task_of_several_streams_ends_with_the_last_of_them(wire: Wire, node: Platform) -> None:
+def test_a_task_of_several_streams_ends_with_the_last_of_them(wire: Box, node: Platform) -> None:
     question = wire.asked("1", "0", multicast("heli-position", "battery", to=("1",), to_us=wire.now_us + 1_000_000))
     wire.run(4.0)
     assert question.performatives == [P.AGREE, P.INFORM, P.FAILURE], "said once"
@@ -116,7 +116,7 @@ def test_a_task_of_several_streams_ends_with_the_last_of_them(wire: Wire, node: 
     ],
 )
 def test_streams_are_announced_and_ended_by_their_owner_as_they_are(
-    wire: Wire, node: Platform, told: Stream | EndStream
+    wire: Box, node: Platform, told: Stream | EndStream
 ) -> None:
     wire.platform("1").ports.agent.tell("0", told, wire.now_us)
     wire.settle("1")
@@ -125,7 +125,7 @@ def test_streams_are_announced_and_ended_by_their_owner_as_they_are(
     assert node.ports.agent.audit_log.refused == {"refused": 1}
 
 
-def test_the_end_of_a_stream_that_never_was_ends_nothing(wire: Wire, node: Platform) -> None:
+def test_the_end_of_a_stream_that_never_was_ends_nothing(wire: Box, node: Platform) -> None:
     told = EndStream(owner="1", semantic_labels=("battery",), hash=POLICY.content_hash())
     wire.platform("1").ports.agent.tell("0", told, wire.now_us)
     wire.settle("1")
@@ -134,7 +134,7 @@ def test_the_end_of_a_stream_that_never_was_ends_nothing(wire: Wire, node: Platf
 
 
 @pytest.mark.parametrize("label", ["heli-velocity", "heli-position", "heli-home"])
-def test_a_local_answer_longer_than_an_act_comes_in_pages(wire: Wire, node: Platform, label: str) -> None:
+def test_a_local_answer_longer_than_an_act_comes_in_pages(wire: Box, node: Platform, label: str) -> None:
     wire.run(60.0)
     query = Query(semantic_label=label, op="between", from_us=wire.now_us - 55_000_000, to_us=wire.now_us)
     question = wire.asked("cc", "0", query, P.QUERY_REF)
@@ -146,7 +146,7 @@ def test_a_local_answer_longer_than_an_act_comes_in_pages(wire: Wire, node: Plat
     assert wire.member("cc").acts.conversations.conversations() == [], "closed by the last page"
 
 
-def test_a_global_answer_longer_than_an_act_comes_in_pages_and_nothing_is_left_out(wire: Wire, node: Platform) -> None:
+def test_a_global_answer_longer_than_an_act_comes_in_pages_and_nothing_is_left_out(wire: Box, node: Platform) -> None:
     wire.join("2", Vehicle(is_silent=True))
     wire.run(40.0)
     query = Query(
@@ -159,16 +159,16 @@ def test_a_global_answer_longer_than_an_act_comes_in_pages_and_nothing_is_left_o
     assert [page.more for page in pages] == [True, True, False]
     by_unit = {unit: [r for page in pages for s in page.answers if s.unit == unit for r in s.samples] for unit in "012"}
     assert [len(by_unit[unit]) for unit in "01"] == [301, 301]
-    assert by_unit["0"] != by_unit["1"] or wire.nodes["0"].vehicle == wire.nodes["1"].vehicle
+    assert by_unit["0"] != by_unit["1"] or wire.vehicle("0") == wire.vehicle("1")
     assert pages[-1].merged is not None
     assert all(page.missing == () and page.merged is None for page in pages[:-1])
     for unit in ("0", "1", "cc"):
         assert wire.member(unit).acts.conversations.conversations() == []
 
 
-def test_a_silent_platform_costs_a_global_question_its_answer_and_not_the_others(wire: Wire, node: Platform) -> None:
+def test_a_silent_platform_costs_a_global_question_its_answer_and_not_the_others(wire: Box, node: Platform) -> None:
     wire.freeze("1")
-    question = wire.ask("cc", "0", Query(semantic_label="heli-position", scope="global"), P.QUERY_REF)
+    question = wire.question("cc", "0", Query(semantic_label="heli-position", scope="global"), P.QUERY_REF)
     wire.run(1.9)
     (found,) = question.contents
     assert isinstance(found, Answers)
@@ -176,28 +176,28 @@ def test_a_silent_platform_costs_a_global_question_its_answer_and_not_the_others
     assert [(missing.unit, missing.reason) for missing in found.missing] == [("1", "not delivered")]
 
 
-def test_a_sample_of_another_sort_is_dropped_and_counted(wire: Wire, node: Platform) -> None:
+def test_a_sample_of_another_sort_is_dropped_and_counted(wire: Box, node: Platform) -> None:
     wire.asked("0", "1", multicast(to=("0",)))
     wire.run(1.0)
-    key = next(crossed.put.key for crossed in wire.log if crossed.put.key.startswith("x/1/"))
+    key = next(crossed.put.key for crossed in wire.wire.log if crossed.put.key.startswith("x/1/"))
     before = node.ports.gateway.latest("heli-position", "1")
     boot, far = wire.platform("1").config.boot, 10_000
     for at, value in enumerate([(1.0, 2.0, 3.0), (1.0,), 5.0, "here", (None, 1.0), ((1.0, 2.0),)]):
-        wire.inject(key, encode_samples(boot, (StreamSample(far + at, wire.now_us, value),)))
+        wire.put(key, encode_samples(boot, (StreamSample(far + at, wire.now_us, value),)))
     wire.run(0.01)
     assert node.ports.gateway.importer.refused == {"sort": 6}
     assert node.ports.gateway.latest("heli-position", "1") == before
 
 
 @pytest.mark.parametrize("valid_us", [-(2**63), 0, 2**62, 2**63 - 1])
-def test_a_sample_from_any_time_is_taken_in_stride(wire: Wire, node: Platform, valid_us: int) -> None:
+def test_a_sample_from_any_time_is_taken_in_stride(wire: Box, node: Platform, valid_us: int) -> None:
     from federation.messages.contents import MonitorProximity
 
     wire.asked("cc", "0", MonitorProximity())
     wire.run(1.0)
-    key = next(crossed.put.key for crossed in wire.log if crossed.put.key.startswith("x/1/heli-position"))
+    key = next(crossed.put.key for crossed in wire.wire.log if crossed.put.key.startswith("x/1/heli-position"))
     boot = wire.platform("1").config.boot
-    wire.inject(key, encode_samples(boot, (StreamSample(10_000, valid_us, (58.0, 15.0)),)))
+    wire.put(key, encode_samples(boot, (StreamSample(10_000, valid_us, (58.0, 15.0)),)))
     wire.run(5.0)
     wire.cancel("cc", "0", node.ports.tasks.all()[0].conversation)
     wire.run(1.0)

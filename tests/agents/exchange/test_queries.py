@@ -4,13 +4,12 @@ from collections.abc import Callable
 
 import pytest
 
-from agents.effects import LeaveRequested
 from agents.platform import Platform
 from dyknow import US_PER_S, Sample, print_span
 from federation.messages.acts import Performative
 from federation.messages.codec import decode_heartbeat
 from federation.messages.contents import Answers, Content, Found, Query, Samples, Search
-from tests.agents.wire import Question, Vehicle, Wire
+from tests.box import Box, Question, Vehicle
 
 P = Performative
 LABEL = "heli-altitude"
@@ -18,7 +17,7 @@ CAPACITY = 4096 + 1024  # samples a local history may hold before it forgets
 
 
 @pytest.fixture
-def quiet(wire: Wire) -> Platform:
+def quiet(wire: Box) -> Platform:
     """Platform 0, whose vehicle says nothing, so that its samples are those of the test; and a command centre."""
     platform = wire.join("0", Vehicle(is_silent=True), simulated=True)
     wire.centre()
@@ -33,7 +32,7 @@ def push(platform: Platform, *samples: tuple[int, int, float]) -> None:
         history.add(Sample(available_us, valid_us, (altitude,)))
 
 
-def ask(wire: Wire, unit: str = "0", **query: object) -> Question:
+def ask(wire: Box, unit: str = "0", **query: object) -> Question:
     return wire.asked("cc", unit, Query(semantic_label=LABEL, **query), P.QUERY_REF)
 
 
@@ -47,7 +46,7 @@ def altitudes(contents: list[Content | None]) -> list[float]:
     ]
 
 
-def test_the_latest_is_the_sample_that_held_last_not_the_one_that_came_last(wire: Wire, quiet: Platform) -> None:
+def test_the_latest_is_the_sample_that_held_last_not_the_one_that_came_last(wire: Box, quiet: Platform) -> None:
     t = wire.now_us - US_PER_S
     push(quiet, (t, t, 1.0), (t + 1, t + 200_000, 2.0), (t + 2, t + 100_000, 3.0), (t + 3, t + 200_000, 4.0))
     assert altitudes(ask(wire).contents) == [4.0], "of equal valid times the one that was available last"
@@ -58,7 +57,7 @@ def test_the_latest_is_the_sample_that_held_last_not_the_one_that_came_last(wire
     [(0, 1.0), (99_999, 1.0), (100_000, 3.0), (150_000, 3.0), (399_999, 3.0), (400_000, 5.0), (900_000, 5.0)],
 )
 def test_at_an_instant_the_most_recent_sample_holds_through_ties_and_gaps(
-    wire: Wire, quiet: Platform, at_us: int, altitude: float
+    wire: Box, quiet: Platform, at_us: int, altitude: float
 ) -> None:
     t = wire.now_us - US_PER_S
     push(quiet, (t, t, 1.0), (t + 100_000, t + 100_000, 2.0), (t + 100_001, t + 100_000, 3.0))
@@ -66,21 +65,21 @@ def test_at_an_instant_the_most_recent_sample_holds_through_ties_and_gaps(
     assert altitudes(ask(wire, op="at", at_us=t + at_us).contents) == [altitude]
 
 
-def test_a_correction_that_came_late_holds_from_when_it_was_valid(wire: Wire, quiet: Platform) -> None:
+def test_a_correction_that_came_late_holds_from_when_it_was_valid(wire: Box, quiet: Platform) -> None:
     t = wire.now_us - US_PER_S
     push(quiet, (t, t, 1.0), (t + 1, t + 300_000, 3.0), (t + 2, t + 100_000, 2.0))
     assert altitudes(ask(wire, op="at", at_us=t + 200_000).contents) == [2.0]
     assert altitudes(ask(wire, op="at", at_us=t + 300_000).contents) == [3.0]
 
 
-def test_the_future_is_refused_as_not_yet(wire: Wire, quiet: Platform) -> None:
+def test_the_future_is_refused_as_not_yet(wire: Box, quiet: Platform) -> None:
     push(quiet, (wire.now_us, wire.now_us, 1.0))
     question = ask(wire, op="at", at_us=wire.now_us + 5 * US_PER_S)
     assert question.performatives == [P.REFUSE]
     assert "not yet: 5.0 s in the future" in question.reason
 
 
-def test_before_the_first_sample_nothing_held(wire: Wire, quiet: Platform) -> None:
+def test_before_the_first_sample_nothing_held(wire: Box, quiet: Platform) -> None:
     t = wire.now_us - US_PER_S
     push(quiet, (t, t, 1.0))
     question = ask(wire, op="at", at_us=t - 1)
@@ -89,7 +88,7 @@ def test_before_the_first_sample_nothing_held(wire: Wire, quiet: Platform) -> No
 
 
 @pytest.mark.parametrize("query", [{"op": "at", "at_us": 0}, {"op": "between", "from_us": 0, "to_us": 50_000}])
-def test_before_the_history_fails_and_names_its_start(wire: Wire, quiet: Platform, query: dict[str, object]) -> None:
+def test_before_the_history_fails_and_names_its_start(wire: Box, quiet: Platform, query: dict[str, object]) -> None:
     t = wire.now_us - CAPACITY * 100
     push(quiet, *((t + 100 * n, t + 100 * n, float(n)) for n in range(CAPACITY)))
     starts_us = quiet.ports.network.generator(quiet.ports.gateway.local(LABEL)).history.starts_us
@@ -104,7 +103,7 @@ def test_before_the_history_fails_and_names_its_start(wire: Wire, quiet: Platfor
 
 
 def test_between_is_inclusive_ordered_by_valid_then_available_time_and_holds_corrections(
-    wire: Wire, quiet: Platform
+    wire: Box, quiet: Platform
 ) -> None:
     t = wire.now_us - US_PER_S
     push(quiet, (t, t, 1.0), (t + 1, t + 200_000, 3.0), (t + 2, t + 100_000, 2.0), (t + 3, t + 200_000, 3.5))
@@ -115,13 +114,13 @@ def test_between_is_inclusive_ordered_by_valid_then_available_time_and_holds_cor
     assert altitudes(ask(wire, op="between", from_us=t - 5, to_us=wire.now_us + US_PER_S).contents)[0] == 1.0
 
 
-def test_a_label_that_nobody_has_is_refused_with_those_there_are(wire: Wire, quiet: Platform) -> None:
+def test_a_label_that_nobody_has_is_refused_with_those_there_are(wire: Box, quiet: Platform) -> None:
     question = wire.asked("cc", "0", Query(semantic_label="heli-altitud"), P.QUERY_REF)
     assert question.performatives == [P.REFUSE]
     assert LABEL in question.reason
 
 
-def test_without_a_sample_there_is_a_failure_and_no_value_is_invented(wire: Wire, quiet: Platform) -> None:
+def test_without_a_sample_there_is_a_failure_and_no_value_is_invented(wire: Box, quiet: Platform) -> None:
     assert ask(wire).performatives == [P.FAILURE]
 
 
@@ -129,7 +128,7 @@ def test_without_a_sample_there_is_a_failure_and_no_value_is_invented(wire: Wire
 
 
 @pytest.fixture
-def eight(wire: Wire) -> list[str]:
+def eight(wire: Box) -> list[str]:
     units = [str(number) for number in range(8)]
     for unit in units:
         wire.join(unit, Vehicle(east_m=500.0 * int(unit), altitude_m=100.0 + int(unit)), simulated=True)
@@ -138,27 +137,27 @@ def eight(wire: Wire) -> list[str]:
     return units
 
 
-def test_one_frozen_platform_of_eight_delays_nobody_elses_answer(wire: Wire, eight: list[str]) -> None:
+def test_one_frozen_platform_of_eight_delays_nobody_elses_answer(wire: Box, eight: list[str]) -> None:
     """As `dyknow query` does it: each platform is asked itself."""
     wire.freeze("3")
-    questions = {unit: wire.ask("cc", unit, Query(semantic_label=LABEL), P.QUERY_REF) for unit in eight}
+    questions = {unit: wire.question("cc", unit, Query(semantic_label=LABEL), P.QUERY_REF) for unit in eight}
     wire.run(0.01)
     answered = {unit for unit, question in questions.items() if question.answers}
     assert answered == set(eight) - {"3"}
     wire.run(3.0)
     assert questions["3"].answers == []
-    assert questions["3"].why_silent
+    assert questions["3"].failed
 
 
 @pytest.mark.parametrize("query", [{}, {"op": "at"}, {"op": "between"}])
 def test_of_a_question_to_all_the_missing_one_is_named_and_the_others_answers_are_there(
-    wire: Wire, eight: list[str], query: dict[str, object]
+    wire: Box, eight: list[str], query: dict[str, object]
 ) -> None:
     at_us = wire.now_us - 500_000
     instants = {"at": {"at_us": at_us}, "between": {"from_us": at_us - 300_000, "to_us": at_us}}
     wire.freeze("3")
     asked = Query(semantic_label=LABEL, scope="global", **query, **instants.get(str(query.get("op")), {}))
-    question = wire.ask("cc", "0", asked, P.QUERY_REF)
+    question = wire.question("cc", "0", asked, P.QUERY_REF)
     wire.run(1.9)
     (answers,) = question.contents
     assert isinstance(answers, Answers)
@@ -168,11 +167,11 @@ def test_of_a_question_to_all_the_missing_one_is_named_and_the_others_answers_ar
     assert answers.missing[0].reason
 
 
-def test_a_platform_that_lacks_the_instant_says_so_and_the_others_answer(wire: Wire, eight: list[str]) -> None:
+def test_a_platform_that_lacks_the_instant_says_so_and_the_others_answer(wire: Box, eight: list[str]) -> None:
     at_us = wire.now_us - 500_000
     wire.join("8", Vehicle(east_m=5_000.0), simulated=True)
     wire.run(1.0)
-    question = wire.ask("cc", "0", Query(semantic_label=LABEL, op="at", at_us=at_us, scope="global"), P.QUERY_REF)
+    question = wire.question("cc", "0", Query(semantic_label=LABEL, op="at", at_us=at_us, scope="global"), P.QUERY_REF)
     wire.run(0.2)
     (answers,) = question.contents
     assert isinstance(answers, Answers)
@@ -182,9 +181,9 @@ def test_a_platform_that_lacks_the_instant_says_so_and_the_others_answer(wire: W
 
 
 @pytest.mark.parametrize(("by", "least"), [("select", "newest"), ("select", "best"), ("merge", "mean")])
-def test_of_all_answers_one_is_selected_or_made(wire: Wire, eight: list[str], by: str, least: str) -> None:
+def test_of_all_answers_one_is_selected_or_made(wire: Box, eight: list[str], by: str, least: str) -> None:
     wire.freeze("3")
-    question = wire.ask("cc", "0", Query(semantic_label=LABEL, scope="global", **{by: least}), P.QUERY_REF)
+    question = wire.question("cc", "0", Query(semantic_label=LABEL, scope="global", **{by: least}), P.QUERY_REF)
     wire.run(1.9)
     (answers,) = question.contents
     assert isinstance(answers, Answers)
@@ -193,7 +192,7 @@ def test_of_all_answers_one_is_selected_or_made(wire: Wire, eight: list[str], by
 
 
 @pytest.fixture
-def missing(wire: Wire, eight: list[str]) -> Callable[[], tuple[str, ...]]:
+def missing(wire: Box, eight: list[str]) -> Callable[[], tuple[str, ...]]:
     """Whom platform 0 misses."""
 
     def asked() -> tuple[str, ...]:
@@ -204,13 +203,13 @@ def missing(wire: Wire, eight: list[str]) -> Callable[[], tuple[str, ...]]:
     return asked
 
 
-def test_who_fell_silent_is_missed_until_it_returns(wire: Wire, missing: Callable[[], tuple[str, ...]]) -> None:
+def test_who_fell_silent_is_missed_until_it_returns(wire: Box, missing: Callable[[], tuple[str, ...]]) -> None:
     assert missing() == ()
     wire.freeze("3")
     wire.run(1.5)
     assert missing() == ("3",)
     wire.run(0.5)
-    wire.expire("3")
+    wire.wire.expire("3")
     wire.run(3.0)
     assert missing() == ("3",), "gone from the directory, not from memory, also when its session expires"
     wire.run(90.0)
@@ -220,7 +219,7 @@ def test_who_fell_silent_is_missed_until_it_returns(wire: Wire, missing: Callabl
     assert missing() == ()
 
 
-def test_who_fell_silent_and_returns_is_not_missed(wire: Wire, missing: Callable[[], tuple[str, ...]]) -> None:
+def test_who_fell_silent_and_returns_is_not_missed(wire: Box, missing: Callable[[], tuple[str, ...]]) -> None:
     wire.freeze("3")
     wire.run(5.0)
     wire.thaw("3")
@@ -228,23 +227,25 @@ def test_who_fell_silent_and_returns_is_not_missed(wire: Wire, missing: Callable
     assert missing() == ()
 
 
-def test_who_left_is_not_missed(wire: Wire, missing: Callable[[], tuple[str, ...]]) -> None:
-    wire.perform("5", wire.platform("5").on_event(LeaveRequested(wire.now_us), wire.now_us))
+def test_who_left_is_not_missed(wire: Box, missing: Callable[[], tuple[str, ...]]) -> None:
+    wire.leave("5")
     wire.run(1.0)
     assert missing() == ()
 
 
-def test_who_crashed_is_missed_within_a_second(wire: Wire, missing: Callable[[], tuple[str, ...]]) -> None:
+def test_who_crashed_is_missed_within_a_second(wire: Box, missing: Callable[[], tuple[str, ...]]) -> None:
     wire.kill("6")
     wire.run(0.9)
     assert missing() == ("6",)
 
 
-def test_who_crashed_is_not_said_to_be_heard_once_it_is_gone(wire: Wire, eight: list[str]) -> None:
+def test_who_crashed_is_not_said_to_be_heard_once_it_is_gone(wire: Box, eight: list[str]) -> None:
     wire.kill("6")
     wire.run(0.6)
     gone_us = wire.now_us
     wire.run(0.5)
-    beats = [decode_heartbeat(c.put.payload) for c in wire.log if c.at_us > gone_us and c.put.key.startswith("hb/")]
+    beats = [
+        decode_heartbeat(c.put.payload) for c in wire.wire.log if c.at_us > gone_us and c.put.key.startswith("hb/")
+    ]
     assert {beat.unit for beat in beats} == set(eight) - {"6"} | {"cc"}
     assert not any("6" in beat.hears for beat in beats)

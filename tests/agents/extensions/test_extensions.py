@@ -12,14 +12,14 @@ from federation.messages.contents import CreateMulticast, Done, Query, Samples
 from federation.sharing.ontology import default_ontology
 from runtime.configuration.config import NodeConfig
 from runtime.configuration.resolved import platform_config
-from tests.agents.wire import EPOCH, Wire
+from tests.box import EPOCH, Box
 
 P = Performative
 NAME = "examples.extension"
 
 
 @pytest.fixture
-def extended(wire: Wire) -> Wire:
+def extended(wire: Box) -> Box:
     """Platforms 0 and 1 have loaded the extension; 2 has not."""
     extension = load_extension(NAME)
     ontology = default_ontology().extended(extension.labels)
@@ -31,7 +31,7 @@ def extended(wire: Wire) -> Wire:
     return wire
 
 
-def test_a_peer_calls_it_and_its_stream_is_queried_and_exported(extended: Wire) -> None:
+def test_a_peer_calls_it_and_its_stream_is_queried_and_exported(extended: Box) -> None:
     from examples.extension.beacon import RingBeacon
 
     rung = extended.asked("1", "0", RingBeacon(times=2))
@@ -48,7 +48,7 @@ def test_a_peer_calls_it_and_its_stream_is_queried_and_exported(extended: Wire) 
     assert extended.platform("1").ports.gateway.latest("beacon-rings", "0").value[0] >= 3.0
 
 
-def test_it_is_in_the_directory_and_one_without_it_does_not_understand(extended: Wire) -> None:
+def test_it_is_in_the_directory_and_one_without_it_does_not_understand(extended: Box) -> None:
     from examples.extension.beacon import RingBeacon
 
     offering = extended.member("cc").directory.search(service="beacon")

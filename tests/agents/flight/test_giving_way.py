@@ -12,7 +12,7 @@ from federation.messages.contents import Avoid, Content, Goto, Hold, MonitorProx
 from federation.messages.receipts import RECEIPT_AGENT
 from federation.transport import Put
 from navigation.vehicle import GoToOrder, HoldOrder
-from tests.agents.wire import METRE_DEG, Vehicle, Wire
+from tests.box import METRE_DEG, Box, Vehicle
 
 P = Performative
 BROKEN: list[tuple[dict[str, Any], str]] = [
@@ -26,7 +26,7 @@ NO_CONTROL = "this platform was not given control of its vehicle"
 
 
 def meeting(
-    wire: Wire, zero: dict[str, Any] | None = None, one: dict[str, Any] | None = None, **vehicle_one: Any
+    wire: Box, zero: dict[str, Any] | None = None, one: dict[str, Any] | None = None, **vehicle_one: Any
 ) -> None:
     """Platforms 0 (102 m, the higher one) and 1 (100 m) are to meet after 25 s, and monitor that.
 
@@ -37,11 +37,11 @@ def meeting(
     wire.join("1", Vehicle(**there), **{"control": True, **(one or {})})
     wire.centre()
     wire.run(1.0)
-    wire.ask("cc", "0", MonitorProximity())
+    wire.question("cc", "0", MonitorProximity())
     wire.run(1.5)
 
 
-def until_proposed(wire: Wire) -> Act:
+def until_proposed(wire: Box) -> Act:
     """The first proposal, when it has just been made."""
     for _ in range(400):
         found = wire.acts(head="avoid")
@@ -51,7 +51,7 @@ def until_proposed(wire: Wire) -> Act:
     raise AssertionError("nobody proposed anything")
 
 
-def refusals(wire: Wire, by: str) -> list[str]:
+def refusals(wire: Box, by: str) -> list[str]:
     """Why `by` refused proposals."""
     asked = {act.conversation_id for act in wire.acts(receiver=by, head="avoid")}
     return [reason_of(act) for act in wire.acts(by) if act.performative is P.REFUSE and act.conversation_id in asked]
@@ -64,11 +64,11 @@ def reason_of(act: Act) -> str:
     return said.text
 
 
-def orders(wire: Wire, unit: str) -> list[object]:
-    return [command.order for _, command in wire.nodes[unit].commands]
+def orders(wire: Box, unit: str) -> list[object]:
+    return [command.order for _, command in wire.vehicle(unit).commands]
 
 
-def climbs_alone(wire: Wire, unit: str, other: str, why: str) -> None:
+def climbs_alone(wire: Box, unit: str, other: str, why: str) -> None:
     """`unit`, the higher one, has gone up by itself, `other` has done nothing, and it is noted why."""
     (first, *_) = orders(wire, unit)
     assert isinstance(first, GoToOrder)
@@ -96,7 +96,7 @@ def deaf_to_acts(*pairs: tuple[str, str], receipts: bool = False) -> Any:
 
 @pytest.mark.parametrize(("state", "words"), BROKEN)
 def test_a_partner_that_may_not_be_commanded_says_so_and_leaves_the_manoeuvre_to_the_other(
-    wire: Wire, state: dict[str, Any], words: str
+    wire: Box, state: dict[str, Any], words: str
 ) -> None:
     meeting(wire, **state)
     wire.run(17.0)
@@ -104,7 +104,7 @@ def test_a_partner_that_may_not_be_commanded_says_so_and_leaves_the_manoeuvre_to
     climbs_alone(wire, "0", "1", words)
 
 
-def test_a_partner_without_control_says_so_and_leaves_the_manoeuvre_to_the_other(wire: Wire) -> None:
+def test_a_partner_without_control_says_so_and_leaves_the_manoeuvre_to_the_other(wire: Box) -> None:
     meeting(wire, one={"control": False})
     wire.run(17.0)
     assert any(reason.startswith(NO_CONTROL) for reason in refusals(wire, "1"))
@@ -113,7 +113,7 @@ def test_a_partner_without_control_says_so_and_leaves_the_manoeuvre_to_the_other
     assert any(line.startswith("1 does not move for 0: ") for line in wire.platform("1").part(GivingWay).log)
 
 
-def test_a_partner_that_was_told_not_to_give_way_says_so_and_leaves_it_to_the_other(wire: Wire) -> None:
+def test_a_partner_that_was_told_not_to_give_way_says_so_and_leaves_it_to_the_other(wire: Box) -> None:
     meeting(wire, one={"avoidance": False})
     wire.run(17.0)
     assert "this platform was told not to give way" in refusals(wire, "1")
@@ -121,14 +121,14 @@ def test_a_partner_that_was_told_not_to_give_way_says_so_and_leaves_it_to_the_ot
     assert wire.acts("1", head="avoid") == []
 
 
-def test_where_neither_may_be_commanded_nobody_moves_and_nothing_is_proposed(wire: Wire) -> None:
+def test_where_neither_may_be_commanded_nobody_moves_and_nothing_is_proposed(wire: Box) -> None:
     meeting(wire, zero={"control": False}, one={"control": False})
     wire.run(17.0)
     assert wire.acts(head="avoid") == []
     assert orders(wire, "0") == orders(wire, "1") == []
 
 
-def test_a_climb_above_the_ceiling_is_refused_and_the_other_does_what_its_own_limits_allow(wire: Wire) -> None:
+def test_a_climb_above_the_ceiling_is_refused_and_the_other_does_what_its_own_limits_allow(wire: Box) -> None:
     """Home is 50 m above the sea: to climb is to go to 127 m, and neither may go above 110 m."""
     low = {"limits": FlightLimits(ceiling_m=60.0)}
     meeting(wire, zero=low, one=low)
@@ -139,7 +139,7 @@ def test_a_climb_above_the_ceiling_is_refused_and_the_other_does_what_its_own_li
     assert first.altitude_m == pytest.approx(75.0, abs=1.0), "who may not climb descends"
 
 
-def test_where_neither_floor_nor_ceiling_leave_room_the_one_left_alone_holds(wire: Wire) -> None:
+def test_where_neither_floor_nor_ceiling_leave_room_the_one_left_alone_holds(wire: Box) -> None:
     narrow = {"limits": FlightLimits(floor_m=45.0, ceiling_m=60.0)}
     meeting(wire, zero=narrow, one=narrow)
     wire.run(17.0)
@@ -156,7 +156,7 @@ def test_where_neither_floor_nor_ceiling_leave_room_the_one_left_alone_holds(wir
     ],
 )
 def test_a_proposal_that_is_not_about_the_two_or_from_somebody_unseen_is_refused(
-    wire: Wire, said: Avoid, words: str
+    wire: Box, said: Avoid, words: str
 ) -> None:
     for unit in "01":
         wire.join(unit, control=True)
@@ -169,7 +169,7 @@ def test_a_proposal_that_is_not_about_the_two_or_from_somebody_unseen_is_refused
 
 @pytest.mark.parametrize(("state", "words"), [*BROKEN, ({"home_m": None}, "the vehicle's home is not known")])
 def test_an_order_to_a_vehicle_that_may_not_be_commanded_is_refused_by_name_of_the_rule(
-    wire: Wire, state: dict[str, Any], words: str
+    wire: Box, state: dict[str, Any], words: str
 ) -> None:
     refuses(wire, Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=100.0), words, Vehicle(**state))
 
@@ -177,16 +177,16 @@ def test_an_order_to_a_vehicle_that_may_not_be_commanded_is_refused_by_name_of_t
 @pytest.mark.parametrize(
     ("altitude_m", "words"), [(59.0, "9.0 m above home is below the floor"), (171.0, "121.0 m above home is above the")]
 )
-def test_an_order_below_the_floor_or_above_the_ceiling_is_refused(wire: Wire, altitude_m: float, words: str) -> None:
+def test_an_order_below_the_floor_or_above_the_ceiling_is_refused(wire: Box, altitude_m: float, words: str) -> None:
     refuses(wire, Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=altitude_m), words)
 
 
 @pytest.mark.parametrize("asked", [Hold(), Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=100.0)])
-def test_an_order_to_a_platform_without_control_is_refused(wire: Wire, asked: Content) -> None:
+def test_an_order_to_a_platform_without_control_is_refused(wire: Box, asked: Content) -> None:
     refuses(wire, asked, NO_CONTROL, control=False)
 
 
-def refuses(wire: Wire, asked: Content, words: str, vehicle: Vehicle | None = None, *, control: bool = True) -> None:
+def refuses(wire: Box, asked: Content, words: str, vehicle: Vehicle | None = None, *, control: bool = True) -> None:
     wire.join("0", vehicle, control=control)
     wire.centre()
     wire.run(1.0)
@@ -203,25 +203,25 @@ def refuses(wire: Wire, asked: Content, words: str, vehicle: Vehicle | None = No
     ("receipts", "after_us"), [(True, 1_000_000), (False, 800_000)], ids=["reads but is silent", "does not hear"]
 )
 def test_a_partner_that_is_silent_for_a_second_leaves_the_manoeuvre_to_the_other(
-    wire: Wire, receipts: bool, after_us: int
+    wire: Box, receipts: bool, after_us: int
 ) -> None:
     """Whoever gives no receipt either is given up when the last repetition was in vain, a little sooner."""
     meeting(wire)
-    wire.drop = deaf_to_acts(("0", "1"), ("1", "0")) if not receipts else deaf_to_acts(("1", "0"), receipts=True)
+    wire.wire.drop = deaf_to_acts(("0", "1"), ("1", "0")) if not receipts else deaf_to_acts(("1", "0"), receipts=True)
     until_proposed(wire)
     wire.run(3.0)
     asked_us = wire.acts("0", head="avoid")[0].created_us
-    (at_us, first), *_ = wire.nodes["0"].commands
+    (at_us, first), *_ = wire.vehicle("0").commands
     assert isinstance(first.order, GoToOrder)
     assert first.order.altitude_m == pytest.approx(125.0, abs=1.0)
     assert after_us <= at_us - asked_us <= after_us + 100_000
     assert any(line.startswith("1 leaves the manoeuvre to 0: ") for line in wire.platform("0").part(GivingWay).log)
 
 
-def test_a_partner_that_froze_leaves_the_manoeuvre_to_the_other(wire: Wire) -> None:
+def test_a_partner_that_froze_leaves_the_manoeuvre_to_the_other(wire: Box) -> None:
     """It freezes before it hears of the proposal."""
     meeting(wire, one={"avoidance": False})
-    wire.drop = deaf_to_acts(("0", "1"), ("1", "0"))
+    wire.wire.drop = deaf_to_acts(("0", "1"), ("1", "0"))
     until_proposed(wire)
     wire.freeze("1")
     wire.run(1.2)
@@ -231,7 +231,7 @@ def test_a_partner_that_froze_leaves_the_manoeuvre_to_the_other(wire: Wire) -> N
 # -- and then hold, and resume -----------------------------------------------------------------------------------
 
 
-def test_what_is_agreed_is_flown_and_the_route_resumed_when_they_are_clear(wire: Wire) -> None:
+def test_what_is_agreed_is_flown_and_the_route_resumed_when_they_are_clear(wire: Box) -> None:
     """The vehicles of the wire fly straight; the climber is lifted by hand, and both have passed after 25 s."""
     target = Waypoint(58.0, 15.0 + 900.0 * METRE_DEG / 0.5299, 102.0)
     meeting(wire, zero={"plan": FlightPlan((target,))})
@@ -242,7 +242,7 @@ def test_what_is_agreed_is_flown_and_the_route_resumed_when_they_are_clear(wire:
     assert isinstance(orders(wire, "0")[1], GoToOrder)
     assert orders(wire, "1") == [HoldOrder()], "the lower one holds"
     assert [wire.platform(unit).part(GivingWay).encounters for unit in "01"] == [("1",), ("0",)]
-    vehicle = wire.nodes["0"].vehicle
+    vehicle = wire.vehicle("0")
     assert vehicle is not None
     vehicle.altitude_m = 127.0
     wire.run(40.0)
@@ -250,11 +250,11 @@ def test_what_is_agreed_is_flown_and_the_route_resumed_when_they_are_clear(wire:
     assert [wire.platform(unit).part(GivingWay).encounters for unit in "01"] == [(), ()]
 
 
-def test_a_vehicle_that_is_taken_out_of_guided_mode_while_it_gives_way_is_not_commanded_further(wire: Wire) -> None:
+def test_a_vehicle_that_is_taken_out_of_guided_mode_while_it_gives_way_is_not_commanded_further(wire: Box) -> None:
     meeting(wire)
     until_proposed(wire)
     wire.run(0.5)
-    vehicle = wire.nodes["0"].vehicle
+    vehicle = wire.vehicle("0")
     assert vehicle is not None
     vehicle.guided, vehicle.mode = False, "LOITER"
     wire.run(0.2)

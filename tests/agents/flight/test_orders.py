@@ -8,21 +8,21 @@ from agents.flight.flight import FlightAgent
 from federation.messages.acts import Performative
 from federation.messages.contents import Content, Done, Goto, Hold, Reason, Resume, ReturnHome
 from navigation.vehicle import GoToOrder, HoldOrder
-from tests.agents.wire import Vehicle, Wire
+from tests.box import Box, Vehicle
 
 P = Performative
 GOTO = Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=120.0)
 
 
-def flying(wire: Wire, vehicle: Vehicle | None = None, **config: Any) -> Wire:
+def flying(wire: Box, vehicle: Vehicle | None = None, **config: Any) -> Box:
     wire.join("0", vehicle or Vehicle(), **{"control": True, **config})
     wire.centre()
     wire.run(2.0)
     return wire
 
 
-def answers(wire: Wire, content: Content, run_s: float = 6.0) -> list[tuple[Performative, str | None]]:
-    question = wire.ask("cc", "0", content)
+def answers(wire: Box, content: Content, run_s: float = 6.0) -> list[tuple[Performative, str | None]]:
+    question = wire.question("cc", "0", content)
     wire.run(run_s)
     return [
         (said.act.performative, said.content.text if isinstance(said.content, Done | Reason) else None)
@@ -30,67 +30,67 @@ def answers(wire: Wire, content: Content, run_s: float = 6.0) -> list[tuple[Perf
     ]
 
 
-def test_done_is_what_the_autopilot_has_acknowledged(wire: Wire) -> None:
+def test_done_is_what_the_autopilot_has_acknowledged(wire: Box) -> None:
     assert answers(flying(wire), GOTO) == [(P.AGREE, None), (P.INFORM, "acknowledged")]
-    assert [command.order for _, command in wire.nodes["0"].commands] == [GoToOrder(58.0, 15.0, 120.0)]
+    assert [command.order for _, command in wire.vehicle("0").commands] == [GoToOrder(58.0, 15.0, 120.0)]
 
 
 @pytest.mark.parametrize("word", ["denied", "failed", "unsupported"])
-def test_a_refusal_of_the_autopilot_is_a_failure_with_its_word(wire: Wire, word: str) -> None:
+def test_a_refusal_of_the_autopilot_is_a_failure_with_its_word(wire: Box, word: str) -> None:
     assert answers(flying(wire, Vehicle(answer=word)), GOTO) == [(P.AGREE, None), (P.FAILURE, f"autopilot: {word}")]
-    assert len(wire.nodes["0"].commands) == 1, "it is not repeated"
+    assert len(wire.vehicle("0").commands) == 1, "it is not repeated"
     assert any(word in note for note in notes(wire))
 
 
-def notes(wire: Wire) -> list[str]:
+def notes(wire: Box) -> list[str]:
     return [effect.text for effect in wire.nodes["0"].other if hasattr(effect, "text")]
 
 
-def test_silence_of_the_autopilot_is_a_failure(wire: Wire) -> None:
+def test_silence_of_the_autopilot_is_a_failure(wire: Box) -> None:
     flying(wire, Vehicle(answer=None))
     assert answers(wire, Hold()) == [(P.AGREE, None), (P.FAILURE, "no answer")]
 
 
-def test_a_mode_that_does_not_follow_is_a_failure(wire: Wire) -> None:
+def test_a_mode_that_does_not_follow_is_a_failure(wire: Box) -> None:
     (agreed, failed) = answers(flying(wire), ReturnHome())
     assert agreed == (P.AGREE, None)
     assert failed == (P.FAILURE, "not seen in the vehicle's mode within 4 s")
 
 
-def test_a_newer_order_ends_the_wait_for_an_older(wire: Wire) -> None:
+def test_a_newer_order_ends_the_wait_for_an_older(wire: Box) -> None:
     flying(wire, Vehicle(answer=None))
-    older = wire.ask("cc", "0", GOTO)
+    older = wire.question("cc", "0", GOTO)
     wire.run(0.2)
     answers(wire, Hold())
     assert older.performatives == [P.AGREE, P.FAILURE]
 
 
-def test_over_a_dead_link_an_order_is_refused(wire: Wire) -> None:
+def test_over_a_dead_link_an_order_is_refused(wire: Box) -> None:
     flying(wire)
-    vehicle = wire.nodes["0"].vehicle
+    vehicle = wire.vehicle("0")
     assert vehicle is not None
     vehicle.is_silent = True
     wire.run(8.0)
     ((refused, reason),) = answers(wire, Hold())
     assert refused is P.REFUSE
     assert (reason or "").startswith("no heartbeat for ")
-    assert wire.nodes["0"].commands == []
+    assert wire.vehicle("0").commands == []
 
 
-def test_what_was_ordered_is_ended_by_resume_and_nothing_else_is(wire: Wire) -> None:
+def test_what_was_ordered_is_ended_by_resume_and_nothing_else_is(wire: Box) -> None:
     flying(wire)
     ((refused, reason),) = answers(wire, Resume())
     assert (refused, reason) == (P.REFUSE, "nothing was interrupted that could be resumed")
 
 
-def test_a_vehicle_in_a_mode_without_giving_way_shows_it(wire: Wire) -> None:
+def test_a_vehicle_in_a_mode_without_giving_way_shows_it(wire: Box) -> None:
     flying(wire, Vehicle(guided=False, mode="AUTO"))
     agent = wire.platform("0").part(FlightAgent)
     assert [condition.text for condition in agent.conditions()] == ["avoidance off: mode AUTO"]
     assert notes(wire).count("avoidance off: mode AUTO") == 1
     entry = next(each for each in wire.nodes["cc"].process.member.directory.entries() if each.unit == "0")
     assert [condition.text for condition in entry.conditions] == ["avoidance off: mode AUTO"]
-    vehicle = wire.nodes["0"].vehicle
+    vehicle = wire.vehicle("0")
     assert vehicle is not None
     vehicle.guided, vehicle.mode = True, "GUIDED"
     wire.run(1.0)
@@ -106,11 +106,11 @@ def test_a_vehicle_in_a_mode_without_giving_way_shows_it(wire: Wire) -> None:
     ],
 )
 def test_where_a_mission_may_be_interrupted_or_nothing_flies_there_is_nothing_to_show(
-    wire: Wire, vehicle: Vehicle, config: dict[str, Any]
+    wire: Box, vehicle: Vehicle, config: dict[str, Any]
 ) -> None:
     assert list(flying(wire, vehicle, **config).platform("0").part(FlightAgent).conditions()) == []
 
 
-def test_orders_hold_where_the_vehicle_is(wire: Wire) -> None:
+def test_orders_hold_where_the_vehicle_is(wire: Box) -> None:
     answers(flying(wire), Hold())
-    assert [command.order for _, command in wire.nodes["0"].commands] == [HoldOrder()]
+    assert [command.order for _, command in wire.vehicle("0").commands] == [HoldOrder()]

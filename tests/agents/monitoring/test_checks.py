@@ -13,7 +13,7 @@ from federation.messages.acts import Performative
 from federation.messages.contents import CheckFormula, Verdict
 from kpl import parse_specification
 from tests.agents.specification.test_specification_part import Pair, places
-from tests.agents.wire import Wire
+from tests.box import Box
 
 PERIOD_US = 100_000
 
@@ -152,9 +152,9 @@ def test_a_monitor_is_over_a_declared_stream_that_is_called_like_a_derived_featu
 # Streams of the vehicle
 
 
-def test_a_formula_is_checked_until_it_is_decided(wire: Wire, node: Platform) -> None:
+def test_a_formula_is_checked_until_it_is_decided(wire: Box, node: Platform) -> None:
     wire.run(1.0)
-    question = wire.ask("cc", "0", CheckFormula(text="eventually[0s, 2s] altitude[self] > 1000.0", timeout_s=9.0))
+    question = wire.question("cc", "0", CheckFormula(text="eventually[0s, 2s] altitude[self] > 1000.0", timeout_s=9.0))
     wire.run(4.0)
     assert question.performatives == [Performative.AGREE, Performative.INFORM]
     (said,) = [c for c in question.contents if isinstance(c, Verdict)]
@@ -166,11 +166,11 @@ def test_a_formula_is_checked_until_it_is_decided(wire: Wire, node: Platform) ->
     assert node.part(Checks)._open == {}
 
 
-def test_an_undecided_formula_names_what_never_had_a_value(wire: Wire, node: Platform) -> None:
+def test_an_undecided_formula_names_what_never_had_a_value(wire: Box, node: Platform) -> None:
     """A vehicle that has reported where it is, and not how full its battery is."""
     wire.run(1.0)
     text = "always (battery[self] > 0.0 and altitude[self] > 0.0)"
-    question = wire.ask("cc", "0", CheckFormula(text=text, timeout_s=1.0))
+    question = wire.question("cc", "0", CheckFormula(text=text, timeout_s=1.0))
     wire.run(2.0)
     (said,) = [c for c in question.contents if isinstance(c, Verdict)]
     assert (said.verdict, said.index) == ("undecided", None)
@@ -178,7 +178,7 @@ def test_an_undecided_formula_names_what_never_had_a_value(wire: Wire, node: Pla
     assert said.missing == ("battery[0]",)
 
 
-def test_a_formula_about_a_stream_that_is_not_there_is_refused_and_leaves_nothing(wire: Wire, node: Platform) -> None:
+def test_a_formula_about_a_stream_that_is_not_there_is_refused_and_leaves_nothing(wire: Box, node: Platform) -> None:
     question = wire.asked("cc", "0", CheckFormula(text="always xy_dist[self, 1] > 5.0"))
     assert question.performatives == [Performative.REFUSE]
     assert node.part(Checks)._open == {}
@@ -186,7 +186,7 @@ def test_a_formula_about_a_stream_that_is_not_there_is_refused_and_leaves_nothin
     wire.run(3.0)
 
 
-def test_who_does_not_want_to_know_any_more_cancels_the_check(wire: Wire, node: Platform) -> None:
+def test_who_does_not_want_to_know_any_more_cancels_the_check(wire: Box, node: Platform) -> None:
     wire.run(1.0)
     question = wire.asked("cc", "0", CheckFormula(text="always altitude[self] > 0.0", timeout_s=60.0))
     assert len(node.part(Checks)._open) == 1

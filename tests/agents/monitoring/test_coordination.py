@@ -17,14 +17,15 @@ from federation.messages.contents import (
     TaskList,
     Tasks,
 )
-from tests.agents.wire import EPOCH, Question, Vehicle, Wire
+from federation.messages.dialogue import Dialogue
+from tests.box import EPOCH, Box, Question, Vehicle
 
 P = Performative
 BOTH = {"proximity", "proximity-warn"}
 
 
 @pytest.fixture
-def three(wire: Wire) -> Wire:
+def three(wire: Box) -> Box:
     """Platforms 0, 1, 2, a kilometre apart, and a command centre."""
     for unit in "012":
         wire.join(unit, Vehicle(north_m=1000.0 * int(unit)))
@@ -33,13 +34,13 @@ def three(wire: Wire) -> Wire:
     return wire
 
 
-def delegated(wire: Wire, to: str = "0", by: str = "cc", **asked: object) -> Question:
+def delegated(wire: Box, to: str = "0", by: str = "cc", **asked: object) -> Question:
     question = wire.asked(by, to, MonitorProximity(**asked))  # type: ignore[arg-type]
     wire.run(1.5)
     return question
 
 
-def shown(wire: Wire, unit: str) -> dict[tuple[str, str], str]:
+def shown(wire: Box, unit: str) -> dict[tuple[str, str], str]:
     """(monitor, member) -> state of its inputs."""
     return {
         (name, member): instance.monitor.inputs
@@ -48,7 +49,7 @@ def shown(wire: Wire, unit: str) -> dict[tuple[str, str], str]:
     }
 
 
-def all_fresh(wire: Wire, *units: str) -> bool:
+def all_fresh(wire: Box, *units: str) -> bool:
     pairs = [{(name, other) for name in BOTH for other in units if other != unit} for unit in units]
     return all(
         {key for key, inputs in shown(wire, unit).items() if inputs == "fresh"} >= wanted
@@ -56,11 +57,11 @@ def all_fresh(wire: Wire, *units: str) -> bool:
     )
 
 
-def leaders(wire: Wire) -> dict[str, str]:
+def leaders(wire: Box) -> dict[str, str]:
     return {u: led.leader for u, p in wire.platforms.items() for led in p.ports.tasks.coordinated.values()}
 
 
-def nothing_left(wire: Wire) -> bool:
+def nothing_left(wire: Box) -> bool:
     return all(
         p.ports.monitors.named == {}
         and p.ports.tasks.all() == []
@@ -70,7 +71,7 @@ def nothing_left(wire: Wire) -> bool:
     )
 
 
-def cancelled(wire: Wire, question: Question, at: str, by: str = "cc") -> list[Performative]:
+def cancelled(wire: Box, question: Question, at: str, by: str = "cc") -> list[Performative]:
     """Cancel a task as a command centre that did not delegate it does; the answers."""
     before = len(wire.acts(at, by))
     wire.cancel_task(by, at, question.conversation)
@@ -79,7 +80,7 @@ def cancelled(wire: Wire, question: Question, at: str, by: str = "cc") -> list[P
     return [said.performative for said in answers]
 
 
-def test_a_second_task_with_another_period_is_refused_and_sets_nothing_up(three: Wire) -> None:
+def test_a_second_task_with_another_period_is_refused_and_sets_nothing_up(three: Box) -> None:
     first = delegated(three)
     exports = three.platform("0").ports.gateway.exporter.exports.streams()
     for to in "01":
@@ -92,7 +93,7 @@ def test_a_second_task_with_another_period_is_refused_and_sets_nothing_up(three:
     assert all_fresh(three, "0", "1", "2")
 
 
-def test_of_two_monitors_that_are_asked_for_together_none_stays_if_one_is_refused(three: Wire) -> None:
+def test_of_two_monitors_that_are_asked_for_together_none_stays_if_one_is_refused(three: Box) -> None:
     own = three.asked("cc", "0", CreateMonitor(name="proximity-warn", sample_period_s=0.5))
     assert own.performatives == [P.AGREE, P.INFORM]
     second = three.asked("cc", "0", MonitorProximity())
@@ -101,7 +102,7 @@ def test_of_two_monitors_that_are_asked_for_together_none_stays_if_one_is_refuse
     assert three.platform("0").ports.tasks.coordinated == {}
 
 
-def test_a_participant_that_monitors_otherwise_refuses_its_part_and_the_others_go_on(three: Wire) -> None:
+def test_a_participant_that_monitors_otherwise_refuses_its_part_and_the_others_go_on(three: Box) -> None:
     three.asked("cc", "1", CreateMonitor(name="proximity", sample_period_s=0.5))
     task = delegated(three)
     steps = [c.step for c in task.contents if isinstance(c, Progress) and "refused" in c.step]
@@ -126,14 +127,14 @@ def test_a_participant_that_monitors_otherwise_refuses_its_part_and_the_others_g
         (CreateMonitor(name="proximity", task="t-1", coordinator="2"), "set up by its coordinator: 2, not cc"),
     ],
 )
-def test_what_cannot_be_monitored_is_refused_with_its_reason(three: Wire, asked: MonitorProximity, why: str) -> None:
+def test_what_cannot_be_monitored_is_refused_with_its_reason(three: Box, asked: MonitorProximity, why: str) -> None:
     question = three.asked("cc", "0", asked)
     assert question.performatives == [P.REFUSE]
     assert why in question.reason
     assert nothing_left(three)
 
 
-def test_two_tasks_share_a_monitor_and_the_one_that_ends_leaves_it_to_the_other(three: Wire) -> None:
+def test_two_tasks_share_a_monitor_and_the_one_that_ends_leaves_it_to_the_other(three: Box) -> None:
     three.centre("cc-2")
     three.run(1.0)
     first, second = delegated(three), delegated(three, to="1", by="cc-2")
@@ -154,7 +155,7 @@ def test_two_tasks_share_a_monitor_and_the_one_that_ends_leaves_it_to_the_other(
     assert nothing_left(three)
 
 
-def test_an_alarm_of_a_shared_monitor_is_told_to_both_who_delegated(wire: Wire) -> None:
+def test_an_alarm_of_a_shared_monitor_is_told_to_both_who_delegated(wire: Box) -> None:
     wire.join("0", Vehicle(east_m=-100.0, east_m_s=4.0))
     wire.join("1", Vehicle())
     for centre in ("cc", "cc-2"):
@@ -168,7 +169,7 @@ def test_an_alarm_of_a_shared_monitor_is_told_to_both_who_delegated(wire: Wire) 
     assert len({c.id for c in tasks[0].contents if isinstance(c, Alarm)}) == 4, "each once, under an id of its own"
 
 
-def test_another_command_centre_than_the_delegator_can_cancel_and_the_delegator_is_told(three: Wire) -> None:
+def test_another_command_centre_than_the_delegator_can_cancel_and_the_delegator_is_told(three: Box) -> None:
     task = delegated(three)
     three.centre("cc-2")
     three.run(1.0)
@@ -180,17 +181,17 @@ def test_another_command_centre_than_the_delegator_can_cancel_and_the_delegator_
     assert three.member("cc").acts.conversations.conversations() == []
 
 
-def test_cancelling_twice_is_harmless_and_nothing_is_a_failure(three: Wire) -> None:
+def test_cancelling_twice_is_harmless_and_nothing_is_a_failure(three: Box) -> None:
     task = delegated(three)
     three.cancel("cc", "0", task.conversation)
     three.run(1.0)
     three.centre("cc-2")
     three.run(1.0)
     assert cancelled(three, task, "0", by="cc-2") == [P.INFORM]
-    assert cancelled(three, Question("cc-1-99"), "0", by="cc-2") == [P.FAILURE]
+    assert cancelled(three, Question(Dialogue("0", "cc-1-99")), "0", by="cc-2") == [P.FAILURE]
 
 
-def test_a_participant_says_where_the_task_is_cancelled(three: Wire) -> None:
+def test_a_participant_says_where_the_task_is_cancelled(three: Box) -> None:
     task = delegated(three)
     three.centre("cc-2")
     three.run(1.0)
@@ -202,7 +203,7 @@ def test_a_participant_says_where_the_task_is_cancelled(three: Wire) -> None:
 @pytest.mark.parametrize("frozen", ["1", "2"])
 @pytest.mark.parametrize("seconds", [1.5, 2.2, 3.5, 9.0])
 def test_a_platform_that_was_frozen_takes_part_again_and_the_task_lives(
-    three: Wire, frozen: str, seconds: float
+    three: Box, frozen: str, seconds: float
 ) -> None:
     task = delegated(three)
     three.freeze(frozen)
@@ -217,7 +218,7 @@ def test_a_platform_that_was_frozen_takes_part_again_and_the_task_lives(
 
 
 @pytest.mark.parametrize("seconds", [0.5, 1.9, 2.3, 3.0])
-def test_a_platform_that_is_frozen_while_it_is_asked_takes_part_later(three: Wire, seconds: float) -> None:
+def test_a_platform_that_is_frozen_while_it_is_asked_takes_part_later(three: Box, seconds: float) -> None:
     three.freeze("1")
     task = delegated(three)
     three.run(max(0.0, seconds - 1.6))
@@ -230,7 +231,7 @@ def test_a_platform_that_is_frozen_while_it_is_asked_takes_part_later(three: Wir
 
 
 @pytest.mark.parametrize("seconds", [1.5, 2.7, 3.0, 6.0, 20.0])
-def test_a_leader_that_was_frozen_leads_on_or_steps_down_and_nothing_is_left_over(three: Wire, seconds: float) -> None:
+def test_a_leader_that_was_frozen_leads_on_or_steps_down_and_nothing_is_left_over(three: Box, seconds: float) -> None:
     task = delegated(three)
     three.freeze("0")
     three.run(seconds)
@@ -244,7 +245,7 @@ def test_a_leader_that_was_frozen_leads_on_or_steps_down_and_nothing_is_left_ove
     assert nothing_left(three)
 
 
-def test_when_the_leader_dies_the_first_of_the_others_leads_on(three: Wire) -> None:
+def test_when_the_leader_dies_the_first_of_the_others_leads_on(three: Box) -> None:
     task = delegated(three)
     three.kill("0")
     three.run(0.5 + 0.2 + 2 * SUCCESSOR_STEP_US / 1e6 + 1.0)
@@ -260,7 +261,7 @@ def test_when_the_leader_dies_the_first_of_the_others_leads_on(three: Wire) -> N
     assert nothing_left(three)
 
 
-def test_alarms_are_raised_by_a_task_that_is_led_by_an_heir(wire: Wire) -> None:
+def test_alarms_are_raised_by_a_task_that_is_led_by_an_heir(wire: Box) -> None:
     wire.join("0", Vehicle(north_m=5000.0))
     wire.join("1", Vehicle(east_m=-60.0, east_m_s=3.0))
     wire.join("2", Vehicle())
@@ -276,7 +277,7 @@ def test_alarms_are_raised_by_a_task_that_is_led_by_an_heir(wire: Wire) -> None:
     assert wire.acts("2", "1", "alarm"), "the participant tells its new leader"
 
 
-def test_newcomers_are_taken_in_by_the_heir(three: Wire) -> None:
+def test_newcomers_are_taken_in_by_the_heir(three: Box) -> None:
     delegated(three)
     three.kill("0")
     three.run(4.0)
@@ -286,7 +287,7 @@ def test_newcomers_are_taken_in_by_the_heir(three: Wire) -> None:
     assert leaders(three) == {"1": "1", "2": "1", "3": "1"}
 
 
-def test_a_leader_that_was_restarted_knows_nothing_and_is_not_taken_for_the_one_that_led(three: Wire) -> None:
+def test_a_leader_that_was_restarted_knows_nothing_and_is_not_taken_for_the_one_that_led(three: Box) -> None:
     task = delegated(three)
     three.kill("0")
     three.run(0.1)
@@ -299,7 +300,7 @@ def test_a_leader_that_was_restarted_knows_nothing_and_is_not_taken_for_the_one_
     assert nothing_left(three)
 
 
-def test_after_a_partition_one_leader_stays_and_cancel_leaves_nothing(wire: Wire) -> None:
+def test_after_a_partition_one_leader_stays_and_cancel_leaves_nothing(wire: Box) -> None:
     for unit in "0123":
         wire.join(unit)
     wire.centre()
@@ -308,7 +309,7 @@ def test_after_a_partition_one_leader_stays_and_cancel_leaves_nothing(wire: Wire
     wire.cut(["0", "3", "cc"], ["1", "2"])
     wire.run(15.0)
     assert leaders(wire) == {"0": "0", "3": "0", "1": "1", "2": "1"}
-    wire.heal()
+    wire.wire.mend_all()
     wire.run(8.0)
     assert set(leaders(wire).values()) == {"0"}, "the platform it was delegated to"
     assert all_fresh(wire, "0", "1", "2", "3")
@@ -317,7 +318,7 @@ def test_after_a_partition_one_leader_stays_and_cancel_leaves_nothing(wire: Wire
     assert nothing_left(wire)
 
 
-def test_a_task_that_was_cancelled_during_a_partition_is_not_brought_back(wire: Wire) -> None:
+def test_a_task_that_was_cancelled_during_a_partition_is_not_brought_back(wire: Box) -> None:
     for unit in "0123":
         wire.join(unit)
     wire.centre()
@@ -327,12 +328,12 @@ def test_a_task_that_was_cancelled_during_a_partition_is_not_brought_back(wire: 
     wire.run(10.0)
     wire.cancel("cc", "0", task.conversation)
     wire.run(3.0)
-    wire.heal()
+    wire.wire.mend_all()
     wire.run(8.0)
     assert nothing_left(wire)
 
 
-def test_only_alarms_of_its_own_does_a_participant_tell(three: Wire) -> None:
+def test_only_alarms_of_its_own_does_a_participant_tell(three: Box) -> None:
     task = delegated(three)
     forged = Alarm(
         id="proximity/2/2-1/1", event="opened", monitor="proximity", by="2", units=("2", "1"), valid_us=1, detected_us=2
@@ -344,7 +345,7 @@ def test_only_alarms_of_its_own_does_a_participant_tell(three: Wire) -> None:
     assert three.platform("0").ports.agent.audit_log.refused["refused"] == 1
 
 
-def test_nobody_is_deposed_by_a_leader_that_is_not_there(three: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nobody_is_deposed_by_a_leader_that_is_not_there(three: Box, monkeypatch: pytest.MonkeyPatch) -> None:
     task = delegated(three)
     coordination = three.platform("0").part(Coordination)
     reason = Reason(text="the task has another leader", code="led-by", leader="7", generation=9)
@@ -356,7 +357,7 @@ def test_nobody_is_deposed_by_a_leader_that_is_not_there(three: Wire, monkeypatc
 
 
 @pytest.mark.parametrize("text", ["led by 1 in generation 9", "cancelled: the task was cancelled here"])
-def test_the_words_of_a_refusal_steer_nothing(three: Wire, text: str) -> None:
+def test_the_words_of_a_refusal_steer_nothing(three: Box, text: str) -> None:
     task = delegated(three)
     coordination = three.platform("0").part(Coordination)
     coordination._declined(
@@ -369,7 +370,7 @@ def test_the_words_of_a_refusal_steer_nothing(three: Wire, text: str) -> None:
 
 
 @pytest.mark.parametrize("count", [16])
-def test_sixteen_platforms_set_a_task_up_without_meeting_a_limit(wire: Wire, count: int) -> None:
+def test_sixteen_platforms_set_a_task_up_without_meeting_a_limit(wire: Box, count: int) -> None:
     for at in range(count):
         wire.join(str(at), Vehicle(north_m=300.0 * at))
     centre = wire.centre()
@@ -387,7 +388,7 @@ def test_sixteen_platforms_set_a_task_up_without_meeting_a_limit(wire: Wire, cou
     assert not centre.refused
 
 
-def test_a_multicast_and_a_monitor_asked_for_by_hand_live_until_they_are_cancelled(three: Wire) -> None:
+def test_a_multicast_and_a_monitor_asked_for_by_hand_live_until_they_are_cancelled(three: Box) -> None:
     stream = three.asked(
         "cc",
         "1",

@@ -76,7 +76,7 @@ def test_each_instance_is_told_when_it_is_certain_and_the_end_when_the_time_is_o
 def test_who_does_not_want_to_know_any_more_ends_it(world):
     dialogue = ask(world, timeout_s=600.0)
     world.run_for(4)
-    world.cancel("0", dialogue)
+    world.cancel("0", "1", dialogue.conversation)
     world.run_for(1)
     heard = len(recognised(dialogue))
     world.run_for(4)

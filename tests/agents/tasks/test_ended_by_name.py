@@ -12,7 +12,7 @@ from federation.messages.contents import (
     StopMulticast,
 )
 from tests.agents.admission.test_hostile import trust
-from tests.agents.wire import Question, Vehicle, Wire
+from tests.box import Box, Question, Vehicle
 
 P = Performative
 DONE = [P.AGREE, P.INFORM]
@@ -20,7 +20,7 @@ BOTH = ("heli-position", "heli-altitude")
 
 
 @pytest.fixture
-def signed(wire: Wire) -> Wire:
+def signed(wire: Box) -> Box:
     """0 and 1 are platforms of a roster, cc and eye a command centre and an observer."""
     for unit in "01":
         wire.join(unit, Vehicle(north_m=500.0 * int(unit)), trust=trust(unit))
@@ -30,12 +30,12 @@ def signed(wire: Wire) -> Wire:
     return wire
 
 
-def exported(wire: Wire) -> dict[str, tuple[str, ...]]:
+def exported(wire: Box) -> dict[str, tuple[str, ...]]:
     exports = wire.platform("0").ports.gateway.exporter.exports
     return {stream.label: receivers for stream, receivers in exports.streams()}
 
 
-def export(wire: Wire, by: str, *to: str) -> Question:
+def export(wire: Box, by: str, *to: str) -> Question:
     content = CreateMulticast(semantic_labels=BOTH, sample_period_s=0.1, delay_s=0.5, to_units=to)
     question = wire.asked(by, "0", content)
     assert question.performatives == DONE
@@ -47,7 +47,7 @@ def code(question: Question) -> str | None:
     return content.code if isinstance(content, Reason) else None
 
 
-def test_an_export_ends_label_by_label_and_its_task_with_the_last(signed: Wire) -> None:
+def test_an_export_ends_label_by_label_and_its_task_with_the_last(signed: Box) -> None:
     task = export(signed, "cc", "1")
     assert signed.asked("cc", "0", StopMulticast(semantic_labels=BOTH[:1])).performatives == DONE
     assert exported(signed) == {"heli-altitude": ("1",)}
@@ -60,7 +60,7 @@ def test_an_export_ends_label_by_label_and_its_task_with_the_last(signed: Wire) 
     assert (task.performatives[-1], task.reason) == (P.FAILURE, "cancelled by cc")
 
 
-def test_an_export_ends_for_some_of_its_receivers_or_in_one_conversation(signed: Wire) -> None:
+def test_an_export_ends_for_some_of_its_receivers_or_in_one_conversation(signed: Box) -> None:
     first, second = export(signed, "cc", "1", "cc"), export(signed, "cc", "1")
     stop = StopMulticast(semantic_labels=BOTH, to_units=("cc",), task=first.conversation)
     assert signed.asked("cc", "0", stop).performatives == DONE
@@ -70,7 +70,7 @@ def test_an_export_ends_for_some_of_its_receivers_or_in_one_conversation(signed:
     assert [t.conversation for t in signed.platform("0").ports.tasks.all()] == [second.conversation]
 
 
-def test_what_another_set_up_only_a_command_centre_ends(signed: Wire) -> None:
+def test_what_another_set_up_only_a_command_centre_ends(signed: Box) -> None:
     export(signed, "cc", "1")
     signed.asked("cc", "0", CreateMonitor(name="proximity"))
     for content in (StopMulticast(semantic_labels=BOTH), RemoveMonitor(name="proximity")):
@@ -81,7 +81,7 @@ def test_what_another_set_up_only_a_command_centre_ends(signed: Wire) -> None:
     assert len(exported(signed)) == 2
 
 
-def test_a_monitor_is_removed_and_its_inputs_with_it(signed: Wire) -> None:
+def test_a_monitor_is_removed_and_its_inputs_with_it(signed: Box) -> None:
     monitor = signed.asked("cc", "0", CreateMonitor(name="proximity"))
     signed.run(1.0)
     assert signed.asked("cc", "0", RemoveMonitor(name="proximity")).performatives == DONE
@@ -91,7 +91,7 @@ def test_a_monitor_is_removed_and_its_inputs_with_it(signed: Wire) -> None:
     assert monitor.performatives[-1] is P.FAILURE
 
 
-def test_the_part_of_a_task_is_ended_with_its_task(signed: Wire) -> None:
+def test_the_part_of_a_task_is_ended_with_its_task(signed: Box) -> None:
     task = signed.asked("cc", "0", MonitorProximity())
     signed.run(1.0)
     refused = signed.asked("cc", "1", RemoveMonitor(name="proximity"))

@@ -4,10 +4,10 @@ from agents.platform import Platform
 from agents.tasks.life import TOMBSTONES
 from agents.tasks.task import Claim, Task
 from dyknow.model.errors import Refused
-from tests.agents.wire import Wire
+from tests.box import Box
 
 
-def test_a_life_of_tasks_remembers_whose_task_ended_and_forgets_in_the_end(wire: Wire, node: Platform) -> None:
+def test_a_life_of_tasks_remembers_whose_task_ended_and_forgets_in_the_end(wire: Box, node: Platform) -> None:
     life, ended = node.ports.tasks, []
 
     def take_down(now_us: int) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from federation.messages.contents import (
     Tasks,
 )
 from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
-from tests.agents.wire import EPOCH, Question, Vehicle, Wire
+from tests.box import EPOCH, Box, Question, Vehicle
 
 P = Performative
 BOTH = ("proximity", "proximity-warn")
@@ -35,13 +35,13 @@ def trust(unit: str) -> Trust:
     return Trust.of(roster, seed(unit), "default", EPOCH - 1_000_000)
 
 
-def joined(wire: Wire, *units: str) -> None:
+def joined(wire: Box, *units: str) -> None:
     for unit in units:
         wire.join(unit, Vehicle(north_m=1000.0 * int(unit)), trust=trust(unit))
 
 
 @pytest.fixture
-def three(wire: Wire) -> Wire:
+def three(wire: Box) -> Box:
     """Platforms 0, 1, 2 and a command centre of one roster; 2 is the hostile one."""
     joined(wire, "0", "1", "2")
     wire.centre("cc", trust=trust("cc"))
@@ -49,13 +49,13 @@ def three(wire: Wire) -> Wire:
     return wire
 
 
-def delegated(wire: Wire) -> Question:
+def delegated(wire: Box) -> Question:
     task = wire.asked("cc", "0", MonitorProximity())
     wire.run(1.5)
     return task
 
 
-def claimed(wire: Wire, task: Question, to: str, by: str = "2", **said: object) -> list[Question]:
+def claimed(wire: Box, task: Question, to: str, by: str = "2", **said: object) -> list[Question]:
     """`by` would coordinate the task at `to`; then it cancels what it was given."""
     parts = [CreateMonitor(name=name, task=task.conversation, **said) for name in BOTH]  # type: ignore[arg-type]
     asked = [wire.asked(by, to, part) for part in parts]
@@ -66,18 +66,18 @@ def claimed(wire: Wire, task: Question, to: str, by: str = "2", **said: object) 
     return asked
 
 
-def coordination(wire: Wire, unit: str, task: Question) -> tuple[str, int, bool]:
+def coordination(wire: Box, unit: str, task: Question) -> tuple[str, int, bool]:
     platform: Platform = wire.platform(unit)
     led = platform.ports.tasks.coordinated[task.conversation]
     return led.leader, led.generation, platform.part(Coordination).avoids("proximity-warn")
 
 
-def watched(wire: Wire, unit: str) -> set[tuple[str, str, str]]:
+def watched(wire: Box, unit: str) -> set[tuple[str, str, str]]:
     named = wire.platform(unit).ports.monitors.named
     return {(name, member, each.monitor.inputs) for name in named for member, each in named[name].instances.items()}
 
 
-def listed(wire: Wire, unit: str) -> list[tuple[str, str | None]]:
+def listed(wire: Box, unit: str) -> list[tuple[str, str | None]]:
     (answer,) = wire.asked("cc", unit, Tasks(), P.QUERY_REF).contents
     assert isinstance(answer, TaskList)
     return [(entry.state, entry.ended_by) for entry in answer.tasks]
@@ -85,7 +85,7 @@ def listed(wire: Wire, unit: str) -> list[tuple[str, str | None]]:
 
 @pytest.mark.parametrize("generation", [1, 2, 3, 9, 10, 2**31, 2**60])
 @pytest.mark.parametrize("delegate", [None, "2", "0"])
-def test_a_coordinator_that_is_here_is_not_deposed(three: Wire, generation: int, delegate: str | None) -> None:
+def test_a_coordinator_that_is_here_is_not_deposed(three: Box, generation: int, delegate: str | None) -> None:
     task = delegated(three)
     said: dict[str, object] = {"generation": generation, "coordinator": "2", "avoidance": False, "delegate": delegate}
     for to, other in (("0", "1"), ("1", "0")):
@@ -103,7 +103,7 @@ def test_a_coordinator_that_is_here_is_not_deposed(three: Wire, generation: int,
 
 
 @pytest.mark.parametrize("code", ["led-by", "cancelled"])
-def test_no_participant_ends_a_task_by_how_it_refuses_its_part(three: Wire, code: str) -> None:
+def test_no_participant_ends_a_task_by_how_it_refuses_its_part(three: Box, code: str) -> None:
     task = delegated(three)
     led = three.platform("0").ports.tasks.coordinated[task.conversation]
     reason = Reason(text="led by 2", code=code, leader="2", generation=7)
@@ -116,7 +116,7 @@ def test_no_participant_ends_a_task_by_how_it_refuses_its_part(three: Wire, code
     )
 
 
-def test_after_a_crash_one_successor_leads_and_lowers_no_avoidance(three: Wire) -> None:
+def test_after_a_crash_one_successor_leads_and_lowers_no_avoidance(three: Box) -> None:
     joined(three, "3")
     three.run(1.0)
     task = delegated(three)
@@ -136,7 +136,7 @@ def test_after_a_crash_one_successor_leads_and_lowers_no_avoidance(three: Wire) 
     assert {("proximity", "2", "fresh"), ("proximity-warn", "2", "fresh")} <= watched(three, "3")
 
 
-def test_a_successor_that_ends_the_task_is_named_to_its_delegator_and_in_the_list(three: Wire) -> None:
+def test_a_successor_that_ends_the_task_is_named_to_its_delegator_and_in_the_list(three: Box) -> None:
     joined(three, "3")
     three.run(1.0)
     task = delegated(three)
@@ -152,14 +152,14 @@ def test_a_successor_that_ends_the_task_is_named_to_its_delegator_and_in_the_lis
     assert ("monitoring ended by 2", "3") in told
     assert listed(three, "3") == [("ended by 2", "2")]
     assert coordination(three, "1", task) == ("0", 1, True)
-    three.heal()
+    three.wire.mend_all()
     three.run(8.0)
     assert coordination(three, "3", task) == ("0", 1, True), "it was not ended for its delegate"
     assert {(name, "0", "fresh") for name in BOTH} <= watched(three, "3")
     assert listed(three, "3") == []
 
 
-def test_of_two_successors_one_hands_over(three: Wire) -> None:
+def test_of_two_successors_one_hands_over(three: Box) -> None:
     joined(three, "3")
     three.run(1.0)
     task = delegated(three)
@@ -167,13 +167,13 @@ def test_of_two_successors_one_hands_over(three: Wire) -> None:
     three.cut("1", "23")
     three.run(8.0)
     assert [coordination(three, unit, task)[:2] for unit in "123"] == [("1", 2), ("2", 2), ("2", 2)]
-    three.heal()
+    three.wire.mend_all()
     three.run(10.0)
     assert {coordination(three, unit, task) for unit in "123"} == {("1", 2, True)}
     assert all((name, other, "fresh") in watched(three, "3") for name in BOTH for other in "12")
 
 
-def told(wire: Wire, task: Question, **said: object) -> list[Alarm]:
+def told(wire: Box, task: Question, **said: object) -> list[Alarm]:
     """2 tells 0 of an alarm; what the delegator hears."""
     fields: dict[str, object] = {"monitor": "proximity", "by": "2", "units": ("2", "0"), **said}
     alarm = Alarm(id="x/1", event="opened", valid_us=1, detected_us=2, **fields)  # type: ignore[arg-type]
@@ -185,7 +185,7 @@ def told(wire: Wire, task: Question, **said: object) -> list[Alarm]:
 
 @pytest.mark.parametrize("said", [{"units": ("1", "0")}, {"by": "1"}, {"monitor": "battery"}, {"monitor": "x"}])
 def test_an_alarm_counts_only_from_its_monitor_in_the_task_and_about_its_sender(
-    three: Wire, said: dict[str, object]
+    three: Box, said: dict[str, object]
 ) -> None:
     task = delegated(three)
     assert told(three, task, **said) == []
@@ -193,7 +193,7 @@ def test_an_alarm_counts_only_from_its_monitor_in_the_task_and_about_its_sender(
     assert "refused" in str([entry.outcome for entry in three.platform("0").ports.agent.audit_log.entries][-5:])
 
 
-def test_an_alarm_counts_only_from_a_participant(three: Wire) -> None:
+def test_an_alarm_counts_only_from_a_participant(three: Box) -> None:
     task = delegated(three)
     three.platform("0").ports.tasks.coordinated[task.conversation].members.pop("2")
     assert told(three, task) == []
@@ -201,7 +201,7 @@ def test_an_alarm_counts_only_from_a_participant(three: Wire) -> None:
 
 
 @pytest.mark.parametrize("other", ["0", "1"])
-def test_an_alarm_that_no_other_of_its_units_sees_is_the_word_of_one(three: Wire, other: str) -> None:
+def test_an_alarm_that_no_other_of_its_units_sees_is_the_word_of_one(three: Box, other: str) -> None:
     task = delegated(three)
     assert [alarm.unseen_by for alarm in told(three, task, units=("2", other))] == [()], "it is passed on at once"
     three.run(1.0)
@@ -210,7 +210,7 @@ def test_an_alarm_that_no_other_of_its_units_sees_is_the_word_of_one(three: Wire
     assert plain(second).endswith(f"(reported by 2, not seen by {other})")
 
 
-def test_an_alarm_that_both_see_is_passed_on_as_it_is(wire: Wire) -> None:
+def test_an_alarm_that_both_see_is_passed_on_as_it_is(wire: Box) -> None:
     for unit, east_m in (("0", 3000.0), ("1", -60.0), ("2", 0.0)):
         speed_m_s = 3.0 if unit == "1" else 0.0
         wire.join(unit, Vehicle(east_m=east_m, east_m_s=speed_m_s), trust=trust(unit))
@@ -223,7 +223,7 @@ def test_an_alarm_that_both_see_is_passed_on_as_it_is(wire: Wire) -> None:
     assert {alarm.unseen_by for alarm in alarms} == {()}
 
 
-def test_only_who_leads_hands_over(three: Wire) -> None:
+def test_only_who_leads_hands_over(three: Box) -> None:
     task = delegated(three)
     said = HandOver(task=task.conversation, coordinator="2", boot=1, generation=2)
     for to in "01":
@@ -234,7 +234,7 @@ def test_only_who_leads_hands_over(three: Wire) -> None:
         assert three.platform(to).ports.agent.audit_log.refused["refused"] == 1
 
 
-def test_a_task_belongs_to_the_delegator_that_its_name_begins_with(three: Wire) -> None:
+def test_a_task_belongs_to_the_delegator_that_its_name_begins_with(three: Box) -> None:
     task = delegated(three)
     joined(three, "3")
     three.run(0.1)

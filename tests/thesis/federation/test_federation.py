@@ -29,7 +29,7 @@ from federation.messages.contents import (
 )
 from federation.sharing.ontology import Translation, default_ontology
 from federation.transport import Put
-from tests.agents.wire import EPOCH, Question, Vehicle, Wire
+from tests.box import EPOCH, Box, Question, Vehicle
 from tests.federation.expressions import parse_expr
 from tests.satisfaction import satisfied
 
@@ -38,12 +38,12 @@ SECOND = 1_000_000
 
 
 @pytest.fixture
-def federation(wire: Wire) -> Wire:
+def federation(wire: Box) -> Box:
     """UAVs a, b, c and d, and a command centre, two seconds after they met."""
     return met(wire, "abcd")
 
 
-def met(wire: Wire, units: str) -> Wire:
+def met(wire: Box, units: str) -> Box:
     for at, unit in enumerate(units):
         wire.join(unit, Vehicle(north_m=500.0 * at, altitude_m=100.0 + at))
     wire.centre()
@@ -51,7 +51,7 @@ def met(wire: Wire, units: str) -> Wire:
     return wire
 
 
-def ask(wire: Wire, by: str, to: str, **query: object) -> Question:
+def ask(wire: Box, by: str, to: str, **query: object) -> Question:
     """Ask `to` a question; `since_s` and so on are seconds since the beginning."""
     return wire.asked(by, to, Query(semantic_label="heli-position", **query), P.QUERY_REF)  # type: ignore[arg-type]
 
@@ -65,7 +65,7 @@ def values(found: object) -> list[tuple[int, float]]:
 # 9.3.2  The multi-agent framework
 
 
-def test_9_3_2_the_directory_facilitator_finds_services_and_who_provides_them(federation: Wire) -> None:
+def test_9_3_2_the_directory_facilitator_finds_services_and_who_provides_them(federation: Box) -> None:
     for unit in ("a", "cc"):
         found = federation.member(unit).directory.search(service="dyknow-federation")
         assert [entry.unit for entry in found] == list("abcd")
@@ -73,7 +73,7 @@ def test_9_3_2_the_directory_facilitator_finds_services_and_who_provides_them(fe
     assert found_by_act == Found(agents=tuple(f"interface@{unit}" for unit in "abcd"))
 
 
-def test_9_3_2_a_local_directory_knows_private_services_and_the_global_one_does_not(federation: Wire) -> None:
+def test_9_3_2_a_local_directory_knows_private_services_and_the_global_one_does_not(federation: Box) -> None:
     own = federation.platform("a").ports.directory.search(service="local-instance")
     assert [entry.unit for entry in own] == ["a"]
     assert {each.service: each.visibility for each in own[0].services}["local-instance"] is Visibility.PRIVATE
@@ -84,7 +84,7 @@ def test_9_3_2_a_local_directory_knows_private_services_and_the_global_one_does_
 # 9.3.3  The DyKnow federation service: the messages
 
 
-def test_9_3_3_message_1_create_stream_multicast_exports_to_all_receivers(federation: Wire) -> None:
+def test_9_3_3_message_1_create_stream_multicast_exports_to_all_receivers(federation: Box) -> None:
     """ "UAV A could send a create stream multicast request for the semantic label heli-position to UAV B with a sample
     period of 2 seconds and UAVs C and D as receivers"."""
     content = CreateMulticast(semantic_labels=("heli-position",), sample_period_s=2.0, delay_s=1.0, to_units=("c", "d"))
@@ -99,10 +99,12 @@ def test_9_3_3_message_1_create_stream_multicast_exports_to_all_receivers(federa
         assert {b - a for a, b in pairwise(times)} == {2 * SECOND}
         assert all(at % (2 * SECOND) == 0 for at in times)
     assert federation.platform("a").ports.gateway.importer.imports.streams == {}, "who asked does not receive"
-    assert len({c.put.key for c in federation.log if c.put.key.startswith("x/b/")}) == 1, "one put for all receivers"
+    assert len({c.put.key for c in federation.wire.log if c.put.key.startswith("x/b/")}) == 1, (
+        "one put for all receivers"
+    )
 
 
-def test_9_3_3_message_1_the_stream_satisfies_its_start_and_end_times(federation: Wire) -> None:
+def test_9_3_3_message_1_the_stream_satisfies_its_start_and_end_times(federation: Box) -> None:
     first, last = federation.now_us + SECOND, federation.now_us + 3 * SECOND
     federation.asked(
         "a", "b",
@@ -120,7 +122,7 @@ def test_9_3_3_message_1_the_stream_satisfies_its_start_and_end_times(federation
 
 
 @pytest.mark.parametrize("to", ["a", "c"])
-def test_9_3_3_message_2_query_the_latest_value(federation: Wire, to: str) -> None:
+def test_9_3_3_message_2_query_the_latest_value(federation: Box, to: str) -> None:
     (found,) = ask(federation, "b", to).contents
     ((valid_us, latitude),) = values(found)
     assert federation.now_us - EPOCH - valid_us <= 300_000
@@ -128,8 +130,8 @@ def test_9_3_3_message_2_query_the_latest_value(federation: Wire, to: str) -> No
     assert latitude == pytest.approx(expected, abs=1e-6)
 
 
-def test_9_3_3_message_2_query_the_value_at_a_time_point(federation: Wire) -> None:
-    federation.nodes["a"].vehicle.north_m_s = 4.0  # type: ignore[union-attr]
+def test_9_3_3_message_2_query_the_value_at_a_time_point(federation: Box) -> None:
+    federation.vehicle("a").north_m_s = 4.0  # type: ignore[union-attr]
     federation.run(5.0)
     at_us = EPOCH + 3 * SECOND + 55_000
     (found,) = ask(federation, "b", "a", op="at", at_us=at_us).contents
@@ -137,14 +139,14 @@ def test_9_3_3_message_2_query_the_value_at_a_time_point(federation: Wire) -> No
     assert valid_us == 3 * SECOND, "the most recent one at that time (Def. 4.3.11)"
 
 
-def test_9_3_3_message_2_query_all_values_between_two_time_points(federation: Wire) -> None:
+def test_9_3_3_message_2_query_all_values_between_two_time_points(federation: Box) -> None:
     federation.run(3.0)
     (found,) = ask(federation, "b", "a", op="between", from_us=EPOCH + 2 * SECOND, to_us=EPOCH + 3 * SECOND).contents
     assert [valid_us for valid_us, _ in values(found)] == list(range(2 * SECOND, 3 * SECOND + 1, 100_000)), "inclusive"
 
 
 def test_9_3_3_a_time_point_in_the_future_is_refused_and_one_before_the_history_fails_and_names_its_start(
-    wire: Wire,
+    wire: Box,
 ) -> None:
     federation = met(wire, "ab")
     later = ask(federation, "b", "a", op="at", at_us=federation.now_us + SECOND)
@@ -157,10 +159,10 @@ def test_9_3_3_a_time_point_in_the_future_is_refused_and_one_before_the_history_
     assert earlier.reason.endswith(" s ago"), "its start"
 
 
-def test_9_3_3_a_request_is_local_or_global(federation: Wire) -> None:
+def test_9_3_3_a_request_is_local_or_global(federation: Box) -> None:
     (local,) = ask(federation, "cc", "a").contents
     assert isinstance(local, Samples)
-    asked = federation.ask("cc", "a", Query(semantic_label="heli-position", scope="global"), P.QUERY_REF)
+    asked = federation.question("cc", "a", Query(semantic_label="heli-position", scope="global"), P.QUERY_REF)
     federation.run(1.0)
     (found,) = asked.contents
     assert isinstance(found, Answers)
@@ -173,7 +175,7 @@ def test_9_3_3_a_request_is_local_or_global(federation: Wire) -> None:
 # 9.3.3  The DyKnow Gateway, the proxies: the interfaces
 
 
-def test_9_3_3_create_stream_unicast_translates_makes_a_policy_a_stream_and_exports_it(federation: Wire) -> None:
+def test_9_3_3_create_stream_unicast_translates_makes_a_policy_a_stream_and_exports_it(federation: Box) -> None:
     """`create stream unicast(heli-position, 0, 0, 1, 1, 0)`: "sample every 1, max delay 1"."""
     a = federation.platform("a")
     policy = stream_policy(1.0, 1.0)
@@ -188,7 +190,7 @@ def test_9_3_3_create_stream_unicast_translates_makes_a_policy_a_stream_and_expo
     federation.settle("a")
 
 
-def test_9_3_3_create_stream_multicast_is_unicast_to_each_receiver_with_one_stream(federation: Wire) -> None:
+def test_9_3_3_create_stream_multicast_is_unicast_to_each_receiver_with_one_stream(federation: Box) -> None:
     a = federation.platform("a")
     first = a.ports.gateway.create_stream_multicast("heli-position", stream_policy(1.0, 1.0), ["b", "c"], "contract-1")
     again = a.ports.gateway.create_stream_multicast("heli-position", stream_policy(1.0, 1.0), ["d"], "contract-2")
@@ -200,13 +202,13 @@ def test_9_3_3_create_stream_multicast_is_unicast_to_each_receiver_with_one_stre
     assert a.ports.gateway.exporter.exports.streams() == []
 
 
-def test_9_3_3_start_exporting_pushes_each_new_sample(federation: Wire) -> None:
+def test_9_3_3_start_exporting_pushes_each_new_sample(federation: Box) -> None:
     a = federation.platform("a")
     local = Label.parse("heli-altitude[a]")
     a.ports.gateway.exporter.start_exporting(local, "heli-altitude", ["b"], stream_policy(0.1, 1.0), "contract-1")
     since_us = federation.now_us
     federation.run(1.0)
-    puts = [c for c in federation.log if c.at_us > since_us and c.put.key.startswith("x/a/heli-altitude/")]
+    puts = [c for c in federation.wire.log if c.at_us > since_us and c.put.key.startswith("x/a/heli-altitude/")]
     assert len(puts) == 10
     assert isinstance(puts[0].put, Put)
     with pytest.raises(UnknownLabel):
@@ -215,7 +217,7 @@ def test_9_3_3_start_exporting_pushes_each_new_sample(federation: Wire) -> None:
     federation.settle("a")
 
 
-def test_9_3_3_a_receiver_that_is_gone_or_slow_harms_no_other(federation: Wire) -> None:
+def test_9_3_3_a_receiver_that_is_gone_or_slow_harms_no_other(federation: Box) -> None:
     federation.asked("c", "a", CreateMulticast(
         semantic_labels=("heli-position",), sample_period_s=0.1, delay_s=1.0, to_units=("b", "c", "d"))
     )  # fmt: skip
@@ -231,7 +233,7 @@ def test_9_3_3_a_receiver_that_is_gone_or_slow_harms_no_other(federation: Wire) 
     federation.run(1.0)
 
 
-def test_9_3_3_push_translates_the_label_and_makes_a_source_at_the_first_sample(federation: Wire) -> None:
+def test_9_3_3_push_translates_the_label_and_makes_a_source_at_the_first_sample(federation: Box) -> None:
     c = federation.platform("c")
     local = Label.parse("heli-altitude[b]")
     assert not c.ports.network.has(local)
@@ -240,7 +242,7 @@ def test_9_3_3_push_translates_the_label_and_makes_a_source_at_the_first_sample(
     assert c.ports.gateway.latest("heli-altitude", "b").valid_us == federation.now_us - 5
 
 
-def test_9_3_3_semantic_labels_are_translated_by_each_platform_on_its_own(wire: Wire) -> None:
+def test_9_3_3_semantic_labels_are_translated_by_each_platform_on_its_own(wire: Box) -> None:
     """Local names and units differ, and the two federate: feet here, metres there, one meaning between."""
     ontology = default_ontology()
     feet = Translation.parse(
@@ -270,14 +272,14 @@ def test_9_3_3_semantic_labels_are_translated_by_each_platform_on_its_own(wire: 
     assert found.samples[0].value == {"altitude_m": pytest.approx(100.0, abs=0.2)}
 
 
-def test_9_3_3_what_the_proxies_agree_on_is_announced_to_the_receiver(federation: Wire) -> None:
+def test_9_3_3_what_the_proxies_agree_on_is_announced_to_the_receiver(federation: Box) -> None:
     request = "(create-multicast semantic-labels: (sequence heli-position heli-altitude) sample-period: 1.0 delay: 1.0 to-units: (sequence c))"
     federation.asked("a", "b", read(parse_expr(request)))
     (told,) = [read(act.content) for act in federation.acts("b", "c", "stream") if act.content is not None]
     assert isinstance(told, Stream)
     assert told.owner == "b"
     assert Policy.parse(told.policy).content_hash() == told.hash
-    assert keys.stream_expr("heli-position", told.hash) in federation.nodes["c"].subscriptions
+    assert keys.stream_expr("heli-position", told.hash) in federation.wire.session("c").subscriptions
 
 
 # 9.3.4  The functionalities
@@ -287,7 +289,7 @@ def events(question: Question) -> list[tuple[str, str, str | None]]:
     return [(c.event, c.unit, c.what) for c in question.contents if isinstance(c, DirectoryEvent)]
 
 
-def test_9_3_4_a_node_is_added_by_registering_its_federation_service(federation: Wire) -> None:
+def test_9_3_4_a_node_is_added_by_registering_its_federation_service(federation: Box) -> None:
     watching = federation.asked("cc", "a", Directory(), P.SUBSCRIBE)
     federation.join("e")
     federation.run(1.0)
@@ -299,7 +301,7 @@ def test_9_3_4_a_node_is_added_by_registering_its_federation_service(federation:
     assert federation.platform("e").ports.gateway.importer.imports.streams == {}
 
 
-def test_9_3_4_a_node_is_removed_by_unregistering_and_is_told_of(federation: Wire) -> None:
+def test_9_3_4_a_node_is_removed_by_unregistering_and_is_told_of(federation: Box) -> None:
     watching = federation.asked("cc", "a", Directory(), P.SUBSCRIBE)
     assert federation.asked("cc", "d", Leave()).performatives == [P.AGREE, P.INFORM]
     federation.run(1.0)
@@ -308,7 +310,7 @@ def test_9_3_4_a_node_is_removed_by_unregistering_and_is_told_of(federation: Wir
     assert [e.unit for e in federation.platform("a").ports.directory.search(service="dyknow-federation")] == list("abc")
 
 
-def test_9_3_4_streams_to_and_from_a_node_that_left_remain_active(federation: Wire) -> None:
+def test_9_3_4_streams_to_and_from_a_node_that_left_remain_active(federation: Box) -> None:
     for by, to in (("a", "d"), ("d", "a")):
         federation.asked(by, to, CreateMulticast(
             semantic_labels=("heli-position",), sample_period_s=0.1, delay_s=1.0, to_units=(by,))
@@ -321,19 +323,21 @@ def test_9_3_4_streams_to_and_from_a_node_that_left_remain_active(federation: Wi
         assert federation.now_us - newest.valid_us < 400_000, f"{unit} still hears {other}"
 
 
-def test_9_3_4_a_node_that_left_can_register_again(federation: Wire) -> None:
+def test_9_3_4_a_node_that_left_can_register_again(federation: Box) -> None:
     federation.asked("cc", "d", Leave())
     federation.run(2.0)
     assert not federation.platform("a").ports.directory.is_present("d")
-    federation.ask("cc", "d", Rejoin())
+    federation.question("cc", "d", Rejoin())
     federation.run(2.0)
     assert federation.platform("a").ports.directory.is_present("d")
 
 
-def test_9_3_4_who_only_knows_the_label_makes_a_global_request(federation: Wire) -> None:
+def test_9_3_4_who_only_knows_the_label_makes_a_global_request(federation: Box) -> None:
     """The leader of the first use case asks for the current value of a label, whoever has it."""
     federation.freeze("c")
-    asked = federation.ask("a", "b", Query(semantic_label="heli-altitude", scope="global"), P.QUERY_REF, 4 * SECOND)
+    asked = federation.question(
+        "a", "b", Query(semantic_label="heli-altitude", scope="global"), P.QUERY_REF, 4 * SECOND
+    )
     federation.run(3.0)
     (found,) = asked.contents
     assert isinstance(found, Answers)
@@ -350,7 +354,7 @@ def test_9_3_4_who_only_knows_the_label_makes_a_global_request(federation: Wire)
      ({"merge": "inverse-variance"}, 101.0, 102.0)],
 )  # fmt: skip
 def test_9_3_4_several_answers_are_selected_from_or_merged(
-    federation: Wire, chosen: dict[str, str], low: float, high: float
+    federation: Box, chosen: dict[str, str], low: float, high: float
 ) -> None:
     asked = federation.asked(
         "cc",
@@ -365,13 +369,13 @@ def test_9_3_4_several_answers_are_selected_from_or_merged(
     assert low <= found.merged.value["altitude_m"] <= high  # type: ignore[index]
 
 
-def test_9_3_4_a_label_that_nobody_has_is_refused_with_what_there_is(federation: Wire) -> None:
+def test_9_3_4_a_label_that_nobody_has_is_refused_with_what_there_is(federation: Box) -> None:
     question = federation.asked("cc", "a", Query(semantic_label="max-speed"), P.QUERY_REF)
     assert question.performatives == [P.REFUSE]
     assert "heli-position" in question.reason
 
 
-def test_9_3_4_an_imported_stream_is_a_source_like_a_sensor(federation: Wire) -> None:
+def test_9_3_4_an_imported_stream_is_a_source_like_a_sensor(federation: Box) -> None:
     """Streaming information: what comes in is used by local units and policies as if it were local."""
     federation.asked("a", "b", CreateMulticast(
         semantic_labels=("heli-altitude",), sample_period_s=0.1, delay_s=1.0, to_units=("a",))

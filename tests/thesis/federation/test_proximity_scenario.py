@@ -3,37 +3,36 @@
 import pytest
 
 from agents.admission.admission import Admission
-from agents.effects import LeaveRequested
 from agents.monitoring.alarm_log import AlarmLog
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Alarm, CreateMonitor, CreateMulticast, Done, MonitorProximity, Progress, read
-from tests.agents.wire import EPOCH, Question, Vehicle, Wire
+from tests.box import EPOCH, Box, Question, Vehicle
 
 P = Performative
 THESIS = "(create-multicast semantic-labels: (sequence heli-position heli-altitude) sample-period: 1.0 delay: 1.0 to-units: (sequence 0))"
 
 
-def scenario(wire: Wire, **asked: object) -> Question:
+def scenario(wire: Box, **asked: object) -> Question:
     """Platforms 0 and 1 fly towards each other, and platform 0 is delegated the task."""
     wire.join("0", Vehicle(east_m=-100.0, east_m_s=4.0), control=True)
     wire.join("1", Vehicle(east_m=100.0, east_m_s=-4.0, altitude_m=102.0), control=True)
     wire.centre()
     wire.run(1.0)
-    question = wire.ask("cc", "0", MonitorProximity(**asked))  # type: ignore[arg-type]
+    question = wire.question("cc", "0", MonitorProximity(**asked))  # type: ignore[arg-type]
     wire.run(1.5)
     return question
 
 
-def said(wire: Wire, sender: str, receiver: str, head: str) -> list[Act]:
+def said(wire: Box, sender: str, receiver: str, head: str) -> list[Act]:
     return wire.acts(sender, receiver, head)
 
 
-def inputs(wire: Wire, unit: str, monitor: str = "proximity") -> dict[str, str]:
+def inputs(wire: Box, unit: str, monitor: str = "proximity") -> dict[str, str]:
     named = wire.platform(unit).ports.monitors.named[monitor]
     return {member: instance.monitor.inputs for member, instance in named.instances.items()}
 
 
-def test_figure_9_4_the_command_centre_delegates_to_platform_0_which_accepts(wire: Wire) -> None:
+def test_figure_9_4_the_command_centre_delegates_to_platform_0_which_accepts(wire: Box) -> None:
     question = scenario(wire)
     (request,) = said(wire, "cc", "0", "monitor-proximity")
     assert str(request.content) == "(monitor-proximity)"
@@ -43,14 +42,14 @@ def test_figure_9_4_the_command_centre_delegates_to_platform_0_which_accepts(wir
     assert [task.name for task in wire.platform("0").ports.tasks.all()] == ["monitor-proximity"]
 
 
-def test_figure_9_5_step_2_platform_0_has_platform_1_multicast_what_the_formula_needs(wire: Wire) -> None:
+def test_figure_9_5_step_2_platform_0_has_platform_1_multicast_what_the_formula_needs(wire: Box) -> None:
     scenario(wire, profile="proximity-thesis", sample_period_s=1.0, delay_s=1.0)
     (request,) = said(wire, "0", "1", "create-multicast")
     assert str(request.receiver) == "interface@1", "through the Interface Agents"
     assert str(request.content) == THESIS, "the message as the thesis prints it"
 
 
-def test_figure_9_5_step_3_platform_0_multicasts_its_own_streams_to_platform_1(wire: Wire) -> None:
+def test_figure_9_5_step_3_platform_0_multicasts_its_own_streams_to_platform_1(wire: Box) -> None:
     scenario(wire)
     streams = {
         (stream.label, receivers) for stream, receivers in wire.platform("0").ports.gateway.exporter.exports.streams()
@@ -59,7 +58,7 @@ def test_figure_9_5_step_3_platform_0_multicasts_its_own_streams_to_platform_1(w
     assert [a.performative for a in said(wire, "0", "1", "stream")] == [P.INFORM]
 
 
-def test_figure_9_5_steps_4_and_6_the_streams_flow_from_instance_to_instance(wire: Wire) -> None:
+def test_figure_9_5_steps_4_and_6_the_streams_flow_from_instance_to_instance(wire: Box) -> None:
     scenario(wire)
     for unit, other in (("0", "1"), ("1", "0")):
         platform = wire.platform(unit)
@@ -70,7 +69,7 @@ def test_figure_9_5_steps_4_and_6_the_streams_flow_from_instance_to_instance(wir
         assert wire.now_us - newest.valid_us < 300_000
 
 
-def test_figure_9_6_steps_1_to_3_a_proximity_monitor_is_delegated_to_each_platform_and_to_itself(wire: Wire) -> None:
+def test_figure_9_6_steps_1_to_3_a_proximity_monitor_is_delegated_to_each_platform_and_to_itself(wire: Box) -> None:
     scenario(wire)
     asked = [read(act.content) for act in said(wire, "0", "1", "create-monitor") if act.content is not None]
     assert [content.name for content in asked if isinstance(content, CreateMonitor)] == ["proximity", "proximity-warn"]
@@ -79,13 +78,13 @@ def test_figure_9_6_steps_1_to_3_a_proximity_monitor_is_delegated_to_each_platfo
         assert set(wire.platform(unit).ports.monitors.named) == {"proximity", "proximity-warn"}
 
 
-def test_figure_9_6_steps_4_and_6_each_platform_monitors_itself_against_each_other(wire: Wire) -> None:
+def test_figure_9_6_steps_4_and_6_each_platform_monitors_itself_against_each_other(wire: Box) -> None:
     scenario(wire)
     assert inputs(wire, "0") == {"1": "fresh"}
     assert inputs(wire, "1") == {"0": "fresh"}
 
 
-def test_9_4_1_the_delegator_is_told_of_each_step_that_was_set_up(wire: Wire) -> None:
+def test_9_4_1_the_delegator_is_told_of_each_step_that_was_set_up(wire: Box) -> None:
     question = scenario(wire)
     steps = [(c.step, c.unit) for c in question.contents if isinstance(c, Progress)]
     assert steps == [
@@ -96,7 +95,7 @@ def test_9_4_1_the_delegator_is_told_of_each_step_that_was_set_up(wire: Wire) ->
     ]
 
 
-def test_9_4_1_a_violation_is_told_to_the_other_platform_and_to_the_command_centre(wire: Wire) -> None:
+def test_9_4_1_a_violation_is_told_to_the_other_platform_and_to_the_command_centre(wire: Box) -> None:
     question = scenario(wire, avoidance=False)
     wire.run(26.0)
     for by, other in (("0", "1"), ("1", "0")):
@@ -106,10 +105,10 @@ def test_9_4_1_a_violation_is_told_to_the_other_platform_and_to_the_command_cent
         }  # fmt: skip
     heard = {(c.monitor, c.event, c.by) for c in question.contents if isinstance(c, Alarm)}
     assert {(name, "opened", by) for name in ("proximity", "proximity-warn") for by in "01"} <= heard
-    assert all(wire.nodes[unit].commands == [] for unit in "01"), "told not to give way"
+    assert all(wire.vehicle(unit).commands == [] for unit in "01"), "told not to give way"
 
 
-def test_9_4_1_a_warning_initiates_a_manoeuvre_that_the_two_agree_on(wire: Wire) -> None:
+def test_9_4_1_a_warning_initiates_a_manoeuvre_that_the_two_agree_on(wire: Box) -> None:
     scenario(wire)
     wire.run(20.0)
     proposals = wire.acts(head="avoid")
@@ -117,12 +116,12 @@ def test_9_4_1_a_warning_initiates_a_manoeuvre_that_the_two_agree_on(wire: Wire)
     assert any(
         act.performative is P.AGREE for act in wire.acts() if act.conversation_id == proposals[0].conversation_id
     )
-    assert any(wire.nodes[unit].commands for unit in "01"), "and is flown"
+    assert any(wire.vehicle(unit).commands for unit in "01"), "and is flown"
     alarms = {(e.monitor, e.event) for e in wire.platform("0").part(AlarmLog).events}
     assert ("proximity-warn", "opened") in alarms
 
 
-def test_9_4_1_a_platform_that_registers_later_is_taken_in(wire: Wire) -> None:
+def test_9_4_1_a_platform_that_registers_later_is_taken_in(wire: Box) -> None:
     scenario(wire)
     wire.join("2", Vehicle(north_m=800.0))
     wire.run(2.0)
@@ -136,20 +135,20 @@ def test_9_4_1_a_platform_that_registers_later_is_taken_in(wire: Wire) -> None:
     assert inputs(wire, "1") == {"0": "fresh", "2": "fresh"}
 
 
-def test_9_4_1_a_platform_that_dies_is_missing_and_one_that_leaves_is_no_member(wire: Wire) -> None:
+def test_9_4_1_a_platform_that_dies_is_missing_and_one_that_leaves_is_no_member(wire: Box) -> None:
     scenario(wire)
     for unit in "23":
         wire.join(unit, Vehicle(north_m=800.0 * int(unit)))
     wire.run(2.0)
     wire.kill("2")
-    wire.perform("3", wire.platform("3").on_event(LeaveRequested(wire.now_us), wire.now_us))
+    wire.leave("3")
     wire.run(4.0)
     assert inputs(wire, "0") == {"1": "fresh", "2": "missing"}
     shown = wire.platform("0").ports.monitors.named["proximity"].instances["2"].monitor.shows
     assert shown == "unknown", "never safe"
 
 
-def test_9_4_2_the_formula_of_the_thesis_is_kept_by_name_and_alarms_as_it_says(wire: Wire) -> None:
+def test_9_4_2_the_formula_of_the_thesis_is_kept_by_name_and_alarms_as_it_says(wire: Box) -> None:
     """(xy_dist >= 15 and z_dist >= 10) is violated by two at one height, however far apart."""
     scenario(wire, profile="proximity-thesis", avoidance=False)
     wire.run(1.5)
@@ -158,7 +157,7 @@ def test_9_4_2_the_formula_of_the_thesis_is_kept_by_name_and_alarms_as_it_says(w
     assert opened.values["xy_dist[0, 1]"] > 150.0
 
 
-def test_9_4_2_the_monitor_opens_at_the_sample_that_shows_the_violation_and_closes_after_it(wire: Wire) -> None:
+def test_9_4_2_the_monitor_opens_at_the_sample_that_shows_the_violation_and_closes_after_it(wire: Box) -> None:
     """They meet at 100 m / 4 m/s = 25 s; within 15 m from 25 s - 15 / 8 s to 25 s + 15 / 8 s."""
     scenario(wire, profile="proximity", avoidance=False)
     wire.run(30.0)
@@ -170,7 +169,7 @@ def test_9_4_2_the_monitor_opens_at_the_sample_that_shows_the_violation_and_clos
         assert opened.id == closed.id
 
 
-def test_cancel_takes_down_everything_the_task_set_up(wire: Wire) -> None:
+def test_cancel_takes_down_everything_the_task_set_up(wire: Box) -> None:
     question = scenario(wire)
     wire.join("2", Vehicle(north_m=800.0))
     wire.run(2.0)
