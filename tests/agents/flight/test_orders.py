@@ -43,7 +43,7 @@ def test_a_refusal_of_the_autopilot_is_a_failure_with_its_word(wire: Box, word: 
 
 
 def notes(wire: Box) -> list[str]:
-    return [effect.text for effect in wire.nodes["0"].other if hasattr(effect, "text")]
+    return wire.nodes["0"].notes
 
 
 def test_silence_of_the_autopilot_is_a_failure(wire: Box) -> None:
