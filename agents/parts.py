@@ -223,7 +223,10 @@ class Ports:
 
     @cached_property
     def monitors(self) -> UnitMonitors:
-        return UnitMonitors(self.unit, self.network, self.source, self.on_alarm)
+        def on_alarm(event: AlarmEvent) -> None:
+            self.on_alarm(self.part(GivingWay).annotated(event))
+
+        return UnitMonitors(self.unit, self.network, self.source, on_alarm)
 
     @property
     def monitored(self) -> Callable[[], Needs]:

@@ -13,7 +13,7 @@ from reasoning.formulas.tree import (
     required_labels,
     split_growing,
 )
-from reasoning.monitoring.alarms import AlarmEvent
+from reasoning.monitoring.alarms import NEITHER_CAN_AVOID, AlarmEvent
 from reasoning.monitoring.inputs import Freshness
 from reasoning.monitoring.margins import Margin, Margins
 from reasoning.monitoring.monitors import Monitor, Shown
@@ -26,6 +26,7 @@ from reasoning.progression.remaining import remaining
 
 __all__ = [
     "FEATURES",
+    "NEITHER_CAN_AVOID",
     "AlarmEvent",
     "Approach",
     "Clearance",

@@ -1,103 +1,75 @@
 """Giving way, agreed between two platforms (thesis 9.4.1: "in order to initiate an avoidance maneuver").
 
-Either platform may propose when its warning opens; the higher one climbs, a tie goes to the unit whose name sorts
-first. Proposals that cross settle on the one of the unit that sorts first. A partner that refuses or is silent leaves
-the whole manoeuvre to the other.
+Either platform may propose when its warning is open and the two converge; the higher one climbs, a tie goes to the unit
+whose name sorts first. Proposals that cross settle on the one of the unit that sorts first. A partner that refuses or is
+silent leaves the whole manoeuvre to the other; a vehicle that does not fly its part leaves it to the partner, after it has
+tried the other way. Where neither can, that is an alarm, and neither is left holding in the other's way.
 
-What was agreed is carried to its end, however the warning flickers while both brake: both hold until they are apart
-vertically, then fly on, the climber above until the other is away; no one waits for ever.
+| phase | entered by | left by |
+|---|---|---|
+| proposed | the two converge, and this side proposes | agreed, refused, silent: making room; they converge no more: over |
+| making room | agreed, alone, or what the partner left to us | 20 m apart, or soon: passing; not flown: the other way, else left; 40 s: over |
+| passing | both fly on, this side not above or not below its altitude | away from each other: over; closing below 15 m: making room |
+| left | the vehicle cannot be commanded, or does not fly its order | taken over by the partner and away: over; neither can: alarm |
+
+One crossing is one manoeuvre: what brakes do (overshoot, drift back) ends nothing, since both are judged by where they
+wanted to go. A silent partner is taken to stand where it was last.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import Enum
-from math import hypot
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
+from agents.flight.encounters import (
+    CLEAR_M,
+    CONVERGING_M_S,
+    Encounter,
+    EncounterPhase,
+    ManoeuvreRole,
+    Relation,
+    above_m,
+    ahead,
+    aside,
+    below_m,
+    braking_m,
+    climber_of,
+    converge,
+    flees,
+    is_clear,
+    leaps,
+    relation,
+    run_m,
+    with_course_of,
+)
 from agents.flight.places import Fix
+from agents.flight.steps import Divert, LeaveToPartner, NeitherCan, Over, Propose, ResumeRoute, Step
 from dyknow.model.errors import Refused
 from federation.members.directory import unit_order
-from navigation.geodesy import distance_m
 
 SEPARATION_M = 25.0
-CLEAR_M = 20.0
-AWAY_M = 60.0
-DIVERGING_M_S = 1.0
-DIVERGING_US = 3_000_000
-PATIENCE_US = 20_000_000
+CLOSE_M = 15.0
+MOST_CLIMB_M = 60.0
+"""No encounter takes a vehicle farther than that from the altitude at which it began."""
+AWAY_M, NOT_YET_AWAY_M, AWAY_IN_S = 60.0, 25.0, 2.5
+"""Away: so far, or that in a moment; before it has come down by 5 m."""
+OPENING_US = 1_000_000
+OPENING_ANYWAY_US = 15_000_000
+PATIENCE_US = 40_000_000
+UNMOVED_US, UNMOVED_M = 5_000_000, 2.0
+"""A platform that holds for a partner that has not moved apart by so much after that time takes the manoeuvre itself."""
+IDLE_US, IDLE_M = 10_000_000, 30.0
+"""Two that have not made for each other for so long, and are so far apart, need no more room."""
 AGAIN_US = 2_500_000
 KNOWN_US = 2_500_000
+BUDGET_US = 30_000_000
 FOLLOW_M = 5.0
 CLIMBING_M_S = 0.5
+SLACK = 0.25
+
+CLIMB, DESCEND, HOLD, ASIDE = ManoeuvreRole
+ASKED, MAKING_ROOM, PASSING, LEFT = EncounterPhase
 
 May: TypeAlias = Callable[[float | None], str | None]
 """The rule that forbids stopping at an altitude (metres above mean sea level; None: where it is), or None."""
-
-
-class ManoeuvreRole(Enum):
-    """What one side of a manoeuvre does."""
-
-    CLIMB = "climb"
-    DESCEND = "descend"
-    HOLD = "hold"
-
-
-class Propose(NamedTuple):
-    """Ask `partner` to agree that `climber` climbs while the other holds."""
-
-    partner: str
-    climber: str
-    climb_m: float
-
-
-class Divert(NamedTuple):
-    """Stop, at this altitude (metres above mean sea level) or where it is."""
-
-    altitude_m: float | None
-
-
-class ResumeRoute(NamedTuple):
-    """Fly on; not below `raised_to_m` nor above `lowered_to_m` while these are given."""
-
-    raised_to_m: float | None = None
-    lowered_to_m: float | None = None
-
-
-Step: TypeAlias = Propose | Divert | ResumeRoute
-
-
-@dataclass(slots=True)
-class Encounter:
-    """One partner, from the warning until both are on their ways again. Times are the node clock.
-
-    Attributes:
-        role: what this side does; None until that is agreed.
-        awaited: whether a proposal of ours is not answered yet.
-        clear_since_us, diverging_since_us: since when without a break, or None.
-        lifted: this side flies on, above (or below) the other.
-    """
-
-    partner: str
-    climber: str
-    asked_us: int
-    role: ManoeuvreRole | None = None
-    altitude_m: float | None = None
-    awaited: bool = False
-    clear_since_us: int | None = None
-    diverging_since_us: int | None = None
-    lifted: bool = False
-
-    @property
-    def keeps(self) -> bool:
-        """Whether it keeps the vehicle from its route."""
-        return self.role is not None and not self.lifted
-
-
-def climber_of(unit: str, own: Fix, partner: str, other: Fix) -> str:
-    """The higher one climbs; within a metre, the unit that sorts first."""
-    if abs(own.altitude_m - other.altitude_m) > 1.0:
-        return unit if own.altitude_m > other.altitude_m else partner
-    return min(unit, partner, key=unit_order)
 
 
 class Avoidance:
@@ -110,59 +82,120 @@ class Avoidance:
         self.unit = unit
         self.encounters: dict[str, Encounter] = {}
         self._order: Divert | ResumeRoute = ResumeRoute()
+        self._agreed_us: dict[str, int] = {}
 
     # -- agreeing ----------------------------------------------------------------------------------------------
 
-    def on_warning(self, partner: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
-        """A warning about `partner` opened here."""
-        known = self.encounters.get(partner)
-        if known is not None:
-            known.clear_since_us, known.lifted = None, False
-            return self._settled()
-        known = self.encounters[partner] = Encounter(partner, self.unit, now_us)
-        return [self._propose(known, own, other, may, now_us)]
+    def on_warned(self, partner: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
+        """A warning about `partner` is open here: if the two converge, and no encounter is under way, begin one."""
+        if partner in self.encounters or not converge(own, other):
+            return []
+        known = self.encounters[partner] = Encounter(partner, self.unit, own, other, other, now_us)
+        reason = may(None)
+        return self._leave(known, reason) if reason is not None else [self._propose(known, own, other, may, now_us)]
 
     def _propose(self, known: Encounter, own: Fix, other: Fix, may: May, now_us: int) -> Propose:
         known.climber = climber_of(self.unit, own, known.partner, other)
-        if known.climber == self.unit and may(_above(own, other)) is not None:
+        if known.climber == self.unit and self._refusal(known, CLIMB, own, other, may) is not None:
             known.climber = known.partner
         known.awaited, known.asked_us = True, now_us
-        above, below = (own, other) if known.climber == self.unit else (other, own)
-        return Propose(known.partner, known.climber, max(0.0, below.altitude_m + SEPARATION_M - above.altitude_m))
+        upper, lower = (own, other) if known.climber == self.unit else (other, own)
+        return Propose(known.partner, known.climber, max(0.0, lower.altitude_m + SEPARATION_M - upper.altitude_m))
 
     def on_proposal(
-        self, partner: str, climber: str, own: Fix, other: Fix, may: May, now_us: int
+        self,
+        partner: str,
+        climber: str,
+        own: Fix,
+        other: Fix,
+        may: May,
+        now_us: int,
+        *,
+        warned: bool,
+        because: str | None = None,
     ) -> tuple[Refused | None, list[Step]]:
-        """`partner` proposes that `climber` climbs. Returns why that is refused, or None, and what to do."""
+        """`partner` proposes that `climber` climbs, or does nothing itself, `because`. `warned`: we are about it, too.
+
+        Returns why that is refused, or None, and what to do.
+        """
         known = self.encounters.get(partner)
-        crossed = known is not None and known.awaited and known.climber != climber
+        refused = self._unfounded(partner, own, other, now_us, warned=warned or known is not None)
+        if refused is not None:
+            return refused, []
+        if because is not None:
+            known = known or self._met(partner, self.unit, own, other, now_us)
+            self._spend(partner, now_us, warned=warned)
+            return self._take_whole(known, because, own, other, may, now_us)
+        crossed = known is not None and self.awaits(partner) and known.climber != climber
         if crossed and unit_order(self.unit) < unit_order(partner):
             return Refused("superseded by the proposal of ours that crossed this one", "superseded"), []
-        role = ManoeuvreRole.CLIMB if climber == self.unit else ManoeuvreRole.HOLD
-        reason = may(_above(own, other) if role is ManoeuvreRole.CLIMB else None)
+        if known is not None and known.phase is LEFT:
+            return Refused(known.left_because, "cannot"), []
+        if known is not None and known.role is not None:
+            return None, []  # what is under way is carried to its end
+        known = known or self._met(partner, climber, own, other, now_us)
+        role = CLIMB if climber == self.unit else HOLD
+        reason = self._refusal(known, role, own, other, may)
         if reason is not None:
+            if not known.awaited:
+                del self.encounters[partner]
             return Refused(reason), []
-        if known is None:
-            known = self.encounters[partner] = Encounter(partner, climber, now_us, clear_since_us=now_us)
         known.climber = climber
-        return None, self._take(known, role, own, other)
+        self._spend(partner, now_us, warned=warned)
+        return None, self._take(known, role, own, other, now_us)
 
-    def on_agreed(self, partner: str, own: Fix, other: Fix, may: May) -> list[Step]:
+    def _met(self, partner: str, climber: str, own: Fix, other: Fix, now_us: int) -> Encounter:
+        found = self.encounters[partner] = Encounter(partner, climber, own, other, other, now_us)
+        return found
+
+    def _unfounded(self, partner: str, own: Fix, other: Fix, now_us: int, *, warned: bool) -> Refused | None:
+        """A manoeuvre needs a warning of ours, or what we see of the partner; without a warning seldom."""
+        if warned:
+            return None
+        if not converge(own, other, SLACK):
+            return Refused(f"nothing here shows that {partner} comes near", "no-evidence")
+        if now_us < self._agreed_us.get(partner, -BUDGET_US) + BUDGET_US:
+            return Refused(f"one manoeuvre for {partner} in 30 s without a warning of ours", "too-often")
+        return None
+
+    def _spend(self, partner: str, now_us: int, *, warned: bool) -> None:
+        if not warned:
+            self._agreed_us[partner] = now_us
+
+    def _take_whole(
+        self, known: Encounter, because: str, own: Fix, other: Fix, may: May, now_us: int
+    ) -> tuple[Refused | None, list[Step]]:
+        """The partner cannot avoid us: all of it is ours."""
+        known.alone = True
+        if known.phase is PASSING or known.role is ASIDE:
+            return None, []
+        if known.role in {CLIMB, DESCEND}:
+            known.place = ahead(own, braking_m(own))  # it does not hold: stop before it
+            return None, self._settled()
+        steps = [] if known.phase is LEFT else self._alone(known, own, other, may, now_us)
+        if known.left_because:
+            both = NeitherCan(known.partner, (known.left_because, because))
+            return Refused(known.left_because, "cannot"), [
+                *(s for s in steps if not isinstance(s, LeaveToPartner)),
+                both,
+            ]
+        return None, steps
+
+    def on_agreed(self, partner: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
         """`partner` accepted our proposal."""
         known = self.encounters.get(partner)
-        if known is None or not known.awaited:
+        if known is None or not self.awaits(partner):
             return []
         known.awaited = False
-        if known.role is not None:
-            return []
-        if known.climber != self.unit:
-            return self._take(known, ManoeuvreRole.HOLD, own, other)
-        return self._alone(known, own, other, may, ManoeuvreRole.CLIMB, ManoeuvreRole.DESCEND)
+        role = CLIMB if known.climber == self.unit else HOLD
+        if self._refusal(known, role, own, other, may) is None:
+            return self._take(known, role, own, other, now_us)
+        return self._alone(known, own, other, may, now_us)
 
     def awaits(self, partner: str) -> bool:
         """Whether `partner` has not answered our proposal yet."""
         known = self.encounters.get(partner)
-        return known is not None and known.awaited
+        return known is not None and known.awaited and known.phase is ASKED
 
     def on_superseded(self, partner: str) -> None:
         """`partner` has made a proposal of its own, which goes first: it is under way, or made again."""
@@ -170,144 +203,216 @@ class Avoidance:
         if known is not None:
             known.awaited = False
 
-    def on_declined(self, partner: str, own: Fix, other: Fix, may: May) -> list[Step]:
+    def on_declined(self, partner: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
         """`partner` refused, or was silent: the whole manoeuvre is ours, unless it has proposed one meanwhile."""
         known = self.encounters.get(partner)
-        if known is None or not known.awaited:
+        if known is None or not self.awaits(partner):
             return []
         known.awaited = False
-        if known.role is not None:
-            return []
-        if own.altitude_m < other.altitude_m - FOLLOW_M:
-            return self._alone(known, own, other, may, ManoeuvreRole.DESCEND, ManoeuvreRole.CLIMB)
-        return self._alone(known, own, other, may, ManoeuvreRole.CLIMB, ManoeuvreRole.DESCEND)
+        return self._alone(known, own, other, may, now_us)
 
-    def _alone(self, known: Encounter, own: Fix, other: Fix, may: May, *roles: ManoeuvreRole) -> list[Step]:
-        """The first of the roles that the rules allow; else hold."""
-        for role in roles:
-            if may(_above(own, other) if role is ManoeuvreRole.CLIMB else _below(own, other)) is None:
-                return self._take(known, role, own, other)
-        return self._take(known, ManoeuvreRole.HOLD, own, other)
+    def on_grounded(self, partner: str) -> list[Step]:
+        """`partner` says that it is on the ground or disarmed: it is no traffic."""
+        known = self.encounters.get(partner)
+        return [] if known is None else self._end(known)
 
-    def _take(self, known: Encounter, role: ManoeuvreRole, own: Fix, other: Fix) -> list[Step]:
-        known.role = role
-        if role is ManoeuvreRole.CLIMB:
-            known.altitude_m = _above(own, other)
+    def _alone(self, known: Encounter, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
+        """The first of the ways that the rules allow and our autopilot has not refused; else it is left to the partner."""
+        known.alone = True
+        down_first = own.altitude_m < other.altitude_m - FOLLOW_M or (known.lost and known.climber == known.partner)
+        reason = ""
+        for role in (DESCEND, CLIMB, ASIDE) if down_first else (CLIMB, DESCEND, ASIDE):
+            refused = self._refusal(known, role, own, other, may)
+            if refused is None:
+                return self._take(known, role, own, other, now_us)
+            reason = reason or refused
+        return self._leave(known, reason)
+
+    def _refusal(self, known: Encounter, role: ManoeuvreRole, own: Fix, other: Fix, may: May) -> str | None:
+        """Why this side does not take that role, or None."""
+        if role in known.failed:
+            return known.failed[role]
+        if role in {HOLD, ASIDE}:
+            return may(None)
+        against = DESCEND if role is CLIMB else CLIMB
+        if any(each.role is against for each in self.encounters.values() if each is not known):
+            return f"it would {role.value} while it does the opposite for another"
+        altitude_m = _altitude_m(role, own, other)
+        if abs(altitude_m - known.start.altitude_m) > MOST_CLIMB_M:
+            return f"{altitude_m:.0f} m is more than {MOST_CLIMB_M:.0f} m from its own altitude"
+        return may(altitude_m)
+
+    def _take(self, known: Encounter, role: ManoeuvreRole, own: Fix, other: Fix, now_us: int) -> list[Step]:
+        known.role, known.phase, known.since_us = role, MAKING_ROOM, now_us
+        known.gap_m = abs(own.altitude_m - other.altitude_m)
+        known.altitude_m = _altitude_m(role, own, other) if role in {CLIMB, DESCEND} else None
+        if role is ASIDE:
+            known.place = aside(own, other)
         else:
-            known.altitude_m = _below(own, other) if role is ManoeuvreRole.DESCEND else None
+            run = braking_m(own)
+            if role is not HOLD and not known.alone:
+                run = run_m(own, other, abs((known.altitude_m or own.altitude_m) - own.altitude_m))
+            known.place = ahead(own, run)
+        if role is HOLD and flees(own, other):
+            known.phase, known.altitude_m = PASSING, own.altitude_m
         return self._settled()
+
+    # -- what is not flown -------------------------------------------------------------------------------------
+
+    def on_not_flown(
+        self, reason: str, own: Fix, may: May, now_us: int, *, refused: bool, overtaken: bool
+    ) -> list[Step]:
+        """Our autopilot does not fly the diversion: it refused, another's target took its place, or nothing moves.
+
+        What was refused is tried the other way. What another overwrote would be overwritten again, and what is not
+        seen may still come: the partner takes the manoeuvre, and this side commands nothing further.
+        """
+        steps: list[Step] = []
+        for known in [each for each in self.encounters.values() if each.keeps]:
+            role = known.role or HOLD
+            known.failed[role] = reason
+            if overtaken or not refused:
+                steps += self._leave(known, reason, keeping=not overtaken)
+            elif role is HOLD:
+                steps += self._leave(known, reason)
+            else:
+                steps += self._alone(known, own, known.other, may, now_us)
+        if overtaken:
+            self._order = ResumeRoute()  # it is not ours to resume: whoever overtook it flies it now
+        return [step for step in steps if not (overtaken and isinstance(step, ResumeRoute))]
+
+    def _leave(self, known: Encounter, reason: str, *, keeping: bool = False) -> list[Step]:
+        """The partner is to take the whole manoeuvre; `keeping`: what was ordered stays so, in case it comes."""
+        told, known.left_because = bool(known.left_because), known.left_because or reason
+        if not keeping:
+            known.phase, known.role = LEFT, None
+        return [*([] if told else [LeaveToPartner(known.partner, reason)]), *self._settled()]
+
+    def on_left_refused(self, partner: str, reason: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
+        """`partner` cannot take the manoeuvre that we left to it: go aside if that is possible, else tell."""
+        known = self.encounters.get(partner)
+        if known is None or not known.left_because:
+            return []
+        if known.phase is LEFT and self._refusal(known, ASIDE, own, other, may) is None:
+            return self._take(known, ASIDE, own, other, now_us)
+        return [NeitherCan(partner, (known.left_because, reason))]
 
     # -- carrying out, and ending ------------------------------------------------------------------------------
 
     def on_moved(self, partner: str, own: Fix, other: Fix | None, may: May, now_us: int, *, warned: bool) -> list[Step]:
         """Positions have changed. `warned`: the warning about `partner` is open here."""
         known = self.encounters.get(partner)
+        if other is not None and own.valid_us - other.valid_us > KNOWN_US:
+            other = None
         if known is None:
-            return []
-        if warned:
-            known.clear_since_us, known.lifted = None, False
-        elif known.clear_since_us is None:
-            known.clear_since_us = now_us
-        if other is None or own.valid_us - other.valid_us > KNOWN_US:
-            return [] if warned else self._end(known)
-        if known.role is None:
-            return self._not_agreed(known, own, other, may, now_us, warned=warned)
-        self._follow(known, own, other, may)
-        away_m = distance_m(own.latitude_deg, own.longitude_deg, other.latitude_deg, other.longitude_deg)
-        if opening_m_s(own, other) < DIVERGING_M_S:
-            known.diverging_since_us = None
-        elif known.diverging_since_us is None:
-            known.diverging_since_us = now_us
-        if not warned:
-            self._see_whether_over(known, away_m, abs(own.altitude_m - other.altitude_m), now_us)
+            return self.on_warned(partner, own, other, may, now_us) if warned and other is not None else []
+        if other is None or leaps(known.other, other):
+            other = known.other._replace(north_m_s=0.0, east_m_s=0.0, down_m_s=0.0)
+            known.lost = True
+        else:
+            known.other, known.lost = other, False
+        if known.phase is ASKED:
+            return self._while_asked(known, own, other, may, now_us)
+        seen = relation(own, other)
+        if self._is_over(known, seen, own, other, now_us):
+            return self._end(known)
+        if known.phase is MAKING_ROOM:
+            return self._make_room(known, seen, own, other, may, now_us)
+        if known.phase is PASSING and seen.apart_m < CLOSE_M and converge(own, other):
+            if known.role is not HOLD or not flees(own, other):
+                return self._take(known, known.role or HOLD, own, other, now_us)
+            if seen.away_m < IDLE_M:
+                return self._alone(known, own, other, may, now_us)
         return self._settled()
 
-    def _not_agreed(self, known: Encounter, own: Fix, other: Fix, may: May, now_us: int, *, warned: bool) -> list[Step]:
-        if known.awaited:
+    def _while_asked(self, known: Encounter, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
+        if known.awaited or now_us < known.asked_us + AGAIN_US:
             return []
-        if not warned:
+        return [self._propose(known, own, other, may, now_us)] if converge(own, other) else self._end(known)
+
+    def _make_room(self, known: Encounter, seen: Relation, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
+        since_us = now_us - known.since_us
+        if known.role is ASIDE:
+            return self._end(known) if since_us >= PATIENCE_US else self._settled()
+        if known.role is HOLD:
+            unmoved = since_us >= UNMOVED_US and seen.apart_m < known.gap_m + UNMOVED_M
+            if (known.lost or unmoved) and seen.apart_m < CLEAR_M:
+                return self._alone(known, own, other, may, now_us)
+        self._follow(known, own, other, may, now_us)
+        if is_clear(known, seen, own, other):
+            known.phase, known.place = PASSING, None
+            if known.role is HOLD:
+                known.altitude_m = own.altitude_m
+        elif since_us >= PATIENCE_US:
             return self._end(known)
-        return [self._propose(known, own, other, may, now_us)] if now_us >= known.asked_us + AGAIN_US else []
+        return self._settled()
 
-    def _see_whether_over(self, known: Encounter, away_m: float, apart_m: float, now_us: int) -> None:
-        diverging_us = 0 if known.diverging_since_us is None else now_us - known.diverging_since_us
-        patient = known.clear_since_us is not None and now_us < known.clear_since_us + PATIENCE_US
-        is_away = away_m >= AWAY_M and diverging_us >= DIVERGING_US
-        if is_away or (known.role is ManoeuvreRole.HOLD and apart_m >= CLEAR_M):
-            del self.encounters[known.partner]
-        elif apart_m >= CLEAR_M:
-            known.lifted = True
-        elif not patient and not known.lifted:
-            del self.encounters[known.partner]
-
-    def _follow(self, known: Encounter, own: Fix, other: Fix, may: May) -> None:
+    def _follow(self, known: Encounter, own: Fix, other: Fix, may: May, now_us: int) -> None:
         """Stay clear of a partner that rises or sinks itself; of two that climb, one stops."""
-        if known.role is ManoeuvreRole.CLIMB and known.altitude_m is not None:
-            rises = other.down_m_s < -CLIMBING_M_S and abs(own.altitude_m - other.altitude_m) < CLEAR_M
-            wanted_m = other.altitude_m + SEPARATION_M
-            if rises and climber_of(self.unit, own, known.partner, other) != self.unit:
-                known.role, known.altitude_m = ManoeuvreRole.HOLD, None
-            elif wanted_m > known.altitude_m + FOLLOW_M and may(wanted_m) is None:
-                known.altitude_m = wanted_m
-        elif known.role is ManoeuvreRole.DESCEND and known.altitude_m is not None:
-            wanted_m = other.altitude_m - SEPARATION_M
-            if wanted_m < known.altitude_m - FOLLOW_M and may(wanted_m) is None:
-                known.altitude_m = wanted_m
+        if known.role not in {CLIMB, DESCEND} or known.altitude_m is None:
+            return
+        rises = other.down_m_s < -CLIMBING_M_S and abs(own.altitude_m - other.altitude_m) < CLEAR_M
+        if known.role is CLIMB and rises and climber_of(self.unit, own, known.partner, other) != self.unit:
+            self._take(known, HOLD, own, other, now_us)
+            self._order = ResumeRoute()
+            return
+        wanted_m = _altitude_m(known.role, other, other)
+        farther_m = wanted_m - known.altitude_m if known.role is CLIMB else known.altitude_m - wanted_m
+        if farther_m > FOLLOW_M and self._refusal(known, known.role, other, other, may) is None:
+            known.altitude_m = wanted_m
 
-    def on_gone(self, partner: str) -> list[Step]:
-        """`partner` left the federation: nothing more is known of it, fly on."""
+    def _is_over(self, known: Encounter, seen: Relation, own: Fix, other: Fix, now_us: int) -> bool:
+        """Away from each other, as they fly and as they want to; or for long neither makes for the other."""
+        opening = seen.opening_m_s >= CONVERGING_M_S
+        known.opening_since_us = (known.opening_since_us or now_us) if opening else None
+        closing = converge(own, other) if known.phase is LEFT else seen.opening_m_s <= -CONVERGING_M_S
+        known.idle_since_us = None if closing else known.idle_since_us or now_us
+        if not known.keeps and known.idle_since_us is not None and now_us >= known.idle_since_us + IDLE_US:
+            return known.phase is LEFT or known.lost or seen.away_m >= IDLE_M
+        soon_m = seen.away_m + AWAY_IN_S * seen.opening_m_s
+        if known.opening_since_us is None or seen.away_m < NOT_YET_AWAY_M or soon_m < AWAY_M:
+            return False
+        wants = relation(with_course_of(own, known.start), with_course_of(other, known.other_start))
+        wanted = wants.opening_m_s >= CONVERGING_M_S
+        return now_us >= known.opening_since_us + (OPENING_US if wanted else OPENING_ANYWAY_US)
+
+    def on_gone(self, partner: str) -> None:
+        """`partner` left the federation: it is taken to be where it was last."""
         known = self.encounters.get(partner)
-        return [] if known is None else self._end(known)
-
-    def forget_order(self) -> None:
-        """What was to be done was not done: it is to be ordered again when something changes."""
-        self._order = ResumeRoute()
+        if known is not None:
+            known.lost = True
 
     def _end(self, known: Encounter) -> list[Step]:
         del self.encounters[known.partner]
-        return self._settled()
+        return [*self._settled(), Over(known.partner)]
 
     def _settled(self) -> list[Step]:
         """What all encounters together want of the vehicle, if that is something else than before."""
-        keeping = [e for e in self.encounters.values() if e.keeps]
-        free = [e for e in self.encounters.values() if e.lifted]
+        keeping = [each for each in self.encounters.values() if each.keeps]
         order: Divert | ResumeRoute
         if keeping:
             climb_m, descend_m = _highest(keeping), _lowest(keeping)
-            order = Divert(descend_m if climb_m is None else climb_m)
+            places = [each for each in keeping if each.place is not None]
+            first = min(places, key=lambda each: each.since_us, default=None)
+            order = Divert(descend_m if climb_m is None else climb_m, None if first is None else first.place)
         else:
-            order = ResumeRoute(_highest(free), _lowest(free))
+            passing = [each for each in self.encounters.values() if each.phase is PASSING]
+            raised = [each.altitude_m for each in passing if each.is_above and each.altitude_m is not None]
+            lowered = [each.altitude_m for each in passing if not each.is_above and each.altitude_m is not None]
+            order = ResumeRoute(max(raised, default=None), min(lowered, default=None))
         if order == self._order:
             return []
         self._order = order
         return [order]
 
 
-def opening_m_s(own: Fix, other: Fix) -> float:
-    """How fast the horizontal distance grows; 0 at no distance."""
-    north_m = distance_m(own.latitude_deg, own.longitude_deg, other.latitude_deg, own.longitude_deg)
-    east_m = distance_m(own.latitude_deg, own.longitude_deg, own.latitude_deg, other.longitude_deg)
-    north_m = north_m if other.latitude_deg >= own.latitude_deg else -north_m
-    east_m = east_m if other.longitude_deg >= own.longitude_deg else -east_m
-    away_m = hypot(north_m, east_m)
-    if away_m == 0.0:
-        return 0.0
-    return (north_m * (other.north_m_s - own.north_m_s) + east_m * (other.east_m_s - own.east_m_s)) / away_m
-
-
-def _above(own: Fix, other: Fix) -> float:
-    return max(own.altitude_m, other.altitude_m + SEPARATION_M)
-
-
-def _below(own: Fix, other: Fix) -> float:
-    return min(own.altitude_m, other.altitude_m - SEPARATION_M)
+def _altitude_m(role: ManoeuvreRole, own: Fix, other: Fix) -> float:
+    return above_m(own, other, SEPARATION_M) if role is CLIMB else below_m(own, other, SEPARATION_M)
 
 
 def _highest(encounters: list[Encounter]) -> float | None:
-    climbs = [e.altitude_m for e in encounters if e.role is ManoeuvreRole.CLIMB and e.altitude_m is not None]
-    return max(climbs, default=None)
+    return max((e.altitude_m for e in encounters if e.role is CLIMB and e.altitude_m is not None), default=None)
 
 
 def _lowest(encounters: list[Encounter]) -> float | None:
-    descents = [e.altitude_m for e in encounters if e.role is ManoeuvreRole.DESCEND and e.altitude_m is not None]
-    return min(descents, default=None)
+    return min((e.altitude_m for e in encounters if e.role is DESCEND and e.altitude_m is not None), default=None)

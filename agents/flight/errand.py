@@ -140,9 +140,9 @@ class Errand:
             if not self.in_target and self.progress is not _P.FLOWN:
                 self.progress, self.reason = _P.UNSEEN, NO_ANSWER
         elif result.reason == OVERTAKEN:
-            self._end(_P.OVERTAKEN, OVERTAKEN)
+            self.end(_P.OVERTAKEN, OVERTAKEN)
         else:
-            self._end(_P.REFUSED, f"autopilot: {result.reason}")
+            self.end(_P.REFUSED, f"autopilot: {result.reason}")
 
     def on_target(self, target: TargetReport, now_us: int) -> None:
         """Where the vehicle says it is flying to."""
@@ -152,7 +152,7 @@ class Errand:
         if self.is_ours(target):
             self.in_target = True
         elif self.in_target or (self.acknowledged and now_us >= self.sent_us + SETTLES_US):
-            self._end(_P.OVERTAKEN, "another ground station has given the vehicle another target")
+            self.end(_P.OVERTAKEN, "another ground station has given the vehicle another target")
 
     def on_status(self, status: StatusReport) -> None:
         """In which mode the vehicle is."""
@@ -162,13 +162,13 @@ class Errand:
             if status.mode in self._modes:
                 self.in_target, self.progress, self.reason = True, _P.FLOWN, ""
             elif self.in_target and status.armed:
-                self._end(_P.OVERTAKEN, f"the vehicle was taken over: mode {status.mode}")
+                self.end(_P.OVERTAKEN, f"the vehicle was taken over: mode {status.mode}")
             return
         interrupts = isinstance(self.order, InterruptOrder) and status.mode in MISSION_MODES
         if not status.armed:
-            self._end(_P.OVERTAKEN, "the vehicle was disarmed")
+            self.end(_P.OVERTAKEN, "the vehicle was disarmed")
         elif not status.guided and (self.acknowledged or not interrupts):
-            self._end(_P.OVERTAKEN, f"the vehicle was taken over: mode {status.mode}")
+            self.end(_P.OVERTAKEN, f"the vehicle was taken over: mode {status.mode}")
 
     def on_fix(self, fix: Fix, now_us: int) -> None:
         """Where the vehicle is and how it moves."""
@@ -243,5 +243,6 @@ class Errand:
         nears = away_m <= LEVEL_M or (fix.north_m_s * north_m + fix.east_m_s * east_m) > 0.5 * away_m
         return rises and nears
 
-    def _end(self, progress: OrderProgress, reason: str) -> None:
+    def end(self, progress: OrderProgress, reason: str) -> None:
+        """Nothing more comes of it."""
         self.progress, self.reason = progress, reason

@@ -1,28 +1,39 @@
 """From a warning to a manoeuvre that both platforms agreed on, and back to the route (thesis 9.4.1).
 
-The glue between alarms, the rules of `agents.flight.avoidance`, acts to the partner, and the pilot. Times are the node clock.
+The glue between alarms, the rules of `agents.flight.avoidance`, acts to the partner, and the pilot. Whatever is decided is
+noted here and reported to the delegator of the task. Times are the node clock.
 """
 
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 
 from agents.actions import COORDINATION, Action, Offer
 from agents.exchange.gateway import Gateway
-from agents.flight.avoidance import Avoidance, Divert, Propose, Step
+from agents.flight.avoidance import Avoidance
+from agents.flight.encounters import leaps
+from agents.flight.errand import OrderProgress
 from agents.flight.pilot import Pilot
 from agents.flight.places import Fix
+from agents.flight.steps import Divert, LeaveToPartner, NeitherCan, Over, Propose, ResumeRoute, Step
 from agents.interface import InterfaceAgent
 from agents.monitoring.coordination import Coordination
 from agents.monitoring.monitors import UnitMonitors
 from agents.part import Part, PeerChange
 from dyknow import NO_VALUE
 from dyknow.model.errors import Refused, UnknownLabel, ValueNotAvailable
+from federation.members.clock import FederationClock
 from federation.members.liveness import PlatformGone
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Avoid, Content, Reason
+from federation.messages.descriptions import ConditionEntry
 from navigation.vehicle import Command, GoToOrder, HoldOrder
-from reasoning import AlarmEvent
+from reasoning import NEITHER_CAN_AVOID, AlarmEvent
 
 ANSWER_WITHIN_US = 1_000_000
+GROUNDED_US = 10_000_000
+"""So long a partner on the ground is no traffic; then the next proposal finds out again."""
+LOOK_BACK_US = 3_000_000
+NOT_FLOWN = frozenset({OrderProgress.REFUSED, OrderProgress.OVERTAKEN, OrderProgress.UNSEEN})
 
 
 class GivingWay(Part):
@@ -33,10 +44,13 @@ class GivingWay(Part):
         monitors: whose alarms are about.
         coordination: whether a task wants platforms to give way when a monitor raises an alarm.
         emit: takes commands to the vehicle.
+        note: takes words for the log.
+        on_alarm: takes the alarm that neither of two can avoid the other.
+        offer: tells the directory that our conditions have changed, at a time.
         may_avoid: whether this platform may give way at all.
 
     Attributes:
-        log: what was decided, for users: which one climbs, which one refused and why.
+        refused: proposals of partners that were refused, by code.
     """
 
     offers = (Offer(COORDINATION, (Action(Avoid, "on_avoid"),)),)
@@ -45,55 +59,159 @@ class GivingWay(Part):
         self,
         unit: str,
         agent: InterfaceAgent,
+        clock: FederationClock,
         pilot: Pilot,
         gateway: Gateway,
         monitors: UnitMonitors,
         coordination: Coordination,
         emit: Callable[[Command], None],
+        note: Callable[[str], None],
+        on_alarm: Callable[[AlarmEvent], None],
+        offer: Callable[[int], None],
         *,
         may_avoid: bool,
     ) -> None:
-        self._unit, self._agent, self._pilot, self._gateway, self._emit = unit, agent, pilot, gateway, emit
+        self._unit, self._agent, self._clock, self._pilot, self._gateway = unit, agent, clock, pilot, gateway
         self._monitors, self._coordination, self._may_avoid = monitors, coordination, may_avoid
+        self._emit, self._note, self._raise, self._offer = emit, note, on_alarm, offer
         self._avoidance = Avoidance(unit)
         self._alarm_of: dict[str, str] = {}
-        self.log: list[str] = []
+        self._warned: dict[str, str] = {}
+        self._neither: dict[str, AlarmEvent] = {}
+        self._grounded_until_us: dict[str, int] = {}
+        self._seen: object = None
+        self._off: ConditionEntry | None = None
+        self.refused: dict[str, int] = {}
 
     @property
     def encounters(self) -> tuple[str, ...]:
         """The units this platform is avoiding, or about to."""
         return tuple(self._avoidance.encounters)
 
+    @property
+    def off(self) -> str:
+        """Why this platform, though it is to give way, would not do so now; empty: it would."""
+        wanted = self._may_avoid and self._pilot.control and not self._stands and self._coordination.avoids()
+        reason, status = self._may(None) if wanted else None, self._pilot.status
+        if reason is None:
+            return ""
+        return reason if status is None or status.guided else f"mode {status.mode}"
+
+    def conditions(self) -> Iterable[ConditionEntry]:
+        return () if self._off is None else (self._off,)
+
+    def _look_whether_off(self, now_us: int) -> None:
+        text = f"avoidance off: {self.off}"[:200] if self.off else ""
+        if text != ("" if self._off is None else self._off.text):
+            self._off = ConditionEntry(text=text, since_us=now_us) if text else None
+            self._offer(now_us)
+
+    def annotated(self, event: AlarmEvent) -> AlarmEvent:
+        """A warning says as well that this platform will do nothing about it."""
+        if event.event == "closed" or not self._is_warning(event.monitor) or not self.off:
+            return event
+        return event._replace(values={**event.values, f"avoidance[{self._unit}]": f"off: {self.off}"})
+
     # -- what happens ------------------------------------------------------------------------------------------
 
     def on_alarm(self, event: AlarmEvent, now_us: int) -> None:
-        """A warning about another platform opened or closed here; that it closed is seen when positions change."""
-        if not self._starts(event.monitor) or len(event.units) != 2 or event.event == "closed":
+        """A warning about another platform opened or closed here."""
+        if len(event.units) != 2 or not self._is_warning(event.monitor):
             return
         partner = event.units[1]
-        own, other = self._pilot.fix, fix_of(self._gateway, partner)
-        if own is None or other is None:
+        if event.event == "closed":
+            self._warned.pop(partner, None)
             return
-        reason = self._may(None)
-        if reason is not None:
-            self._note(f"{self._unit} does not move for {partner}: {reason}")
-            return
+        self._warned[partner] = event.monitor
         self._alarm_of[partner] = event.id
-        self._do(self._avoidance.on_warning(partner, own, other, self._may, now_us), now_us)
+        own = self._pilot.fix
+        if own is not None:
+            self._look(partner, own, now_us)
 
-    def _starts(self, monitor: str) -> bool:
-        """Whether an alarm of `monitor` starts a manoeuvre."""
+    def _is_warning(self, monitor: str) -> bool:
         named = self._monitors.named.get(monitor)
-        starts = named is not None and named.plan.profile.starts_avoidance
-        return starts and self._may_avoid and self._coordination.avoids(monitor)
+        return named is not None and named.plan.profile.starts_avoidance
+
+    def _is_warned(self, partner: str) -> bool:
+        """Whether a warning about that platform is open that a task wants to be acted on."""
+        monitor = self._warned.get(partner)
+        return monitor is not None and self._coordination.avoids(monitor)
+
+    def on_moved(self, now_us: int) -> None:
+        """Positions have changed: begin what has become necessary, carry on with what was agreed, or end it."""
+        own = self._pilot.fix
+        if own is None:
+            return
+        self._look_whether_off(now_us)
+        self._follow_diversion(now_us)
+        for partner in tuple(dict.fromkeys((*self.encounters, *self._warned))):
+            self._look(partner, own, now_us)
+
+    def _look(self, partner: str, own: Fix, now_us: int) -> None:
+        warned = self._is_warned(partner)
+        if partner not in self._avoidance.encounters and not (warned and self._begins(partner, now_us)):
+            return
+        other = fix_of(self._gateway, partner)
+        self._do(self._avoidance.on_moved(partner, own, other, self._may, now_us, warned=warned), now_us)
+
+    def _begins(self, partner: str, now_us: int) -> bool:
+        """Whether an encounter with that platform is any of ours."""
+        told = now_us < self._grounded_until_us.get(partner, 0)
+        return (
+            self._may_avoid
+            and self._pilot.control
+            and not self._stands
+            and not told
+            and not self._leapt(partner, now_us)
+        )
+
+    @property
+    def _stands(self) -> bool:
+        """Whether the vehicle says that it is on the ground, or not armed: it is no traffic."""
+        status = self._pilot.status
+        return status is not None and not (status.armed and status.airborne is not False)
+
+    def _leapt(self, partner: str, now_us: int) -> bool:
+        """Whether the altitude of that platform has changed as that of no aircraft does."""
+        until_us = self._clock.federation_us(now_us)
+        try:
+            found = self._gateway.between("heli-altitude", until_us - LOOK_BACK_US, until_us, until_us, partner)
+        except (ValueNotAvailable, UnknownLabel, Refused):
+            return False
+        fixes = [Fix(sample.valid_us, 0.0, 0.0, *sample.value) for sample in found if sample.value is not NO_VALUE]
+        return any(leaps(before, after) for before, after in pairwise(fixes))
+
+    def on_peer(self, change: PeerChange, now_us: int) -> None:  # noqa: ARG002
+        """A partner is gone: it is where it was last, as far as is known."""
+        if isinstance(change, PlatformGone):
+            self._avoidance.on_gone(change.unit)
+
+    # -- what the partner says ---------------------------------------------------------------------------------
 
     def on_avoid(self, act: Act, content: Avoid, now_us: int) -> None:
-        """`(avoid ...)`: the partner proposes which one climbs.
+        """`(avoid ...)`: the partner proposes which one climbs, or, with `because`, leaves all of it to us.
 
         Raises:
             Refused: the rule that keeps this platform from taking part, or a proposal of ours that goes first.
         """
         partner = act.sender.unit
+        try:
+            steps = self._answer(partner, content, now_us)
+        except Refused as refused:
+            code = refused.code or "cannot"
+            self.refused[code] = self.refused.get(code, 0) + 1
+            if code != "superseded":
+                self._tell(f"{self._unit} refuses to avoid {partner}: {refused.reason}", now_us)
+            raise
+        self._alarm_of[partner] = content.alarm
+        what = (
+            f"leaves all of it to {self._unit}: {content.because}" if content.because else f"{content.climber} climbs"
+        )
+        self._tell(f"{self._unit} agrees with {partner}: {what}", now_us)
+        self._do(steps, now_us)
+        self._agent.done(act, now_us)
+
+    def _answer(self, partner: str, content: Avoid, now_us: int) -> list[Step]:
         own, other = self._pilot.fix, fix_of(self._gateway, partner)
         if own is None:
             raise Refused("this platform does not know where it is")
@@ -103,35 +221,55 @@ class GivingWay(Part):
             raise Refused("this platform was told not to give way")
         if other is None:
             raise Refused(f"this platform does not know where {partner} is")
-        reason, steps = self._avoidance.on_proposal(partner, content.climber, own, other, self._may, now_us)
-        if reason is not None:
-            raise reason
-        self._alarm_of[partner] = content.alarm
-        self._note(f"{self._unit} agrees with {partner} that {content.climber} climbs")
-        self._do(steps, now_us)
-        self._agent.done(act, now_us)
+        if self._stands:
+            raise Refused("the vehicle is on the ground or not armed", "grounded")
+        if self._leapt(partner, now_us):
+            raise Refused(f"the altitude of {partner} has leapt", "implausible")
+        refused, steps = self._avoidance.on_proposal(
+            partner, content.climber, own, other, self._may, now_us,
+            warned=self._is_warned(partner), because=content.because,
+        )  # fmt: skip
+        if refused is not None:
+            self._do(steps, now_us)
+            raise refused
+        return steps
 
-    def on_moved(self, now_us: int) -> None:
-        """Positions have changed: carry on with what was agreed, or end it."""
-        own = self._pilot.fix
-        if own is None:
-            return
-        for partner in self.encounters:
-            other, warned = fix_of(self._gateway, partner), self._is_warned(partner)
-            self._do(self._avoidance.on_moved(partner, own, other, self._may, now_us, warned=warned), now_us)
+    def _propose(self, partner: str, content: Avoid, now_us: int) -> None:
+        def on_reply(reply: Act, said: Content | None, at_us: int) -> None:
+            if reply.performative in {Performative.AGREE, Performative.INFORM}:  # the result may overtake the agree
+                self._agreed(partner, content, at_us)
+            elif reply.performative in {Performative.REFUSE, Performative.NOT_UNDERSTOOD, Performative.FAILURE}:
+                self._declined(partner, content, said if isinstance(said, Reason) else Reason(text="no reason"), at_us)
 
-    def on_peer(self, change: PeerChange, now_us: int) -> None:
-        """A partner is gone: its encounter is over."""
-        if isinstance(change, PlatformGone):
-            self._do(self._avoidance.on_gone(change.unit), now_us)
+        def on_silence(why: str, at_us: int) -> None:
+            self._declined(partner, content, Reason(text=why), at_us)
 
-    def _is_warned(self, partner: str) -> bool:
-        return any(
-            named.plan.profile.starts_avoidance
-            and partner in named.instances
-            and named.instances[partner].monitor.alarm_id
-            for named in self._monitors.named.values()
+        self._agent.delegate(
+            partner, content, now_us, on_reply=on_reply, on_silence=on_silence, reply_within_us=ANSWER_WITHIN_US
         )
+
+    def _agreed(self, partner: str, content: Avoid, now_us: int) -> None:
+        own, other = self._pilot.fix, fix_of(self._gateway, partner)
+        if content.because is None and own is not None and other is not None and self._avoidance.awaits(partner):
+            self._tell(f"{partner} agrees that {content.climber} climbs", now_us)
+            self._do(self._avoidance.on_agreed(partner, own, other, self._may, now_us), now_us)
+
+    def _declined(self, partner: str, content: Avoid, reason: Reason, now_us: int) -> None:
+        """The partner cannot or does not answer: the whole manoeuvre is ours; or it cannot take what we left to it."""
+        own, other = self._pilot.fix, fix_of(self._gateway, partner)
+        if reason.code == "superseded":
+            self._avoidance.on_superseded(partner)
+        elif reason.code == "grounded":
+            self._grounded_until_us[partner] = now_us + GROUNDED_US
+            self._tell(f"{partner} is on the ground: no traffic", now_us)
+            self._do(self._avoidance.on_grounded(partner), now_us)
+        elif own is None or other is None:
+            return
+        elif content.because is not None:
+            self._do(self._avoidance.on_left_refused(partner, reason.text, own, other, self._may, now_us), now_us)
+        elif self._avoidance.awaits(partner):
+            self._tell(f"{partner} leaves the manoeuvre to {self._unit}: {reason.text}", now_us)
+            self._do(self._avoidance.on_declined(partner, own, other, self._may, now_us), now_us)
 
     # -- steps -------------------------------------------------------------------------------------------------
 
@@ -144,69 +282,89 @@ class GivingWay(Part):
 
     def _do(self, steps: Iterable[Step], now_us: int) -> None:
         for step in steps:
-            if isinstance(step, Propose):
-                self._propose(step, now_us)
-                continue
-            try:
-                if isinstance(step, Divert):
-                    commands = self._pilot.divert(step.altitude_m)
-                    what = "holds" if step.altitude_m is None else f"goes to {step.altitude_m:.1f} m"
-                else:
-                    commands = self._pilot.resume(step.raised_to_m, step.lowered_to_m)
-                    what = "flies on"
-                for command in commands:
-                    self._emit(command)
-                self._note(f"{self._unit} {what}")
-            except Refused as refused:
-                self._avoidance.forget_order()
-                self._note(f"{self._unit} does not move: {refused.reason}")
+            match step:
+                case Propose(partner, climber, climb_m):
+                    self._propose(partner, self._avoid(partner, climber, climb_m), now_us)
+                case LeaveToPartner(partner, reason):
+                    self._tell(f"{self._unit} does not avoid {partner}, which is to do all of it: {reason}", now_us)
+                    self._propose(partner, self._avoid(partner, partner, 0.0, reason), now_us)
+                case NeitherCan():
+                    self._on_neither(step, now_us)
+                case Over(partner):
+                    self._close_neither(partner, now_us)
+                case Divert() | ResumeRoute():
+                    self._fly(step, now_us)
 
-    def _propose(self, step: Propose, now_us: int) -> None:
-        partner = step.partner
+    def _avoid(self, partner: str, climber: str, climb_m: float, because: str | None = None) -> Avoid:
+        units, alarm = (self._unit, partner), self._alarm_of.get(partner, "")
+        return Avoid(alarm=alarm, climber=climber, climb_m=min(climb_m, 1000.0), units=units, because=because)
 
-        def on_reply(reply: Act, said: Content | None, at_us: int) -> None:
-            if reply.performative in {Performative.AGREE, Performative.INFORM}:  # the result may overtake the agree
-                self._agreed(partner, step.climber, at_us)
-            elif reply.performative in {Performative.REFUSE, Performative.NOT_UNDERSTOOD, Performative.FAILURE}:
-                reason = said if isinstance(said, Reason) else Reason(text="no reason given")
-                if reason.code == "superseded":
-                    self._avoidance.on_superseded(partner)
-                else:
-                    self._alone(partner, reason.text, at_us)
+    def _fly(self, step: Divert | ResumeRoute, now_us: int) -> None:
+        try:
+            if isinstance(step, Divert):
+                commands = self._pilot.divert(step.altitude_m, step.place)
+                what = "holds" if step.altitude_m is None else f"goes to {step.altitude_m:.1f} m"
+            else:
+                commands = self._pilot.resume(step.raised_to_m, step.lowered_to_m)
+                what = "flies on" if step == ResumeRoute() else "flies on, apart in height"
+        except Refused as refused:
+            self._not_flown(refused.reason, now_us, refused=False, overtaken=True)
+            return
+        for command in commands:
+            self._emit(command)
+        self._tell(f"{self._unit} {what}", now_us)
 
-        def on_silence(why: str, at_us: int) -> None:
-            self._alone(partner, why, at_us)
-
-        self._agent.delegate(
-            partner,
-            Avoid(
-                alarm=self._alarm_of.get(partner, ""),
-                climber=step.climber,
-                climb_m=step.climb_m,
-                units=(self._unit, partner),
-            ),
+    def _follow_diversion(self, now_us: int) -> None:
+        """See whether the vehicle flies its manoeuvre, once for each change of that."""
+        diversion = self._pilot.diversion
+        seen = None if diversion is None else (diversion.command.number, diversion.progress)
+        if seen == self._seen:
+            return
+        self._seen = seen
+        if diversion is None or diversion.progress not in NOT_FLOWN:
+            return
+        progress = diversion.progress
+        self._not_flown(
+            diversion.reason,
             now_us,
-            on_reply=on_reply,
-            on_silence=on_silence,
-            reply_within_us=ANSWER_WITHIN_US,
+            refused=progress is OrderProgress.REFUSED,
+            overtaken=progress is OrderProgress.OVERTAKEN,
         )
 
-    def _agreed(self, partner: str, climber: str, now_us: int) -> None:
-        own, other = self._pilot.fix, fix_of(self._gateway, partner)
-        if own is not None and other is not None and self._avoidance.awaits(partner):
-            self._note(f"{partner} agrees that {climber} climbs")
-            self._do(self._avoidance.on_agreed(partner, own, other, self._may), now_us)
+    def _not_flown(self, reason: str, now_us: int, *, refused: bool, overtaken: bool) -> None:
+        own = self._pilot.fix
+        if own is not None:
+            self._tell(f"{self._unit} does not fly its manoeuvre: {reason}", now_us)
+            steps = self._avoidance.on_not_flown(reason, own, self._may, now_us, refused=refused, overtaken=overtaken)
+            self._do(steps, now_us)
 
-    def _alone(self, partner: str, reason: str, now_us: int) -> None:
-        """The partner cannot or does not answer: the whole manoeuvre is ours."""
-        own, other = self._pilot.fix, fix_of(self._gateway, partner)
-        if own is not None and other is not None and self._avoidance.awaits(partner):
-            self._note(f"{partner} leaves the manoeuvre to {self._unit}: {reason}")
-            self._do(self._avoidance.on_declined(partner, own, other, self._may), now_us)
+    # -- telling -----------------------------------------------------------------------------------------------
 
-    def _note(self, text: str) -> None:
-        self.log.append(text)
-        del self.log[:-100]
+    def _tell(self, text: str, now_us: int) -> None:
+        """To the log, and to the delegators of tasks."""
+        self._note(text)
+        self._coordination.report(text, now_us)
+
+    def _on_neither(self, step: NeitherCan, now_us: int) -> None:
+        """Neither of the two avoids the other: an alarm of its own."""
+        if step.partner in self._neither:
+            return
+        valid_us = self._clock.federation_us(now_us)
+        reasons = dict(zip((self._unit, step.partner), step.reasons, strict=True))
+        event = AlarmEvent(
+            f"{NEITHER_CAN_AVOID} {self._unit} {step.partner} {valid_us}", "opened", NEITHER_CAN_AVOID,
+            (self._unit, step.partner), valid_us, valid_us, {f"reason[{unit}]": why for unit, why in reasons.items()},
+        )  # fmt: skip
+        self._neither[step.partner] = event
+        self._note(
+            f"neither {self._unit} nor {step.partner} can avoid the other: {'; '.join(filter(None, step.reasons))}"
+        )
+        self._raise(event)
+
+    def _close_neither(self, partner: str, now_us: int) -> None:
+        event = self._neither.pop(partner, None)
+        if event is not None:
+            self._raise(event._replace(event="closed", detected_us=self._clock.federation_us(now_us)))
 
 
 def fix_of(gateway: Gateway, unit: str) -> Fix | None:

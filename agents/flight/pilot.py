@@ -213,9 +213,9 @@ class Pilot:
         fix = self.fix
         if fix is None or self._leg >= len(plan.waypoints):
             return None
-        there = plan.waypoints[self._leg]
-        away_m = distance_m(fix.latitude_deg, fix.longitude_deg, there.latitude_deg, there.longitude_deg)
-        if away_m <= plan.arrival_m:
+        there, last = plan.waypoints[self._leg], self._leg + 1 == len(plan.waypoints) and not plan.loop
+        up_m = self._clamped(vehicle.GoToOrder(*there)).altitude_m - fix.altitude_m if last else 0.0
+        if distance_m(fix.latitude_deg, fix.longitude_deg, *there[:2], up_m) <= plan.arrival_m:
             self._leg += 1
             if plan.loop:
                 self._leg %= len(plan.waypoints)
@@ -324,23 +324,28 @@ class Pilot:
             raise Refused(reason or "")
         return [self._begin(before)]
 
-    def divert(self, altitude_m: float | None) -> list[vehicle.Command]:
-        """Leave the plan to avoid another vehicle: stop here, at `altitude_m` above mean sea level, or where it is.
+    def divert(self, altitude_m: float | None, place: tuple[float, float] | None = None) -> list[vehicle.Command]:
+        """Leave the plan to avoid another vehicle: stop at `altitude_m` above mean sea level, at `place` (WGS-84 degrees).
+
+        None: where it is.
 
         Raises:
             Refused: naming the rule.
         """
         fix, interrupts = self.fix, self._may_interrupt
-        if fix is None or (altitude_m is None and not interrupts):
+        if fix is None or (altitude_m is None and place is None and not interrupts):
             order: vehicle.Order = vehicle.HoldOrder()
         else:
             kind = vehicle.InterruptOrder if interrupts else vehicle.GoToOrder
-            order = kind(fix.latitude_deg, fix.longitude_deg, fix.altitude_m if altitude_m is None else altitude_m)
+            latitude_deg, longitude_deg = place or (fix.latitude_deg, fix.longitude_deg)
+            order = kind(latitude_deg, longitude_deg, fix.altitude_m if altitude_m is None else altitude_m)
         reason = self.refusal(order)
         if reason is not None:
             raise Refused(reason)
         if self.diversion is None and self._aside is None:
             self._aside, self._moved = self._doing(), False
+        if self.errand is not None and not self.errand.is_over:
+            self.errand.end(OrderProgress.OVERTAKEN, "the vehicle gives way to another")
         self.diversion = self._errand(order)
         return [self.diversion.command]
 
@@ -365,6 +370,7 @@ class Pilot:
         What the vehicle was doing is commanded once, and forgotten when neither bound is given.
         """
         diversion, self.diversion, self._goal = self.diversion, None, None
+        bounded = self._raised_to_m is not None or self._lowered_to_m is not None
         self._raised_to_m, self._lowered_to_m = raised_to_m, lowered_to_m
         self._moved |= diversion is not None and diversion.progress is not OrderProgress.REFUSED
         if diversion is not None and diversion.progress is OrderProgress.OVERTAKEN:
@@ -375,7 +381,7 @@ class Pilot:
         if self._suspended:
             return []
         if self.plan is not None and self._standing is None:
-            if diversion is not None:
+            if diversion is not None or bounded:
                 self._leg = min(self._leg, len(self.plan.waypoints) - 1)  # who had arrived returns to where it was
             return [] if self.fix is None else self._fly(self.fix.valid_us)
         wanted = self._back_to(aside) if moved else None

@@ -27,7 +27,7 @@ from federation.members.liveness import PlatformGone
 from federation.members.offers import ServiceAppeared
 from federation.messages import contents
 from federation.messages.acts import Act, Performative
-from reasoning import AlarmEvent
+from reasoning import NEITHER_CAN_AVOID, AlarmEvent
 
 RETRY_US = 1_000_000
 """How long after a failure or silence a platform gets the next request for its part of a task."""
@@ -327,22 +327,17 @@ class Coordination(Part):
 
     # -- alarms ------------------------------------------------------------------------------------------------
 
-    def avoids(self, monitor: str) -> bool:
-        """Whether some task here wants platforms to give way when `monitor` raises an alarm."""
-        coordinated = self._life.coordinated.values()
-        return any(led.avoidance and any(plan.name == monitor for plan in led.plans) for led in coordinated)
+    def avoids(self, monitor: str = NEITHER_CAN_AVOID) -> bool:
+        """Whether some task here wants platforms to give way, when `monitor` raises an alarm."""
+        return any(led.avoidance and _watches(led, monitor) for led in self._life.coordinated.values())
 
     def on_alarm(self, event: AlarmEvent, now_us: int) -> None:
         """Notify the delegator, through the coordinator, and the other platform that the alarm is about."""
         alarm = alarm_content(event, self._unit)
         self._reported.see(self._unit, event.monitor, event.units, is_open=event.event == "opened")
         for led in self._life.coordinated.values():
-            if not any(plan.name == event.monitor for plan in led.plans):
-                continue
-            if led.leader == self._unit:
+            if _watches(led, event.monitor):
                 self._pass_on(led, alarm, now_us)
-            else:
-                self._agent.tell(led.leader, alarm, now_us, conversation=led.task)
         for unit in event.units[1:]:
             if self._directory.is_present(unit):
                 self._agent.tell(unit, alarm, now_us)
@@ -363,17 +358,27 @@ class Coordination(Part):
             return
         if sender not in led.members:
             raise Refused(f"{sender} takes no part in task {led.task}", "not-a-participant")
-        if not any(plan.name == alarm.monitor for plan in led.plans):
+        if not _watches(led, alarm.monitor):
             raise Refused(f"task {led.task} has no monitor {alarm.monitor}", "not-its-alarm")
         self._reported.report(led.task, alarm, now_us)
         self._pass_on(led, alarm, now_us)
 
-    def on_progress(self, _act: Act, _content: contents.Progress, _now_us: int) -> None:
-        """`(progress ...)`: this platform delegates nothing that it waits for."""
+    def on_progress(self, act: Act, content: contents.Progress, now_us: int) -> None:
+        """`(progress ...)`: what a participant of a task we coordinate reports goes to its delegator."""
+        led = self._life.coordinated.get(act.conversation_id or "")
+        if led is not None and act.sender.unit in led.members:
+            self._progress(led, content.step, act.sender.unit, now_us)
 
-    def _pass_on(self, led: CoordinatedTask, alarm: contents.Alarm, now_us: int) -> None:
-        if self._reachable(led.delegator):
-            self._agent.tell(led.delegator, alarm, now_us, conversation=led.task)
+    def report(self, step: str, now_us: int) -> None:
+        """Tell the delegators what became of giving way here."""
+        for led in self._life.coordinated.values():
+            if led.avoidance:
+                self._pass_on(led, contents.Progress(step=step[:200], unit=self._unit), now_us)
+
+    def _pass_on(self, led: CoordinatedTask, content: contents.Content, now_us: int) -> None:
+        receiver = led.delegator if led.leader == self._unit else led.leader
+        if self._reachable(receiver):
+            self._agent.tell(receiver, content, now_us, conversation=led.task)
 
 
 def _told(act: Act, content: contents.CreateMonitor, task: str) -> CoordinatedTask:
@@ -388,6 +393,10 @@ def _told(act: Act, content: contents.CreateMonitor, task: str) -> CoordinatedTa
     delegate = content.delegate or (asker if generation == 1 else "")
     avoidance = content.avoidance is not False
     return CoordinatedTask(task, content.delegator or "", (), avoidance, asker, generation, act.boot, delegate)
+
+
+def _watches(led: CoordinatedTask, monitor: str) -> bool:
+    return led.avoidance if monitor == NEITHER_CAN_AVOID else any(plan.name == monitor for plan in led.plans)
 
 
 def _us(seconds: float | None) -> int | None:

@@ -19,6 +19,10 @@ LONGEST_WAIT: Final = 10_000
 """Runs of undecided states kept in order while an alarm is open; older ones are still obligations, not clean states."""
 
 
+NEITHER_CAN_AVOID: Final = "neither-can-avoid"
+"""The alarm, of no monitor, that neither of two aircraft that make for each other avoids the other."""
+
+
 class AlarmEvent(NamedTuple):
     """An alarm opened or closed. Opening and closing share the id.
 

@@ -32,12 +32,16 @@ class Resume(Content):
 
 
 class Avoid(Content):
-    """Propose a manoeuvre: because of `alarm`, `climber` climbs by `climb_m` and the other of `units` holds."""
+    """Propose a manoeuvre: due to `alarm`, `climber` climbs by `climb_m` and the other of `units` holds.
+
+    With `because` the sender does not avoid the other, for that reason, and asks it to do all of it.
+    """
 
     alarm: Line
     climber: Unit
     climb_m: Annotated[float, Field(ge=0, le=1000)] = Field(alias="climb_m")
     units: Units
+    because: Line | None = None
 
 
 class Fault(Content):

@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from agents.effects import Note
 from agents.flight.giving_way import GivingWay
 from agents.flight.places import FlightLimits, FlightPlan, Waypoint
 from federation import keys
@@ -11,8 +12,13 @@ from federation.messages.acts import Act, Performative
 from federation.messages.contents import Avoid, Content, Goto, Hold, MonitorProximity, Reason, read
 from federation.messages.receipts import RECEIPT_AGENT
 from federation.transport import Put
+<<<<<<< HEAD
 from navigation.vehicle import GoToOrder, HoldOrder
 from tests.box import METRE_DEG, Box, Vehicle
+=======
+from navigation.vehicle import GoToOrder
+from tests.agents.wire import METRE_DEG, Vehicle, Wire
+>>>>>>> 801a0d3 (flight: one manoeuvre a crossing, and what is not flown goes to the partner)
 
 P = Performative
 BROKEN: list[tuple[dict[str, Any], str]] = [
@@ -74,10 +80,13 @@ def climbs_alone(wire: Box, unit: str, other: str, why: str) -> None:
     assert isinstance(first, GoToOrder)
     assert first.altitude_m == pytest.approx(125.0, abs=1.0)
     assert orders(wire, other) == []
-    assert any(
-        line.startswith(f"{other} leaves the manoeuvre to {unit}: ") and why in line
-        for line in wire.platform(unit).part(GivingWay).log
-    )
+    left = (f"{other} leaves the manoeuvre to {unit}: ", f"{unit} agrees with {other}: leaves all of it to {unit}: ")
+    assert any(line.startswith(left) and why in line for line in notes(wire, unit))
+
+
+def notes(wire: Wire, unit: str) -> list[str]:
+    """What the platform has noted for people."""
+    return [effect.text for effect in wire.nodes[unit].other if isinstance(effect, Note)]
 
 
 def deaf_to_acts(*pairs: tuple[str, str], receipts: bool = False) -> Any:
@@ -100,8 +109,13 @@ def test_a_partner_that_may_not_be_commanded_says_so_and_leaves_the_manoeuvre_to
 ) -> None:
     meeting(wire, **state)
     wire.run(17.0)
-    assert any(reason.startswith(words) for reason in refusals(wire, "1"))
-    climbs_alone(wire, "0", "1", words)
+    if state.get("armed", True) and state.get("airborne", True) is not False:
+        climbs_alone(wire, "0", "1", words)
+        assert any(line.startswith("1 does not avoid 0, which is to do all of it: ") for line in notes(wire, "1"))
+    else:
+        assert "the vehicle is on the ground or not armed" in refusals(wire, "1")
+        assert "1 is on the ground: no traffic" in notes(wire, "0")
+        assert orders(wire, "0") == orders(wire, "1") == []
 
 
 def test_a_partner_without_control_says_so_and_leaves_the_manoeuvre_to_the_other(wire: Box) -> None:
@@ -110,7 +124,6 @@ def test_a_partner_without_control_says_so_and_leaves_the_manoeuvre_to_the_other
     assert any(reason.startswith(NO_CONTROL) for reason in refusals(wire, "1"))
     climbs_alone(wire, "0", "1", NO_CONTROL)
     assert wire.acts("1", head="avoid") == [], "who may not move proposes nothing"
-    assert any(line.startswith("1 does not move for 0: ") for line in wire.platform("1").part(GivingWay).log)
 
 
 def test_a_partner_that_was_told_not_to_give_way_says_so_and_leaves_it_to_the_other(wire: Box) -> None:
@@ -139,12 +152,18 @@ def test_a_climb_above_the_ceiling_is_refused_and_the_other_does_what_its_own_li
     assert first.altitude_m == pytest.approx(75.0, abs=1.0), "who may not climb descends"
 
 
+<<<<<<< HEAD
 def test_where_neither_floor_nor_ceiling_leave_room_the_one_left_alone_holds(wire: Box) -> None:
+=======
+def test_where_neither_floor_nor_ceiling_leave_room_the_one_left_alone_goes_aside(wire: Wire) -> None:
+>>>>>>> 801a0d3 (flight: one manoeuvre a crossing, and what is not flown goes to the partner)
     narrow = {"limits": FlightLimits(floor_m=45.0, ceiling_m=60.0)}
     meeting(wire, zero=narrow, one=narrow)
     wire.run(17.0)
-    assert orders(wire, "0")[0] == HoldOrder()
-    assert not any(isinstance(order, GoToOrder) for unit in "01" for order in orders(wire, unit))
+    (first, *_) = orders(wire, "0")
+    assert isinstance(first, GoToOrder)
+    assert first.altitude_m == pytest.approx(102.0, abs=0.5)
+    assert abs(first.latitude_deg - 58.0) / METRE_DEG == pytest.approx(40.0, abs=1.0)
 
 
 @pytest.mark.parametrize(
@@ -215,7 +234,7 @@ def test_a_partner_that_is_silent_for_a_second_leaves_the_manoeuvre_to_the_other
     assert isinstance(first.order, GoToOrder)
     assert first.order.altitude_m == pytest.approx(125.0, abs=1.0)
     assert after_us <= at_us - asked_us <= after_us + 100_000
-    assert any(line.startswith("1 leaves the manoeuvre to 0: ") for line in wire.platform("0").part(GivingWay).log)
+    assert any(line.startswith("1 leaves the manoeuvre to 0: ") for line in notes(wire, "0"))
 
 
 def test_a_partner_that_froze_leaves_the_manoeuvre_to_the_other(wire: Box) -> None:
@@ -240,7 +259,9 @@ def test_what_is_agreed_is_flown_and_the_route_resumed_when_they_are_clear(wire:
     until_proposed(wire)
     wire.run(0.5)
     assert isinstance(orders(wire, "0")[1], GoToOrder)
-    assert orders(wire, "1") == [HoldOrder()], "the lower one holds"
+    (held,) = orders(wire, "1")
+    assert isinstance(held, GoToOrder), "the lower one stops, a braking distance ahead"
+    assert held.altitude_m == pytest.approx(100.0, abs=0.5)
     assert [wire.platform(unit).part(GivingWay).encounters for unit in "01"] == [("1",), ("0",)]
     vehicle = wire.vehicle("0")
     assert vehicle is not None

@@ -187,8 +187,9 @@ def test_the_plan_is_flown_leg_by_leg_and_ends_in_holding() -> None:
     assert at(flown, 100_000, 58.0005) == [], "what is under way is not ordered again"
     assert at(flown, 200_000, NEAR.latitude_deg) == [leg(FAR)]
     assert flown.flying == "plan"
-    assert at(flown, 300_000, FAR.latitude_deg) == [HoldOrder()]
-    assert at(flown, 400_000, FAR.latitude_deg) == []
+    assert at(flown, 300_000, FAR.latitude_deg) == [], "there, but not yet at its altitude"
+    assert at(flown, 400_000, FAR.latitude_deg, FAR.altitude_m) == [HoldOrder()]
+    assert at(flown, 500_000, FAR.latitude_deg, FAR.altitude_m) == []
     assert flown.flying == "holding"
 
 

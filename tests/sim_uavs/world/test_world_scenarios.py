@@ -2,7 +2,6 @@
 
 import pytest
 
-from agents.flight.giving_way import GivingWay
 from federation.messages.acts import Performative
 from federation.messages.contents import Answers, MonitorProximity, Query
 from federation.sharing.ontology import Translation, default_ontology
@@ -37,7 +36,8 @@ def test_two_that_meet_warn_in_time_fly_apart_and_resume(name):
     assert {alarm.by for alarm in alarms(task, "proximity-warn")} == {"0", "1"}
     for unit in ("0", "1"):
         opened = raised(world, unit, "proximity-warn")
-        assert len(opened) == 1, "the warning does not flicker into a second manoeuvre"
+        assert opened
+        assert sum(" flies on, apart in height" in note for note in world.nodes[unit].notes) == 1, "one manoeuvre"
         assert opened[0].detected_us - opened[0].valid_us <= LATEST_US
         plan = world.platform(unit).config.plan
         end = place(plan.waypoints[-1])
@@ -64,7 +64,7 @@ def test_a_partner_that_cannot_be_commanded_leaves_the_manoeuvre_to_the_other(pa
     world.at(world.start_us + PLAN_US, node.vehicle.on_command, Command(0, goal), 0, 0)  # somebody else flies it
     delegated(world)
     world.run_for(60)
-    assert any("leaves the manoeuvre to 1" in line for line in world.platform("1").part(GivingWay).log)
+    assert any("leaves the manoeuvre to 1" in note for note in world.nodes["1"].notes)
     assert not raised(world, "1", "proximity")
     assert min(metres for _, metres in separations_m(world, "0", "1")) > 10.0
 

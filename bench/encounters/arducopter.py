@@ -1,0 +1,390 @@
+"""ArduCopter in the loop: the process, its ground station, and a tap on its link to the platform. Loopback only.
+
+`DYKNOW_SITL` names the folder with the binary `arducopter` and its parameters `copter.parm` and `extra.parm`. Simulated
+time runs as fast as `speed` says: a start takes seconds, an encounter is flown in real time.
+"""
+
+import math
+import os
+import random
+import socket
+import struct
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+LATITUDE_DEG, LONGITUDE_DEG, GROUND_M = 56.2, 12.5, 50.0
+METRES_PER_DEG = 111_319.5
+_EAST_PER_DEG = METRES_PER_DEG * math.cos(math.radians(LATITUDE_DEG))
+MODES = {"AUTO": 3, "GUIDED": 4, "LOITER": 5, "RTL": 6, "LAND": 9}
+_FASTEST = 10.0
+_BOOT_S, _STEP_S = 90.0, 0.02
+_POSITION_ONLY = 0b0000111111111000
+_HEARTBEAT_S = 1.0
+
+
+def folder() -> Path:
+    """Where ArduCopter is.
+
+    Raises:
+        LookupError: it is not here, or does not run.
+    """
+    named = os.environ.get("DYKNOW_SITL", "")
+    if not named or not os.access(Path(named) / "arducopter", os.X_OK):
+        raise LookupError("DYKNOW_SITL does not name a folder with ArduCopter")
+    return Path(named)
+
+
+class Place(NamedTuple):
+    """Metres north and east of the origin, and above the ground."""
+
+    north_m: float
+    east_m: float
+    up_m: float
+
+    def distance_m(self, other: "Place") -> float:
+        return math.dist(self, other)
+
+    @property
+    def degrees(self) -> tuple[float, float]:
+        return LATITUDE_DEG + self.north_m / METRES_PER_DEG, LONGITUDE_DEG + self.east_m / _EAST_PER_DEG
+
+
+class Seen(NamedTuple):
+    """Where a vehicle truly was (SIM_STATE), at a time of this machine (s) and of the simulation (s)."""
+
+    at_s: float
+    sim_s: float
+    place: Place
+
+
+class Sent(NamedTuple):
+    """A message of the platform to its autopilot."""
+
+    at_s: float
+    message: Any
+
+
+class Tap:
+    """Passes messages between autopilot and platform, notes the orders, and may lose or answer some.
+
+    Args:
+        refuses: every order is answered DENIED and does not arrive.
+        ack_loss: the part of acknowledgements that is lost.
+    """
+
+    def __init__(self, random_: random.Random) -> None:
+        self.refuses, self.ack_loss, self.orders = False, 0.0, []
+        self._random = random_
+        self._vehicle, self._platform = _udp(), _udp()
+        self.vehicle_port: int = self._vehicle.getsockname()[1]
+        self.platform_port = _free_port()
+        self._from: Any = None
+        self._parsers = [mavlink.MAVLink(None), mavlink.MAVLink(None)]
+        for parser in self._parsers:
+            parser.robust_parsing = True
+        self._reply = mavlink.MAVLink(None, srcComponent=1)
+        self._going = True
+        self._threads = [threading.Thread(target=each, daemon=True) for each in (self._down, self._up)]
+        for thread in self._threads:
+            thread.start()
+
+    orders: list[Sent]
+
+    def _down(self) -> None:
+        """From the autopilot to the platform."""
+        while (packet := _received(self._vehicle, lambda: self._going)) is not None:
+            payload, self._from = packet
+            for message in self._parsers[0].parse_buffer(payload) or ():
+                lost = message.get_type() == "COMMAND_ACK" and self._random.random() < self.ack_loss
+                if not lost:
+                    self._platform.sendto(bytes(message.get_msgbuf()), ("127.0.0.1", self.platform_port))
+
+    def _up(self) -> None:
+        """From the platform to the autopilot."""
+        while (packet := _received(self._platform, lambda: self._going)) is not None:
+            for message in self._parsers[1].parse_buffer(packet[0]) or ():
+                is_order = _is_order(message)
+                if is_order:
+                    self.orders.append(Sent(time.monotonic(), message))
+                if is_order and self.refuses:
+                    self._deny(message)
+                elif self._from is not None:
+                    self._vehicle.sendto(bytes(message.get_msgbuf()), self._from)
+
+    def _deny(self, order: Any) -> None:
+        command = getattr(order, "command", None)
+        if command is not None:
+            self._reply.srcSystem = order.target_system
+            denied = mavlink.MAVLink_command_ack_message(
+                command, mavlink.MAV_RESULT_DENIED, 0, 0, order.get_srcSystem(), order.get_srcComponent()
+            )
+            self._platform.sendto(denied.pack(self._reply), ("127.0.0.1", self.platform_port))
+
+    def close(self) -> None:
+        self._going = False
+        for thread in self._threads:
+            thread.join()
+        self._vehicle.close()
+        self._platform.close()
+
+
+def _is_order(message: Any) -> bool:
+    """What moves the vehicle or changes its mode."""
+    kind = message.get_type()
+    moving = {
+        mavlink.MAV_CMD_DO_REPOSITION, mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_LAND,
+        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT,
+    }  # fmt: skip
+    commands = kind in {"COMMAND_INT", "COMMAND_LONG"} and message.command in moving
+    return commands or kind in {"SET_POSITION_TARGET_GLOBAL_INT", "SET_MODE", "MISSION_SET_CURRENT"}
+
+
+class Copter:
+    """One simulated vehicle with its ground station; `tap` is where its platform finds it.
+
+    Attributes:
+        track: where it truly was.
+        target: what the ground station sends again every second, if anything.
+    """
+
+    def __init__(self, number: int, start: Place, directory: Path, seed: int = 0) -> None:
+        self.number, self.start, self.system = number, start, number + 1
+        self.tap = Tap(random.Random(f"tap {seed} {number}"))
+        self.track: list[Seen] = []
+        self.mode, self.armed, self.sim_s = "", False, 0.0
+        self.target: Place | None = None
+        self._ground, self._answers = _udp(), threading.Condition()
+        self._heard: dict[str, Any] = {}
+        self._acks: list[Any] = []
+        self._texts: list[str] = []
+        self._from: Any = None
+        self._codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._parser = mavlink.MAVLink(None)
+        self._parser.robust_parsing = True
+        self._pwm = [1500, 1500, 1000, 1500, 1800, 1000, 1000, 1800]
+        self._rc = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._rc_port = _free_port()
+        self._going = True
+        directory.mkdir(parents=True, exist_ok=True)
+        self.process = self._launched(directory)
+        self._threads = [threading.Thread(target=each, daemon=True) for each in (self._listen, self._beat)]
+        for thread in self._threads:
+            thread.start()
+
+    def _launched(self, directory: Path) -> "subprocess.Popen[bytes]":
+        latitude_deg, longitude_deg = Place(self.start.north_m, self.start.east_m, 0.0).degrees
+        here, ground = folder(), self._ground.getsockname()[1]
+        with (directory / "sitl.log").open("wb") as log:
+            return subprocess.Popen(
+                [
+                    str(here / "arducopter"), "-w", "-I", str(random.Random().randrange(20, 2000)), "--model", "+",
+                    "--speedup", str(_FASTEST), "--home", f"{latitude_deg:.7f},{longitude_deg:.7f},{GROUND_M},0",
+                    "--sysid", str(self.system), "--defaults", f"{here / 'copter.parm'},{here / 'extra.parm'}",
+                    "--rc-in-port", str(self._rc_port),
+                    "--serial0", f"udpclient:127.0.0.1:{self.tap.vehicle_port}",
+                    "--serial1", f"udpclient:127.0.0.1:{ground}", "--serial2", "udpclient:127.0.0.1:9",
+                ],
+                cwd=directory, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+            )  # fmt: skip
+
+    # -- the ground station -------------------------------------------------------------------------------------
+
+    def _listen(self) -> None:
+        while (packet := _received(self._ground, lambda: self._going)) is not None:
+            payload, self._from = packet
+            for message in self._parser.parse_buffer(payload) or ():
+                self._on_message(message)
+
+    def _on_message(self, message: Any) -> None:
+        kind = message.get_type()
+        if kind == "SIM_STATE":
+            north_m = (message.lat_int / 1e7 - LATITUDE_DEG) * METRES_PER_DEG
+            east_m = (message.lon_int / 1e7 - LONGITUDE_DEG) * _EAST_PER_DEG
+            place = Place(north_m, east_m, message.alt - GROUND_M)
+            self.track.append(Seen(time.monotonic(), self.sim_s, place))
+        elif kind == "HEARTBEAT" and message.type != mavlink.MAV_TYPE_GCS:
+            modes = {number: name for name, number in MODES.items()}
+            self.mode = modes.get(message.custom_mode, str(message.custom_mode))
+            self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+        elif kind == "ATTITUDE":
+            self.sim_s = message.time_boot_ms / 1e3
+        elif kind == "STATUSTEXT":
+            self._texts.append(message.text)
+        with self._answers:
+            self._heard[kind] = message
+            if kind in {"COMMAND_ACK", "MISSION_ACK", "MISSION_REQUEST", "MISSION_REQUEST_INT", "PARAM_VALUE"}:
+                self._acks.append(message)
+            self._answers.notify_all()
+
+    def _beat(self) -> None:
+        last_s = 0.0
+        while self._going:
+            if time.monotonic() >= last_s + _HEARTBEAT_S:
+                last_s = time.monotonic()
+                self.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+                self._rc.sendto(struct.pack("<8H", *self._pwm), ("127.0.0.1", self._rc_port))
+                if self.target is not None:
+                    self.goto(self.target)
+            time.sleep(_STEP_S)
+
+    def send(self, message: Any) -> None:
+        if self._from is not None:
+            self._ground.sendto(message.pack(self._codec), self._from)
+
+    def _until(
+        self, is_so: Callable[[], bool], within_s: float, again: Callable[[], None], every_s: float = 0.5
+    ) -> bool:
+        """Say something again and again until it is so."""
+        until_s, again_s = time.monotonic() + within_s, 0.0
+        while not is_so():
+            if time.monotonic() > until_s or self.process.poll() is not None:
+                return False
+            if time.monotonic() >= again_s:
+                again()
+                again_s = time.monotonic() + every_s
+            with self._answers:
+                self._answers.wait(0.05)
+        return True
+
+    def command(self, command: int, *parameters: float) -> None:
+        filled = (*parameters, *(0.0,) * (7 - len(parameters)))
+        self.send(mavlink.MAVLink_command_long_message(self.system, 1, command, 0, *filled))
+
+    def set(self, name: str, value: float) -> None:
+        """Set a parameter, and see that it is taken."""
+
+        def taken() -> bool:
+            found = [m for m in self._acks if m.get_type() == "PARAM_VALUE" and m.param_id == name]
+            return bool(found) and abs(found[-1].param_value - value) < 1e-3
+
+        asked = mavlink.MAVLink_param_set_message(self.system, 1, name.encode(), value, 9)
+        if not self._until(taken, 10.0, lambda: self.send(asked)):
+            raise TimeoutError(f"{name} is not set on vehicle {self.number}")
+
+    def set_mode(self, name: str) -> None:
+        asked = mavlink.MAVLink_set_mode_message(self.system, 1, MODES[name])
+        if not self._until(lambda: self.mode == name, 10.0, lambda: self.send(asked)):
+            raise TimeoutError(f"vehicle {self.number} does not go to {name}, it is in {self.mode}")
+
+    def speed(self, times: float) -> None:
+        """How fast simulated time runs."""
+        self.set("SIM_SPEEDUP", times)
+
+    def goto(self, place: Place) -> None:
+        """SET_POSITION_TARGET_GLOBAL_INT, once: GUIDED only."""
+        latitude_deg, longitude_deg = place.degrees
+        self.send(
+            mavlink.MAVLink_set_position_target_global_int_message(
+                0, self.system, 1, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, _POSITION_ONLY,
+                round(latitude_deg * 1e7), round(longitude_deg * 1e7), place.up_m, 0, 0, 0, 0, 0, 0, 0, 0,
+            )
+        )  # fmt: skip
+
+    def mission(self, places: Sequence[Place]) -> None:
+        """Upload a mission: home, then the places."""
+        items = [Place(0.0, 0.0, 0.0), *places]
+        self._acks.clear()
+
+        def done() -> bool:
+            for message in self._acks[:]:
+                self._acks.remove(message)
+                if message.get_type() == "MISSION_ACK":
+                    return True
+                if message.get_type().startswith("MISSION_REQUEST"):
+                    latitude_deg, longitude_deg = items[message.seq].degrees
+                    self.send(
+                        mavlink.MAVLink_mission_item_int_message(
+                            self.system, 1, message.seq, 3 if message.seq else 0, 16, 0, 1, 0.0, 0.0, 0.0, 0.0,
+                            round(latitude_deg * 1e7), round(longitude_deg * 1e7), items[message.seq].up_m, 0,
+                        )
+                    )  # fmt: skip
+            return False
+
+        count = mavlink.MAVLink_mission_count_message(self.system, 1, len(items), 0)
+        if not self._until(done, 20.0, lambda: self.send(count), 3.0):
+            raise TimeoutError(f"vehicle {self.number} takes no mission")
+
+    # -- flying ------------------------------------------------------------------------------------------------
+
+    @property
+    def place(self) -> Place:
+        return self.track[-1].place if self.track else self.start
+
+    def take_off(self, up_m: float) -> None:
+        """Boot, arm and rise, as fast as the machine simulates."""
+        interval = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+
+        def ask() -> None:
+            self.command(interval, mavlink.MAVLINK_MSG_ID_SIM_STATE, 50_000)
+            self.command(interval, mavlink.MAVLINK_MSG_ID_ATTITUDE, 50_000)
+            self.send(mavlink.MAVLink_set_mode_message(self.system, 1, MODES["GUIDED"]))
+            self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+
+        if not self._until(lambda: self.armed and self.mode == "GUIDED" and bool(self.track), _BOOT_S, ask, 1.0):
+            raise TimeoutError(f"vehicle {self.number} does not arm: {self._texts[-3:]}")
+
+        def rise() -> None:
+            self.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, up_m)
+
+        if not self._until(lambda: self.place.up_m > up_m - 3.0, _BOOT_S, rise, 0.3):
+            raise TimeoutError(f"vehicle {self.number} does not take off: {self._texts[-3:]}")
+        self._pwm[2] = 1500
+
+    def fly(self, place: Place, within_s: float = 60.0) -> None:
+        """Go there and stand."""
+
+        def there() -> bool:
+            before = [seen.place for seen in self.track[-8:]]
+            return self.place.distance_m(place) < 1.0 and max(map(place.distance_m, before)) < 1.2
+
+        if not self._until(there, within_s, lambda: self.goto(place), 1.0):
+            raise TimeoutError(f"vehicle {self.number} does not reach {place}, it is at {self.place}")
+
+    def cruise(self, speed_m_s: float) -> None:
+        """How fast it flies; read when a mode is entered."""
+        self.set("WPNAV_SPEED", speed_m_s * 100.0)
+        self.set_mode("LOITER")
+        self.set_mode("GUIDED")
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait()
+
+    def close(self) -> None:
+        self._going = False
+        with suppress(ProcessLookupError):
+            self.process.terminate()
+        self.process.wait(10)
+        for thread in self._threads:
+            thread.join()
+        self.tap.close()
+        self._ground.close()
+        self._rc.close()
+
+
+def _udp() -> socket.socket:
+    found = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    found.bind(("127.0.0.1", 0))
+    found.settimeout(0.2)
+    return found
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
+        found.bind(("127.0.0.1", 0))
+        return int(found.getsockname()[1])
+
+
+def _received(here: socket.socket, going: Callable[[], bool]) -> tuple[bytes, Any] | None:
+    """The next datagram; None when it is over."""
+    while going():
+        with suppress(TimeoutError, ConnectionRefusedError):
+            return here.recvfrom(65_535)
+    return None
