@@ -4,7 +4,6 @@ from typing import Any
 
 import pytest
 
-from agents.effects import Note
 from agents.flight.giving_way import GivingWay
 from agents.flight.places import FlightLimits, FlightPlan, Waypoint
 from federation import keys
@@ -12,13 +11,8 @@ from federation.messages.acts import Act, Performative
 from federation.messages.contents import Avoid, Content, Goto, Hold, MonitorProximity, Reason, read
 from federation.messages.receipts import RECEIPT_AGENT
 from federation.transport import Put
-<<<<<<< HEAD
-from navigation.vehicle import GoToOrder, HoldOrder
-from tests.box import METRE_DEG, Box, Vehicle
-=======
 from navigation.vehicle import GoToOrder
-from tests.agents.wire import METRE_DEG, Vehicle, Wire
->>>>>>> 801a0d3 (flight: one manoeuvre a crossing, and what is not flown goes to the partner)
+from tests.box import METRE_DEG, Box, Vehicle
 
 P = Performative
 BROKEN: list[tuple[dict[str, Any], str]] = [
@@ -84,9 +78,9 @@ def climbs_alone(wire: Box, unit: str, other: str, why: str) -> None:
     assert any(line.startswith(left) and why in line for line in notes(wire, unit))
 
 
-def notes(wire: Wire, unit: str) -> list[str]:
+def notes(wire: Box, unit: str) -> list[str]:
     """What the platform has noted for people."""
-    return [effect.text for effect in wire.nodes[unit].other if isinstance(effect, Note)]
+    return wire.nodes[unit].notes
 
 
 def deaf_to_acts(*pairs: tuple[str, str], receipts: bool = False) -> Any:
@@ -152,11 +146,7 @@ def test_a_climb_above_the_ceiling_is_refused_and_the_other_does_what_its_own_li
     assert first.altitude_m == pytest.approx(75.0, abs=1.0), "who may not climb descends"
 
 
-<<<<<<< HEAD
-def test_where_neither_floor_nor_ceiling_leave_room_the_one_left_alone_holds(wire: Box) -> None:
-=======
-def test_where_neither_floor_nor_ceiling_leave_room_the_one_left_alone_goes_aside(wire: Wire) -> None:
->>>>>>> 801a0d3 (flight: one manoeuvre a crossing, and what is not flown goes to the partner)
+def test_where_neither_floor_nor_ceiling_leave_room_the_one_left_alone_goes_aside(wire: Box) -> None:
     narrow = {"limits": FlightLimits(floor_m=45.0, ceiling_m=60.0)}
     meeting(wire, zero=narrow, one=narrow)
     wire.run(17.0)
