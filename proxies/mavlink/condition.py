@@ -51,7 +51,7 @@ class VehicleCondition:
         """A HEARTBEAT of the autopilot; whether the vehicle is thereby met, or met again after silence."""
         is_met = self._beat_us is None or now_us - self._beat_us > SILENT_US
         if is_met:
-            self._met_us, self._has_fix = now_us, None
+            self._met_us = now_us
         self._beat_us = now_us
         return is_met
 

@@ -8,10 +8,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 
 class Wire:
-    """Sends messages from one address as any system, and takes in what comes back."""
+    """Sends messages from one address as any system, and takes in what comes back. `version` of MAVLink is 1 or 2."""
 
-    def __init__(self, to: tuple[str, int], *, system: int = 1, component: int = 1, key: bytes | None = None) -> None:
-        self.to = to
+    def __init__(
+        self, to: tuple[str, int], *, system: int = 1, component: int = 1, key: bytes | None = None, version: int = 2
+    ) -> None:
+        self.to, self.version = to, version
         self.codec = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
         if key is not None:
             self.codec.signing.secret_key, self.codec.signing.sign_outgoing = key, True
@@ -25,7 +27,7 @@ class Wire:
         self.socket.close()
 
     def bytes_of(self, message: Any) -> bytes:
-        found = bytes(message.pack(self.codec))
+        found = bytes(message.pack(self.codec, force_mavlink1=self.version == 1))
         self.codec.seq = (self.codec.seq + 1) % 256
         return found
 

@@ -1,23 +1,31 @@
 """`dyknow doctor`: what this machine lacks, and how to get it."""
 
+import contextlib
 import os
+import queue
 import re
 import shutil
 import socket
 import struct
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Annotated, Literal, NamedTuple, TypeAlias
+
+import typer
 
 from console.command import Call, command
 from console.errors import DONE, NO
 from console.output.output import verbatim
-from dyknow.model.errors import did_you_mean
+from console.processes.launch import mavlink_vehicle
+from dyknow.model.errors import EndpointFailed, did_you_mean
+from runtime.configuration.config import MavlinkVehicle
 from runtime.configuration.run_directory import run_directory
+from runtime.configuration.settings import UnitFile
 
 DISTRIBUTION = "dyknow-federation"
 TOP_LEVEL = (
@@ -28,6 +36,7 @@ LEAST_MB = 100
 OLDEST_PYTHON = (3, 11)
 MULTICAST_GROUP = "224.0.0.224"
 GROUND_STATION_PORT = 14550
+LISTENS_S = 5.0
 
 State: TypeAlias = Literal["ok", "missing", "optional"]
 
@@ -41,10 +50,23 @@ class Finding(NamedTuple):
     remedy: str = ""
 
 
-@command(example="dyknow doctor")
-def doctor(call: Call) -> int:
+@command(example="dyknow doctor --mavlink udpin:127.0.0.1:14550")
+def doctor(
+    call: Call,
+    *,
+    mavlink: Annotated[
+        str | None, typer.Option(metavar="ENDPOINT", help="Also listen here for 5 s: is a vehicle heard, or why not?")
+    ] = None,
+    sysid: Annotated[int | None, typer.Option(metavar="S", min=1, max=255, help="Which vehicle.")] = None,
+    compid: Annotated[int | None, typer.Option(metavar="C", min=0, max=255, help="Which component of it.")] = None,
+    signing_key: Annotated[Path | None, typer.Option(metavar="FILE", help="Key of MAVLink 2 signing.")] = None,
+) -> int:
     """What this machine lacks, and how to get it; exit 1 if something that is needed is missing."""
     findings = list(findings_here())
+    if mavlink is not None:
+        own = UnitFile(mavlink=mavlink, sysid=sysid, compid=compid, signing_key=signing_key)
+        with call.out.waiting(f"listening at {mavlink}"):
+            findings.append(vehicle_heard(mavlink_vehicle(own, place="--mavlink")))
     if call.out.json_lines:
         for found in findings:
             call.out.line(found._asdict())
@@ -183,6 +205,34 @@ def _port(kind: str, family: int, number: int) -> Finding:
     return Finding(name, "ok", "can be listened on at 127.0.0.1")
 
 
+def vehicle_heard(vehicle: MavlinkVehicle, within_s: float = LISTENS_S) -> Finding:
+    """Whether a vehicle speaks there, as a platform would hear it; it is asked for its messages, and not commanded."""
+    from navigation.vehicle import LinkReport, Report
+    from proxies.mavlink.feed import MavlinkFeed
+    from proxies.mavlink.port import MavlinkPort
+    from proxies.mavlink.signing import read_key
+
+    name = f"mavlink {vehicle.endpoint}"
+    key = None if vehicle.signing_key is None else read_key(vehicle.signing_key)
+    reports: queue.Queue[Report] = queue.Queue()
+    try:
+        port = MavlinkPort(vehicle.endpoint, key=key)
+    except EndpointFailed as error:
+        return Finding(name, "missing", str(error), "a platform that has it says in dyknow ls what it hears")
+    feed = MavlinkFeed(port, vehicle.sysid, reports.put, lambda: time.time_ns() // 1000, compid=vehicle.compid)
+    found, until_s = LinkReport(0, False, f"waiting for a HEARTBEAT at {vehicle.endpoint}"), time.monotonic() + within_s
+    feed.start()
+    try:
+        while not found.ok and (left_s := until_s - time.monotonic()) > 0:
+            with contextlib.suppress(queue.Empty):
+                report = reports.get(timeout=left_s)
+                found = report if isinstance(report, LinkReport) else found
+    finally:
+        feed.stop()
+    remedy = "docs/mavlink.md has the parameters of ArduPilot and PX4, and routers beside a ground station"
+    return Finding(name, "ok" if found.ok else "missing", found.text, "" if found.ok else remedy)
+
+
 def _tool(program: str, package: str, purpose: str, remedy: str) -> Finding:
     found = shutil.which(program)
     return (
@@ -210,7 +260,7 @@ def _variables() -> Iterator[Finding]:
     """`DYKNOW_*` variables that nothing reads are misspelt, most likely."""
     from runtime.configuration.settings import VARIABLES
 
-    known = [*VARIABLES.values(), "DYKNOW_CONFIG", "DYKNOW_FULL", "DYKNOW_FLIGHT_DATA"]
+    known = [*VARIABLES.values(), "DYKNOW_CONFIG", "DYKNOW_FULL", "DYKNOW_FLIGHT_DATA", "DYKNOW_SITL"]
     for name in sorted(os.environ):
         if name.startswith("DYKNOW_") and name not in known:
             yield Finding(f"variable {name}", "missing", "nothing reads it", f"unset it.{did_you_mean(name, known)}")

@@ -168,7 +168,7 @@ def _say_joined(call: Call, config: NodeConfig, labels: list[str]) -> None:
 
 def _followed(call: Call, fleet: Fleet, units: list[str], early: list[dict[str, Any]], *, needed: bool) -> int:
     """Show what the specification brings forth until the platforms end; the exit code."""
-    heard = [said for said in early if said.get("event") != "note"]  # those are told
+    heard = [said for said in early if said.get("event") != "note" or call.out.json_lines]  # as text they are shown
     while True:
         ended = fleet.ended()
         heard += [said for _, said in fleet.heard()]

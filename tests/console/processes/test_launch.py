@@ -8,7 +8,7 @@ import pytest
 from console.command import Call
 from console.commands.fleet.up import planned
 from console.output.output import Output
-from console.processes.launch import FleetPlan, fleet_of, free_ports
+from console.processes.launch import FleetPlan, fleet_of, free_ports, together
 from dyknow.model.errors import WrongCall
 from runtime.configuration.config import MavlinkVehicle, ReplayedVehicle, SimulatedVehicleConfig
 from runtime.configuration.reach import wire_of
@@ -82,6 +82,38 @@ def test_a_federations_file_has_its_say_per_unit(tmp_path: Path) -> None:
     assert (visitor.endpoint, visitor.sysid, visitor.control) == ("udpin:127.0.0.1:14560", 3, True)
     assert isinstance(log, ReplayedVehicle)
     assert (log.from_us, log.epoch_us) == (3_000_000, NOW_US)
+
+
+def test_vehicles_of_one_endpoint_share_a_process_and_all_others_have_their_own() -> None:
+    port = "udpin:127.0.0.1:14560"
+    own = _call(
+        unit={"a": {"mavlink": port, "sysid": 1}, "b": {"mavlink": port, "sysid": 2}, "c": {"mavlink": "tcp:h:1"}}
+    )
+    groups = together(fleet_of(own, PLAN, NOW_US))
+    assert [[config.unit for config in group] for group in groups] == [["0"], ["1"], ["a", "b"], ["c"]]
+
+
+@pytest.mark.parametrize(
+    ("others", "refusal"),
+    [({}, "system id"), ({"sysid": 1}, "system id"), ({"sysid": 2, "signing_key": "KEY"}, "one key")],
+)
+def test_vehicles_of_one_endpoint_have_ids_of_their_own_and_one_key(tmp_path: Path, others, refusal) -> None:
+    key = tmp_path / "key"
+    key.write_bytes(bytes(32))
+    key.chmod(0o600)
+    given = {name: str(key) if value == "KEY" else value for name, value in others.items()}
+    port = "udpin:127.0.0.1:14560"
+    own = _call(unit={"a": {"mavlink": port, "sysid": 1}, "b": {"mavlink": port, **given}})
+    with pytest.raises(WrongCall, match=refusal):
+        together(fleet_of(own, PLAN, NOW_US))
+
+
+def test_a_vehicle_commanded_over_a_network_needs_a_key_or_a_word() -> None:
+    beyond = {"mavlink": "udpin:0.0.0.0:14560", "control": True}
+    with pytest.raises(WrongCall, match=r"\[unit\.a\] mavlink: udpin:0\.0\.0\.0:14560 lies beyond this machine"):
+        fleet_of(_call(unit={"a": beyond}), PLAN, NOW_US)
+    configs = {each.unit: each for each in fleet_of(_call(unit={"a": {**beyond, "unsigned": True}}), PLAN, NOW_US)}
+    assert configs["a"].vehicle.unsigned
 
 
 def test_only_starts_one_of_them_in_its_own_place() -> None:

@@ -46,6 +46,17 @@ def test_a_platform_is_heard_and_ended_by_its_id(fleet: Fleet) -> None:
     assert not psutil.pid_exists(pid)
 
 
+def test_platforms_of_one_process_are_heard_and_end_together(fleet: Fleet) -> None:
+    fleet.start_together({"0": "{}", "1": "{}"}, module="child_speaks")
+    heard: list[str] = []
+    assert fleet.follow(lambda: bool(heard), lambda unit, _said: heard.append(unit), timeout_s=20)
+    assert heard == ["0"]
+    assert fleet.running["0"].pid == fleet.running["1"].pid
+    assert fleet.last_words("1") == fleet.last_words("0")
+    fleet.end()
+    assert fleet.ended().keys() == {"0", "1"}
+
+
 def test_one_that_does_not_listen_is_killed_after_the_grace(fleet: Fleet) -> None:
     fleet.start("0", "{}", module="child_stubborn")
     heard: list[object] = []

@@ -1,10 +1,17 @@
+import socket
 import sys
 import types
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
 
 from console.commands.fleet import doctor
+from proxies.mavlink.endpoints import parse_endpoint
+from proxies.mavlink.links import UdpLink
+from runtime.configuration.config import MavlinkVehicle
+from tests.proxies.vehicle import Wire, heartbeat, position
 
 
 def test_packages_of_ours_are_ours_here() -> None:
@@ -51,10 +58,33 @@ def test_a_misspelt_variable_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_port_in_use_is_no_fault_but_has_a_remedy() -> None:
-    import socket
-
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         found = doctor._port("udp", socket.SOCK_DGRAM, taken.getsockname()[1])
     assert found.state == "optional"
     assert "udpin" in found.remedy
+
+
+def test_a_vehicle_that_speaks_is_heard_and_one_that_does_not_is_waited_for_with_a_page_to_read() -> None:
+    silent = doctor.vehicle_heard(MavlinkVehicle(endpoint="udpin:127.0.0.1:0"), within_s=0.1)
+    assert (silent.state, silent.detail) == ("missing", "waiting for a HEARTBEAT at udpin:127.0.0.1:0")
+    assert "docs/mavlink.md" in silent.remedy
+    with closing(socket.create_server(("127.0.0.1", 0))) as server, ThreadPoolExecutor() as pool:
+        host, port = server.getsockname()
+        found = pool.submit(doctor.vehicle_heard, MavlinkVehicle(endpoint=f"tcp:{host}:{port}"), 30.0)
+        connection, _ = server.accept()
+        wire = Wire((host, port))
+        with suppress(OSError):  # it has heard enough, and closes its end
+            while not found.done():
+                connection.sendall(wire.bytes_of(heartbeat()) + wire.bytes_of(position(1000)))
+                connection.recv(65_535)
+        assert found.result()[1:3] == ("ok", "hears system 1, ArduCopter, MAVLink 2")
+        connection.close()
+        wire.close()
+
+
+def test_an_endpoint_that_a_platform_has_says_where_to_look() -> None:
+    with closing(UdpLink(parse_endpoint("udpin:127.0.0.1:0"))) as held:
+        found = doctor.vehicle_heard(MavlinkVehicle(endpoint=f"udpin:127.0.0.1:{held.address[1]}"))
+    assert found.state == "missing"
+    assert "dyknow ls" in found.remedy
