@@ -27,6 +27,8 @@ WINDOW: Final = 1024
 LIVES: Final = 1024
 """Windows kept for one member: its boots, and the processes of a command centre, of the last minute."""
 KEY_BYTES: Final = 32
+FEDERATION: Final = "federation"
+"""What the roster's text calls the federation it is for."""
 
 Role: TypeAlias = Literal["uav", "command-centre", "observer"]
 ROLES: Final[tuple[Role, ...]] = ("uav", "command-centre", "observer")
@@ -80,9 +82,14 @@ class RosterMember:
 
 @dataclass(frozen=True)
 class Roster:
-    """The platforms of a federation and their keys, as `Roster.parse` and `str` read and write them."""
+    """The platforms of a federation and their keys, as `Roster.parse` and `str` read and write them.
+
+    Attributes:
+        federation: its name; None: the text does not name it.
+    """
 
     members: Mapping[str, RosterMember] = field(default_factory=dict)
+    federation: str | None = None
 
     @staticmethod
     def parse(text: str) -> "Roster":
@@ -95,10 +102,20 @@ class Roster:
             tables = tomllib.loads(text)
         except tomllib.TOMLDecodeError as wrong:
             raise RosterError(f"the roster is not TOML: {wrong}") from None
-        return Roster({unit: _member(unit, entry) for unit, entry in tables.items()})
+        federation = tables.pop(FEDERATION) if isinstance(tables.get(FEDERATION), str) else None
+        return Roster({unit: _member(unit, entry) for unit, entry in tables.items()}, federation)
+
+    def check_federation(self, name: str) -> None:
+        """Raises RosterError if the roster is for another federation."""
+        if self.federation not in {None, name}:
+            raise RosterError(
+                f"the roster is for federation {self.federation}, this is {name}; "
+                f"give --federation {self.federation}, or the roster of {name}"
+            )
 
     def __str__(self) -> str:
-        parts = [
+        parts = [] if self.federation is None else [f'{FEDERATION} = "{self.federation}"\n']
+        parts += [
             f'[{member.unit}]\nkey = "{member.key_text}"\nrole = "{member.role}"\nrevoked = {str(member.revoked).lower()}\n'
             for _, member in sorted(self.members.items())
         ]
@@ -124,7 +141,9 @@ class Roster:
         known = self.members.get(member.unit)
         if known is not None and not known.revoked and known.key != member.key:
             raise RosterError(f"{member.unit} is in the roster with another key; revoke it first")
-        return Roster({**self.members, member.unit: member})
+        if member.unit == FEDERATION:
+            raise RosterError(f"{FEDERATION} cannot be a unit: a roster calls something else so")
+        return replace(self, members={**self.members, member.unit: member})
 
     def revoked(self, unit: str) -> "Roster":
         """Raises RosterError if no member has that name."""
@@ -132,7 +151,7 @@ class Roster:
             raise RosterError(
                 f"{unit} is not in the roster, which has {', '.join(sorted(self.members)) or 'no members'}"
             )
-        return Roster({**self.members, unit: replace(self.members[unit], revoked=True)})
+        return replace(self, members={**self.members, unit: replace(self.members[unit], revoked=True)})
 
 
 def _member(unit: str, entry: Any) -> RosterMember:

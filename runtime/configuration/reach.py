@@ -8,6 +8,7 @@ from pathlib import Path
 from dyknow.model.errors import WrongCall
 from runtime.configuration.config import TrustConfig, WireConfig
 from runtime.configuration.run_directory import read_state, run_directory
+from runtime.configuration.session import read_roster
 from runtime.configuration.settings import Settings, UnitFile
 
 COMMAND_CENTRE = "cc"
@@ -79,24 +80,34 @@ def client_wire(settings: Settings, unit: str = COMMAND_CENTRE) -> WireConfig:
 
 
 def trust_files(settings: Settings, unit: str, key: Path | None = None) -> TrustConfig:
-    """The roster, and the unit's own key: `key`, or `keys/UNIT.key` next to the roster.
+    """The roster, and the unit's own key: `key`, or `keys/UNIT.key` in the roster's folder.
 
     Raises:
-        WrongCall: there is a roster but no key for `unit`.
+        RosterError: the roster is for another federation, or does not read.
+        WrongCall: it cannot be read, or there is no key for `unit`.
     """
     roster = settings.roster
     if roster is None:
         return TrustConfig()
+    try:
+        read_roster(roster, settings.federation)
+    except OSError as error:
+        raise WrongCall(f"--roster: {roster} cannot be read ({error.strerror}); check the path.") from None
     key = key or _beside_roster(roster, f"keys/{unit}.key")
     if key is None:
         raise WrongCall(
-            f"--roster {roster}: there is no key for {unit} next to it (keys/{unit}.key); "
+            f"--roster {roster}: there is no key for {unit} ({roster_folder(roster)}/keys/{unit}.key); "
             f"make one: dyknow roster add {unit} --roster {roster}"
         )
     return TrustConfig(roster=roster, key=key)
 
 
+def roster_folder(roster: Path) -> Path:
+    """Where the keys, certificates and wire settings of a roster are: `roster.d` next to `roster.toml`."""
+    return roster.with_name(f"{roster.stem}.d")
+
+
 def _beside_roster(roster: Path | None, name: str) -> Path | None:
-    """A file that belongs to the roster, if it is there."""
-    path = roster.parent / name if roster is not None else None
-    return path if path is not None and path.exists() else None
+    """A file that belongs to the roster, if it is there; rosters without a folder have theirs next to them."""
+    folders = () if roster is None else (roster_folder(roster), roster.parent)
+    return next((folder / name for folder in folders if (folder / name).exists()), None)

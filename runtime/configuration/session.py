@@ -2,6 +2,7 @@
 
 import json
 from ipaddress import ip_address
+from pathlib import Path
 from typing import NamedTuple
 
 from dyknow.model.errors import RosterError
@@ -69,6 +70,21 @@ def wire_options(wire: WireConfig) -> ZenohOptions:
     return ZenohOptions(**{**wire.model_dump(exclude={"open"}), "security": security})
 
 
+def read_roster(path: Path, federation: str) -> Roster:
+    """The roster of a federation.
+
+    Raises:
+        RosterError: it does not read, or is for another federation.
+        OSError: it cannot be read.
+    """
+    try:
+        roster = Roster.parse(path.read_text("utf-8"))
+        roster.check_federation(federation)
+    except RosterError as wrong:
+        raise RosterError(f"--roster {path}: {wrong}") from None
+    return roster
+
+
 def load_trust(files: TrustConfig, federation: str, started_us: int) -> Trust | None:
     """The roster and a member's own key, read; None without a roster.
 
@@ -80,7 +96,7 @@ def load_trust(files: TrustConfig, federation: str, started_us: int) -> Trust | 
     if files.key is None:
         raise RosterError(f"{files.roster} is a roster, but this platform was given no key: set trust.key")
     try:
-        roster = Roster.parse(files.roster.read_text("utf-8"))
+        roster = read_roster(files.roster, federation)
         seed = bytes.fromhex(files.key.read_text("ascii").strip())
     except OSError as error:
         raise RosterError(f"--roster: {error.filename} cannot be read ({error.strerror}); check the path.") from None

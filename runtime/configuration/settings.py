@@ -128,8 +128,9 @@ def load(flags: Mapping[str, Any], config: Path | None) -> Settings:
     federation = str(layers.get("federation", "default"))
     if federation.endswith(".toml"):
         layers = {**read_federation(Path(federation)), **layers}
-        federation = layers.pop("name")
-    layers["federation"] = _checked_name(federation)
+        federation = layers["federation"] = layers.pop("name")
+    if "federation" in layers:
+        layers["federation"] = _checked_name(federation)
     if "clock" in layers and isinstance(layers["clock"], dict):
         layers.setdefault("speed", layers["clock"].get("speed", 1.0))
     try:

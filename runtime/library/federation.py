@@ -61,7 +61,7 @@ def connect(
         connect: Zenoh endpoints to connect to; no multicast then.
         interface: network interface of multicast; `lo` (nothing leaves the machine) unless set.
         roster: file with the public keys of all members, if the federation has one.
-        key: file with the private key; `keys/cc.key` next to the roster unless set.
+        key: file with the private key; `keys/cc.key` in the roster's folder (`roster.d`) unless set.
         extensions: modules that bring further tasks and semantic labels.
 
     What is not given is taken from `DYKNOW_*` variables and the federation's file, as `dyknow` does.

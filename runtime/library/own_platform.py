@@ -62,7 +62,7 @@ def join(
         connect: Zenoh endpoints.
         interface: network interface of multicast.
         roster: public keys of all members.
-        key: file with its private key; `keys/UNIT.key` next to the roster unless set.
+        key: file with its private key; `keys/UNIT.key` in the roster's folder (`roster.d`) unless set.
         units: modules with computational units for its declarations.
         extensions: modules that bring it further parts and semantic labels.
 

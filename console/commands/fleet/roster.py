@@ -1,6 +1,6 @@
 """`dyknow roster`: the file of platforms and keys with which acts are signed, and what belongs to it.
 
-Next to `roster.toml`: `keys/<unit>.key` (Ed25519 seed in hexadecimal, mode 0600), `pki/` (a certificate per platform and the authority that
+In `roster.d/` next to `roster.toml`: `keys/<unit>.key` (Ed25519 seed in hexadecimal, mode 0600), `pki/` (a certificate per platform and the authority that
 signed them), and `<unit>.wire.json`, the mTLS and access-control settings of each platform's Zenoh session. A platform
 needs the roster, its own key, its own certificate and `pki/ca.pem`; the authority's key stays where units are added.
 """
@@ -22,7 +22,7 @@ from dyknow.model.errors import RosterError, WrongCall
 from federation.keys import unit as unit_name
 from federation.security.tls import Paths, authority_certificate, platform_certificate, tls_key, zenoh_security_config
 from federation.security.trust import KEY_BYTES, Role, Roster, RosterMember, Signer
-from runtime.configuration.reach import COMMAND_CENTRE
+from runtime.configuration.reach import COMMAND_CENTRE, roster_folder
 
 DEFAULT_FILE = Path("roster.toml")
 AUTHORITY = "ca"
@@ -51,12 +51,12 @@ def init(
     if path.exists():
         raise WrongCall(f"{path} exists already; add to it with dyknow roster add UNIT, or name another with --roster.")
     path.parent.mkdir(parents=True, exist_ok=True)
-    roster = Roster()
+    roster = Roster(federation=call.settings.federation)
     for unit in dict.fromkeys(platforms):
-        roster = roster.added(_member(path, call, unit, "uav", hosts))
-    roster = roster.added(_member(path, call, COMMAND_CENTRE, "command-centre", hosts))
-    _write(path, call, roster)
-    return _shown(call, list(roster.members.values()))
+        roster = _added(roster, _member(path, roster, unit, "uav", hosts))
+    roster = _added(roster, _member(path, roster, COMMAND_CENTRE, "command-centre", hosts))
+    _write(path, roster)
+    return _shown(call, roster, list(roster.members.values()))
 
 
 @command(example="dyknow roster add 3 --roster keys/roster.toml")
@@ -68,15 +68,15 @@ def add(
 ) -> int:
     """One more platform, with a new key and certificate."""
     path = _path(call)
-    roster = _read(path)
+    roster = _read(path, call)
     known = roster.members.get(unit)
     if known is not None and not known.revoked:
         raise WrongCall(
             f"{unit} is in {path} already; to give it a new key revoke it first: dyknow roster revoke {unit}"
         )
-    member = _member(path, call, unit, role, hosts)
-    _write(path, call, roster.added(member))
-    return _shown(call, [member])
+    member = _member(path, roster, unit, role, hosts)
+    _write(path, _added(roster, member))
+    return _shown(call, roster, [member])
 
 
 @command(example="dyknow roster revoke 2 --roster keys/roster.toml")
@@ -84,32 +84,52 @@ def revoke(call: Call, unit: UnitArgument) -> int:
     """Mark a platform as no longer trusted: others refuse it once they are restarted."""
     path = _path(call)
     try:
-        roster = _read(path).revoked(unit)
+        roster = _read(path, call).revoked(unit)
     except RosterError as error:
         raise WrongCall(f"{path}: {error}") from None
-    _write(path, call, roster)
+    _write(path, roster)
     if not call.out.json_lines:
         call.out.note("Platforms read the roster when they start: restart those that run.")
-    return _shown(call, [roster.members[unit]])
+    return _shown(call, roster, [roster.members[unit]])
 
 
 @command(example="dyknow roster show --roster keys/roster.toml")
 def show(call: Call) -> int:
     """The members of a roster."""
-    return _shown(call, list(_read(_path(call)).members.values()))
+    roster = _read(_path(call))
+    return _shown(call, roster, list(roster.members.values()))
 
 
 def _path(call: Call) -> Path:
     return call.settings.roster or DEFAULT_FILE
 
 
-def _read(path: Path) -> Roster:
+def _read(path: Path, to_change: Call | None = None) -> Roster:
+    """The roster; one that is to be changed names its federation, which is not another one than is asked for."""
     try:
-        return Roster.parse(path.read_text(encoding="utf-8"))
+        roster = Roster.parse(path.read_text(encoding="utf-8"))
+        if to_change is not None and "federation" in to_change.settings.model_fields_set:
+            roster.check_federation(to_change.settings.federation)
     except OSError as error:
         raise WrongCall(f"{path}: cannot be read ({error.strerror}); make one with dyknow roster init.") from None
     except RosterError as error:
         raise WrongCall(f"{path}: {error}") from None
+    if to_change is not None and roster.federation is None:
+        raise WrongCall(f'{path} does not name its federation: write federation = "NAME" in its first line.')
+    return roster
+
+
+def _added(roster: Roster, member: RosterMember) -> Roster:
+    try:
+        return roster.added(member)
+    except RosterError as error:
+        raise WrongCall(str(error)) from None
+
+
+def _folder(path: Path) -> Path:
+    """Where the roster's keys are; those of older rosters are next to them."""
+    folder = roster_folder(path)
+    return path.parent if not folder.exists() and (path.parent / "pki" / f"{AUTHORITY}.key").exists() else folder
 
 
 def write_private(path: Path, content: bytes) -> None:
@@ -119,18 +139,22 @@ def write_private(path: Path, content: bytes) -> None:
         secret.write(content)
 
 
-def _member(path: Path, call: Call, unit: str, role: Role, hosts: Sequence[str] | None) -> RosterMember:
-    """A member with a new key, kept next to the roster, and a certificate."""
+def _member(path: Path, roster: Roster, unit: str, role: Role, hosts: Sequence[str] | None) -> RosterMember:
+    """A member with a new key, kept in the roster's folder, and a certificate; only a revoked key is replaced."""
     unit_name(unit)
+    federation = str(roster.federation)
     if unit == AUTHORITY:
         raise WrongCall(f"{unit}: the certificate authority's files have this name; choose another for the platform.")
-    keys, pki = path.parent / "keys", path.parent / "pki"
+    keys, pki = _folder(path) / "keys", _folder(path) / "pki"
+    known = roster.members.get(unit)
+    if (keys / f"{unit}.key").exists() and (known is None or not known.revoked):
+        raise WrongCall(f"{keys}/{unit}.key is there already, and no key is overwritten: move {_folder(path)} away.")
     for directory in (keys, pki):
-        directory.mkdir(mode=0o700, exist_ok=True)
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
     seed = secrets.token_bytes(KEY_BYTES)
     write_private(keys / f"{unit}.key", f"{seed.hex()}\n".encode())
-    _certify(pki, unit, f"dyknow {call.settings.federation}", hosts or LOOPBACK)
-    return RosterMember(unit, Signer(seed, call.settings.federation).public_key, role)
+    _certify(pki, unit, f"dyknow {federation}", hosts or LOOPBACK)
+    return RosterMember(unit, Signer(seed, federation).public_key, role)
 
 
 def _certify(pki: Path, unit: str, authority: str, hosts: Sequence[str]) -> None:
@@ -154,29 +178,36 @@ def _certify(pki: Path, unit: str, authority: str, hosts: Sequence[str]) -> None
     (pki / f"{unit}.pem").write_bytes(signed)
 
 
-def _write(path: Path, call: Call, roster: Roster) -> None:
+def _write(path: Path, roster: Roster) -> None:
     """The roster, whole or not at all, and the wire settings of every member, which name all the others."""
     new = path.with_name(f"{path.name}.new")
     new.write_text(str(roster), encoding="utf-8")
     new.replace(path)
-    pki = (path.parent / "pki").resolve()
+    folder = _folder(path)
+    pki = (folder / "pki").resolve()
     for unit, member in roster.members.items():
-        wire = path.parent / f"{unit}.wire.json"
+        wire = folder / f"{unit}.wire.json"
         if member.revoked:
             wire.unlink(missing_ok=True)
             continue
         paths = Paths(str(pki / f"{AUTHORITY}.pem"), str(pki / f"{unit}.pem"), str(pki / f"{unit}.key"))
-        settings = zenoh_security_config(roster, unit, paths, call.settings.federation)
+        settings = zenoh_security_config(roster, unit, paths, str(roster.federation))
         wire.write_text(json.dumps(settings, indent=2) + "\n", encoding="utf-8")
 
 
-def _shown(call: Call, members: list[RosterMember]) -> int:
+def _shown(call: Call, roster: Roster, members: list[RosterMember]) -> int:
     if call.out.json_lines:
         for member in members:
             call.out.line(
-                {"unit": unit_json(member.unit), "key": member.key_text, "role": member.role, "revoked": member.revoked}
+                {
+                    "unit": unit_json(member.unit),
+                    "key": member.key_text,
+                    "role": member.role,
+                    "revoked": member.revoked,
+                    "federation": roster.federation,
+                }
             )
         return DONE
     rows = [(m.unit, "[red]revoked[/red]" if m.revoked else m.role, m.key_text) for m in members]
-    call.out.table("", ("unit", "role", "key"), rows, wraps=("key",))
+    call.out.table(f"federation {roster.federation or '-'}", ("unit", "role", "key"), rows, wraps=("key",))
     return DONE

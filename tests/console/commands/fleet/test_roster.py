@@ -17,6 +17,10 @@ def path(tmp_path: Path, dyknow: Run) -> Path:
     return found
 
 
+def folder(path: Path) -> Path:
+    return path.parent / "roster.d"
+
+
 def _lines(done: "subprocess.CompletedProcess[str]") -> list[dict[str, object]]:
     return [json.loads(line) for line in done.stdout.splitlines()]
 
@@ -28,14 +32,14 @@ def test_a_new_roster_has_the_platforms_and_a_command_centre(path: Path) -> None
 
 def test_each_private_key_belongs_to_its_member_and_is_its_owners_alone(path: Path) -> None:
     for unit, member in Roster.parse(path.read_text()).members.items():
-        key = path.parent / "keys" / f"{unit}.key"
+        key = folder(path) / "keys" / f"{unit}.key"
         assert stat.S_IMODE(key.stat().st_mode) == 0o600
         assert Signer(bytes.fromhex(key.read_text()), "alpha").public_key == member.key
-        assert stat.S_IMODE((path.parent / "pki" / f"{unit}.key").stat().st_mode) == 0o600
+        assert stat.S_IMODE((folder(path) / "pki" / f"{unit}.key").stat().st_mode) == 0o600
 
 
 def test_certificates_carry_the_units_name_and_are_signed_by_the_authority(path: Path) -> None:
-    pki = path.parent / "pki"
+    pki = folder(path) / "pki"
     authority = x509.load_pem_x509_certificate((pki / "ca.pem").read_bytes())
     for unit in ("0", "1", "cc"):
         certificate = x509.load_pem_x509_certificate((pki / f"{unit}.pem").read_bytes())
@@ -49,16 +53,16 @@ def test_a_member_that_is_added_is_known_to_the_wire_settings_of_all(path: Path,
     assert (told["unit"], told["revoked"]) == (7, False)
     assert str(told["key"]).startswith("ed25519:")
     for unit in ("0", "1", "cc", "7"):
-        wire = json.loads((path.parent / f"{unit}.wire.json").read_text())
+        wire = json.loads((folder(path) / f"{unit}.wire.json").read_text())
         assert {s["id"] for s in wire["access_control"]["subjects"]} == {"0", "1", "cc", "7"}
 
 
 def test_a_revoked_member_is_marked_and_no_session_listens_to_it(path: Path, dyknow: Run) -> None:
     [told] = _lines(dyknow("roster", "revoke", "1", "--roster", str(path), "--federation", "alpha", "--json"))
     assert (told["unit"], told["revoked"]) == (1, True)
-    wire = json.loads((path.parent / "0.wire.json").read_text())
+    wire = json.loads((folder(path) / "0.wire.json").read_text())
     assert {s["id"] for s in wire["access_control"]["subjects"]} == {"0", "cc"}
-    assert not (path.parent / "1.wire.json").exists()
+    assert not (folder(path) / "1.wire.json").exists()
 
 
 def test_a_revoked_member_may_come_back_with_a_new_key(path: Path, dyknow: Run) -> None:
@@ -68,6 +72,49 @@ def test_a_revoked_member_may_come_back_with_a_new_key(path: Path, dyknow: Run) 
     after = Roster.parse(path.read_text()).members["1"]
     assert after.key != before
     assert not after.revoked
+    wire = (folder(path) / "0.wire.json").read_text()
+    assert "dyknow/alpha/" in wire, "without --federation a roster keeps its own"
+    assert "dyknow/default/" not in wire
+
+
+def test_a_roster_names_its_federation_and_is_refused_in_another(path: Path, dyknow: Run) -> None:
+    assert Roster.parse(path.read_text()).federation == "alpha"
+    assert "federation alpha" in dyknow("roster", "show", "--roster", str(path)).stdout
+    assert {line["federation"] for line in _lines(dyknow("roster", "show", "--roster", str(path), "--json"))} == {
+        "alpha"
+    }
+    before = path.read_text()
+    for arguments in (
+        ("roster", "add", "9", "--federation", "beta"),
+        ("ls", "--federation", "beta"),
+        ("ls",),
+        ("join", "--unit", "0", "--spec", "examples/first.kpl"),
+        ("up", "2"),
+    ):
+        done = dyknow(*arguments, "--roster", str(path))
+        assert done.returncode == 2, arguments
+        assert "the roster is for federation alpha, this is" in " ".join(done.stderr.split()), done.stderr
+    assert path.read_text() == before
+
+
+def test_no_key_is_overwritten_by_another_roster(path: Path, dyknow: Run) -> None:
+    key = (folder(path) / "keys" / "0.key").read_text()
+    other = path.with_name("other.toml")
+    assert dyknow("roster", "init", "0", "--roster", str(other), "--federation", "beta").returncode == 0
+    assert (folder(path) / "keys" / "0.key").read_text() == key
+    same = dyknow("roster", "init", "0", "--roster", str(path.with_suffix(".old")), "--federation", "beta")
+    assert same.returncode == 2
+    assert "no key is overwritten" in " ".join(same.stderr.split())
+    assert (folder(path) / "keys" / "0.key").read_text() == key
+
+
+def test_a_roster_without_a_federation_is_not_changed_before_it_names_one(path: Path, dyknow: Run) -> None:
+    text = path.read_text()
+    path.write_text(text.replace('federation = "alpha"\n', ""))
+    done = dyknow("roster", "add", "7", "--roster", str(path))
+    assert done.returncode == 2
+    assert 'write federation = "NAME"' in done.stderr.replace("\n", " ")
+    assert dyknow("roster", "show", "--roster", str(path)).returncode == 0
 
 
 @pytest.mark.parametrize(
@@ -94,8 +141,8 @@ def test_a_roster_that_is_not_there_is_told_with_its_remedy(tmp_path: Path, dykn
 
 
 def test_no_member_takes_the_authoritys_files(path: Path, dyknow: Run) -> None:
-    key = (path.parent / "pki" / "ca.key").read_bytes()
+    key = (folder(path) / "pki" / "ca.key").read_bytes()
     done = dyknow("roster", "add", "ca", "--roster", str(path), "--federation", "alpha")
     assert done.returncode == 2
     assert "authority" in done.stderr
-    assert (path.parent / "pki" / "ca.key").read_bytes() == key
+    assert (folder(path) / "pki" / "ca.key").read_bytes() == key
