@@ -9,7 +9,7 @@ import socket
 import struct
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -64,18 +64,31 @@ class Sitl:
         state: an empty directory for its parameters and logs.
         peer: the UDP port of loopback that it sends to.
         system: its system id.
+        parameters: values by name, besides those of the program's own files.
     """
 
-    def __init__(self, state: Path, peer: int, *, system: int = 1, north_m: float = 0.0, east_m: float = 0.0) -> None:
+    def __init__(
+        self,
+        state: Path,
+        peer: int,
+        *,
+        system: int = 1,
+        north_m: float = 0.0,
+        east_m: float = 0.0,
+        parameters: Mapping[str, float] | None = None,
+    ) -> None:
         program = directory()
         assert program is not None
         self.system, self.peer = system, peer
         self._instance = next(number for number in range(20 + os.getpid() % 150, 400) if _free(number))
+        self.tcp = 5763 + 10 * self._instance  # a server for one client; the station has the one before it
         latitude, longitude = place(north_m, east_m)
+        own = state / "own.parm"
+        own.write_text("".join(f"{name} {value:g}\n" for name, value in (parameters or {}).items()))
         command = [
             str(program / "arducopter"), "-w", "-I", str(self._instance), "--model", "+",
             "--speedup", str(BOOT_SPEEDUP), "--home", f"{latitude},{longitude},{HOME[2]},0", "--sysid", str(system),
-            "--defaults", f"{program / 'copter.parm'},{program / 'extra.parm'}",
+            "--defaults", f"{program / 'copter.parm'},{program / 'extra.parm'},{own}",
             "--serial0", f"udpclient:127.0.0.1:{peer}", "--serial1", "tcp:2", "--serial2", "tcp:3",
         ]  # fmt: skip
         self._log = (state / "sitl.log").open("wb")
