@@ -3,16 +3,19 @@
 Beside what that world can do it keeps every put, loses what a test wants lost, and has vehicles that fly straight.
 """
 
+from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import count
+from queue import Empty
 from random import Random
 from typing import Any, NamedTuple
 
 from agents.config import PlatformConfig
 from agents.platform import Platform
 from federation import keys
+from federation.members.clock import FederationClock
 from federation.members.command_centre import CommandCentre
 from federation.members.member import Member
 from federation.messages.acts import Act, Performative
@@ -21,8 +24,18 @@ from federation.messages.contents import Content
 from federation.messages.dialogue import Dialogue
 from federation.messages.receipts import RECEIPT_AGENT
 from federation.security.trust import Trust
-from federation.transport import Put
-from navigation.vehicle import Command, CommandResult, HomeReport, PositionReport, Report, StatusReport, VelocityReport
+from federation.transport import Put, WireEffect
+from navigation.vehicle import (
+    BatteryReport,
+    Command,
+    CommandResult,
+    HomeReport,
+    PositionReport,
+    Report,
+    StatusReport,
+    VelocityReport,
+)
+from runtime.client import Surroundings
 from sim_uavs.dynamics.faults import SimulatedFault
 from sim_uavs.world.sessions import Direction, Session, SessionLink
 from sim_uavs.world.units import WorldNode
@@ -57,7 +70,7 @@ class Vehicle:
 
     `armed`, `guided`, `airborne`, `mode` are what it says of itself, nothing if `says_status` is not set; `home_m` is
     the height of its home above mean sea level, None while it has none. Orders it accepts, or refuses with `answer`;
-    None: they are never acknowledged.
+    None: they are never acknowledged. `battery` is the fraction that is left, None while it says none.
     """
 
     north_m: float = 0.0
@@ -73,6 +86,7 @@ class Vehicle:
     mode: str = "GUIDED"
     says_status: bool = True
     home_m: float | None = 50.0
+    battery: float | None = None
     deadline_us: int = 0
     commands: list[tuple[int, Command]] = field(default_factory=list)
     faults: list[tuple[SimulatedFault, int | None]] = field(default_factory=list)
@@ -84,6 +98,8 @@ class Vehicle:
             found.append(HomeReport(stamp_us, 58.0, 15.0, self.home_m))
         if self.says_status:
             found.append(StatusReport(stamp_us, self.armed, self.guided, self.airborne, self.mode))
+        if self.battery is not None:
+            found.append(BatteryReport(stamp_us, self.battery))
         return found
 
     def on_time(self, now_us: int, stamp_us: int) -> list[Report]:
@@ -180,13 +196,53 @@ class RecordedWire(Wire):
             self.mend(sender, receiver)
 
 
+class Inbox(deque[Any]):
+    """The mailbox of a program in this process: its waiting makes the world go on."""
+
+    def __init__(self, box: "Box") -> None:
+        super().__init__()
+        self._box = box
+
+    put = deque.append
+
+    def get(self, block: bool = True, timeout: float | None = None) -> Any:
+        until_us = self._box.now_us + round((timeout or 0.0) * 1e6)
+        while not self:
+            if not self._box.step(until_us):
+                raise Empty
+        return self.popleft()
+
+
+class ProgramWire:
+    """The session of a program in this process."""
+
+    def __init__(self, box: "Box", post: Callable[[Any], None]) -> None:
+        self._wire, self._name = box.wire, f"program {next(box.numbers)}"
+        self.zid = f"{box.random.getrandbits(64) | 1:x}"
+        self._wire.open(self._name, self.zid, post, lambda: box.now_us)
+
+    def perform(self, effect: WireEffect) -> None:
+        self._wire.perform(self._name, effect)
+
+    def close(self) -> None:
+        self._wire.kill(self._name)
+
+
 class Box(World):
-    """The world. Wires take `delay_us`, and lose nothing unless a test says so."""
+    """The world. Puts take `delay_us`, and none is lost unless a test says so.
+
+    Attributes:
+        clock: of all platforms.
+        report_us: how long a report is under way from its vehicle.
+        lacking: kinds of reports that vehicles do not send.
+    """
 
     wire: RecordedWire
+    report_us = 0
 
-    def __init__(self, seed: int = 0, *, delay_us: int = 500, start_us: int = START_US) -> None:
-        super().__init__(seed, start_us=start_us, truth_us=None)
+    def __init__(self, seed: int = 0, *, delay_us: int = 500, clock: FederationClock | None = None) -> None:
+        super().__init__(seed, truth_us=None)
+        self.clock, self.lacking = clock or FederationClock(), set[type]()
         self.wire = RecordedWire(self.agenda, Random(seed), SessionLink(delay_us=delay_us, jitter_us=0))
         self.wire.log, self.wire.deaf, self.wire.drop = [], set(), lambda _sender, _receiver, _put: False
 
@@ -199,8 +255,19 @@ class Box(World):
 
     def join(self, unit: str, vehicle: Vehicle | None = None, **config: Any) -> Platform:
         """A platform starts, with a vehicle."""
-        self.add(unit, PlatformConfig(unit, 0, **config), vehicle or Vehicle())  # type: ignore[arg-type]
+        given = PlatformConfig(unit, 0, **{"clock": self.clock, **config})
+        self.add(unit, given, vehicle or Vehicle())  # type: ignore[arg-type]
         return self.platform(unit)
+
+    def fly(self, unit: str, north_m: float, east_m: float, north_m_s: float = 0.0, **config: Any) -> Platform:
+        """A platform starts whose simulated vehicle flies north, 40 m above home, and has a battery."""
+        vehicle = Vehicle(north_m, east_m, 60.0, north_m_s, home_m=20.0, battery=0.8)
+        return self.join(unit, vehicle, **{"simulated": True, **config})
+
+    def end(self, unit: str) -> None:
+        """A platform says good-bye and ends."""
+        self.leave(unit)
+        self.kill(unit)
 
     def centre(self, unit: str = "cc", trust: Trust | None = None) -> CommandCentre:
         """A command centre starts."""
@@ -242,12 +309,27 @@ class Box(World):
     def cut(self, one: Iterable[str], other: Iterable[str]) -> None:
         self.partition(one, other)
 
+    def surroundings(self) -> Surroundings:
+        """For a program that takes part."""
+        return Surroundings(Inbox(self), lambda: self.now_us, lambda post, _now_us: ProgramWire(self, post))
+
+    def step(self, until_us: int) -> bool:
+        """Do what is due next by `until_us`; False, and that time, if there is nothing."""
+        queue = self.agenda._queue
+        is_due = bool(queue) and queue[0][0] <= until_us
+        self.agenda.run_until(queue[0][0] if is_due else until_us)
+        return is_due
+
     def run(self, seconds: float) -> None:
         self.run_for(seconds)
 
     def _report(self, node: WorldNode, report: Report) -> None:
-        if not (isinstance(report, CommandResult) and self.vehicle(node.unit).answer is None):
-            super()._report(node, report)
+        is_unanswered = isinstance(report, CommandResult) and self.vehicle(node.unit).answer is None
+        if type(report) not in self.lacking and not is_unanswered:
+            if self.report_us:
+                self.agenda.at(self.now_us + self.report_us, super()._report, node, report)
+            else:
+                super()._report(node, report)
 
     # -- what tests look at ------------------------------------------------------------------------------------
 

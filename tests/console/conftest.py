@@ -12,7 +12,7 @@ from console.command import Call
 from console.output.output import Output
 from runtime.configuration.settings import Settings
 from tests import command
-from tests.console.world import World
+from tests.box import Box
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 Lines = Callable[[], list[dict[str, Any]]]
@@ -36,10 +36,10 @@ def call() -> Call:
 
 
 @pytest.fixture
-def world(monkeypatch: pytest.MonkeyPatch) -> World:
-    found = World()
+def world(monkeypatch: pytest.MonkeyPatch) -> Box:
+    found = Box()
     for number in range(3):
-        found.add(str(number), 0.0, 200.0 * number, 2.0)
+        found.fly(str(number), 0.0, 200.0 * number, 2.0)
     monkeypatch.setattr(client, "_surroundings", lambda _call: found.surroundings())
     found.run(2.0)
     return found

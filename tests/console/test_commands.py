@@ -13,12 +13,12 @@ from console.errors import DONE, NO
 from console.output.output import Output
 from dyknow.model.errors import DyknowError, NothingFound, WrongCall
 from navigation.vehicle import BatteryReport, HomeReport, PositionReport, StatusReport, VelocityReport
-from tests.console.world import START_US, World
+from tests.box import EPOCH, Box
 
 Lines = Callable[[], list[dict[str, Any]]]
 
 
-def test_ls_shows_platforms_with_services_labels_ages_and_clock(world: World, call: Call, lines: Lines) -> None:
+def test_ls_shows_platforms_with_services_labels_ages_and_clock(world: Box, call: Call, lines: Lines) -> None:
     from console.commands.members.ls import ls
 
     assert ls(call, all_kinds=False) == DONE
@@ -33,14 +33,14 @@ def test_ls_shows_platforms_with_services_labels_ages_and_clock(world: World, ca
     assert abs(shown[0]["offset_us"]) <= shown[0]["bound_us"] <= 1000
 
 
-def test_ls_tells_since_when_each_platform_lives_whoever_asks(world: World, call: Call, lines: Lines) -> None:
+def test_ls_tells_since_when_each_platform_lives_whoever_asks(world: Box, call: Call, lines: Lines) -> None:
     from console.commands.members.ls import ls
 
     for _ in range(2):
         assert ls(call, all_kinds=True) == DONE
         shown = lines()
         assert {entry["unit"]: entry["since_us"] for entry in shown if entry["kind"] == "uav"} == dict.fromkeys(
-            range(3), START_US
+            range(3), EPOCH
         )
         world.run(1.0)
 
@@ -48,7 +48,7 @@ def test_ls_tells_since_when_each_platform_lives_whoever_asks(world: World, call
 def test_ls_finds_nobody_in_an_empty_federation(call: Call, lines: Lines, monkeypatch: pytest.MonkeyPatch) -> None:
     from console.commands.members.ls import ls
 
-    monkeypatch.setattr(client, "_surroundings", lambda _call: World().surroundings())
+    monkeypatch.setattr(client, "_surroundings", lambda _call: Box().surroundings())
     assert ls(call, all_kinds=False) == NO
     assert lines() == []
 
@@ -67,7 +67,7 @@ def _query(call: Call, **given: Any) -> int:
     return query(call, given.pop("label", "heli-position"), **{**options, **given})
 
 
-def test_the_latest_value_comes_from_all_platforms(world: World, call: Call, lines: Lines) -> None:
+def test_the_latest_value_comes_from_all_platforms(world: Box, call: Call, lines: Lines) -> None:
     assert _query(call) == DONE
     shown = lines()
     assert sorted(entry["unit"] for entry in shown) == [0, 1, 2]
@@ -75,15 +75,15 @@ def test_the_latest_value_comes_from_all_platforms(world: World, call: Call, lin
     assert all(world.now_us - entry["valid_us"] < 1_000_000 for entry in shown)
 
 
-def test_a_value_at_a_time_is_the_most_recent_one_then(world: World, call: Call, lines: Lines) -> None:
-    at_us = START_US + 1_234_567
+def test_a_value_at_a_time_is_the_most_recent_one_then(world: Box, call: Call, lines: Lines) -> None:
+    at_us = EPOCH + 1_234_567
     assert _query(call, unit="1", at=str(at_us)) == DONE
     [shown] = lines()
     assert at_us - 100_000 < shown["valid_us"] <= at_us
 
 
 def test_between_two_times_gives_all_values_in_order_also_over_several_pages(
-    world: World, call: Call, lines: Lines
+    world: Box, call: Call, lines: Lines
 ) -> None:
     world.run(60.0)
     assert _query(call, unit="0", between=("-50s", "-1s")) == DONE
@@ -92,7 +92,7 @@ def test_between_two_times_gives_all_values_in_order_also_over_several_pages(
     assert len(times) in {490, 491}
 
 
-def test_a_frozen_platform_is_named_and_the_others_answers_are_there(world: World, call: Call, lines: Lines) -> None:
+def test_a_frozen_platform_is_named_and_the_others_answers_are_there(world: Box, call: Call, lines: Lines) -> None:
     world.freeze("1")
     world.run(0.5)
     assert _query(call) == DONE
@@ -104,12 +104,11 @@ def test_a_frozen_platform_is_named_and_the_others_answers_are_there(world: Worl
 
 
 def test_a_platform_that_froze_out_of_a_newcomers_reach_is_named_and_listed(
-    world: World, call: Call, lines: Lines
+    world: Box, call: Call, lines: Lines
 ) -> None:
     from console.commands.members.ls import ls
 
     world.freeze("1")
-    world.platforms["1"][1].tokens.clear()  # a frozen process takes up no session with who comes now
     world.run(0.5)
     assert _query(call, label="battery") == DONE
     assert {entry["unit"]: "error" in entry for entry in lines()} == {0: False, 1: True, 2: False}
@@ -118,7 +117,7 @@ def test_a_platform_that_froze_out_of_a_newcomers_reach_is_named_and_listed(
 
 
 def test_a_platform_that_was_killed_stays_as_gone_until_it_returns(
-    world: World, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
+    world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from console.commands.members.ls import ls
 
@@ -139,16 +138,16 @@ def test_a_platform_that_was_killed_stays_as_gone_until_it_returns(
     text = Call(call.settings, Output(json_lines=False))
     assert ls(text, all_kinds=False) == DONE
     assert re.search(r"^.*\b1\b.*gone \d+(\.\d)? (s|min) ago", capsys.readouterr().out, re.MULTILINE)
-    world.add("1", 0.0, 200.0, 2.0)
+    world.fly("1", 0.0, 200.0, 2.0)
     world.run(2.0)
     assert ls(call, all_kinds=False) == DONE
     assert {entry["state"] for entry in lines()} == {"alive"}
 
 
-def test_a_platform_that_said_good_bye_is_neither_named_nor_listed(world: World, call: Call, lines: Lines) -> None:
+def test_a_platform_that_said_good_bye_is_neither_named_nor_listed(world: Box, call: Call, lines: Lines) -> None:
     from console.commands.members.ls import ls
 
-    world.leave("1")
+    world.end("1")
     world.run(1.0)
     assert ls(call, all_kinds=False) == DONE
     assert {entry["unit"]: entry["state"] for entry in lines()} == {0: "alive", 2: "alive"}
@@ -157,7 +156,7 @@ def test_a_platform_that_said_good_bye_is_neither_named_nor_listed(world: World,
 
 
 def test_data_older_than_its_policy_allows_is_red_and_said_to_be(
-    world: World, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
+    world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from console.commands.members.ls import ls
 
@@ -187,7 +186,7 @@ def test_data_older_than_its_policy_allows_is_red_and_said_to_be(
     assert not any(entry["stale"] for entry in lines())
 
 
-def test_one_value_is_selected_or_made_of_all(world: World, call: Call, lines: Lines) -> None:
+def test_one_value_is_selected_or_made_of_all(world: Box, call: Call, lines: Lines) -> None:
     assert _query(call, label="heli-altitude", merge="mean") == DONE
     [merged] = lines()
     assert (merged["unit"], merged["units"], merged["merge"]) == (None, [0, 1, 2], "mean")
@@ -197,28 +196,28 @@ def test_one_value_is_selected_or_made_of_all(world: World, call: Call, lines: L
     assert chosen["unit"] in {0, 1, 2}
 
 
-def test_a_time_to_come_is_refused_and_nobody_answered(world: World, call: Call, lines: Lines) -> None:
+def test_a_time_to_come_is_refused_and_nobody_answered(world: Box, call: Call, lines: Lines) -> None:
     assert _query(call, unit="0", at="+10s") == NO
     [refused] = lines()
     assert "error" in refused
 
 
-def test_an_unknown_label_is_answered_with_the_nearest_known(world: World, call: Call) -> None:
+def test_an_unknown_label_is_answered_with_the_nearest_known(world: Box, call: Call) -> None:
     with pytest.raises(NothingFound, match="Did you mean 'heli-position'"):
         _query(call, label="heli-positon")
 
 
-def test_an_unknown_unit_is_told(world: World, call: Call) -> None:
+def test_an_unknown_unit_is_told(world: Box, call: Call) -> None:
     with pytest.raises(NothingFound, match="no platform '9' is there"):
         _query(call, unit="9")
 
 
-def test_times_in_the_wrong_order_are_a_wrong_call(world: World, call: Call) -> None:
+def test_times_in_the_wrong_order_are_a_wrong_call(world: Box, call: Call) -> None:
     with pytest.raises(WrongCall, match="--between"):
         _query(call, between=("-1s", "-5s"))
 
 
-def test_watch_prints_a_federated_stream_and_takes_it_down(world: World, call: Call, lines: Lines) -> None:
+def test_watch_prints_a_federated_stream_and_takes_it_down(world: Box, call: Call, lines: Lines) -> None:
     from console.commands.members.watch import watch
 
     assert watch(call, "heli-position", unit=None, every="200ms", max_delay="1s", count=9) == DONE
@@ -229,7 +228,7 @@ def test_watch_prints_a_federated_stream_and_takes_it_down(world: World, call: C
         times = [entry["valid_us"] for entry in shown if entry["unit"] == unit]
         assert all(later - earlier == 200_000 for earlier, later in pairwise(times))
     world.run(1.0)
-    assert not any(platform.ports.tasks.all() for platform, _ in world.platforms.values())
+    assert not any(platform.ports.tasks.all() for platform in world.platforms.values())
 
 
 @pytest.mark.parametrize("given", [{"every": "0s"}, {"max_delay": "0s"}, {"every": "5"}])
@@ -240,14 +239,14 @@ def test_a_stream_needs_a_period_and_a_delay(call: Call, given: dict[str, str]) 
         watch(call, "heli-position", unit=None, count=1, **{"every": "200ms", "max_delay": "1s", **given})
 
 
-def test_a_stream_of_an_unknown_label_is_answered_with_the_nearest_known(world: World, call: Call) -> None:
+def test_a_stream_of_an_unknown_label_is_answered_with_the_nearest_known(world: Box, call: Call) -> None:
     from console.commands.members.watch import watch
 
     with pytest.raises(NothingFound, match="Did you mean 'heli-position'"):
         watch(call, "heli-positio", unit=None, every="200ms", max_delay="1s", count=1)
 
 
-def test_a_span_without_samples_is_told(world: World, call: Call, lines: Lines) -> None:
+def test_a_span_without_samples_is_told(world: Box, call: Call, lines: Lines) -> None:
     assert _query(call, between=("-2h", "-1h")) == NO
     shown = lines()
     assert {entry["unit"] for entry in shown} == {0, 1, 2}
@@ -276,7 +275,7 @@ def _delegated(call: Call, lines: Lines) -> str:
 
 
 def test_a_delegated_task_lives_on_is_listed_and_is_cancelled_by_another_command(
-    world: World, call: Call, lines: Lines
+    world: Box, call: Call, lines: Lines
 ) -> None:
     from console.commands.members.delegate import cancel, tasks
     from console.commands.members.follow import monitors
@@ -299,7 +298,7 @@ def test_a_delegated_task_lives_on_is_listed_and_is_cancelled_by_another_command
     assert monitors(call) == NO
 
 
-def test_an_unknown_task_and_an_unknown_conversation_are_told(world: World, call: Call) -> None:
+def test_an_unknown_task_and_an_unknown_conversation_are_told(world: Box, call: Call) -> None:
     from console.commands.members.delegate import cancel, delegate
 
     with pytest.raises(WrongCall, match="Did you mean 'monitor-proximity'"):
@@ -308,14 +307,14 @@ def test_an_unknown_task_and_an_unknown_conversation_are_told(world: World, call
         cancel(call, "cc-1-1")
 
 
-def test_a_task_for_one_platform_needs_its_name(world: World, call: Call) -> None:
+def test_a_task_for_one_platform_needs_its_name(world: Box, call: Call) -> None:
     from console.commands.members.delegate import delegate
 
     with pytest.raises(WrongCall, match="there are 0, 1, 2"):
         delegate(call, "hold", [], to=None, wait=False)
 
 
-def test_a_refusal_is_an_answer_of_no(world: World, call: Call, lines: Lines) -> None:
+def test_a_refusal_is_an_answer_of_no(world: Box, call: Call, lines: Lines) -> None:
     from console.commands.members.delegate import delegate
 
     pairs = ["semantic-labels=max-speed", "sample-period=1s", "delay=1s", "to-units=0"]
@@ -328,9 +327,9 @@ def test_alarms_are_told_as_they_happen_and_remembered(
 ) -> None:
     from console.commands.members.follow import alarms
 
-    world = World()
-    world.add("0", -60.0, 0.0, 5.0)
-    world.add("1", 60.0, 3.0, -5.0)
+    world = Box()
+    world.fly("0", -60.0, 0.0, 5.0)
+    world.fly("1", 60.0, 3.0, -5.0)
     monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
     world.run(1.5)
     _delegated(call, lines)
@@ -347,9 +346,9 @@ def test_alarms_are_told_as_they_happen_and_remembered(
     assert {entry["monitor"] for entry in remembered} >= {"proximity", "proximity-warn"}
 
 
-def _freeze_for_a_moment(world: World) -> None:
+def _freeze_for_a_moment(world: Box) -> None:
     world.lacking |= {PositionReport, VelocityReport, HomeReport, BatteryReport, StatusReport}
-    world._later(4_000_000, world.lacking.clear)
+    world.at(world.now_us + 4_000_000, world.lacking.clear)
 
 
 WITHIN_US = 2_000_000
@@ -360,13 +359,13 @@ WITHIN_US = 2_000_000
     [
         (lambda world: world.kill("2"), {"gone", "unknown"}),
         (lambda world: world.freeze("2"), {"silent", "gone", "unknown"}),
-        (lambda world: world.leave("2"), {"left", "ended"}),
+        (lambda world: world.end("2"), {"left", "ended"}),
         (_freeze_for_a_moment, {"unknown", "known"}),
     ],
     ids=["killed", "frozen", "left", "without data for a moment"],
 )
 def test_followers_of_alarms_are_told_when_monitoring_is_lost_and_when_it_is_back(
-    world: World, call: Call, lines: Lines, happens: Callable[[World], None], events: set[str]
+    world: Box, call: Call, lines: Lines, happens: Callable[[Box], None], events: set[str]
 ) -> None:
     from console.commands.members.follow import alarms
 
@@ -379,8 +378,8 @@ def test_followers_of_alarms_are_told_when_monitoring_is_lost_and_when_it_is_bac
     _delegated(call, lines)
     world.run(3.0)
     since_us = world.now_us + 3_000_000
-    world._later(3_000_000, lambda: happens(world))
-    world._later(12_000_000, end)
+    world.at(world.now_us + 3_000_000, lambda: happens(world))
+    world.at(world.now_us + 12_000_000, end)
     with pytest.raises(Enough):
         alarms(call, follow=True, count=None)
     told = lines()
@@ -398,7 +397,7 @@ def test_followers_of_alarms_are_told_when_monitoring_is_lost_and_when_it_is_bac
 
 
 def test_alarms_and_monitors_end_with_how_many_monitors_are_unknown(
-    world: World, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
+    world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from console.commands.members.follow import alarms, monitors
 
@@ -424,7 +423,7 @@ def test_alarms_and_monitors_end_with_how_many_monitors_are_unknown(
     assert not any(entry.get("shows") == "ok" for entry in shown if 2 in entry.get("units", ()))
 
 
-def test_a_follower_who_comes_later_is_told_what_is_unknown_already(world: World, call: Call, lines: Lines) -> None:
+def test_a_follower_who_comes_later_is_told_what_is_unknown_already(world: Box, call: Call, lines: Lines) -> None:
     from runtime.library.alarm_news import AlarmNews
 
     _delegated(call, lines)
@@ -444,8 +443,8 @@ def test_a_monitor_without_another_platform_to_watch_says_so(
 ) -> None:
     from console.commands.members.follow import monitors
 
-    world = World()
-    world.add("0", 0.0, 0.0)
+    world = Box()
+    world.fly("0", 0.0, 0.0)
     monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
     world.run(2.0)
     _delegated(call, lines)
@@ -459,7 +458,7 @@ def test_a_monitor_without_another_platform_to_watch_says_so(
     assert "has no other platform to watch" in capsys.readouterr().out
 
 
-def test_acts_are_told_in_s_expressions(world: World, call: Call, lines: Lines) -> None:
+def test_acts_are_told_in_s_expressions(world: Box, call: Call, lines: Lines) -> None:
     from console.commands.members.follow import acts
 
     _delegated(call, lines)
@@ -469,18 +468,18 @@ def test_acts_are_told_in_s_expressions(world: World, call: Call, lines: Lines) 
     assert any("(create-monitor name: proximity" in act for act in said)
 
 
-def test_a_fault_reaches_the_simulated_vehicle(world: World, call: Call, lines: Lines) -> None:
+def test_a_fault_reaches_the_simulated_vehicle(world: Box, call: Call, lines: Lines) -> None:
     from console.commands.members.delegate import fault
 
     assert fault(call, "1", "packet-loss=30", "5s") == DONE
     [told] = lines()
     assert (told["unit"], told["fault"]) == (1, "packet-loss=30")
     assert told["until_us"] == pytest.approx(world.now_us + 5_000_000, abs=1_000_000)
-    [injected] = world.injected
-    assert (injected.kind, str(injected.value)) == ("packet-loss", "30")
+    [(injected, _)] = world.vehicle("1").faults
+    assert str(injected) == "packet-loss=30"
 
 
-def test_a_formula_is_checked_over_live_states(world: World, call: Call, lines: Lines) -> None:
+def test_a_formula_is_checked_over_live_states(world: Box, call: Call, lines: Lines) -> None:
     from console.commands.texts.check import check
 
     assert check(call, "always height[self] < 20", trace=None, unit="0", timeout="3s") == NO
@@ -493,7 +492,7 @@ def test_a_formula_is_checked_over_live_states(world: World, call: Call, lines: 
 
 
 def test_one_formula_is_checked_over_a_derived_feature_and_a_stream_of_the_platform(
-    world: World, call: Call, lines: Lines
+    world: Box, call: Call, lines: Lines
 ) -> None:
     from console.commands.texts.check import check
 
@@ -510,9 +509,9 @@ def test_a_formula_about_what_never_had_a_value_is_noted(
 ) -> None:
     from console.commands.texts.check import check
 
-    world = World()
+    world = Box()
     world.lacking.add(BatteryReport)
-    world.add("0", 0.0, 0.0)
+    world.fly("0", 0.0, 0.0)
     monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
     assert check(call, "always speed[self] < 1000", trace=None, unit="0", timeout="1s") == DONE
     assert capsys.readouterr().err == ""
@@ -523,7 +522,7 @@ def test_a_formula_about_what_never_had_a_value_is_noted(
 
 
 @pytest.mark.parametrize("formula", ["always sped[self] < 3", "always speed[self, 1] < 3", "always speed[self] <"])
-def test_a_mistake_in_a_formula_about_a_platform_is_a_wrong_call(world: World, call: Call, formula: str) -> None:
+def test_a_mistake_in_a_formula_about_a_platform_is_a_wrong_call(world: Box, call: Call, formula: str) -> None:
     from console.commands.texts.check import check
     from console.errors import WRONG, exit_code
 
@@ -539,9 +538,9 @@ def test_a_federation_with_a_faster_clock_is_understood(
     from console.commands.members.ls import ls
     from federation.members.clock import FederationClock
 
-    world = World(FederationClock(START_US - 5_000_000, 10.0))
-    world.add("0", 0.0, 0.0)
-    world.add("1", 0.0, 300.0)
+    world = Box(clock=FederationClock(EPOCH - 5_000_000, 10.0))
+    world.fly("0", 0.0, 0.0)
+    world.fly("1", 0.0, 300.0)
     monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
     world.run(2.0)
     assert ls(call, all_kinds=False) == DONE

@@ -10,16 +10,16 @@ from console.commands.members.watch import watch
 from console.errors import DONE, NO
 from dyknow.model.errors import FederationFailed
 from navigation.vehicle import PositionReport
+from tests.box import Box
 from tests.console.conftest import Lines
-from tests.console.world import World
 
 
 def test_a_stream_that_falls_silent_is_told_once_with_the_age_of_its_newest_sample(
-    world: World, call: Call, capsys: pytest.CaptureFixture[str]
+    world: Box, call: Call, capsys: pytest.CaptureFixture[str]
 ) -> None:
     world.lacking.add(PositionReport)
     world.run(10.0)
-    world._later(9_000_000, world.lacking.clear)
+    world.at(world.now_us + 9_000_000, world.lacking.clear)
     assert watch(call, "heli-position", unit="0", every="200ms", max_delay="1s", count=3) == DONE
     out, err = capsys.readouterr()
     assert len(out.splitlines()) == 3
@@ -27,11 +27,11 @@ def test_a_stream_that_falls_silent_is_told_once_with_the_age_of_its_newest_samp
 
 
 def test_a_stream_whose_samples_are_all_too_late_is_told_with_how_late_they_are(
-    world: World, call: Call, capsys: pytest.CaptureFixture[str]
+    world: Box, call: Call, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    world.delay_us = 30_000
+    world.report_us = 30_000
     world.run(5.0)
-    world._later(5_000_000, lambda: world.kill("0"))
+    world.at(world.now_us + 5_000_000, lambda: world.kill("0"))
     with pytest.raises(FederationFailed, match="the streams have ended"):
         watch(call, "heli-position", unit="0", every="200ms", max_delay="1ms", count=1)
     out, err = capsys.readouterr()
@@ -40,16 +40,16 @@ def test_a_stream_whose_samples_are_all_too_late_is_told_with_how_late_they_are(
 
 
 def test_a_task_that_a_successor_ended_is_named_by_every_command_that_shows_monitoring(
-    world: World, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
+    world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert delegate(call, "monitor-proximity", to="0") == DONE
     world.run(2.0)
     world.kill("0")
     world.run(5.0)
-    (conversation,) = world.platforms["1"][0].ports.tasks.coordinated
-    successor = world.platforms["1"][0]
+    (conversation,) = world.platform("1").ports.tasks.coordinated
+    successor = world.platform("1")
     successor.ports.tasks.cancel(conversation, world.now_us)
-    world._step("1", successor.settle)
+    world.settle("1")
     world.run(1.0)
     capsys.readouterr()
     assert tasks(call) == DONE

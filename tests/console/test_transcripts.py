@@ -17,7 +17,7 @@ import pytest
 
 from console.centre import client
 from console.main import main
-from tests.console.world import World
+from tests.box import Box
 
 TRANSCRIPTS = Path(__file__).parent / "transcripts"
 SESSIONS = [
@@ -30,30 +30,32 @@ _PROSE = {"message", "repair", "error", "said", "text", "remedy", "detail", "act
 _IDS = re.compile(r"cc-[0-9]+(-[0-9a-f]+)*")
 
 
-def worlds() -> dict[str, Callable[[], World]]:
+def worlds() -> dict[str, Callable[[], Box]]:
     """The federations in which sessions take place, by name."""
 
-    def three() -> World:
-        world = World()
+    def three() -> Box:
+        world = Box()
         for number in range(3):
-            world.add(str(number), 0.0, 200.0 * number, 2.0)
+            world.fly(str(number), 0.0, 200.0 * number, 2.0)
         world.run(2.0)
         return world
 
-    def meeting() -> World:
-        world = World()
-        world.add("0", -60.0, 0.0, 5.0)
-        world.add("1", 60.0, 3.0, -5.0)
+    def meeting() -> Box:
+        world = Box()
+        world.fly("0", -60.0, 0.0, 5.0)
+        world.fly("1", 60.0, 3.0, -5.0)
         world.run(1.5)
         return world
 
-    return {"empty": World, "three": three, "meeting": meeting}
+    return {"empty": Box, "three": three, "meeting": meeting}
 
 
 def normalised(value: Any, name: str = "", *, is_exact: bool) -> Any:
     """The value without prose and, unless `is_exact`, without what differs from run to run."""
     if isinstance(value, dict):
-        inside = "measured" if name in {"value", "values", "variance", "samples"} else ""
+        inside = {"value": "measured", "values": "measured", "variance": "measured", "samples": "valid_us"}.get(
+            name, ""
+        )
         return {key: normalised(one, inside or key, is_exact=is_exact) for key, one in value.items()}
     if isinstance(value, list):
         return [normalised(one, name, is_exact=is_exact) for one in value]

@@ -1,6 +1,5 @@
 """`dyknow ls`: the directory as this command finds it, with the age of each label's last sample."""
 
-import time
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -39,7 +38,7 @@ def ls(call: Call, *, all_kinds: Annotated[bool, typer.Option("--all", help="Com
         for record in records:
             call.out.line(record)
     elif records:
-        show(call, records)
+        show(call, records, client.now_us())
     else:
         call.out.note(f"{centre} sees no platform of federation {call.settings.federation}: start some with dyknow up.")
     return DONE if any(seen.state in {"alive", "suspect"} for seen in there) else NO
@@ -112,11 +111,11 @@ def _data(labels: list[dict[str, Any]]) -> str:
     return "none" if len(stale) == len(came) else "stale" if stale else "fresh"
 
 
-def show(call: Call, records: list[dict[str, Any]]) -> None:
-    """One block of rows a platform: labels next to services."""
+def show(call: Call, records: list[dict[str, Any]], now_us: int) -> None:
+    """One block of rows a platform: labels next to services. The time is the node clock."""
     rows = []
     for record in records:
-        state, colour = _state(record)
+        state, colour = _state(record, now_us)
         clock = (
             ""
             if record["offset_us"] is None
@@ -140,18 +139,17 @@ def show(call: Call, records: list[dict[str, Any]]) -> None:
             )
         )
     call.out.table("", ("unit", "state", "clock", "labels (age)", "services"), rows, wraps=("clock", "services"))
-    now_us = time.time_ns() // 1000
     for record in records:
         for condition in record.get("conditions", ()):
             since = print_span(max(0, now_us - condition["since_us"]) // US_PER_S * US_PER_S)
             call.out.say(f"[yellow]{record['unit']}: {verbatim(condition['text'])}[/yellow] [dim](for {since})[/dim]")
 
 
-def _state(record: dict[str, Any]) -> tuple[str, str]:
+def _state(record: dict[str, Any], now_us: int) -> tuple[str, str]:
     """The state in words, and its colour: what is there but brings no data is not green."""
     state = record["state"]
     if "gone_us" in record:
-        return gone_text(time.time_ns() // 1000 - record["gone_us"]), "red"
+        return gone_text(now_us - record["gone_us"]), "red"
     data = {"none": "no data", "stale": "stale data"}.get(record.get("data", ""))
     return (f"{state}, {data}", "red") if data else (state, _STATES.get(state, "red"))
 

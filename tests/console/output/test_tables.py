@@ -18,7 +18,7 @@ from console.errors import DONE
 from console.output.output import Output
 from console.output.tables import LONG, Column, print_table
 from runtime.configuration.settings import Settings
-from tests.console.world import World
+from tests.box import Box
 
 WORD = st.text("abcdefgh-", min_size=1, max_size=LONG)
 CELL = st.lists(st.lists(WORD, max_size=4).map(" ".join), max_size=3).map("\n".join)
@@ -75,11 +75,11 @@ def test_what_is_too_long_for_any_terminal_is_folded_unless_it_is_to_be_copied()
 
 
 @pytest.fixture
-def world(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> World:
+def world(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Box:
     """Three platforms that watch their distances; one of them stands still."""
-    found = World()
+    found = Box()
     for number in range(3):
-        found.add(str(number), 0.0, 200.0 * number, 2.0)
+        found.fly(str(number), 0.0, 200.0 * number, 2.0)
     monkeypatch.setattr(client, "_surroundings", lambda _call: found.surroundings())
     found.run(2.0)
     asking = Call(Settings(federation="test", json_lines=True), Output(json_lines=True))
@@ -93,7 +93,7 @@ def world(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -
 
 @pytest.mark.parametrize("width", [40, 60, 80, 100])
 def test_the_lists_of_a_federation_are_readable_in_any_width(
-    world: World, width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    world: Box, width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("COLUMNS", str(width))
     call = Call(Settings(federation="test"), Output(json_lines=False))
@@ -104,6 +104,6 @@ def test_the_lists_of_a_federation_are_readable_in_any_width(
         assert all(len(line) <= width for line in out.splitlines()), out
         return set(out.replace(",", " ").split())
 
-    assert {"alive", "suspect", "heli-position", "monitor-coordination", "services"} <= shown(ls, all_kinds=False)
+    assert {"alive", "gone", "heli-position", "monitor-coordination", "services"} <= shown(ls, all_kinds=False)
     assert {"monitor-proximity", "running", "conversation"} <= shown(tasks)
     assert {"proximity-warn", "undecided", "missing", "heli-velocity[2]", "unknown"} <= shown(monitors)

@@ -9,7 +9,7 @@ from console.command import Call
 from console.commands.fleet.join import join
 from dyknow.model.errors import WrongCall
 from federation.members.clock import FederationClock
-from tests.console.world import START_US, World
+from tests.box import EPOCH, Box
 from tests.proxies import logs
 
 
@@ -33,13 +33,13 @@ def test_a_beginning_after_the_end_of_the_recording_is_refused_with_its_length(c
 def test_a_speed_that_is_not_the_federations_is_refused(
     monkeypatch: pytest.MonkeyPatch, call: Call, flight: Path
 ) -> None:
-    world = World(FederationClock(START_US - 5_000_000, 4.0))
-    world.add("0", 0.0, 0.0)
+    world = Box(clock=FederationClock(EPOCH - 5_000_000, 4.0))
+    world.fly("0", 0.0, 0.0)
     monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
     with pytest.raises(WrongCall, match=r"runs 4 times as fast as the wall, .* 2 times as fast; join with --speed 4\."):
         _join(call, "9", flight, speed=2.0)
 
 
-def test_a_name_that_is_taken_is_refused(world: World, call: Call, flight: Path) -> None:
+def test_a_name_that_is_taken_is_refused(world: Box, call: Call, flight: Path) -> None:
     with pytest.raises(WrongCall, match="there is a platform 1"):
         _join(call, "1", flight)
