@@ -21,6 +21,7 @@ from tests.navigation.offline import run_filter
 PERIOD_US = 100_000
 LEAD_US = 14_000_000
 ASK_EVERY_US = 250_000
+LATE_S = 5.0
 PROFILE = "separation-20m"
 NEAR_M = 20.0
 
@@ -35,6 +36,7 @@ class Flown:
     epoch_us: int
     clock: FederationClock
     ends_us: int
+    units: list[str]
     live: dict[str, Track] = field(default_factory=dict)
     offline: dict[str, Track] = field(default_factory=dict)
     reports: dict[str, list[Report]] = field(default_factory=dict)
@@ -63,7 +65,7 @@ def file(name: str) -> str:
 
 @contextmanager
 def flying(
-    directory: Path, vehicles: dict[str, dict[str, Any]], speed: float, patience_s: float = 1.0
+    directory: Path, vehicles: dict[str, dict[str, Any]], speed: float, patience_s: float = 2.0
 ) -> Iterator[tuple[Federated, Flown]]:
     """One platform per vehicle on a clock that begins in a moment; replays begin at its epoch.
 
@@ -79,8 +81,8 @@ def flying(
         }
         for unit, vehicle in vehicles.items()
     ]
-    flown = Flown(epoch_us, FederationClock(epoch_us, speed), epoch_us)
     units = list(vehicles)
+    flown = Flown(epoch_us, FederationClock(epoch_us, speed), epoch_us, units)
     with federated(directory, configs, {"epoch_us": epoch_us, "speed": speed}) as federation:
         federation.stream_positions(units, delay_s=2.0 * speed)
         federation.follow_alarms(units, Alarms())
@@ -110,6 +112,14 @@ def watch(federation: Federated, flown: Flown, until_us: int) -> None:
                 flown.watched.append((federation.client.federation_us(), monitor))
         pause_us = round(ASK_EVERY_US * flown.clock.speed)
         federation.until_us(min(until_us, federation.client.federation_us() + pause_us))
+
+
+def fly_out(federation: Federated, flown: Flown, beyond_us: int) -> None:
+    """Until a while after the end, and then until what was federated of it is here: a busy machine is late."""
+    federation.until_us(flown.ends_us + beyond_us)
+    federation.wait_for(
+        lambda: all(max(federation.track(unit), default=0) >= flown.ends_us for unit in flown.units), LATE_S
+    )
 
 
 def crossings(apart: dict[int, float], near_m: float = NEAR_M) -> list[tuple[str, int]]:

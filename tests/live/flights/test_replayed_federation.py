@@ -16,7 +16,7 @@ from proxies.recordings.formats import open_recording
 from proxies.recordings.mcap_log import JournalRecording
 from proxies.recordings.replay import schedule
 from tests.live.flights.federated import POSITION, Federated
-from tests.live.flights.replays import PERIOD_US, Flown, crossings, file, fixes, flying, gaps, watch
+from tests.live.flights.replays import PERIOD_US, Flown, crossings, file, fixes, fly_out, flying, gaps, watch
 from tests.live.flights.test_real_flights import (
     DATAFLASH,
     EPOCH_US,
@@ -45,7 +45,7 @@ def recorded(name: str, from_s: float) -> dict:
 
 
 def fly_both(
-    directory: Path, delay_s: float, from_s: float, for_s: float, speed: float, patience_s: float = 1.0
+    directory: Path, delay_s: float, from_s: float, for_s: float, speed: float, patience_s: float = 2.0
 ) -> Flown:
     """Telemetry and dataflash log, aligned by `delay_s`, from and for so many seconds of the latter."""
     vehicles = {"tel": recorded(TELEMETRY, delay_s + from_s), "fla": recorded(DATAFLASH, from_s)}
@@ -54,7 +54,7 @@ def fly_both(
         watch(federation, flown, flown.epoch_us + round(for_s * S / 2))
         ask_both(federation, flown)
         watch(federation, flown, flown.epoch_us + round(for_s * S))
-        federation.until_us(flown.epoch_us + round(for_s * S) + 2 * S)
+        fly_out(federation, flown, 3 * S)
     return flown
 
 
@@ -218,7 +218,7 @@ def test_a_px4_log_federates_with_itself_three_seconds_later(tmp_path, speed) ->
         flown.ends_us = flown.epoch_us + 17 * S
         federation.until_us(flown.epoch_us + 10 * S)
         ask_both(federation, flown)
-        federation.until_us(flown.ends_us + 2 * S)
+        fly_out(federation, flown, 2 * S)
     as_offline(flown, "one", "two", least=100)
     with_the_edges_of_the_filter(flown, "one", "two")
     queried(flown)
@@ -240,7 +240,7 @@ def test_a_simulated_vehicle_meets_a_recorded_one(tmp_path, speed) -> None:
         flown.ends_us = flown.epoch_us + 38 * S
         federation.until_us(flown.epoch_us + 20 * S)
         ask_both(federation, flown)
-        federation.until_us(flown.ends_us + 3 * S)
+        fly_out(federation, flown, 3 * S)
     as_offline(flown, "fla", "sim", least=250)
     with_the_edges_of_the_filter(flown, "fla", "sim")
     assert [event for event, _ in crossings(flown.offline_apart("fla", "sim"))][:2] == ["opened", "closed"]
