@@ -48,6 +48,11 @@ def test_a_second_up_of_the_same_name_is_a_wrong_call(dyknow: Dyknow) -> None:
     assert "dyknow down" in err
 
 
+def test_a_name_that_is_taken_is_refused(dyknow: Dyknow) -> None:
+    _, err = dyknow.raw("join", "--unit", "1", "--mavlink", "udpin:127.0.0.1:0", code=2)
+    assert "there is a platform 1" in err
+
+
 def test_queries_latest_at_and_between(dyknow: Dyknow) -> None:
     latest = dyknow.run("query", "heli-altitude")
     assert {line["unit"] for line in latest} == {0, 1, 2}
