@@ -44,14 +44,14 @@ def read_key(path: Path) -> bytes:
 
 
 def insist_on_key(endpoint: Endpoint, place: str, *, control: bool, has_key: bool, unsigned: bool) -> None:
-    """A vehicle that is commanded over a network signs what it says, unless that is given up in so many words.
+    """A vehicle that is commanded over a network signs what it says, unless its operator gives that up.
 
     Raises:
-        WrongCall: otherwise anybody who reaches the endpoint could speak for the vehicle, and be obeyed by it.
+        WrongCall: otherwise every host that reaches the endpoint could speak for the vehicle, and command it.
     """
     if control and not (has_key or unsigned or endpoint.is_local):
         raise WrongCall(
-            f"{place}: {endpoint} lies beyond this machine, and without a key everybody who reaches it can speak for the "
+            f"{place}: {endpoint} lies beyond this machine, and without a key every host that reaches it can speak for the "
             "vehicle that is to be commanded; give --signing-key FILE (signing_key), or --unsigned (unsigned) to do "
             "without."
         )

@@ -229,7 +229,7 @@ def vehicle_heard(vehicle: MavlinkVehicle, within_s: float = LISTENS_S) -> Findi
                 found = report if isinstance(report, LinkReport) else found
     finally:
         feed.stop()
-    remedy = "docs/mavlink.md has the parameters of ArduPilot and PX4, and routers beside a ground station"
+    remedy = "docs/mavlink.md has the parameters of ArduPilot and PX4, and routers next to a ground station"
     return Finding(name, "ok" if found.ok else "missing", found.text, "" if found.ok else remedy)
 
 
