@@ -46,7 +46,7 @@ class SimulatedVehicleConfig(Strict):
     index: int = Field(0, ge=0)
     count: int = Field(1, ge=1)
     seed: int = 0
-    persona: Literal["ardupilot", "px4"] = "ardupilot"
+    persona: Literal["ardupilot", "ardupilot-3.3", "px4"] = "ardupilot"
     gcs: str | None = None
     origin: tuple[float, float, float] | None = None
     """Where the scenario takes place: latitude and longitude in degrees, metres above mean sea level of the ground."""

@@ -17,7 +17,7 @@ from dyknow.model.errors import WrongCall, did_you_mean
 from runtime.configuration.config import Strict
 from runtime.configuration.toml import explained, read_model, read_toml
 
-Persona: TypeAlias = Literal["ardupilot", "px4"]
+Persona: TypeAlias = Literal["ardupilot", "ardupilot-3.3", "px4"]
 _NAME = re.compile(r"(?=.{1,64}\Z)[a-z0-9][a-z0-9_-]*")
 
 

@@ -16,7 +16,7 @@ from sim_uavs.autopilot.link import Decoder, Links, MavlinkLink, Message
 from sim_uavs.autopilot.mission_protocol import Asker, Missions
 from sim_uavs.autopilot.parameters import Parameters
 from sim_uavs.autopilot.personas import PERSONAS
-from sim_uavs.autopilot.telemetry import BUILDERS, Snapshot, default_ticks
+from sim_uavs.autopilot.telemetry import BUILDERS, STREAM_GROUPS, Snapshot, default_ticks
 from sim_uavs.dynamics.flight import Event, Mode, Said
 from sim_uavs.dynamics.sensors import ImuReading, draw_bias, read_imu
 from sim_uavs.dynamics.settings import Peer, VehicleConfig
@@ -35,10 +35,13 @@ class Autopilot(SensedFlight):
     def __init__(self, config: VehicleConfig, now_us: int) -> None:
         self._persona = PERSONAS[config.persona]
         super().__init__(config, now_us, TICK_US, Mode.GUIDED if self._persona.names_take_off else None)
-        self._commands = Commands(self.flight, self._frame, self._persona)
+        self._now_us = now_us
+        self._commands = Commands(self.flight, self._frame, self._persona, lambda: self._disobeys(self._now_us))
         self._missions = Missions(self.flight, self._frame, self._persona)
         self._parameters = Parameters(self._persona, self.flight.settings, config.system_id)
-        self._links, self._decoder = Links(config.system_id, config.peers, now_us), Decoder()
+        version = 1 if self._persona.is_mavlink_1 else 2
+        self._links, self._decoder = Links(config.system_id, config.peers, now_us, version), Decoder(version)
+        self._delayed: list[tuple[int, Peer, Message]] = []
         self._default_ticks = default_ticks(self._persona)
         self._loss_rng = np.random.default_rng((config.seed, config.system_id, 3))
         self._bias = draw_bias(config.imu, self._rng)
@@ -49,8 +52,8 @@ class Autopilot(SensedFlight):
 
     @property
     def deadline_us(self) -> int:
-        asks_us = self._missions.deadline_us
-        return self._tick * TICK_US if asks_us is None else min(self._tick * TICK_US, asks_us)
+        due = [self._tick * TICK_US, self._missions.deadline_us, *(due_us for due_us, _, _ in self._delayed)]
+        return min(due_us for due_us in due if due_us is not None)
 
     @property
     def dropped(self) -> int:
@@ -67,6 +70,9 @@ class Autopilot(SensedFlight):
             self._measure(tick * TICK_US)
             sent += self._telemetry(tick)
         self.flight.on_time(now_us)
+        self._now_us = now_us
+        self._suffer(now_us)
+        sent += self._delayed_answers(now_us)
         for asker, message in self._missions.on_time(now_us):
             sent += [(link.peer, link.packed(message)) for link in self._links if link.peer == asker.peer]
         return self._through_air(sent, now_us)
@@ -82,8 +88,26 @@ class Autopilot(SensedFlight):
                 continue
             link = self._links.heard(peer, now_us)
             if link is not None and self._is_for_us(message):
-                answers += [(peer, link.packed(answer)) for answer in self._answers(message, link, now_us)]
+                for answer in self._answers(message, link, now_us):
+                    answers += self._answered(answer, link, now_us)
         return sent + self._through_air(answers, now_us)
+
+    def _answered(self, answer: Message, link: MavlinkLink, now_us: int) -> Sent:
+        """An answer as it leaves: acknowledgements may be lost or late."""
+        if answer.get_type() == "COMMAND_ACK":
+            delay_us = self._ack_delay_us(now_us)
+            if self._loses_ack(now_us):
+                return []
+            if delay_us:
+                self._delayed.append((now_us + delay_us, link.peer, answer))
+                return []
+        return [(link.peer, link.packed(answer))]
+
+    def _delayed_answers(self, now_us: int) -> Sent:
+        due = [each for each in self._delayed if each[0] <= now_us]
+        self._delayed = [each for each in self._delayed if each[0] > now_us]
+        links = {link.peer: link for link in self._links}
+        return [(peer, links[peer].packed(answer)) for _, peer, answer in due if peer in links]
 
     def _is_for_us(self, message: Message) -> bool:
         system = getattr(message, "target_system", 0)
@@ -123,7 +147,7 @@ class Autopilot(SensedFlight):
         said = [_spoken(event) for event in self.flight.take_events()]
         for link in self._links:
             for kind, every in (self._default_ticks | link.ticks).items():
-                if every <= 0 or (link.met and tick % every):
+                if every <= 0 or (link.met and tick % every) or kind in self._persona.never_sent:
                     continue
                 if kind not in built:
                     built[kind] = BUILDERS[kind](snapshot)
@@ -141,6 +165,10 @@ class Autopilot(SensedFlight):
             case mavlink.MAVLINK_MSG_ID_SET_MODE:
                 result = self._commands.set_custom_mode(message.custom_mode)
                 return [_ack(mavlink.MAVLINK_MSG_ID_SET_MODE, result, asker)]
+            case mavlink.MAVLINK_MSG_ID_REQUEST_DATA_STREAM if self._persona.on_request:
+                hertz = message.req_message_rate if message.start_stop else 0
+                for kind in STREAM_GROUPS.get(message.req_stream_id, ()):
+                    link.ticks[kind] = max(1, round(1e6 / TICK_US / hertz)) if hertz else 0
             case mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST:
                 return self._parameters.all()
             case mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ:
@@ -186,6 +214,9 @@ class Autopilot(SensedFlight):
         """Exactly one acknowledgement, to the requester; the requested messages come after it."""
         order = read_order(message)
         told: list[Message] = []
+        by_int = message.get_msgId() == mavlink.MAVLINK_MSG_ID_COMMAND_INT
+        if order.command in self._persona.not_understood or (by_int and not self._persona.takes_command_int):
+            return [_ack(order.command, int(mavlink.MAV_RESULT_UNSUPPORTED), asker)]
         match order.command:
             case mavlink.MAV_CMD_REQUEST_MESSAGE:
                 told = self._requested(*order.params[:2], now_us)

@@ -20,6 +20,10 @@ _RESULTS: dict[FlightAnswer, int] = {
     FlightAnswer.ACCEPTED: mavlink.MAV_RESULT_ACCEPTED,
     FlightAnswer.OUT_OF_RANGE: mavlink.MAV_RESULT_DENIED,
     FlightAnswer.NO_MISSION: mavlink.MAV_RESULT_DENIED,
+    FlightAnswer.OUTSIDE_FENCE: mavlink.MAV_RESULT_FAILED,
+    FlightAnswer.DENIED: mavlink.MAV_RESULT_DENIED,
+    FlightAnswer.UNSUPPORTED: mavlink.MAV_RESULT_UNSUPPORTED,
+    FlightAnswer.FAILED: mavlink.MAV_RESULT_FAILED,
 }
 
 
@@ -46,8 +50,10 @@ def read_order(message: Message) -> FlightOrder:
 class Commands:
     """Orders to one flight. Every answer that is not an acceptance is also sent as a text."""
 
-    def __init__(self, flight: Flight, frame: LocalFrame, persona: Persona) -> None:
-        self._flight, self._frame, self._persona = flight, frame, persona
+    def __init__(
+        self, flight: Flight, frame: LocalFrame, persona: Persona, disobeys: Callable[[], FlightAnswer | None]
+    ) -> None:
+        self._flight, self._frame, self._persona, self._disobeys = flight, frame, persona, disobeys
         self._known: dict[int, Callable[[FlightOrder], FlightAnswer]] = {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm,
             mavlink.MAV_CMD_DO_SET_MODE: self._set_mode,
@@ -65,11 +71,15 @@ class Commands:
     def obey(self, order: FlightOrder) -> int:
         """The MAV_RESULT of a command; UNSUPPORTED for those no flight knows."""
         perform = self._known.get(order.command)
-        return int(mavlink.MAV_RESULT_UNSUPPORTED) if perform is None else self._result(perform(order))
+        if perform is None or order.command in self._persona.not_understood:
+            return int(mavlink.MAV_RESULT_UNSUPPORTED)
+        return self._result(self._disobeys() or perform(order))
 
     def set_custom_mode(self, custom_mode: int) -> int:
         mode = self._persona.mode(custom_mode)
-        return int(mavlink.MAV_RESULT_DENIED) if mode is None else self._result(self._flight.set_mode(mode))
+        if mode is None:
+            return int(mavlink.MAV_RESULT_DENIED)
+        return self._result(self._disobeys() or self._flight.set_mode(mode))
 
     def go_to_item(self, message: Message) -> int:
         """A mission item that is not for the mission (current = 2): fly there now. MAV_MISSION_RESULT."""
@@ -95,7 +105,7 @@ class Commands:
 
     def _set_target(self, message: Message, point: Vector | None) -> None:
         mask = message.type_mask
-        if point is None:
+        if point is None or self._disobeys() not in {None, FlightAnswer.UNSUPPORTED}:
             return
         if mask & _IGNORE_POSITION != _IGNORE_POSITION:
             self._flight.go_to(point, None if mask & _IGNORE_YAW else message.yaw)
@@ -151,6 +161,8 @@ class Commands:
         if isfinite(flags) and int(flags) & mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE and self._flight.airborne:
             self._flight.set_mode(Mode.GUIDED)
         answer = self._flight.go_to(point, yaw_rad if isfinite(yaw_rad) else nan)
+        if answer is FlightAnswer.NOT_GUIDED and self._persona.denies_unguided:
+            return FlightAnswer.DENIED
         if answer is FlightAnswer.ACCEPTED and isfinite(speed_m_s) and speed_m_s > 0.0:
             self._flight.change_speed(speed_m_s)
         return answer

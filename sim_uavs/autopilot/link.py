@@ -14,6 +14,7 @@ from sim_uavs.dynamics.settings import Peer
 Message: TypeAlias = Any  # pymavlink builds its message classes without types
 
 COMPONENT = mavlink.MAV_COMP_ID_AUTOPILOT1
+_V1 = 0xFE
 _FORGET_US = 30_000_000
 _MOST_PEERS = 16
 
@@ -47,8 +48,8 @@ READ = frozenset(
 class Decoder:
     """Frames to messages; what does not check out is counted and dropped."""
 
-    def __init__(self) -> None:
-        self._mav = mavlink.MAVLink(None)
+    def __init__(self, version: int = 2) -> None:
+        self._mav, self._version = mavlink.MAVLink(None), version
         self.dropped = 0
 
     def read(self, data: bytes) -> Iterator[Message]:
@@ -56,7 +57,7 @@ class Decoder:
         found = cutter.cut(data)
         self.dropped += cutter.damaged
         for frame in found:
-            if frame.message_id not in READ:
+            if frame.message_id not in READ or (self._version == 1 and frame.data[0] != _V1):
                 continue
             try:
                 message = self._mav.decode(bytearray(frame.data))
@@ -72,8 +73,8 @@ class MavlinkLink:
     `met` is whether anything was sent to it yet: a new peer is sent everything at once.
     """
 
-    def __init__(self, peer: Peer, system_id: int, now_us: int, *, forever: bool) -> None:
-        self.peer, self.heard_us, self._forever = peer, now_us, forever
+    def __init__(self, peer: Peer, system_id: int, now_us: int, version: int = 2, *, forever: bool) -> None:
+        self.peer, self.heard_us, self._forever, self._version = peer, now_us, forever, version
         self.ticks: dict[int, int] = {}
         self.met = False
         self._mav = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=COMPONENT)
@@ -82,7 +83,7 @@ class MavlinkLink:
         return not self._forever and now_us - self.heard_us > _FORGET_US
 
     def packed(self, message: Message) -> bytes:
-        data: bytes = message.pack(self._mav)
+        data: bytes = message.pack(self._mav, force_mavlink1=self._version == 1)
         self._mav.seq = (self._mav.seq + 1) % 256
         return data
 
@@ -90,9 +91,9 @@ class MavlinkLink:
 class Links:
     """The peers of a vehicle: those it was given, and at most 16 in all that have spoken to it lately."""
 
-    def __init__(self, system_id: int, given: tuple[Peer, ...], now_us: int) -> None:
-        self._system_id = system_id
-        self._links = {peer: MavlinkLink(peer, system_id, now_us, forever=True) for peer in given}
+    def __init__(self, system_id: int, given: tuple[Peer, ...], now_us: int, version: int = 2) -> None:
+        self._system_id, self._version = system_id, version
+        self._links = {peer: MavlinkLink(peer, system_id, now_us, version, forever=True) for peer in given}
 
     def __iter__(self) -> Iterator[MavlinkLink]:
         return iter(tuple(self._links.values()))
@@ -101,7 +102,7 @@ class Links:
         """The link of a peer that sent a sound message; None when there are too many to take it in."""
         link = self._links.get(peer)
         if link is None and len(self._links) < _MOST_PEERS:
-            link = self._links[peer] = MavlinkLink(peer, self._system_id, now_us, forever=False)
+            link = self._links[peer] = MavlinkLink(peer, self._system_id, now_us, self._version, forever=False)
         if link is not None:
             link.heard_us = now_us
         return link

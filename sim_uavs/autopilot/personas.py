@@ -1,8 +1,8 @@
-"""What sets an ArduPilot copter and a PX4 multicopter apart on the wire: numbers of modes, firmware, habits."""
+"""What sets ArduCopter 4.7, ArduCopter 3.3 and a PX4 multicopter apart on the wire: numbers of modes, firmware, habits."""
 
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
@@ -34,6 +34,12 @@ class Persona:
         bytewise: parameters carry integers as bits rather than as a rounded float.
         names_take_off: rising is a mode of its own, and the height of it is a parameter, not an argument.
         home_is_item_0: the first mission item is home and is not flown.
+        not_understood: commands that are answered by UNSUPPORTED.
+        takes_command_int: whether COMMAND_INT is understood at all.
+        never_sent: messages that this firmware does not have.
+        on_request: whether streams are sent only when REQUEST_DATA_STREAM asks for them.
+        is_mavlink_1: it neither sends nor understands MAVLink 2.
+        denies_unguided: a point in a mode that takes none is denied, not temporarily rejected.
     """
 
     autopilot: int
@@ -46,6 +52,12 @@ class Persona:
     home_is_item_0: bool
     take_off_mode: int = 0
     names: Mapping[Mode, str] = field(default_factory=dict)
+    not_understood: frozenset[int] = frozenset()
+    takes_command_int: bool = True
+    never_sent: frozenset[int] = frozenset()
+    on_request: bool = False
+    is_mavlink_1: bool = False
+    denies_unguided: bool = False
 
     def name(self, mode: Mode) -> str:
         """What the maker calls the mode."""
@@ -85,7 +97,7 @@ _STANDARD = {
 
 ARDUPILOT = Persona(
     autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
-    version=(4, 5, 7, 255),
+    version=(4, 7, 0, 255),
     modes={
         Mode.STABILIZE: 0,
         Mode.AUTO: 3,
@@ -105,11 +117,48 @@ ARDUPILOT = Persona(
         ParameterKind("RTL_ALT", "return_m", 100.0, _REAL, 200, 300_000),
         ParameterKind("PILOT_TKOFF_ALT", "take_off_m", 100.0, _REAL, 100, 100_000),
         ParameterKind("DISARM_DELAY", "disarm_s", 1.0, _REAL, 1, 127),
+        ParameterKind("FENCE_ENABLE", "fence_on", 1.0, _INT, 0, 1),
+        ParameterKind("FENCE_TYPE", "fence_kinds", 1.0, _INT, 0, 15),
+        ParameterKind("FENCE_ALT_MAX", "fence_highest_m", 1.0, _REAL, 10, 1000),
+        ParameterKind("FENCE_ALT_MIN", "fence_lowest_m", 1.0, _REAL, -100, 100),
+        ParameterKind("FENCE_RADIUS", "fence_radius_m", 1.0, _REAL, 30, 10_000),
     ),
     bytewise=False,
     names_take_off=False,
     home_is_item_0=True,
+    denies_unguided=True,
 )
+"""ArduCopter 4.7, as it was met in the loop."""
+
+ARDUPILOT_3_3 = replace(
+    ARDUPILOT,
+    version=(3, 3, 0, 255),
+    not_understood=frozenset(
+        {
+            mavlink.MAV_CMD_DO_SET_MODE,
+            mavlink.MAV_CMD_DO_SET_STANDARD_MODE,
+            mavlink.MAV_CMD_DO_REPOSITION,
+            mavlink.MAV_CMD_DO_SET_MISSION_CURRENT,
+            mavlink.MAV_CMD_REQUEST_MESSAGE,
+            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+            mavlink.MAV_CMD_GET_MESSAGE_INTERVAL,
+            mavlink.MAV_CMD_GET_HOME_POSITION,
+        }
+    ),
+    takes_command_int=False,
+    never_sent=frozenset(
+        {
+            mavlink.MAVLINK_MSG_ID_HOME_POSITION,
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+            mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
+            mavlink.MAVLINK_MSG_ID_CURRENT_MODE,
+            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
+        }
+    ),
+    on_request=True,
+    is_mavlink_1=True,
+)
+"""ArduCopter 3.3, as it was met in the loop: points by SET_POSITION_TARGET, modes by SET_MODE, streams by group."""
 
 PX4 = Persona(
     autopilot=mavlink.MAV_AUTOPILOT_PX4,
@@ -135,6 +184,9 @@ PX4 = Persona(
         ParameterKind("BAT_LOW_THR", "battery_low", 1.0, _REAL, 0.05, 0.5),
         ParameterKind("BAT_CRIT_THR", "battery_critical", 1.0, _REAL, 0.02, 0.3),
         ParameterKind("COM_DISARM_PRFLT", "disarm_s", 1.0, _REAL, 1, 127),
+        ParameterKind("GF_ACTION", "fence_on", 1.0, _INT, 0, 5),
+        ParameterKind("GF_MAX_VER_DIST", "fence_highest_m", 1.0, _REAL, 0, 10_000),
+        ParameterKind("GF_MAX_HOR_DIST", "fence_radius_m", 1.0, _REAL, 0, 10_000),
     ),
     bytewise=True,
     names_take_off=True,
@@ -151,4 +203,4 @@ PX4 = Persona(
     },
 )
 
-PERSONAS: Mapping[PersonaName, Persona] = {"ardupilot": ARDUPILOT, "px4": PX4}
+PERSONAS: Mapping[PersonaName, Persona] = {"ardupilot": ARDUPILOT, "ardupilot-3.3": ARDUPILOT_3_3, "px4": PX4}

@@ -296,8 +296,25 @@ _STREAMS: Mapping[int, tuple[Builder, int]] = {
 BUILDERS: Mapping[int, Builder] = {kind: build for kind, (build, _) in _STREAMS.items()}
 
 
+STREAM_GROUPS: Mapping[int, tuple[int, ...]] = {
+    mavlink.MAV_DATA_STREAM_POSITION: (
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    ),
+    mavlink.MAV_DATA_STREAM_EXTRA1: (mavlink.MAVLINK_MSG_ID_ATTITUDE,),
+    mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+    ),
+}
+"""The messages of a stream that REQUEST_DATA_STREAM asks for, as ArduPilot groups them."""
+
+
 def default_ticks(persona: Persona) -> dict[int, int]:
     """Which streams are sent unasked, and every how many ticks; each persona has an IMU message of its own."""
+    if persona.on_request:
+        return {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 10, mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 10}
     px4 = persona.autopilot == mavlink.MAV_AUTOPILOT_PX4
     other = mavlink.MAVLINK_MSG_ID_RAW_IMU if px4 else mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
     return {kind: ticks for kind, (_, ticks) in _STREAMS.items() if ticks and kind != other}

@@ -3,6 +3,10 @@
 `gps-loss`, `frozen-position`, `nan`, `silence` take no amount; `packet-loss=30` (per cent, each way), `clock=+5s`,
 `clock-drift=100` (parts per million), `teleport=500` (metres to the north-east), `gps-noise=10` (times the usual) and
 `battery-low=15` (per cent left) do.
+
+How orders fare, as real autopilots showed it: `refuse=2` (MAV_RESULT: 1 temporarily rejected, 2 denied, 3 unsupported,
+4 failed), `forget` (accepted, and not flown), `ack-delay=1` (seconds), `ack-loss=30` (per cent), `stream-target=1` (hertz
+at which a ground station repeats the target that the vehicle had), `takeover` (a pilot takes the vehicle, and gives it back).
 """
 
 from math import nan, sqrt
@@ -33,6 +37,12 @@ _KINDS = {
     "teleport": _Kind(500.0, -100_000.0, 100_000.0),
     "gps-noise": _Kind(10.0, 0.0, 1000.0),
     "battery-low": _Kind(15.0, 0.0, 100.0),
+    "refuse": _Kind(2.0, 1.0, 4.0),
+    "forget": _Kind(None, 0, 0),
+    "ack-delay": _Kind(1.0, 0.0, 60.0),
+    "ack-loss": _Kind(30.0, 0.0, 100.0),
+    "stream-target": _Kind(1.0, 0.1, 10.0),
+    "takeover": _Kind(None, 0, 0),
 }
 KINDS = tuple(_KINDS)
 

@@ -54,6 +54,11 @@ class FlightAnswer(StrEnum):
     MODE_NOT_ARMABLE = "mode not armable"
     NO_MISSION = "no mission"
     OUT_OF_RANGE = "out of range"
+    OUTSIDE_FENCE = "outside the fence"
+    REJECTED = "temporarily rejected"
+    DENIED = "denied"
+    UNSUPPORTED = "unsupported"
+    FAILED = "failed"
 
 
 class GoingTo(NamedTuple):
@@ -185,6 +190,8 @@ class Flight:
             return refused
         if not all(map(isfinite, point)) or point.horizontal > _FARTHEST_M or not -_FARTHEST_M <= point.down <= 0.0:
             return FlightAnswer.OUT_OF_RANGE
+        if self.settings.is_fenced_off(point.horizontal, -point.down):
+            return FlightAnswer.OUTSIDE_FENCE
         self.target = GoingTo(point, yaw_rad if yaw_rad is not None and isfinite(yaw_rad) else None)
         return FlightAnswer.ACCEPTED
 

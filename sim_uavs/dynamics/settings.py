@@ -7,7 +7,9 @@ from sim_uavs.dynamics.quadcopter import AirframeLimits, Wind
 from sim_uavs.dynamics.sensors import GpsNoise, ImuNoise
 
 Peer: TypeAlias = tuple[str, int]  # host and UDP port
-PersonaName: TypeAlias = Literal["ardupilot", "px4"]
+PersonaName: TypeAlias = Literal["ardupilot", "ardupilot-3.3", "px4"]
+FENCE_HIGHEST, FENCE_RADIUS, FENCE_LOWEST = 1, 2, 8
+"""The bits of `fence_kinds`, as ArduPilot's FENCE_TYPE has them."""
 
 
 class HomePlace(NamedTuple):
@@ -31,6 +33,21 @@ class VehicleSettings:
     battery_low: float = 0.25
     battery_critical: float = 0.08
     disarm_s: float = 10.0
+    fence_on: float = 0.0
+    fence_kinds: float = 7.0
+    fence_highest_m: float = 100.0
+    fence_lowest_m: float = -10.0
+    fence_radius_m: float = 300.0
+
+    def is_fenced_off(self, away_m: float, height_m: float) -> bool:
+        """Whether a point so far from home and so high above it lies outside of the fence, by the kinds that are on."""
+        kinds = int(self.fence_kinds) if self.fence_on else 0
+        highest, far, lowest = kinds & FENCE_HIGHEST, kinds & FENCE_RADIUS, kinds & FENCE_LOWEST
+        return bool(
+            (highest and height_m > self.fence_highest_m)
+            or (far and away_m > self.fence_radius_m)
+            or (lowest and height_m < self.fence_lowest_m)
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,14 @@ from sim_uavs.dynamics.settings import VehicleConfig
 REPORT_US = 100_000
 SELDOM = 10
 _SOURCE = "GLOBAL_POSITION_INT"
+_RETRY_US, _ATTEMPTS = 500_000, 4
+"""How often an edge repeats an order that is not acknowledged (`proxies.mavlink.orders`)."""
+_REFUSALS = {
+    1: FlightAnswer.REJECTED,
+    2: FlightAnswer.DENIED,
+    3: FlightAnswer.UNSUPPORTED,
+    4: FlightAnswer.FAILED,
+}
 
 
 class TrueState(NamedTuple):
@@ -49,6 +57,9 @@ class SensedFlight:
         self._wander = ZERO
         self._gps: GpsReading | None = None
         self._period_us = period_us
+        self._orders_rng = np.random.default_rng((config.seed, config.system_id, 4))
+        self._streamed: tuple[Vector, int] | None = None
+        self._is_taken = False
 
     def inject(self, fault: SimulatedFault, now_us: int, until_us: int | None = None) -> None:
         """Begin a fault, until `until_us` or for good. `battery-low` empties the battery once."""
@@ -57,6 +68,36 @@ class SensedFlight:
             self.flight.body = body._replace(charge=min(body.charge, fault.amount / 100.0))
         else:
             self._faults.inject(fault, now_us, until_us)
+
+    def _suffer(self, now_us: int) -> None:
+        """Have others command the vehicle, while that holds: a ground station, and a pilot at the sticks."""
+        flight, hertz = self.flight, self._faults.amount("stream-target", now_us)
+        if hertz is None:
+            self._streamed = None
+        elif self._streamed is None:
+            if isinstance(flight.target, GoingTo):
+                self._streamed = flight.target.point, now_us + round(1e6 / hertz)
+        elif now_us >= self._streamed[1]:
+            flight.go_to(self._streamed[0])
+            self._streamed = self._streamed[0], now_us + round(1e6 / hertz)
+        taken = self._faults.holds("takeover", now_us)
+        if taken is not self._is_taken:
+            self._is_taken = taken
+            flight.set_mode(Mode.LOITER if taken else Mode.GUIDED)
+
+    def _disobeys(self, now_us: int) -> FlightAnswer | None:
+        """What the autopilot answers without doing what it was ordered; None: it does it."""
+        result = self._faults.amount("refuse", now_us)
+        if result is not None:
+            return _REFUSALS[int(result)]
+        return FlightAnswer.ACCEPTED if self._faults.holds("forget", now_us) else None
+
+    def _loses_ack(self, now_us: int) -> bool:
+        loss = self._faults.amount("ack-loss", now_us)
+        return loss is not None and bool(self._orders_rng.random() * 100.0 < loss)
+
+    def _ack_delay_us(self, now_us: int) -> int:
+        return round((self._faults.amount("ack-delay", now_us) or 0.0) * 1e6)
 
     def _measure(self, now_us: int) -> None:
         noise = self.config.gps
@@ -93,6 +134,7 @@ class SimulatedVehicle(SensedFlight):
     def on_time(self, now_us: int, stamp_us: int) -> list[vehicle.Report]:
         """Fly, and report what is due, as valid at `stamp_us`."""
         self.flight.on_time(now_us)
+        self._suffer(now_us)
         if now_us < self.deadline_us:
             return []
         self.deadline_us = self._next_us(now_us)
@@ -128,11 +170,21 @@ class SimulatedVehicle(SensedFlight):
             found.append(vehicle.TargetReport(stamp_us, *self._frame.from_ned(*flight.target.point)))
         return found
 
-    def on_command(self, command: vehicle.Command, now_us: int, stamp_us: int) -> vehicle.CommandResult:
-        """Carry out an order, or say why not."""
+    def on_command(self, command: vehicle.Command, now_us: int, stamp_us: int) -> tuple[int, vehicle.CommandResult]:
+        """Carry out an order, or say why not: after how long the answer comes, and what it is.
+
+        An order whose acknowledgements are lost is repeated, as `proxies.mavlink.orders` does.
+        """
         self.flight.on_time(now_us)
-        answer = self._obey(command.order)
-        return vehicle.CommandResult(stamp_us, command.number, answer is FlightAnswer.ACCEPTED, answer.value)
+        delay_us = self._ack_delay_us(now_us)
+        if self._faults.holds("silence", now_us):
+            return _ATTEMPTS * _RETRY_US, vehicle.CommandResult(stamp_us, command.number, False, vehicle.NO_ANSWER)
+        answer = self._disobeys(now_us) or self._obey(command.order)
+        lost = next((count for count in range(_ATTEMPTS) if not self._loses_ack(now_us)), _ATTEMPTS)
+        if lost == _ATTEMPTS:
+            return _ATTEMPTS * _RETRY_US, vehicle.CommandResult(stamp_us, command.number, False, vehicle.NO_ANSWER)
+        accepted = answer is FlightAnswer.ACCEPTED
+        return delay_us + lost * _RETRY_US, vehicle.CommandResult(stamp_us, command.number, accepted, answer.value)
 
     def _obey(self, order: vehicle.Order) -> FlightAnswer:
         flight = self.flight

@@ -386,8 +386,8 @@ class World:
     def _command(self, node: WorldNode, command: Command) -> None:
         if node.vehicle is not None:
             stamp_us = node.federation_clock.federation_us(node.clock.node_us(self.now_us))
-            result = node.vehicle.on_command(command, self.now_us, stamp_us)
-            self.agenda.at(self.now_us, self._report, node, result)
+            after_us, result = node.vehicle.on_command(command, self.now_us, stamp_us)
+            self.agenda.at(self.now_us + after_us, self._report, node, result)
 
     def _injected(self, node: WorldNode, effect: InjectFault) -> None:
         text = effect.kind if effect.value is None else f"{effect.kind}={effect.value}"

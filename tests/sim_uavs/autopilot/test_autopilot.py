@@ -193,7 +193,7 @@ def test_a_point_is_refused_outside_guided_unless_the_change_of_mode_is_asked_fo
     station.take_off()
     station.set_mode("LOITER")
     x, y = round(NORTH[0] * 1e7), round(NORTH[1] * 1e7)
-    assert station.command_int(GO_TO, ABOVE_HOME, (-1, 0, 0, NAN), x, y, 20.0) == REJECTED
+    assert station.command_int(GO_TO, ABOVE_HOME, (-1, 0, 0, NAN), x, y, 20.0) == DENIED
     assert station.command_int(GO_TO, ABOVE_HOME, (-1, 1, 0, NAN), x, y, 20.0) == ACCEPTED
     assert station.truth.mode is Mode.GUIDED
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow.model.errors import TextError
-from sim_uavs.dynamics.faults import KINDS, ActiveFaults, SimulatedFault, parse_fault, spoil
+from sim_uavs.dynamics.faults import _KINDS, KINDS, ActiveFaults, SimulatedFault, parse_fault, spoil
 from sim_uavs.dynamics.quadcopter import Vector
 from sim_uavs.dynamics.sensors import GpsReading
 
@@ -35,7 +35,9 @@ def test_faults_read_as_they_are_written(text, fault) -> None:
 @given(st.sampled_from(KINDS), st.integers(0, 100))
 def test_what_is_printed_is_read_back(kind, amount) -> None:
     takes_amount = parse_fault(kind).amount != 0.0
-    fault = SimulatedFault(kind, float(amount) if takes_amount else 0.0)
+    fault = SimulatedFault(
+        kind, min(max(float(amount), _KINDS[kind].least), _KINDS[kind].most) if takes_amount else 0.0
+    )
     assert parse_fault(str(fault)) == fault
 
 
