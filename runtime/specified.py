@@ -10,6 +10,7 @@ from pathlib import Path
 from agents.effects import Fed, Specify
 from agents.specification.specification_part import read
 from dyknow.model.errors import DyknowError, SourceText, SpecificationFailed
+from dyknow.model.instants import US_PER_S
 from kpl import parse_specification
 from proxies.recordings.sample_file import FedSample, read_feed
 from proxies.recordings.watched_file import WatchedFiles
@@ -19,6 +20,8 @@ LOOK_S = 0.5
 
 class Specified:
     """Posts the specification now and whenever its file changes, and the samples of a feed at their times.
+
+    The feed begins at the next full second of federation time, so that its samples lie on the grids that others ask for.
 
     Args:
         post: takes events for the node.
@@ -85,7 +88,7 @@ class Specified:
                 self._post(given)
 
     def _feed(self) -> None:
-        begins_us = self._federation_us(self._now_us())
+        begins_us = -(-self._federation_us(self._now_us()) // US_PER_S) * US_PER_S
         for sample in self._samples:
             while (left_us := begins_us + sample.at_us - self._federation_us(self._now_us())) > 0:
                 if self._over.wait(left_us / 1e6):

@@ -32,7 +32,10 @@ class ActivatedStream:
 
 
 class DormantStreams:
-    """The streams that queries activated on one platform; `respond` answers a query from what is held."""
+    """The streams that queries activated on one platform; `respond` answers a query from what is held.
+
+    One whose subscribers take nothing of it, since its samples lie off their grid, is dormant to a query, too.
+    """
 
     def __init__(
         self,
@@ -55,7 +58,9 @@ class DormantStreams:
         kept = self._kept.get(label)
         if kept is None or not kept.subscription.active:
             generator = self._gateway.network.find(self._gateway.local(label))
-            if generator is None or generator.owner is None or generator.subscriptions or len(self._kept) >= MOST:
+            if generator is None or generator.owner is None or len(self._kept) >= MOST:
+                return False
+            if generator.subscriptions and generator.history.get_size():
                 return False
             kept = self._kept[label] = ActivatedStream(
                 generator.subscribe(Policy(), lambda sample: self._take(label, sample))

@@ -20,12 +20,13 @@ from agents.monitoring.monitor_plans import MonitorPlan
 from agents.monitoring.monitors import UnitMonitors
 from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.monitoring.unit_streams import UnitStreams
-from agents.part import Followed, Part
+from agents.part import Followed, Part, PeerChange
 from agents.specification.imported import ImportDemand, Imported, converting
 from dyknow import Network, Policy, Sample
 from dyknow.model.errors import Refused, SourceText, TextError, TextErrors, Unmade
 from dyknow.network.process import Input
 from dyknow.network.processes import RefinementProcess
+from federation.members.liveness import PlatformAppeared, PlatformGone
 from federation.members.offers import Service
 from federation.messages import contents
 from federation.messages.acts import Act
@@ -141,6 +142,7 @@ class SpecificationPart(Part):
         self._waited_us = 0
         self._governor: Governor | None = None
         self._not_taken: Specify | None = None
+        self._met, self._absent = set[str](), set[str]()
 
     def on_specify(self, event: Specify, now_us: int) -> None:
         """The operator of this platform gives it a specification. Node clock."""
@@ -241,6 +243,24 @@ class SpecificationPart(Part):
         if self._not_taken is not None and len(self.desk.hosts) > before:
             self._specify(self._not_taken, self._clock.federation_us(now_us))  # it may have waited for this host
         return self._followed
+
+    def on_peer(self, change: PeerChange, now_us: int) -> None:  # noqa: ARG002  (as every part)
+        """Note that a platform goes that the specification lives on, and that it is back."""
+        match change:
+            case PlatformGone(unit, _, why) if why != "restarted" and self._lives_on(unit):
+                self._absent.add(unit)
+                self._note(f"platform {unit} has left" if why == "left" else f"platform {unit} is gone ({why})")
+            case PlatformAppeared(unit, _, "uav"):
+                if unit in self._absent:
+                    self._note(f"platform {unit} is back")
+                self._absent.discard(unit)
+                self._met.add(unit)
+
+    def _lives_on(self, unit: str) -> bool:
+        """Whether the specification imports from the platform, or watches it."""
+        if any(isinstance(each, Import) and each.unit == unit for each in self.instance.specification):
+            return True
+        return unit in self._met and any(OWNER in each.owners for each in self._monitors.named.values())
 
     def labels(self) -> Iterable[LabelEntry]:
         """The semantic labels that are exported."""

@@ -12,11 +12,12 @@ from typing import Any
 from dyknow import Label, Network, PolicyAdapter, Sample
 from dyknow.model.instants import print_span
 from dyknow.network.mediation import Mediation
-from dyknow.network.processes import OnDemand
+from dyknow.network.processes import OnDemand, RefinementProcess
 from dyknow.network.prototypes import SourcePrototype, UnitPrototype
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.states.state_streams import StateStreamProcess
 from dyknow.states.synchronization import Origin
+from kpl.checking.specifications import LONGEST_CHAIN
 from kpl.running.figures import SAMPLE_BYTES, rate_and_delay
 from kpl.running.formula_monitors import FormulaMonitor
 from kpl.running.instance import Instance
@@ -152,10 +153,19 @@ def _with_federation(instance: Instance, nodes: list[GraphNode], edges: list[Edg
 
 
 def origins_of(instance: Instance, name: str, valid_us: int) -> dict[str, Origin]:
-    """How each value of a state was obtained that a declared stream has delivered, by input; of what is none: nothing."""
-    process = _process_of(instance, name)
+    """How each value of the state was obtained that a declared stream has delivered, or that its sample was made from.
+
+    By input; of what is made from no state: nothing.
+    """
+    return _origins(instance.network, _process_of(instance, name), valid_us, LONGEST_CHAIN)
+
+
+def _origins(network: Network, process: object, valid_us: int, left: int) -> dict[str, Origin]:
     if not isinstance(process, StateStreamProcess):
-        return {}
+        if not isinstance(process, RefinementProcess) or not left:
+            return {}
+        makers = (network.process(each.label) for each in inputs_taken(process) if network.has(each.label))
+        return next(filter(None, (_origins(network, each, valid_us, left - 1) for each in makers)), {})
     found = next((state for state in reversed(process.recent) if state.valid_us == valid_us), None)
     labels = (str(each.label) for each in process.inputs())
     return {} if found is None else dict(zip(labels, found.origins, strict=False))

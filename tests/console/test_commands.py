@@ -1,5 +1,6 @@
 """The commands against real platforms on a fake wire: what is printed, and with which code they end."""
 
+import json
 import re
 from collections.abc import Callable
 from itertools import pairwise
@@ -7,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from agents.config import PlatformConfig
+from agents.effects import Fed
 from console.centre import client
 from console.command import Call
 from console.errors import DONE, NO
@@ -215,6 +218,35 @@ def test_an_unknown_unit_is_told(world: Box, call: Call) -> None:
 def test_times_in_the_wrong_order_are_a_wrong_call(world: Box, call: Call) -> None:
     with pytest.raises(WrongCall, match="--between"):
         _query(call, between=("-1s", "-5s"))
+
+
+@pytest.mark.parametrize("off_us", [0, 37_000])
+def test_a_stream_off_the_grid_is_watched_at_its_own_instants_and_the_cause_is_told(
+    monkeypatch: pytest.MonkeyPatch, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str], off_us: int
+) -> None:
+    from console.commands.members.watch import watch
+
+    world = Box()
+    world.add("3", PlatformConfig("3", 0, clock=world.clock, vehicle=False))
+    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    world.specify(
+        "3", "source position gps\nstrmgen pos[self] = gps\nexport heli-position = pos[self] with sample every 100\n"
+    )
+
+    def feed() -> None:
+        world._reach(world.nodes["3"], Fed(world.now_us, "gps", world.now_us, (58.0, 15.0)))
+        world.at(world.now_us + 100_000, feed)
+
+    world.at(world.now_us + 1_000_000 + off_us, feed)
+    world.run(3.0)
+    assert watch(call, "heli-position", unit=None, every="200ms", max_delay="1s", count=5) == DONE
+    out, err = capsys.readouterr()
+    shown = [json.loads(line) for line in out.splitlines()]
+    assert {entry["valid_us"] % 200_000 for entry in shown} <= {off_us, off_us + 100_000}
+    assert {b["valid_us"] - a["valid_us"] for a, b in pairwise(shown)} == {200_000}
+    told = " ".join(err.split())
+    assert ("its samples arrive at x." in told and "off the grid of 200 ms" in told) == (off_us > 0)
+    assert "no sample has arrived yet" not in told
 
 
 def test_watch_prints_a_federated_stream_and_takes_it_down(world: Box, call: Call, lines: Lines) -> None:

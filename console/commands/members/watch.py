@@ -17,6 +17,7 @@ from federation.keys import label as label_name
 from federation.messages.acts import Performative
 from federation.messages.codec import WireSample
 from federation.messages.contents import Query, Samples
+from federation.messages.dialogue import Dialogue
 from runtime.client import Client
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 from runtime.library.jobs import SET_UP_S, request_streams
@@ -56,7 +57,9 @@ def watch(
                     silent_from_us = client.now_us()
                 elif silent_from_us is not None and client.now_us() - silent_from_us >= max(SILENT_US, 2 * every_us):
                     silent_from_us = None
-                    _tell_silence(call, client, label, [task.unit for task in tasks if not task.over], delay_us)
+                    silent = [task.unit for task in tasks if not task.over]
+                    for other, phase_us in _tell_silence(call, client, label, silent, every_us, delay_us):
+                        tasks += _on_own_grid(client, label, other, every_us, delay_us, phase_us)
                 for record in came[: None if count is None else count - seen]:
                     _tell(call, record)
                     seen += 1
@@ -83,12 +86,25 @@ def _set_up(call: Call, client: Client, label: str, unit: str | None, every_us: 
     return tasks
 
 
-def _tell_silence(call: Call, client: Client, label: str, units: list[str], delay_us: int) -> None:
-    """No sample comes: print the reason for each platform, by its newest sample; once in each gap."""
+def _on_own_grid(client: Client, label: str, unit: str, every_us: int, delay_us: int, phase_us: int) -> list[Dialogue]:
+    """Have a platform export the samples that lie on the grid of its own instants."""
+    job = request_streams(client, label, [unit], every_us / 1e6, delay_us / 1e6, phase_us)
+    return [task for task in client.run(job) if task.results]
+
+
+def _tell_silence(
+    call: Call, client: Client, label: str, units: list[str], every_us: int, delay_us: int
+) -> list[tuple[str, int]]:
+    """No sample comes: print the reason for each platform, by its newest sample; once in each gap.
+
+    Returns the platforms whose samples lie off the grid, and by how many microseconds.
+    """
+    off_grid: list[tuple[str, int]] = []
     for dialogue in client.ask(units, Query(semantic_label=label), Performative.QUERY_REF, SET_UP_S):
         newest = next(
             (said.samples[-1] for said in dialogue.results if isinstance(said, Samples) and said.samples), None
         )
+        phase_us = 0 if newest is None else newest.valid_us % every_us
         if newest is None:
             why = dialogue.trouble or f"it has no sample of {label} yet"
         elif (took_us := newest.available_us - newest.valid_us) > delay_us:
@@ -96,9 +112,17 @@ def _tell_silence(call: Call, client: Client, label: str, units: list[str], dela
                 f"its newest sample was there {print_span(took_us)} after it was valid, "
                 f"and --max-delay {print_span(delay_us)} drops what is later"
             )
+        elif phase_us:
+            off_grid.append((dialogue.unit, phase_us))
+            grid = print_span(every_us)
+            why = (
+                f"its samples arrive at x.{newest.valid_us // 1000 % 1000:03} s, off the grid of {grid}; "
+                f"every {grid} at its own instants from now on"
+            )
         else:
             why = f"its newest sample is {print_span(max(0, client.federation_us() - newest.valid_us))} old"
         call.out.note(f"no sample from platform {dialogue.unit}: {why}.")
+    return off_grid
 
 
 def _record(client: Client, owner: str, label: str, sample: WireSample, at_us: int) -> dict[str, Any]:

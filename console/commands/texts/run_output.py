@@ -6,6 +6,7 @@ from typing import Any
 
 from console.command import Call
 from console.output.output import counted, verbatim
+from dyknow.model.instants import US_PER_S, print_span
 from runtime.configuration.instants import clock_time
 
 
@@ -32,13 +33,18 @@ def _when(valid_us: int, begins_us: int | None) -> str:
 def _sample(said: dict[str, Any]) -> str:
     late_ms = round((said["available_us"] - said["valid_us"]) / 1000, 1)
     approximated = [
-        f"{label} {origin['manner']}"
+        f"{label} {origin['manner']}{_old(said['valid_us'], origin['valid_us'])}"
         for label, origin in said.get("origins", {}).items()
         if origin["manner"] != "exact"
     ]
     how = f"; {', '.join(approximated)}" if approximated else ""
     value = verbatim(_short(said["value"]))
     return f"[bold]{verbatim(said['stream'])}[/]  {value}  [dim]{late_ms:g} ms later{verbatim(how)}[/]"
+
+
+def _old(valid_us: int, of_us: int | None) -> str:
+    """How much older a value is than the state it is in, from a second on."""
+    return "" if of_us is None or valid_us - of_us < US_PER_S else f", {print_span(valid_us - of_us)} old"
 
 
 def _specified(said: dict[str, Any]) -> str:

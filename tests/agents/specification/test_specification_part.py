@@ -1,5 +1,6 @@
 """Platforms that run specifications: what one exports another imports, queries and monitors (language.md, 9.3, 9.4)."""
 
+import re
 from itertools import count, pairwise
 from pathlib import Path
 
@@ -84,6 +85,23 @@ def test_a_declared_monitor_over_units_opens_and_closes_alarms(pair):
     assert {each["monitor"] for each in opened} == {"apart"}
     assert opened[0]["units"] == ["0", "1"]
     assert 5_000_000 < opened[1]["valid_us"] - opened[0]["valid_us"] < 7_000_000, "they meet twice a lap"
+
+
+def test_a_platform_that_the_specification_lives_on_is_missed_aloud(pair):
+    from console.commands.texts.run_output import _sample
+
+    pair.world.run_for(5)
+    pair.world.freeze("1")
+    pair.world.run_for(12)
+    assert pair.notes("0")[0] == "platform 1 is gone (no heartbeat for 2.5 s)"
+    last = [each for each in pair.told("0", "sample") if each["stream"] == "distance_m"][-1]
+    origin = last["origins"]["pos[uav1]"]
+    assert origin["manner"] == "most recent"
+    assert last["valid_us"] - origin["valid_us"] > 9_000_000
+    assert re.search(r"most recent, (9|1\d)\.\d s old", _sample(last))
+    pair.world.thaw("1")
+    pair.world.run_for(3)
+    assert pair.notes("0")[-1] == "platform 1 is back"
 
 
 def test_a_changed_definition_reaches_a_running_monitor_over_units(pair):
