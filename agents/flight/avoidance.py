@@ -34,8 +34,10 @@ from agents.flight.encounters import (
     climber_of,
     converge,
     flees,
+    highest_m,
     is_clear,
     leaps,
+    lowest_m,
     relation,
     run_m,
     with_course_of,
@@ -123,8 +125,8 @@ class Avoidance:
         if refused is not None:
             return refused, []
         if because is not None:
+            self._spend(partner, now_us, founded=warned or known is not None)
             known = known or self._met(partner, self.unit, own, other, now_us)
-            self._spend(partner, now_us, warned=warned)
             return self._take_whole(known, because, own, other, may, now_us)
         crossed = known is not None and self.awaits(partner) and known.climber != climber
         if crossed and unit_order(self.unit) < unit_order(partner):
@@ -133,6 +135,7 @@ class Avoidance:
             return Refused(known.left_because, "cannot"), []
         if known is not None and known.role is not None:
             return None, []  # what is under way is carried to its end
+        is_new = known is None
         known = known or self._met(partner, climber, own, other, now_us)
         role = CLIMB if climber == self.unit else HOLD
         reason = self._refusal(known, role, own, other, may)
@@ -141,7 +144,7 @@ class Avoidance:
                 del self.encounters[partner]
             return Refused(reason), []
         known.climber = climber
-        self._spend(partner, now_us, warned=warned)
+        self._spend(partner, now_us, founded=warned or not is_new)
         return None, self._take(known, role, own, other, now_us)
 
     def _met(self, partner: str, climber: str, own: Fix, other: Fix, now_us: int) -> Encounter:
@@ -158,15 +161,15 @@ class Avoidance:
             return Refused(f"one manoeuvre for {partner} in 30 s without a warning of ours", "too-often")
         return None
 
-    def _spend(self, partner: str, now_us: int, *, warned: bool) -> None:
-        if not warned:
+    def _spend(self, partner: str, now_us: int, *, founded: bool) -> None:
+        if not founded:
             self._agreed_us[partner] = now_us
 
     def _take_whole(
         self, known: Encounter, because: str, own: Fix, other: Fix, may: May, now_us: int
     ) -> tuple[Refused | None, list[Step]]:
         """The partner cannot avoid us: all of it is ours."""
-        known.alone = True
+        known.alone = known.takes_all = True
         if known.phase is PASSING or known.role is ASIDE:
             return None, []
         if known.role in {CLIMB, DESCEND}:
@@ -270,7 +273,7 @@ class Avoidance:
         steps: list[Step] = []
         for known in [each for each in self.encounters.values() if each.keeps]:
             role = known.role or HOLD
-            known.failed[role] = reason
+            known.failed |= dict.fromkeys(ManoeuvreRole, reason) if overtaken else {role: reason}
             if overtaken or not refused:
                 steps += self._leave(known, reason, keeping=not overtaken)
             elif role is HOLD:
@@ -284,15 +287,17 @@ class Avoidance:
     def _leave(self, known: Encounter, reason: str, *, keeping: bool = False) -> list[Step]:
         """The partner is to take the whole manoeuvre; `keeping`: what was ordered stays so, in case it comes."""
         told, known.left_because = bool(known.left_because), known.left_because or reason
+        neither = [NeitherCan(known.partner, (reason, known.theirs))] if known.theirs else []
         if not keeping:
             known.phase, known.role = LEFT, None
-        return [*([] if told else [LeaveToPartner(known.partner, reason)]), *self._settled()]
+        return [*neither, *([] if told else [LeaveToPartner(known.partner, reason)]), *self._settled()]
 
     def on_left_refused(self, partner: str, reason: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
         """`partner` cannot take the manoeuvre that we left to it: go aside if that is possible, else tell."""
         known = self.encounters.get(partner)
         if known is None or not known.left_because:
             return []
+        known.theirs = reason or "no reason"
         if known.phase is LEFT and self._refusal(known, ASIDE, own, other, may) is None:
             return self._take(known, ASIDE, own, other, now_us)
         return [NeitherCan(partner, (known.left_because, reason))]
@@ -340,7 +345,7 @@ class Avoidance:
                 return self._alone(known, own, other, may, now_us)
         self._follow(known, own, other, may, now_us)
         if is_clear(known, seen, own, other):
-            known.phase, known.place = PASSING, None
+            known.phase, known.place, known.idle_since_us = PASSING, None, None
             if known.role is HOLD:
                 known.altitude_m = own.altitude_m
         elif since_us >= PATIENCE_US:
@@ -352,7 +357,12 @@ class Avoidance:
         if known.role not in {CLIMB, DESCEND} or known.altitude_m is None:
             return
         rises = other.down_m_s < -CLIMBING_M_S and abs(own.altitude_m - other.altitude_m) < CLEAR_M
-        if known.role is CLIMB and rises and climber_of(self.unit, own, known.partner, other) != self.unit:
+        if (
+            known.role is CLIMB
+            and rises
+            and not known.takes_all
+            and climber_of(self.unit, own, known.partner, other) != self.unit
+        ):
             self._take(known, HOLD, own, other, now_us)
             self._order = ResumeRoute()
             return
@@ -391,7 +401,7 @@ class Avoidance:
         keeping = [each for each in self.encounters.values() if each.keeps]
         order: Divert | ResumeRoute
         if keeping:
-            climb_m, descend_m = _highest(keeping), _lowest(keeping)
+            climb_m, descend_m = highest_m(keeping), lowest_m(keeping)
             places = [each for each in keeping if each.place is not None]
             first = min(places, key=lambda each: each.since_us, default=None)
             order = Divert(descend_m if climb_m is None else climb_m, None if first is None else first.place)
@@ -408,11 +418,3 @@ class Avoidance:
 
 def _altitude_m(role: ManoeuvreRole, own: Fix, other: Fix) -> float:
     return above_m(own, other, SEPARATION_M) if role is CLIMB else below_m(own, other, SEPARATION_M)
-
-
-def _highest(encounters: list[Encounter]) -> float | None:
-    return max((e.altitude_m for e in encounters if e.role is CLIMB and e.altitude_m is not None), default=None)
-
-
-def _lowest(encounters: list[Encounter]) -> float | None:
-    return min((e.altitude_m for e in encounters if e.role is DESCEND and e.altitude_m is not None), default=None)

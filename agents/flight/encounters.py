@@ -55,7 +55,7 @@ class Encounter:
         climber: of the two, as proposed or agreed.
         start, other: where this side was when it began, and where the partner was seen last.
         role: what this side does; None until that is agreed, and after it was left to the partner.
-        alone: the partner neither climbs nor holds for us.
+        alone, takes_all: the partner neither climbs nor holds for us; and has said so.
         altitude_m: where this side goes, or, once it flies on, the bound of its route.
         place: where it stops, WGS-84 degrees.
         gap_m: how far apart vertically they were when this side began to make room, at `since_us`.
@@ -63,7 +63,7 @@ class Encounter:
         failed: what our autopilot does not fly, and why.
         lost: nothing has been heard of the partner for a while.
         awaited: a proposal of ours is not answered yet.
-        left_because: why the partner is to take all of it.
+        left_because, theirs: why the partner is to take all of it, and why it cannot.
     """
 
     partner: str
@@ -75,6 +75,7 @@ class Encounter:
     phase: EncounterPhase = EncounterPhase.ASKED
     role: ManoeuvreRole | None = None
     alone: bool = False
+    takes_all: bool = False
     altitude_m: float | None = None
     place: tuple[float, float] | None = None
     since_us: int = 0
@@ -85,6 +86,7 @@ class Encounter:
     lost: bool = False
     awaited: bool = False
     left_because: str = ""
+    theirs: str = ""
 
     @property
     def keeps(self) -> bool:
@@ -241,3 +243,17 @@ def above_m(own: Fix, other: Fix, separation_m: float) -> float:
 
 def below_m(own: Fix, other: Fix, separation_m: float) -> float:
     return min(own.altitude_m, other.altitude_m - separation_m)
+
+
+def highest_m(encounters: list[Encounter]) -> float | None:
+    """The highest altitude to which any of them climbs."""
+    return max(
+        (e.altitude_m for e in encounters if e.role is ManoeuvreRole.CLIMB and e.altitude_m is not None), default=None
+    )
+
+
+def lowest_m(encounters: list[Encounter]) -> float | None:
+    """The lowest altitude to which any of them descends."""
+    return min(
+        (e.altitude_m for e in encounters if e.role is ManoeuvreRole.DESCEND and e.altitude_m is not None), default=None
+    )

@@ -46,6 +46,8 @@ MODE_WITHIN_US = 4_000_000
 SETTLES_US = 1_000_000
 """So long a target from before an order may still be on its way, and a vehicle that reports none may yet do so."""
 LEVEL_M, UPRIGHT_M = 3.0, 1.5
+SLOPE = 5.0
+"""On a straight line to a place so many times as far as it is high nobody sees a climb within 2 s."""
 _M_PER_DEG = 111_194.9
 
 
@@ -241,7 +243,7 @@ class Errand:
         east_m = (longitude_deg - fix.longitude_deg) * _M_PER_DEG * cos(radians(fix.latitude_deg))
         away_m = hypot(north_m, east_m)
         nears = away_m <= LEVEL_M or (fix.north_m_s * north_m + fix.east_m_s * east_m) > 0.5 * away_m
-        return rises and nears
+        return nears and (rises or away_m > SLOPE * abs(up_m))
 
     def end(self, progress: OrderProgress, reason: str) -> None:
         """Nothing more comes of it."""

@@ -108,13 +108,13 @@ class FlightAgent(Part):
         self._offer(now_us)
 
     def _on_status(self, now_us: int) -> bool:
-        """Show whether the vehicle flies in a mode in which it does not give way; whether that changed."""
-        mode = self.pilot.uncommanded_mode if self._may_avoid else None
-        text, before = f"avoidance off: mode {mode}", self._avoidance
-        if (before and before.text) == (mode and text):
+        """Show why the vehicle would not give way; whether that changed."""
+        reason = self.pilot.avoidance_off if self._may_avoid else None
+        text, before = f"avoidance off: {reason}", self._avoidance
+        if (before and before.text) == (reason and text):
             return False
-        self._avoidance = None if mode is None else ConditionEntry(text=text, since_us=now_us)
-        self._note("avoidance on" if mode is None else text)
+        self._avoidance = None if reason is None else ConditionEntry(text=text, since_us=now_us)
+        self._note("avoidance on" if reason is None else text)
         self._offer(now_us)
         return True
 

@@ -25,7 +25,6 @@ from federation.members.clock import FederationClock
 from federation.members.liveness import PlatformGone
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Avoid, Content, Reason
-from federation.messages.descriptions import ConditionEntry
 from navigation.vehicle import Command, GoToOrder, HoldOrder
 from reasoning import NEITHER_CAN_AVOID, AlarmEvent
 
@@ -46,7 +45,6 @@ class GivingWay(Part):
         emit: takes commands to the vehicle.
         note: takes words for the log.
         on_alarm: takes the alarm that neither of two can avoid the other.
-        offer: tells the directory that our conditions have changed, at a time.
         may_avoid: whether this platform may give way at all.
 
     Attributes:
@@ -67,20 +65,18 @@ class GivingWay(Part):
         emit: Callable[[Command], None],
         note: Callable[[str], None],
         on_alarm: Callable[[AlarmEvent], None],
-        offer: Callable[[int], None],
         *,
         may_avoid: bool,
     ) -> None:
         self._unit, self._agent, self._clock, self._pilot, self._gateway = unit, agent, clock, pilot, gateway
         self._monitors, self._coordination, self._may_avoid = monitors, coordination, may_avoid
-        self._emit, self._note, self._raise, self._offer = emit, note, on_alarm, offer
+        self._emit, self._note, self._raise = emit, note, on_alarm
         self._avoidance = Avoidance(unit)
         self._alarm_of: dict[str, str] = {}
         self._warned: dict[str, str] = {}
         self._neither: dict[str, AlarmEvent] = {}
         self._grounded_until_us: dict[str, int] = {}
         self._seen: object = None
-        self._off: ConditionEntry | None = None
         self.refused: dict[str, int] = {}
 
     @property
@@ -88,29 +84,12 @@ class GivingWay(Part):
         """The units this platform is avoiding, or about to."""
         return tuple(self._avoidance.encounters)
 
-    @property
-    def off(self) -> str:
-        """Why this platform, though it is to give way, would not do so now; empty: it would."""
-        wanted = self._may_avoid and self._pilot.control and not self._stands and self._coordination.avoids()
-        reason, status = self._may(None) if wanted else None, self._pilot.status
-        if reason is None:
-            return ""
-        return reason if status is None or status.guided else f"mode {status.mode}"
-
-    def conditions(self) -> Iterable[ConditionEntry]:
-        return () if self._off is None else (self._off,)
-
-    def _look_whether_off(self, now_us: int) -> None:
-        text = f"avoidance off: {self.off}"[:200] if self.off else ""
-        if text != ("" if self._off is None else self._off.text):
-            self._off = ConditionEntry(text=text, since_us=now_us) if text else None
-            self._offer(now_us)
-
     def annotated(self, event: AlarmEvent) -> AlarmEvent:
         """A warning says as well that this platform will do nothing about it."""
-        if event.event == "closed" or not self._is_warning(event.monitor) or not self.off:
+        reason = self._pilot.avoidance_off if self._may_avoid else None
+        if event.event == "closed" or reason is None or not self._is_warning(event.monitor):
             return event
-        return event._replace(values={**event.values, f"avoidance[{self._unit}]": f"off: {self.off}"})
+        return event._replace(values={**event.values, f"avoidance[{self._unit}]": f"off: {reason}"})
 
     # -- what happens ------------------------------------------------------------------------------------------
 
@@ -142,7 +121,6 @@ class GivingWay(Part):
         own = self._pilot.fix
         if own is None:
             return
-        self._look_whether_off(now_us)
         self._follow_diversion(now_us)
         for partner in tuple(dict.fromkeys((*self.encounters, *self._warned))):
             self._look(partner, own, now_us)
@@ -277,8 +255,10 @@ class GivingWay(Part):
         """The rule that forbids stopping at that altitude, or at all."""
         fix = self._pilot.fix
         if altitude_m is None or fix is None:
-            return self._pilot.refusal(HoldOrder())
-        return self._pilot.refusal(GoToOrder(fix.latitude_deg, fix.longitude_deg, altitude_m))
+            return self._pilot.avoidance_off or self._pilot.refusal(HoldOrder())
+        return self._pilot.avoidance_off or self._pilot.refusal(
+            GoToOrder(fix.latitude_deg, fix.longitude_deg, altitude_m)
+        )
 
     def _do(self, steps: Iterable[Step], now_us: int) -> None:
         for step in steps:

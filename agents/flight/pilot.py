@@ -272,12 +272,14 @@ class Pilot:
         return f"the vehicle is in mode {status.mode}, which takes no positions; a guided mode is needed{remedy}"
 
     @property
-    def uncommanded_mode(self) -> str | None:
-        """The mode in which the vehicle flies without giving way, though the platform may command it."""
+    def avoidance_off(self) -> str | None:
+        """Why the vehicle would not give way now, though the platform may command it: its mode, or its pilot."""
         status = self.status
-        if not self.control or status is None or not (status.armed and status.airborne) or self._unguided() is None:
+        if not self.control or status is None or not (status.armed and status.airborne):
             return None
-        return status.mode
+        if self._unguided() is not None:
+            return f"mode {status.mode}"
+        return "its pilot took over" if self._suspended and self._standing is None else None
 
     @property
     def _may_interrupt(self) -> bool:
@@ -325,9 +327,7 @@ class Pilot:
         return [self._begin(before)]
 
     def divert(self, altitude_m: float | None, place: tuple[float, float] | None = None) -> list[vehicle.Command]:
-        """Leave the plan to avoid another vehicle: stop at `altitude_m` above mean sea level, at `place` (WGS-84 degrees).
-
-        None: where it is.
+        """Avoid another vehicle: stop at `altitude_m` above mean sea level, at `place` (WGS-84 degrees); None: where it is.
 
         Raises:
             Refused: naming the rule.

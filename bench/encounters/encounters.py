@@ -24,8 +24,8 @@ UP_M = 30.0
 THERE_M = 3.0
 JOIN_S = 40.0
 FAULTS = (
-    "none", "fence", "refuses", "one AUTO", "both AUTO", "both AUTO, may interrupt", "streams", "acks lost",
-    "pilot takes over", "autopilot killed",
+    "none", "fence", "refuses", "one AUTO", "both AUTO", "both AUTO, may interrupt", "streams", "both stream",
+    "acks lost", "pilot takes over", "autopilot killed",
 )  # fmt: skip
 
 
@@ -81,10 +81,13 @@ class Flown:
     @property
     def met(self) -> bool:
         """Apart, both arrived in time; or it was told that neither can, before they came near."""
-        excused = {"pilot takes over", "autopilot killed", "refuses", "fence", "streams", "one AUTO", "both AUTO"}
-        if self.neither_s is not None and self.case.fault == "both AUTO":
-            return True
-        in_time = all(f is not None and f <= LONGEST for f in self.factors) or self.case.fault in excused
+        if self.case.fault in {"both AUTO", "both stream"}:
+            return self.neither_s is not None and self.neither_s <= self.least_at_s - 3.0
+        excused = self.case.fault in {
+            "pilot takes over",
+            "autopilot killed",
+        }  # one does not arrive, the other waits for it
+        in_time = excused or all(factor is not None and factor <= LONGEST for factor in self.factors)
         return self.least_m > LEAST_M and in_time and self.after_takeover == 0
 
 
@@ -95,8 +98,13 @@ def legs(case: Case) -> list[Leg]:
     def about(north_m: float, east_m: float, up_m: float = UP_M) -> Place:
         return Place(north_m + rng.uniform(-2.0, 2.0), east_m + rng.uniform(-4.0, 4.0), up_m + rng.uniform(-1.5, 1.5))
 
+    drawn: list[Place] = []
+
     def leg(from_: tuple[float, float], to: tuple[float, float], speed_m_s: float) -> Leg:
         start = about(*from_)
+        if case.fault != "none" and not drawn:
+            start = start._replace(up_m=UP_M + 3.0)  # the fault is that of vehicle 0, which is to climb
+        drawn.append(start)
         return Leg(start, Place(*to, start.up_m), speed_m_s)
 
     v, r = case.speed_m_s, HALF_M
@@ -226,7 +234,7 @@ def _begin(case: Case, copters: Sequence[Copter], routes: Sequence[Leg]) -> None
             copter.set_mode("AUTO")
         else:
             copter.goto(routes[copter.number].end)
-        if case.fault == "streams":
+        if case.fault == "both stream" or (case.fault == "streams" and copter.number == 0):
             copter.target = routes[copter.number].end
 
 

@@ -104,7 +104,7 @@ def test_a_partner_that_may_not_be_commanded_says_so_and_leaves_the_manoeuvre_to
     meeting(wire, **state)
     wire.run(17.0)
     if state.get("armed", True) and state.get("airborne", True) is not False:
-        climbs_alone(wire, "0", "1", words)
+        climbs_alone(wire, "0", "1", words.removeprefix("the vehicle is in "))
         assert any(line.startswith("1 does not avoid 0, which is to do all of it: ") for line in notes(wire, "1"))
     else:
         assert "the vehicle is on the ground or not armed" in refusals(wire, "1")
