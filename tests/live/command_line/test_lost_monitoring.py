@@ -1,0 +1,91 @@
+"""What is lost is told: three simulated UAVs, one task, and everybody who looks while a monitor is taken away and a platform dies."""
+
+import json
+import os
+import queue
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from tests.live.command_line.command import PATIENCE_S, Dyknow, lines
+
+pytestmark = pytest.mark.live
+
+WITHIN_S = 2.0
+
+
+class Follower:
+    """`dyknow alarms --follow`, and when each of its lines came."""
+
+    def __init__(self, dyknow: Dyknow) -> None:
+        self._lines: queue.Queue[tuple[float, dict[str, Any]]] = queue.Queue()
+        self.process = dyknow.start("alarms", "--follow", "--json")
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        for line in lines(self.process):
+            self._lines.put((time.monotonic(), line))
+
+    def until(self, since_s: float, **wanted: Any) -> float:
+        """How long after `since_s` the first line came that says this."""
+        while True:
+            at_s, line = self._lines.get(timeout=PATIENCE_S)
+            if at_s >= since_s and all(line.get(name) == value for name, value in wanted.items()):
+                return at_s - since_s
+
+
+@pytest.fixture(scope="module")
+def dyknow(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dyknow]:
+    found = Dyknow(tmp_path_factory.mktemp("run"))
+    try:
+        found.run("up", "3", "--scenario", "hover", "--seed", "5", "--detach")
+        found.run("delegate", "monitor-proximity", "--to", "0")
+        found.until("monitors", inputs="fresh")
+        yield found
+    finally:
+        found.close()
+
+
+@pytest.fixture(scope="module")
+def follower(dyknow: Dyknow) -> Follower:
+    return Follower(dyknow)
+
+
+def shown(dyknow: Dyknow, *command: str, code: int = 0) -> dict[int, dict[str, Any]]:
+    return {line["unit"]: line for line in dyknow.run(*command, code=code) if "unit" in line}
+
+
+def test_a_monitor_that_is_taken_away_is_told(dyknow: Dyknow, follower: Follower) -> None:
+    [agreed] = dyknow.run("delegate", "create-monitor", "name=separation-20m", "--to", "1")
+    assert agreed["performative"] == "agree"
+    dyknow.until("monitors", inputs="fresh")
+    since_s = time.monotonic()
+    dyknow.run("cancel", agreed["conversation"])
+    took_s = time.monotonic() - since_s
+    assert follower.until(since_s, event="ended", monitor="separation-20m") <= took_s + WITHIN_S
+
+
+def test_a_killed_platform_is_told_by_everyone_and_stays_as_gone(dyknow: Dyknow, follower: Follower) -> None:
+    state = json.loads((dyknow.directory / "dyknow" / dyknow.federation / "state.json").read_text())
+    pid = next(int(entry["pid"]) for entry in state["running"] if entry["unit"] == "2")
+    since_s = time.monotonic()
+    os.kill(pid, signal.SIGKILL)
+    assert follower.until(since_s, event="unknown", units=[0, 2]) <= WITHIN_S
+    follower_gone_s = time.monotonic() - since_s
+    assert follower_gone_s <= WITHIN_S
+    for _ in range(2):
+        listed = shown(dyknow, "ls")
+        assert {unit: line["state"] for unit, line in listed.items()} == {0: "alive", 1: "alive", 2: "gone"}
+        assert abs(listed[2]["gone_us"] / 1e6 - (time.time() - (time.monotonic() - since_s))) < 1.0
+        answers = shown(dyknow, "query", "heli-position")
+        assert answers[2]["error"].startswith("gone ")
+        monitors = dyknow.run("monitors")
+        assert {line["shows"] for line in monitors if 2 in line.get("units", ())} == {"unknown"}
+        assert {line["error"].split()[0] for line in monitors if line.get("by") == 2} == {"gone"}
+    out, _ = dyknow.raw("ls")
+    assert "gone" in out
+    assert dyknow.run("query", "battery", "--unit", "2", code=1)[0]["unit"] == 2
