@@ -24,7 +24,7 @@ from federation.messages.contents import Content
 from federation.messages.dialogue import Dialogue
 from federation.messages.receipts import RECEIPT_AGENT
 from federation.security.trust import Trust
-from federation.transport import Put, WireEffect
+from federation.transport import Ask, Put, Reopen, WireEffect
 from navigation.vehicle import (
     NO_ANSWER,
     BatteryReport,
@@ -160,11 +160,17 @@ class Question:
 
 
 class RecordedWire(Wire):
-    """A wire that keeps every put. `deaf[a, b]`: b hears nothing of a; `drop` says of a put whether it is lost."""
+    """A wire that keeps every put, and notes who asks and who opens a new session. `deaf[a, b]`: b hears nothing of a; `drop` says of a put whether it is lost."""
 
     log: list[Crossed]
+    noted: list[tuple[int, str, Ask | Reopen]]
     deaf: set[tuple[str, str]]
     drop: Callable[[str, str, Put], bool]
+
+    def perform(self, unit: str, effect: WireEffect) -> None:
+        if isinstance(effect, Ask | Reopen):
+            self.noted.append((self._agenda.now_us, unit, effect))
+        super().perform(unit, effect)
 
     def _put(self, session: Session, effect: Put) -> None:
         self.log.append(Crossed(self._agenda.now_us, session.unit, effect))
@@ -243,11 +249,23 @@ class Box(World):
     wire: RecordedWire
     report_us = 0
 
-    def __init__(self, seed: int = 0, *, delay_us: int = 500, clock: FederationClock | None = None) -> None:
+    def __init__(
+        self,
+        seed: int = 0,
+        *,
+        delay_us: int = 500,
+        link: SessionLink | None = None,
+        clock: FederationClock | None = None,
+    ) -> None:
         super().__init__(seed, truth_us=None)
         self.clock, self.lacking = clock or FederationClock(), set[type]()
-        self.wire = RecordedWire(self.agenda, Random(seed), SessionLink(delay_us=delay_us, jitter_us=0))
-        self.wire.log, self.wire.deaf, self.wire.drop = [], set(), lambda _sender, _receiver, _put: False
+        self.wire = RecordedWire(self.agenda, Random(seed), link or SessionLink(delay_us=delay_us, jitter_us=0))
+        self.wire.log, self.wire.noted, self.wire.deaf, self.wire.drop = (
+            [],
+            [],
+            set(),
+            lambda _sender, _receiver, _put: False,
+        )
 
     @cached_property
     def numbers(self) -> Any:

@@ -1,7 +1,7 @@
 """The directory: who is there, what they offer, who is gone, and who is deaf."""
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, permutations
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,16 +17,16 @@ from federation.members.liveness import (
     PlatformReturned,
     PlatformSuspected,
 )
+from federation.members.member import Member
 from federation.members.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone, Visibility
 from federation.members.replicas import UNASKED_US, PlatformRefused
 from federation.messages.codec import Heartbeat, decode_description, decode_heartbeat
 from federation.messages.descriptions import ConditionEntry
 from federation.transport import Answer, Answered, Ask, Asked, DeclareToken, Put, UndeclareToken
-from tests.federation.box import ALARMS, ALTITUDE, FEDERATION, POSITION, SECRET, Box, three
+from sim_uavs.world.sessions import SessionLink
+from tests.federation.directories import ALARMS, ALTITUDE, FEDERATION, POSITION, SECRET, Directories, three
 
 US = 1_000_000
-IN_ORDER = 1
-"""A delay that keeps the order of what is sent, as a link does."""
 
 
 def described(directory: DirectoryFacilitator) -> bytes:
@@ -38,7 +38,7 @@ def described(directory: DirectoryFacilitator) -> bytes:
 def test_platforms_find_each_other_and_what_they_offer() -> None:
     box = three()
     for unit in box.nodes:
-        entries = box.nodes[unit].directory.entries()
+        entries = box.directory(unit).entries()
         assert [entry.unit for entry in entries] == ["0", "1", "2"]
         assert all(entry.services == (FEDERATION,) and entry.labels == (POSITION,) for entry in entries)
         assert all(entry.state is PeerState.ALIVE for entry in entries)
@@ -48,48 +48,46 @@ def test_platforms_find_each_other_and_what_they_offer() -> None:
 
 def test_a_late_joiner_is_known_to_all_and_knows_all_within_half_a_second() -> None:
     box = three()
-    box.join("7")
+    box.enter("7")
     box.run(0.5)
     assert box.present("7") == {"0", "1", "2"}
     assert all("7" in box.present(unit) for unit in ("0", "1", "2"))
-    assert all(entry.labels for unit in box.nodes for entry in box.nodes[unit].directory.entries())
+    assert all(entry.labels for unit in box.nodes for entry in box.directory(unit).entries())
 
 
 def test_what_a_platform_is_need_not_be_asked() -> None:
-    box = three(delay_us=IN_ORDER)
-    box.join("7")
+    box = three()
+    box.enter("7")
     box.run(2)
-    node = box.nodes["0"]
-    box._perform("0", node, node.directory.declare([FEDERATION, ALARMS], [ALTITUDE], box.now_us))
+    box.declare("0", [FEDERATION, ALARMS], [ALTITUDE])
     box.run(2)
     assert all(box.present(unit) == set(box.nodes) - {unit} for unit in box.nodes)
-    assert [entry.unit for entry in box.nodes["7"].directory.search(service="alarms")] == ["0"]
-    assert sum(node.asks for node in box.nodes.values()) == 0
+    assert [entry.unit for entry in box.directory("7").search(service="alarms")] == ["0"]
+    assert [box.asks(unit) for unit in box.nodes] == [0] * 4
 
 
 def test_an_announcement_that_is_lost_is_asked_for() -> None:
-    box = three(delay_us=IN_ORDER)
-    node = box.nodes["0"]
-    _, *rest = node.directory.declare([FEDERATION, ALARMS], [POSITION], box.now_us)
-    box._perform("0", node, [said for said in rest if not (isinstance(said, Put) and said.key == "hb/0/df")])
+    box = three()
+    box.wire.drop = lambda _sender, _receiver, put: put.key == keys.announcement("0")
+    box.declare("0", [FEDERATION, ALARMS], [POSITION])
     box.run(0.5)
-    assert [entry.unit for entry in box.nodes["1"].directory.search(service="alarms")] == ["0"]
-    assert (box.nodes["1"].asks, box.nodes["2"].asks) == (1, 1)
+    assert [entry.unit for entry in box.directory("1").search(service="alarms")] == ["0"]
+    assert (box.asks("1"), box.asks("2")) == (1, 1)
     box.run(10.5)
-    assert box.nodes["1"].asks > 1, "what is known is confirmed now and then"
+    assert box.asks("1") > 1, "what is known is confirmed now and then"
 
 
 def test_a_private_service_leaves_its_platform_neither_as_token_nor_in_the_description() -> None:
-    box = Box()
-    node = box.join("0", [FEDERATION, ALARMS, SECRET])
-    box.join("1")
+    box = Directories()
+    box.enter("0", [FEDERATION, ALARMS, SECRET])
+    box.enter("1")
     box.run(1)
-    assert not any("local-instance" in token for token in node.tokens)
-    assert {entry.service for entry in node.directory.description().services} == {"dyknow-federation", "alarms"}
-    theirs = box.nodes["1"].directory
+    assert not any("local-instance" in token for token in box.wire.session("0").tokens)
+    assert {entry.service for entry in box.directory("0").description().services} == {"dyknow-federation", "alarms"}
+    theirs = box.directory("1")
     assert theirs.search(service="local-instance") == []
-    assert [entry.unit for entry in node.directory.search(service="local-instance")] == ["0"]
-    assert node.directory.search(service="local-instance", outside=True) == []
+    assert [entry.unit for entry in box.directory("0").search(service="local-instance")] == ["0"]
+    assert box.directory("0").search(service="local-instance", outside=True) == []
     (found,) = theirs.search(service="alarms")
     assert {offer.service: offer.visibility for offer in found.services} == {
         "alarms": Visibility.PUBLIC,
@@ -99,27 +97,25 @@ def test_a_private_service_leaves_its_platform_neither_as_token_nor_in_the_descr
 
 def test_what_is_offered_anew_or_no_more_is_told_to_all() -> None:
     box = three()
-    node = box.nodes["0"]
-    box._perform("0", node, node.directory.declare([FEDERATION, ALARMS], [ALTITUDE], box.now_us))
+    box.declare("0", [FEDERATION, ALARMS], [ALTITUDE])
     box.run(0.1)
     for unit in ("1", "2"):
         changes = box.seen(unit, ServiceAppeared, ServiceGone, LabelAppeared, LabelGone)[-3:]
         assert changes == [LabelGone("0", POSITION), ServiceAppeared("0", ALARMS), LabelAppeared("0", ALTITUDE)]
-        assert [entry.unit for entry in box.nodes[unit].directory.search(label="heli-altitude")] == ["0"]
+        assert [entry.unit for entry in box.directory(unit).search(label="heli-altitude")] == ["0"]
     assert not box.seen("1", PlatformSuspected), "the new platform token is declared before the old one goes"
-    assert node.directory.declare([FEDERATION, ALARMS], [ALTITUDE], box.now_us) == []
+    assert box.directory("0").declare([FEDERATION, ALARMS], [ALTITUDE], box.now_us) == []
 
 
 def test_a_condition_that_comes_or_goes_is_known_to_all_at_once() -> None:
     box = three()
-    node = box.nodes["0"]
     condition = ConditionEntry(text="no GPS fix", since_us=box.now_us)
     for conditions in ((condition,), ()):
-        box._perform("0", node, node.directory.declare([FEDERATION], [POSITION], box.now_us, conditions=conditions))
+        box.declare("0", [FEDERATION], [POSITION], conditions)
         box.run(0.1)
-        entries = [box.nodes[unit].directory.entry("0") for unit in ("1", "2")]
+        entries = [box.directory(unit).entry("0") for unit in ("1", "2")]
         assert [entry.conditions for entry in entries if entry] == [conditions, conditions]
-        assert node.directory.entries()[0].conditions == conditions
+        assert box.directory("0").entries()[0].conditions == conditions
     assert not box.seen("1", PlatformSuspected)
 
 
@@ -139,12 +135,12 @@ def test_a_killed_platform_is_gone_within_a_second() -> None:
 
 
 def test_heartbeats_that_were_under_way_do_not_keep_a_killed_platform() -> None:
-    box = Box(delay_us=300_000)
-    box.join("0")
-    box.join("1")
+    box = Directories(link=SessionLink(jitter_us=0, reordering=1.0, late_us=300_000))
+    box.enter("0")
+    box.enter("1")
     box.run(3.1)
     killed_us = box.now_us
-    box.kill("1", token_after_us=1)
+    box.kill("1")
     box.run(3)
     assert box.when("0", PlatformGone, "1") - killed_us < US
     assert "1" not in box.present("0")
@@ -155,7 +151,7 @@ def test_a_silent_platform_is_suspected_after_one_second_and_gone_after_two_and_
     frozen_us = box.now_us
     box.freeze("2")
     box.run(1.3)
-    entry = box.nodes["0"].directory.entry("2")
+    entry = box.directory("0").entry("2")
     assert entry is not None
     assert entry.state is PeerState.SUSPECT
     assert frozen_us + 0.8 * US <= box.when("0", PlatformSuspected, "2") <= frozen_us + 1.01 * US
@@ -170,9 +166,8 @@ def test_a_silent_platform_is_suspected_after_one_second_and_gone_after_two_and_
 
 def test_a_token_that_returns_in_time_keeps_everything() -> None:
     box = three()
-    zid = f"{box.nodes['2'].directory.boot:x}"
-    token = keys.PlatformToken(zid, "2", "uav", box.nodes["2"].directory.version)
-    directory = box.nodes["0"].directory
+    token = box.token("2")
+    directory = box.directory("0")
     assert directory.on_token(token, False, box.now_us) == [PlatformSuspected("2", 1002, "token withdrawn")]
     assert directory.on_token(token, True, box.now_us + 400_000) == [PlatformReturned("2", 1002)]
     box.run(3)
@@ -181,9 +176,8 @@ def test_a_token_that_returns_in_time_keeps_everything() -> None:
 
 def test_a_lost_token_is_outvoted_by_heartbeats() -> None:
     box = three()
-    zid = f"{box.nodes['2'].directory.boot:x}"
-    token = keys.PlatformToken(zid, "2", "uav", box.nodes["2"].directory.version)
-    box.nodes["0"].directory.on_token(token, False, box.now_us)
+    token = box.token("2")
+    box.directory("0").on_token(token, False, box.now_us)
     box.run(5)
     assert box.seen("0", PlatformReturned) == [PlatformReturned("2", 1002)]
     assert not box.seen("0", PlatformGone)
@@ -191,14 +185,14 @@ def test_a_lost_token_is_outvoted_by_heartbeats() -> None:
 
 def test_a_new_incarnation_replaces_the_old_one_at_once() -> None:
     box = three()
-    box.kill("2", token_after_us=None)
-    box.join("2", [ALARMS])
+    box.vanish("2")
+    box.enter("2", [ALARMS])
     box.run(0.5)
     assert box.seen("0", PlatformGone, PlatformAppeared)[-2:] == [
         PlatformGone("2", 1002, "restarted"),
         PlatformAppeared("2", 1003, "uav"),
     ]
-    (found,) = box.nodes["0"].directory.search(service="alarms")
+    (found,) = box.directory("0").search(service="alarms")
     assert (found.unit, found.boot) == ("2", 1003)
     box.kill("2")
     box.run(1)
@@ -207,21 +201,20 @@ def test_a_new_incarnation_replaces_the_old_one_at_once() -> None:
 
 def test_a_platform_that_leaves_is_gone_at_once_and_may_come_back() -> None:
     box = three()
-    node = box.nodes["2"]
-    box._perform("2", node, node.directory.leave(box.now_us))
+    box.speak("2", Member.leave)
     box.run(0.1)
     assert box.seen("0", PlatformGone) == [PlatformGone("2", 1002, "left")]
     box.run(20)
-    assert not node.reopened
-    assert not box.nodes["0"].reopened
-    box._perform("2", node, node.directory.start(box.now_us))
+    assert not box.reopened("2")
+    assert not box.reopened("0")
+    box.speak("2", lambda member, now_us: member.take(member.directory.start(now_us), now_us))
     box.run(0.5)
     assert "2" in box.present("0")
 
 
 def test_a_stale_token_alone_makes_nobody_appear() -> None:
     box = three()
-    directory = box.nodes["0"].directory
+    directory = box.directory("0")
     assert directory.on_token(keys.PlatformToken("dead", "9", "uav", 1), True, box.now_us) == []
     box.run(1)
     assert "9" not in box.present("0")
@@ -230,7 +223,7 @@ def test_a_stale_token_alone_makes_nobody_appear() -> None:
 
 def test_another_platform_of_our_own_name_is_told_once() -> None:
     box = three()
-    directory = box.nodes["0"].directory
+    directory = box.directory("0")
     twin = Heartbeat("0", 77, 1, 0, 1)
     assert directory.on_heartbeat(twin, box.now_us) == [NameConflict("0", 77)]
     assert list(directory.on_heartbeat(twin._replace(seq=2), box.now_us)) == []
@@ -270,7 +263,7 @@ def test_a_description_that_is_malformed_or_of_another_is_not_taken_over() -> No
 
 def test_heartbeats_go_out_five_times_a_second_with_whom_we_hear_and_our_tails() -> None:
     box = three()
-    directory = box.nodes["0"].directory
+    directory = box.directory("0")
     said = []
     for _ in range(10):
         now_us = directory.deadline_us
@@ -298,39 +291,43 @@ def test_the_platform_token_is_declared_last_and_undeclared_first() -> None:
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32), st.sampled_from([0.0, 0.05, 0.2]))
 def test_after_any_faults_all_directories_agree_within_five_seconds(seed: int, loss: float) -> None:
-    box = Box(seed, delay_us=50_000, loss=loss)
-    units = ["0", "1", "2", "3"]
+    lossy = SessionLink(delay_us=0, jitter_us=50_000, loss=loss)
+    box, units = Directories(seed, link=lossy), ["0", "1", "2", "3"]
     for unit in units:
-        box.join(unit)
+        box.enter(unit)
     for _ in range(6):
         box.run(box.random.random() * 4)
         unit = box.random.choice(units)
+        others = [other for other in units if other != unit]
         match box.random.randrange(5):
-            case 0 if unit in box.nodes:
-                box.kill(unit, box.random.choice([5_000, 3 * US, None]))
-            case 1 if unit not in box.nodes:
-                box.join(unit, box.random.choice([[FEDERATION], [FEDERATION, ALARMS], []]))
-            case 2 if unit in box.nodes and not box.nodes[unit].frozen:
+            case 0 if unit in box.units:
+                (box.kill if box.random.random() < 0.5 else box.vanish)(unit)
+            case 1 if unit not in box.units:
+                box.enter(unit, box.random.choice([[FEDERATION], [FEDERATION, ALARMS], []]))
+            case 2 if unit in box.units:
                 box.freeze(unit)
-            case 3 if unit in box.nodes and box.nodes[unit].frozen:
+            case 3 if box.nodes[unit].frozen:
                 box.thaw(unit)
+            case 4 if box.random.random() < 0.7:
+                box.partition([unit], others)
             case 4:
-                box.cut([unit], [other for other in units if other != unit], both_ways=box.random.random() < 0.7)
-    box.loss = 0.0
-    for unit, node in box.nodes.items():
-        if node.frozen:
-            box.thaw(unit)
-    box.heal()
+                for other in others:
+                    box.wire.cut(unit, other)
+    for one, other in permutations(units, 2):
+        box.wire.set_link(one, other, lossy._replace(loss=0.0))
+        box.wire.mend(one, other)
+    for unit in units:
+        box.thaw(unit)
     box.run(5)
-    for node in box.nodes.values():
-        entries = node.directory.entries()
-        assert {entry.unit for entry in entries} == box.nodes.keys()
+    for unit in box.units:
+        entries = box.directory(unit).entries()
+        assert {entry.unit for entry in entries} == box.units
         for entry in entries:
-            theirs = box.nodes[entry.unit].directory
+            theirs = box.directory(entry.unit)
             assert (entry.boot, entry.version) == (theirs.boot, theirs.version)
             assert {offer.service for offer in entry.services} == {s.service for s in theirs.description().services}
             assert entry.labels == theirs.description().labels
-        assert told(node.events) == box.nodes.keys() - {node.directory.unit}
+        assert told(box.listener(unit).events) == box.units - {unit}
 
 
 def told(events: Sequence[tuple[int, object]]) -> set[str]:
