@@ -34,29 +34,36 @@ features = names | st.builds("{}.{}".format, names, names)
 labels = st.builds(Label, features, st.lists(names | numbered, max_size=3).map(tuple))
 milliseconds = st.integers(0, 10**6).map(lambda found: found * 1_000)
 microseconds = st.integers(1, 10**7)
+delays = st.none() | milliseconds | microseconds
+durations = st.none() | milliseconds
+either = st.booleans()
+changes, orders = st.sampled_from(["any update", "any change"]), st.sampled_from(["any", "monotone", "strict"])
+approximations = {kinds: st.sampled_from(kinds) for kinds in (("none", "linear"), ("none", "linear", "most recent"))}
+certainties, deviations = st.none() | st.floats(0, 1), st.none() | st.floats(0, 1e9)
+importances = st.sampled_from([1.0, 2.0, 0.125])
 
 
 @st.composite
 def policies(draw):
     """What the thesis' constraints and ours can say together."""
-    found = {"max_delay_us": draw(st.none() | milliseconds | microseconds)}
-    if draw(st.booleans()):
+    found = {"max_delay_us": draw(delays)}
+    if draw(either):
         found["from_us"] = draw(milliseconds)
-        found["to_us"] = draw(st.none() | milliseconds.map(lambda more: found["from_us"] + more))
-    elif draw(st.booleans()):
+        lasts_us = draw(durations)
+        found["to_us"] = None if lasts_us is None else found["from_us"] + lasts_us
+    elif draw(either):
         found["to_us"] = draw(milliseconds)
-    if draw(st.booleans()):
+    if draw(either):
         found |= {"change": "sample", "sample_us": draw(microseconds)}
-        kinds = ["none", "linear"]
-        if found.get("from_us") is not None and found["max_delay_us"] is not None:
-            kinds.append("most recent")
-        found["approximation"] = draw(st.sampled_from(kinds))
+        is_bounded = found.get("from_us") is not None and found["max_delay_us"] is not None
+        kinds = ("none", "linear", "most recent") if is_bounded else ("none", "linear")
+        found["approximation"] = draw(approximations[kinds])
     else:
-        found["change"] = draw(st.sampled_from(["any update", "any change"]))
-        found["order"] = draw(st.sampled_from(["any", "monotone", "strict"]))
-    found["min_certainty"] = draw(st.none() | st.floats(0, 1))
-    found["max_deviation"] = draw(st.none() | st.floats(0, 1e9))
-    found["importance"] = draw(st.sampled_from([1.0, 2.0, 0.125]))
+        found["change"] = draw(changes)
+        found["order"] = draw(orders)
+    found["min_certainty"] = draw(certainties)
+    found["max_deviation"] = draw(deviations)
+    found["importance"] = draw(importances)
     return Policy(**found)
 
 
@@ -98,9 +105,12 @@ making = (
 generators = st.builds(GeneratorDeclaration, labels, making)
 
 
+parameter_lists = st.lists(names, max_size=2, unique=True)
+
+
 @st.composite
 def definitions(draw):
-    parameters = draw(st.lists(names, max_size=2, unique=True))
+    parameters = draw(parameter_lists)
     feature = Feature(draw(names), tuple(parameters))
     return Define(feature, draw(formulas(2, frozenset(parameters))))
 
