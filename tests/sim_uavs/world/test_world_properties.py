@@ -7,7 +7,7 @@ import hashlib
 import os
 import subprocess
 import sys
-from itertools import combinations, pairwise
+from itertools import combinations
 from pathlib import Path
 
 import pytest
@@ -204,7 +204,7 @@ def trace_hash(seed):
 
 
 def test_the_same_seed_gives_the_same_trace_byte_for_byte_whatever_the_hash_seed():
-    code = "from tests.sim_uavs.world.test_world_properties import trace_hash; print(trace_hash(7), trace_hash(8))"
+    code = "from tests.sim_uavs.world.test_world_properties import trace_hash; print(trace_hash(7))"
     started = [
         subprocess.Popen(
             [sys.executable, "-c", code],
@@ -212,9 +212,8 @@ def test_the_same_seed_gives_the_same_trace_byte_for_byte_whatever_the_hash_seed
             stdout=subprocess.PIPE,
             text=True,
         )
-        for hash_seed in ("0", "1", "4711")
+        for hash_seed in ("0", "4711")
     ]
-    runs = [process.communicate(timeout=200)[0].split() for process in started]
-    assert all(one == other for one, other in pairwise(runs))
-    assert runs[0] == [trace_hash(7), trace_hash(8)]
-    assert runs[0][0] != runs[0][1]
+    runs = [process.communicate(timeout=200)[0].strip() for process in started]
+    assert runs == [trace_hash(7)] * len(runs)
+    assert trace_hash(8) not in runs
