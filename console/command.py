@@ -16,6 +16,7 @@ from typer.main import get_command
 
 from console.errors import DONE, INTERRUPTED, exit_code
 from console.output.output import Output
+from console.output.shown import printable
 from dyknow.model.errors import DyknowError
 
 if TYPE_CHECKING:
@@ -157,7 +158,7 @@ def _carried_out(function: Callable[..., int], context: typer.Context, given: di
                 chosen[name] = value
         return function(Call(settings, Output(json_lines=settings.json_lines)), **chosen)
     except DyknowError as error:
-        sys.stderr.write(f"{context.command_path}: {error}\n")
+        sys.stderr.write(f"{context.command_path}: {printable(str(error))}\n")
         return exit_code(error)
     except KeyboardInterrupt:
         return INTERRUPTED

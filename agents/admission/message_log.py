@@ -11,6 +11,7 @@ from agents.tasks.life import TaskLife
 from federation.members.offers import Service
 from federation.messages.acts import Act
 from federation.messages.contents import ActList, ActLog, Acts, Content
+from federation.messages.contents.parts import uncontrolled
 
 ACTS_A_PAGE = 25
 LONGEST_ACT = 2000
@@ -61,7 +62,7 @@ class MessageLog(Part):
 
 
 def _content_of(entry: AuditEntry) -> ActLog:
-    text = None if entry.act is None else str(entry.act)
+    text = None if entry.act is None else uncontrolled(str(entry.act))
     if text is not None and len(text) > LONGEST_ACT:
         text = f"{text[: LONGEST_ACT - 3]}..."
     return ActLog(

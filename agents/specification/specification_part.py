@@ -30,6 +30,7 @@ from federation.members.liveness import PlatformAppeared, PlatformGone
 from federation.members.offers import Service
 from federation.messages import contents
 from federation.messages.acts import Act
+from federation.messages.contents.parts import uncontrolled
 from federation.messages.descriptions import LabelEntry
 from federation.sharing.ontology import Translation
 from kpl import Hooks, Instance, Specification, parse_specification, print_specification
@@ -232,7 +233,9 @@ class SpecificationPart(Part):
         at_us, last = held[number].at_us, len(held) - 1
 
         def page(part: Iterable[str], more: bool) -> contents.SpecificationText:
-            return contents.SpecificationText(text="".join(part), number=number, last=last, at_us=at_us, more=more)
+            return contents.SpecificationText(
+                text=uncontrolled("".join(part)), number=number, last=last, at_us=at_us, more=more
+            )
 
         self._agent.answer_pages(act, text, PAGE, page, now_us)
 

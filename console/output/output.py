@@ -7,6 +7,8 @@ from contextlib import contextmanager, suppress
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
+from console.output.shown import Shown, as_text, line, printable, styled
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -19,18 +21,6 @@ def unit_json(unit: str) -> int | str:
 def counted(number: int, what: str) -> str:
     """`1 error`, `2 errors`."""
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
-
-
-def verbatim(text: str) -> str:
-    """Text from elsewhere inside our markup: brackets stay brackets, and nothing commands the terminal."""
-    from rich.markup import escape
-
-    return escape(printable(text))
-
-
-def printable(text: str) -> str:
-    """Text from elsewhere, in which nothing commands the terminal."""
-    return "".join(char if char.isprintable() or char == "\n" else f"\\x{ord(char):02x}" for char in text)
 
 
 class Output:
@@ -53,21 +43,30 @@ class Output:
         self._out = self._err = None
 
     @property
-    def console(self) -> "Console":
+    def _console(self) -> "Console":
         """Standard output as text."""
         if self._out is None:
             from rich.console import Console
 
-            self._out = Console(highlight=False, file=self._held)
+            self._out = Console(highlight=False, markup=False, emoji=False, file=self._held)
         return self._out
 
     @property
-    def terminal(self) -> "Console":
+    def width(self) -> int:
+        """The width of standard output, in characters."""
+        return self._console.width
+
+    def show(self, *parts: Shown, whole: bool = False) -> None:
+        """One line of text; with `whole` the terminal breaks it where it ends."""
+        self._console.print(line(*parts), soft_wrap=whole)
+
+    @property
+    def _terminal(self) -> "Console":
         """Standard error: progress and notes."""
         if self._err is None:
             from rich.console import Console
 
-            self._err = Console(stderr=True, highlight=False)
+            self._err = Console(stderr=True, highlight=False, markup=False, emoji=False)
         return self._err
 
     def line(self, record: Mapping[str, Any]) -> None:
@@ -76,14 +75,14 @@ class Output:
         stream.write(json.dumps(record, separators=(",", ":"), allow_nan=False) + "\n")
         stream.flush()
 
-    def say(self, text: str, /, **record: Any) -> None:
-        """One event: `record` as a JSON line, or `text` (rich markup)."""
+    def say(self, text: Shown, /, **record: Any) -> None:
+        """One event: `record` as a JSON line, or `text`."""
         if self.json_lines:
             self.line(record)
         else:
-            self.console.print(text)
+            self.show(text)
 
-    def item(self, cells: tuple[str, str, str], **record: Any) -> None:
+    def item(self, cells: tuple[Shown, Shown, Shown], **record: Any) -> None:
         """One event with a mark and a name; the text stays in its column when it needs several lines."""
         if self.json_lines:
             self.line(record)
@@ -93,30 +92,30 @@ class Output:
         grid = Table.grid(padding=(0, 2))
         for width in (6, 10, None):
             grid.add_column(min_width=width, overflow="fold")
-        grid.add_row(*cells)
-        self.console.print(grid)
+        grid.add_row(*map(as_text, cells))
+        self._console.print(grid)
 
-    def aside(self, when: str, text: str) -> None:
-        """As text: what happened (rich markup) after when, indented also where it needs several lines."""
+    def aside(self, when: str, text: Shown) -> None:
+        """As text: what happened after when, indented also where it needs several lines."""
         from rich.table import Table
 
         grid = Table.grid(padding=(0, 2))
         grid.add_column(no_wrap=True)
         grid.add_column(overflow="fold")
-        grid.add_row(f"[dim]{when}[/dim]", text)
-        self.console.print(grid)
+        grid.add_row(styled(when, "dim"), as_text(text))
+        self._console.print(grid)
 
     def table(
         self,
         title: str,
         columns: Sequence[str],
-        rows: Sequence[Sequence[str]],
+        rows: Sequence[Sequence[Shown]],
         *,
         right: Sequence[str] = (),
         wraps: Sequence[str] = (),
         whole: Sequence[str] = (),
     ) -> None:
-        """A table, readable also where the terminal is narrow. Rows are markup.
+        """A table, readable also where the terminal is narrow.
 
         Those named in `right` are flushed right, those in `wraps` may be broken between words; those in `whole`,
         which are to be copied, are never broken.
@@ -124,27 +123,27 @@ class Output:
         from console.output.tables import Column, print_table
 
         described = [Column(name, name in right, name in wraps, name in whole) for name in columns]
-        print_table(self.console, title, described, rows)
+        print_table(self._console, title, described, rows)
 
     def plain(self, text: str, *, folds: bool = False) -> None:
-        """Lines that are no markup; with `folds` those that are too long for the terminal continue below, indented."""
+        """Lines as they are; with `folds` those that are too long for the terminal continue below, indented."""
         text = printable(text)
         if folds:
-            text = "".join(f"{folded(line, self.console.width)}\n" for line in text.splitlines())
-        self.console.print(text, end="", markup=False, highlight=False, soft_wrap=True)
+            text = "".join(f"{folded(line, self._console.width)}\n" for line in text.splitlines())
+        self._console.print(text, end="", soft_wrap=True)
 
     def note(self, text: str, *, style: str | None = None) -> None:
-        """A note on standard error, without markup."""
-        self.terminal.print(text, markup=False, soft_wrap=True, style=style)
+        """A note on standard error."""
+        self._terminal.print(styled(text, style or ""), soft_wrap=True)
 
     @contextmanager
     def waiting(self, text: str) -> Iterator[Callable[[str], None]]:
         """A spinner while something is awaited, on a terminal only; yields a function that changes its text."""
-        if self.json_lines or not self.terminal.is_terminal:
+        if self.json_lines or not self._terminal.is_terminal:
             yield lambda _text: None
             return
-        with self.terminal.status(text) as status:
-            yield status.update
+        with self._terminal.status(as_text(text)) as status:
+            yield lambda text: status.update(as_text(text))
 
 
 class _Outlasting:

@@ -12,6 +12,8 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from console.output.shown import Shown, as_text
+
 LONG = 24
 _BETWEEN, _EDGES = 3, 2
 _GAP = "  "
@@ -31,9 +33,9 @@ class Column(NamedTuple):
     is_whole: bool = False
 
 
-def print_table(console: Console, title: str, columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> None:
-    """Print rows of markup as a table, or, where that does not fit, as records."""
-    texts = [[Text.from_markup(cell) for cell in row] for row in rows]
+def print_table(console: Console, title: str, columns: Sequence[Column], rows: Sequence[Sequence[Shown]]) -> None:
+    """Print rows as a table, or, where that does not fit, as records."""
+    texts = [[as_text(cell) for cell in row] for row in rows]
     widths = _widths(columns, texts, console.width)
     if widths is None:
         _print_records(console, title, columns, texts)

@@ -15,7 +15,7 @@ from console.command import Call, command
 from console.commands.fleet.up import FleetStart, ended, gathered, planned
 from console.commands.members.query import value_text
 from console.errors import DONE, FAILED
-from console.output.output import verbatim
+from console.output.shown import styled
 from console.processes.launch import FleetPlan
 from console.processes.supervision import Fleet, interruptible
 from dyknow.model.errors import FederationFailed, TextError
@@ -68,9 +68,9 @@ class Demo:
         took_s = time.monotonic() - began
         self.done.append((name, good, took_s, said))
         self.facts |= facts if good else {}
-        mark = "[green]done[/green]" if good else "[red]failed[/red]"
+        mark = styled("done", "green") if good else styled("failed", "red")
         self.call.out.item(
-            (mark, f"[bold]{name}[/bold]", verbatim(said)),
+            (mark, styled(name, "bold"), said),
             event="step",
             step=name,
             ok=good,
@@ -329,5 +329,5 @@ def _summary(shown: Demo, took_s: float) -> int:
         ]
         shown.call.out.table("", ("summary", ""), rows, right=("",))
         if missing:
-            shown.call.out.console.print(f"[red]did not happen: {', '.join(missing)}[/red]")
+            shown.call.out.show(styled(f"did not happen: {', '.join(missing)}", "red"))
     return FAILED if missing else DONE

@@ -20,7 +20,7 @@ import typer
 
 from console.command import Call, command
 from console.errors import DONE, NO
-from console.output.output import verbatim
+from console.output.shown import Shown, line, styled
 from console.processes.launch import mavlink_vehicle
 from dyknow.model.errors import EndpointFailed, did_you_mean
 from runtime.configuration.config import MavlinkVehicle
@@ -71,18 +71,18 @@ def doctor(
         for found in findings:
             call.out.line(found._asdict())
     else:
-        shown = {"ok": "[green]ok[/green]", "missing": "[red]missing[/red]", "optional": "[yellow]optional[/yellow]"}
+        shown = {"ok": "green", "missing": "red", "optional": "yellow"}
         call.out.table(
             "",
             ("", "what", "found"),
-            [(shown[f.state], f.finding, verbatim(f.detail) + _remedy(f.remedy)) for f in findings],
+            [(styled(f.state, shown[f.state]), f.finding, line(f.detail, _remedy(f.remedy))) for f in findings],
             wraps=("found",),
         )
     return NO if any(found.state == "missing" for found in findings) else DONE
 
 
-def _remedy(remedy: str) -> str:
-    return f"\n[bold]{verbatim(remedy)}[/bold]" if remedy else ""
+def _remedy(remedy: str) -> Shown:
+    return styled(f"\n{remedy}", "bold") if remedy else ""
 
 
 def findings_here() -> Iterator[Finding]:

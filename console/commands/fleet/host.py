@@ -12,7 +12,7 @@ from agents.hosts.knowledge_host import KnowledgeHost
 from compunits import load_module, prototypes_of
 from console.command import Call, command
 from console.errors import DONE
-from console.output.output import verbatim
+from console.output.shown import Shown, line, styled
 from console.processes.launch import hosts_of
 from console.processes.supervision import interruptible
 from dyknow import Prototype
@@ -97,13 +97,13 @@ def _answers(path: Path) -> bool:
     return True
 
 
-def _shown(said: dict[str, Any], unit: str) -> str:
+def _shown(said: dict[str, Any], unit: str) -> Shown:
     match said["event"]:
         case "registered":
             prototypes, labels = said["prototypes"], said["labels"]
             parts = [f"can make {', '.join(prototypes)}"] if prototypes else []
             parts += [f"has the streams {', '.join(labels)}"] if labels else []
-            return f"[green]registered[/green]: platform {unit} {verbatim(' and '.join(parts))} from now on"
+            return line(styled("registered", "green"), f": platform {unit} {' and '.join(parts)} from now on")
         case "lost":
             return f"platform {unit} is gone; waiting until it is there again"
-    return f"[red]{verbatim(said['label'] or 'a stream')}[/red]: {verbatim(said['said'])}"
+    return line(styled(said["label"] or "a stream", "red"), f": {said['said']}")

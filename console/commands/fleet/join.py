@@ -16,7 +16,8 @@ from console.commands.texts.run_output import tell_record
 from console.commands.texts.specification_files import read_text
 from console.errors import DONE, INTERRUPTED
 from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Speed, UnitModules
-from console.output.output import unit_json, verbatim
+from console.output.output import unit_json
+from console.output.shown import line, styled
 from console.processes.launch import clock_of, mavlink_vehicle, platform_config, replayed, together
 from console.processes.supervision import Fleet, interruptible, outlasting, uninterrupted
 from dyknow.model.errors import FederationFailed, WrongCall
@@ -162,7 +163,10 @@ def _say_joined(call: Call, config: NodeConfig, labels: list[str]) -> None:
         whose = "" if vehicle.sysid is None else f"system {vehicle.sysid} at "
         offers += f" when it hears {whose}{vehicle.endpoint}"
     call.out.say(
-        f"[green]joined[/green]: platform {unit}{verbatim(offers)}", event="joined", unit=unit_json(unit), labels=labels
+        line(styled("joined", "green"), f": platform {unit}{offers}"),
+        event="joined",
+        unit=unit_json(unit),
+        labels=labels,
     )
 
 

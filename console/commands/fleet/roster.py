@@ -18,6 +18,7 @@ import typer
 from console.command import Call, command
 from console.errors import DONE
 from console.output.output import unit_json
+from console.output.shown import styled
 from dyknow.model.errors import RosterError, WrongCall
 from federation.keys import unit as unit_name
 from federation.security.tls import Paths, authority_certificate, platform_certificate, tls_key, zenoh_security_config
@@ -208,6 +209,6 @@ def _shown(call: Call, roster: Roster, members: list[RosterMember]) -> int:
                 }
             )
         return DONE
-    rows = [(m.unit, "[red]revoked[/red]" if m.revoked else m.role, m.key_text) for m in members]
+    rows = [(m.unit, styled("revoked", "red") if m.revoked else m.role, m.key_text) for m in members]
     call.out.table(f"federation {roster.federation or '-'}", ("unit", "role", "key"), rows, wraps=("key",))
     return DONE

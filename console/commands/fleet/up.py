@@ -12,6 +12,7 @@ from console.commands.members.ls import ls
 from console.errors import DONE, FAILED, INTERRUPTED, NO
 from console.options.arguments import Avoidance, Duration, Speed
 from console.output.output import unit_json
+from console.output.shown import line, styled
 from console.processes.launch import FleetPlan, clock_of, fleet_of, together
 from console.processes.supervision import GRACE_S, Fleet, end, interruptible, outlasting, uninterrupted
 from dyknow.model.errors import FederationFailed, TextError, WrongCall, did_you_mean
@@ -189,7 +190,9 @@ def gathered(call: Call, fleet: Fleet, configs: list[NodeConfig]) -> FleetStart:
 def _say_ready(call: Call, fleet: Fleet, gathering: FleetStart) -> None:
     units = sorted(gathering.units, key=unit_order)
     call.out.say(
-        f"[green]ready[/green]: platforms {', '.join(units)} found each other in {gathering.discovery_ms} ms",
+        line(
+            styled("ready", "green"), f": platforms {', '.join(units)} found each other in {gathering.discovery_ms} ms"
+        ),
         event="ready",
         units=[unit_json(unit) for unit in units],
         pids={unit: fleet.running[unit].pid for unit in units},

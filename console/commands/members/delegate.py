@@ -7,7 +7,8 @@ import typer
 from console.centre.client import connected
 from console.command import Call, command, search_working_directory
 from console.errors import DONE, INTERRUPTED, NO, WRONG
-from console.output.output import unit_json, verbatim
+from console.output.output import unit_json
+from console.output.shown import Shown, line, styled
 from dyknow.model.errors import FederationFailed, NothingFound, TextError, WrongCall
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import (
@@ -131,11 +132,10 @@ def _tell(call: Call, dialogue: Dialogue, act: Act, said: Content | None) -> Non
         return
     good = act.performative in {P.AGREE, P.INFORM}
     colour = "green" if good else "red"
-    words = verbatim(plain(said)) if said is not None else ""
-    suffix = f"  [dim]{dialogue.conversation}[/dim]" if act.performative is P.AGREE else ""
-    call.out.console.print(
-        f"[bold]{act.sender.unit}[/bold]  [{colour}]{act.performative}[/{colour}]  {words}{suffix}", soft_wrap=True
-    )
+    words = plain(said) if said is not None else ""
+    suffix: Shown = styled(f"  {dialogue.conversation}", "dim") if act.performative is P.AGREE else ""
+    unit, how = styled(act.sender.unit, "bold"), styled(act.performative.value, colour)
+    call.out.show(unit, "  ", how, "  ", words, suffix, whole=True)
 
 
 def plain(said: Content) -> str:
@@ -179,9 +179,9 @@ def tasks(call: Call) -> int:
     elif found:
         rows = [
             (
-                f"{t.task}\n[dim]for {verbatim(_delegator(t))}[/dim]" if _delegator(t) else t.task,
+                line(t.task, styled(f"\nfor {_delegator(t)}", "dim")) if _delegator(t) else t.task,
                 t.unit,
-                verbatim(t.state),
+                t.state,
                 clock_time(t.since_us or 0).partition(".")[0],
                 t.conversation,
             )
@@ -276,5 +276,5 @@ def fault(
             raise FederationFailed(f"platform {unit}: {dialogue.trouble or 'no answer in time'}")
     until_us = began_us + for_us if for_us else None
     ends = f" until {clock_time(until_us)}" if until_us else " until it is restarted"
-    call.out.say(f"platform {unit}: {verbatim(kind)}{ends}", unit=unit_json(unit), fault=kind, until_us=until_us)
+    call.out.say(f"platform {unit}: {kind}{ends}", unit=unit_json(unit), fault=kind, until_us=until_us)
     return DONE

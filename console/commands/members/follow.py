@@ -8,7 +8,8 @@ from console.command import Call, command
 from console.commands.members.ended_tasks import warn_of_ended
 from console.errors import DONE, NO
 from console.options.arguments import Count, Follow
-from console.output.output import counted, unit_json, verbatim
+from console.output.output import counted, unit_json
+from console.output.shown import Shown, line, styled
 from dyknow.model.errors import TextError
 from dyknow.model.instants import print_span
 from federation.messages.acts import Performative, parse_act
@@ -84,12 +85,11 @@ def _tell_alarm(call: Call, alarm: Alarm) -> None:
         return
     colour = "red" if alarm.event == "opened" else "green"
     delay = print_span(alarm.detected_us - alarm.valid_us)
-    said = (
-        f"[{colour}]{alarm.event}[/{colour}]  [bold]{alarm.monitor}[/bold] {', '.join(alarm.units)}  "
-        f"[dim]by {alarm.by}, {delay} after the sample[/dim]"
-    )
+    monitor, by = styled(alarm.monitor, "bold"), styled(f"by {alarm.by}, {delay} after the sample", "dim")
     values = ", ".join(_quantity(name, value) for name, value in alarm.values.items())
-    call.out.aside(clock_time(alarm.valid_us), f"{said}\n[dim]{verbatim(values)}[/dim]" if values else said)
+    more: Shown = styled(f"\n{values}", "dim") if values else ""
+    units = f" {', '.join(alarm.units)}  "
+    call.out.aside(clock_time(alarm.valid_us), line(styled(alarm.event, colour), "  ", monitor, units, by, more))
 
 
 def _quantity(name: str, value: Any) -> str:
@@ -122,7 +122,7 @@ def _tell_change(call: Call, change: MonitorChange | PlatformChange) -> None:
     if isinstance(change, PlatformChange):
         unit, at_us = change.unit, change.at_us
         record: dict[str, Any] = {"event": change.event, "unit": unit_json(unit), "at_us": at_us}
-        text = f"[{colour}]{change.event}[/{colour}]  [bold]{verbatim(unit)}[/bold]"
+        text = line(styled(change.event, colour), "  ", styled(unit, "bold"))
     else:
         at_us, units = change.at_us, ", ".join(change.units)
         record = {
@@ -134,10 +134,8 @@ def _tell_change(call: Call, change: MonitorChange | PlatformChange) -> None:
             "at_us": at_us,
         }
         missing = f": {', '.join(_input_names(change))} missing" if change.which else ""
-        text = (
-            f"[{colour}]{change.event}[/{colour}]  [bold]{verbatim(change.monitor)}[/bold] {verbatim(units + missing)}  "
-            f"[dim]by {verbatim(change.by)}[/dim]"
-        )
+        monitor, by = styled(change.monitor, "bold"), styled(f"by {change.by}", "dim")
+        text = line(styled(change.event, colour), "  ", monitor, f" {units}{missing}  ", by)
     if call.out.json_lines:
         call.out.line(record)
     else:
@@ -203,17 +201,17 @@ def _monitor_json(monitor: MonitorEntry) -> dict[str, Any]:
     }
 
 
-def _monitor_row(monitor: MonitorEntry, now_us: int) -> tuple[str, ...]:
+def _monitor_row(monitor: MonitorEntry, now_us: int) -> tuple[Shown, ...]:
     colour = _SHOWN.get(monitor.shows, "yellow")
     since = print_span(max(0, now_us - monitor.since_us)) if monitor.since_us is not None else ""
-    which = "".join(f"\n{verbatim(name)}" for name in _input_names(monitor))
+    which = "".join(f"\n{name}" for name in _input_names(monitor))
     if monitor.shows == IDLE:
-        return (monitor.by, monitor.name, "-", f"[{colour}]has no other platform to watch[/{colour}]", "", "", "")
+        return (monitor.by, monitor.name, "-", styled("has no other platform to watch", colour), "", "", "")
     return (
         monitor.by,
         monitor.name,
         ", ".join(monitor.units),
-        f"[{colour}]{monitor.shows}[/{colour}]",
+        styled(monitor.shows, colour),
         monitor.verdict,
         f"{monitor.inputs}{which}",
         since,
@@ -258,12 +256,11 @@ def _tell_act(call: Call, unit: str, log: ActLog) -> None:
         return
     arrow = "<-" if log.direction == "in" else "->"
     good = log.outcome in {"accepted", "sent"}
-    outcome = log.outcome if good else f"[yellow]{verbatim(log.outcome)}[/yellow]"
-    call.out.console.print(
-        f"[dim]{clock_time(log.at_us)}[/dim]  [bold]{unit}[/bold] {arrow} {verbatim(log.peer)}  {outcome}"
-    )
+    outcome: Shown = log.outcome if good else styled(log.outcome, "yellow")
+    when = styled(clock_time(log.at_us), "dim")
+    call.out.show(when, "  ", styled(unit, "bold"), f" {arrow} {log.peer}  ", outcome)
     if log.act is not None:
-        call.out.console.print(_spoken(log.act), markup=False, style="dim")
+        call.out.show(styled(_spoken(log.act), "dim"))
 
 
 def _spoken(text: str) -> str:

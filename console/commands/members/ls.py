@@ -9,7 +9,8 @@ from console.centre.client import connected
 from console.command import Call, command
 from console.commands.members.ended_tasks import warn_of_ended
 from console.errors import DONE, NO
-from console.output.output import unit_json, verbatim
+from console.output.output import unit_json
+from console.output.shown import Shown, line, stacked, styled
 from dyknow.model.instants import US_PER_S, print_span
 from federation.members.command_centre import PlatformView
 from federation.members.liveness import PeerState
@@ -121,28 +122,29 @@ def show(call: Call, records: list[dict[str, Any]], now_us: int) -> None:
             if record["offset_us"] is None
             else f"{print_span(record['offset_us'])} ± {print_span(record['bound_us'])}"
         )
-        services = [
-            f"[dim]{visibility}[/dim] {', '.join(names)}"
+        services: list[Shown] = [
+            line(styled(visibility, "dim"), f" {', '.join(names)}")
             for visibility in ("public", "protected")
             if (names := [s["service"] for s in record["services"] if s["visibility"] == visibility])
         ]
-        labels = [f"{label['label']} {_age(label)}" for label in record["labels"]]
+        labels = [line(label["label"], " ", _age(label)) for label in record["labels"]]
         if "error" in record:
-            services = [f"[red]{verbatim(record['error'])}[/red]"]
+            services = [styled(record["error"], "red")]
         rows.append(
             (
                 str(record["unit"]),
-                f"[{colour}]{state}[/{colour}]",
+                styled(state, colour),
                 clock,
-                "\n".join(labels),
-                "\n".join(services),
+                stacked(labels),
+                stacked(services),
             )
         )
     call.out.table("", ("unit", "state", "clock", "labels (age)", "services"), rows, wraps=("clock", "services"))
     for record in records:
         for condition in record.get("conditions", ()):
             since = print_span(max(0, now_us - condition["since_us"]) // US_PER_S * US_PER_S)
-            call.out.say(f"[yellow]{record['unit']}: {verbatim(condition['text'])}[/yellow] [dim](for {since})[/dim]")
+            text = styled(f"{record['unit']}: {condition['text']}", "yellow")
+            call.out.show(text, styled(f" (for {since})", "dim"))
 
 
 def _state(record: dict[str, Any], now_us: int) -> tuple[str, str]:
@@ -154,6 +156,6 @@ def _state(record: dict[str, Any], now_us: int) -> tuple[str, str]:
     return (f"{state}, {data}", "red") if data else (state, _STATES.get(state, "red"))
 
 
-def _age(label: dict[str, Any]) -> str:
+def _age(label: dict[str, Any]) -> Shown:
     age_ms, colour = label["age_ms"], "red" if label["stale"] else "dim"
-    return f"[{colour}]{'no sample' if age_ms is None else print_span(age_ms * 1000)}[/{colour}]"
+    return styled("no sample" if age_ms is None else print_span(age_ms * 1000), colour)

@@ -9,7 +9,8 @@ from console.centre.client import connected
 from console.command import Call, command
 from console.errors import DONE, NO
 from console.options.arguments import Label, Unit
-from console.output.output import unit_json, verbatim
+from console.output.output import unit_json
+from console.output.shown import Shown, styled
 from dyknow.model.errors import NothingFound, WrongCall
 from dyknow.model.instants import print_span
 from dyknow.model.values import NoValue
@@ -73,7 +74,7 @@ def _missing(call: Call, unit: str, why: str) -> None:
     if call.out.json_lines:
         call.out.line({"unit": unit_json(unit), "error": why})
     else:
-        call.out.console.print(f"[bold]{unit}[/bold]  [red]{verbatim(why)}[/red]")
+        call.out.show(styled(unit, "bold"), "  ", styled(why, "red"))
 
 
 def reading_json(label: str, unit: str, reading: Reading) -> dict[str, Any]:
@@ -113,10 +114,9 @@ def _tell(call: Call, label: str, unit: str, reading: Reading, age: tuple[int, b
     if call.out.json_lines:
         call.out.line(record if age is None else record | {"age_ms": age_us // 1000, "stale": stale})
         return
-    old = f"  [red]{print_span(age_us)} old[/red]" if stale else ""
-    call.out.console.print(
-        f"[bold]{unit}[/bold]  [dim]{clock_time(reading.valid_us)}[/dim]  {verbatim(value_text(record['value']))}{old}"
-    )
+    old: Shown = styled(f"  {print_span(age_us)} old", "red") if stale else ""
+    when = styled(clock_time(reading.valid_us), "dim")
+    call.out.show(styled(unit, "bold"), "  ", when, "  ", value_text(record["value"]), old)
 
 
 def _tell_one(call: Call, label: str, found: list[tuple[str, Reading]], select: str | None, merge: str | None) -> None:
@@ -132,7 +132,5 @@ def _tell_one(call: Call, label: str, found: list[tuple[str, Reading]], select: 
         units = sorted({unit_json(unit) for unit, _ in found}, key=str)
         call.out.line(reading_json(label, "", chosen) | {"unit": None, "units": units, "merge": merge})
     else:
-        call.out.console.print(
-            f"[bold]{merge} of {len(readings)}[/bold]  [dim]{clock_time(chosen.valid_us)}[/dim]  "
-            f"{verbatim(value_text(reading_json(label, '', chosen)['value']))}"
-        )
+        whose, when = styled(f"{merge} of {len(readings)}", "bold"), styled(clock_time(chosen.valid_us), "dim")
+        call.out.show(whose, "  ", when, "  ", value_text(reading_json(label, "", chosen)["value"]))

@@ -9,7 +9,8 @@ from console.command import Call, command
 from console.commands.members.query import value_text
 from console.errors import DONE, NO
 from console.options.arguments import Count, Label, Unit
-from console.output.output import unit_json, verbatim
+from console.output.output import unit_json
+from console.output.shown import styled
 from dyknow.model.errors import FederationFailed
 from dyknow.model.instants import print_span
 from dyknow.model.values import NO_VALUE
@@ -145,7 +146,5 @@ def _tell(call: Call, record: dict[str, Any]) -> None:
         call.out.line(record)
         return
     delay = print_span(record["available_us"] - record["valid_us"])
-    call.out.console.print(
-        f"[bold]{record['unit']}[/bold]  [dim]{clock_time(record['valid_us'])} + {delay}[/dim]  "
-        f"{verbatim(value_text(record['value']))}"
-    )
+    when = styled(f"{clock_time(record['valid_us'])} + {delay}", "dim")
+    call.out.show(styled(record["unit"], "bold"), "  ", when, "  ", value_text(record["value"]))

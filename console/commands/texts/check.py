@@ -11,7 +11,7 @@ from console.command import Call, command
 from console.commands.texts.specification_files import read_lines
 from console.errors import DONE, NO
 from console.options.arguments import Unit
-from console.output.output import verbatim
+from console.output.shown import line, stacked, styled
 from dyknow.model.errors import WrongCall, did_you_mean
 from dyknow.model.values import NO_VALUE
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
@@ -166,8 +166,8 @@ def _told(
         lines.append(f"  and {len(reasons) - MOST_REASONS} more; --json has them all")
     if left is not None:
         lines.append(f"  left after the last state: {left}")
-    wrapped = [fill(line, call.out.console.width, subsequent_indent="      ", break_on_hyphens=False) for line in lines]
-    call.out.say("\n".join([f"[{colour}]{verdict}[/{colour}]{when}", *map(verbatim, wrapped)]), **record)
+    wrapped = [fill(line, call.out.width, subsequent_indent="      ", break_on_hyphens=False) for line in lines]
+    call.out.say(stacked([line(styled(verdict, colour), when), *wrapped]), **record)
     return NO if verdict == "false" else DONE
 
 

@@ -12,7 +12,8 @@ import typer
 from console.command import Call, command
 from console.errors import DONE, NO
 from console.options.arguments import Unit
-from console.output.output import unit_json, verbatim
+from console.output.output import unit_json
+from console.output.shown import line, styled
 from dyknow.model.errors import ChronicleError, SourceText, TextError, WrongCall, did_you_mean
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 
@@ -146,9 +147,7 @@ class _Recognition:
             return
         bindings = " ".join(f"{name}={symbol}" for name, symbol in instance.bindings.items())
         times = " ".join(f"{name}={at}" for name, at in instants.items())
-        self._rows.append(
-            (str(_shown(instance.recognised_ms)), instance.chronicle, verbatim(bindings), verbatim(times))
-        )
+        self._rows.append((str(_shown(instance.recognised_ms)), instance.chronicle, bindings, times))
         if len(self._rows) >= _MOST_ROWS:
             self._print()
 
@@ -245,7 +244,7 @@ def _tell_live(call: Call, unit: str, said: "Content") -> bool:
     words = [f"{name}={found}" for name, found in bindings.items()]
     words += [f"{name}={clock_time(at_us)}" for name, at_us in instants.items()]
     call.out.say(
-        f"{clock_time(said.recognised_us)}  [bold]{verbatim(said.chronicle)}[/bold]  {verbatim(' '.join(words))}",
+        line(f"{clock_time(said.recognised_us)}  ", styled(said.chronicle, "bold"), f"  {' '.join(words)}"),
         unit=unit_json(unit),
         chronicle=said.chronicle,
         bindings=bindings,

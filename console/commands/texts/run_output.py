@@ -1,11 +1,13 @@
 """Output of a running specification: samples, alarms, and the state of its streams."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from console.command import Call
-from console.output.output import counted, verbatim
+from console.output.output import counted
+from console.output.shown import Shown, line, styled
 from dyknow.model.instants import US_PER_S, print_span
 from runtime.configuration.instants import clock_time
 
@@ -21,7 +23,7 @@ def tell_record(call: Call, said: dict[str, Any], *, begins_us: int | None = Non
     if call.out.json_lines or not when:
         call.out.say(text, **said)
     elif kind == "sample":
-        call.out.console.print(f"[dim]{when}[/]  {text}", soft_wrap=True, highlight=False)
+        call.out.show(styled(when, "dim"), "  ", text, whole=True)
     else:
         call.out.aside(when, text)
 
@@ -30,7 +32,7 @@ def _when(valid_us: int, begins_us: int | None) -> str:
     return clock_time(valid_us) if begins_us is None else f"{(valid_us - begins_us) / 1000:10.10g} ms"
 
 
-def _sample(said: dict[str, Any]) -> str:
+def _sample(said: dict[str, Any]) -> Shown:
     late_ms = round((said["available_us"] - said["valid_us"]) / 1000, 1)
     approximated = [
         f"{label} {origin['manner']}{_old(said['valid_us'], origin['valid_us'])}"
@@ -38,8 +40,8 @@ def _sample(said: dict[str, Any]) -> str:
         if origin["manner"] != "exact"
     ]
     how = f"; {', '.join(approximated)}" if approximated else ""
-    value = verbatim(_short(said["value"]))
-    return f"[bold]{verbatim(said['stream'])}[/]  {value}  [dim]{late_ms:g} ms later{verbatim(how)}[/]"
+    value = f"  {_short(said['value'])}  "
+    return line(styled(said["stream"], "bold"), value, styled(f"{late_ms:g} ms later{how}", "dim"))
 
 
 def _old(valid_us: int, of_us: int | None) -> str:
@@ -47,24 +49,25 @@ def _old(valid_us: int, of_us: int | None) -> str:
     return "" if of_us is None or valid_us - of_us < US_PER_S else f", {print_span(valid_us - of_us)} old"
 
 
-def _specified(said: dict[str, Any]) -> str:
+def _specified(said: dict[str, Any]) -> Shown:
     parts = [counted(said["declarations"], "declaration")]
     if said["exports"]:
         parts.append(f"exports {', '.join(said['exports'])}")
     if said["imports"]:
         parts.append(f"imports {', '.join(f'{label} from {unit}' for label, unit in said['imports'])}")
-    return f"[green]runs[/] {verbatim(Path(said['file']).name)}: {verbatim('; '.join(parts))}"
+    return line(styled("runs", "green"), f" {Path(said['file']).name}: {'; '.join(parts)}")
 
 
-def _stream(said: dict[str, Any]) -> str:
-    name = verbatim(said["stream"])
-    return f"[green]{name} has a producer[/]" if said["linked"] else f"[yellow]{name} has no producer[/]"
+def _stream(said: dict[str, Any]) -> Shown:
+    name = said["stream"]
+    return styled(f"{name} has a producer", "green") if said["linked"] else styled(f"{name} has no producer", "yellow")
 
 
-def _alarm(said: dict[str, Any]) -> str:
+def _alarm(said: dict[str, Any]) -> Shown:
     shown = ", ".join(f"{label} = {_short(value)}" for label, value in said["values"].items())
     opened = said["event"] == "alarm-opened"
-    return f"[{'red' if opened else 'green'}]{said['event'].replace('-', ' ')}[/]  {verbatim(said['monitor'])}  {verbatim(shown)}"
+    event = styled(said["event"].replace("-", " "), "red" if opened else "green")
+    return line(event, f"  {said['monitor']}  {shown}")
 
 
 def _short(value: Any) -> str:
@@ -76,11 +79,11 @@ def _short(value: Any) -> str:
     return f"{round(value, 7):.12g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)
 
 
-_SHOWN = {
+_SHOWN: dict[str, Callable[[dict[str, Any]], Shown]] = {
     "sample": _sample,
     "specified": _specified,
     "stream": _stream,
-    "note": lambda said: f"[yellow]note[/] {verbatim(str(said.get('text')))}",
+    "note": lambda said: line(styled("note", "yellow"), f" {said.get('text')}"),
     "alarm-opened": _alarm,
     "alarm-closed": _alarm,
 }

@@ -17,7 +17,7 @@ from console.commands.texts.run_output import tell_record
 from console.commands.texts.specification_files import instance_of, read_samples, read_text
 from console.errors import DONE, INTERRUPTED
 from console.options.arguments import Admit, Duration, Feed, Govern, SpecificationFile, UnitModules
-from console.output.output import verbatim
+from console.output.shown import line, styled
 from dyknow import earlier
 from dyknow.model.errors import DyknowError, TextErrors, WrongCall
 from proxies.recordings.named_files import beside
@@ -299,6 +299,6 @@ def _reloading(call: Call, going: Run, path: Path, watched: WatchedFiles | None)
         except DyknowError as wrong:
             call.out.note(f"{wrong}\nThe specification is rejected; the previous one keeps running.")
         else:
-            call.out.say(f"[green]changed[/] to {verbatim(str(path))}", event="changed", file=str(path))
+            call.out.say(line(styled("changed", "green"), f" to {path}"), event="changed", file=str(path))
 
     return look

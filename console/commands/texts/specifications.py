@@ -11,7 +11,8 @@ from console.commands.texts.graphs import GraphForm, show_graph
 from console.commands.texts.specification_files import instance_of, read_text
 from console.errors import DONE, NO
 from console.options.arguments import UnitModules
-from console.output.output import counted, verbatim
+from console.output.output import counted
+from console.output.shown import line, styled
 from dyknow.model.errors import NothingFound, TextError, TextErrors, WrongCall
 from proxies.recordings.named_files import beside
 
@@ -152,7 +153,7 @@ def _report(call: Call, declarations: int, found: Iterable[TextError], warnings:
         _say(call, "error" if errors else "warning", one)
     if not call.out.json_lines:
         counts = ((declarations, "declaration"), (len(errors), "error"), (len(warnings), "warning"))
-        call.out.console.print(", ".join(counted(number, what) for number, what in counts))
+        call.out.show(", ".join(counted(number, what) for number, what in counts))
     return NO if errors else DONE
 
 
@@ -191,7 +192,8 @@ def held(
             [dialogue] = client.ask([unit], said, Performative.REQUEST, 3.0)
             if dialogue.trouble:
                 raise failure_of(dialogue, "")
-            call.out.say(f"[green]restored[/] configuration {restore}", event="restored", unit=unit, number=restore)
+            words = line(styled("restored", "green"), f" configuration {restore}")
+            call.out.say(words, event="restored", unit=unit, number=restore)
             return DONE
         [dialogue] = client.ask([unit], Specification(number=number, form=form), Performative.QUERY_REF, 3.0)
     pages = [said for said in dialogue.results if isinstance(said, SpecificationText)]
@@ -214,7 +216,7 @@ def held(
 def _say(call: Call, severity: str, found: TextError) -> None:
     for one in found.errors if isinstance(found, TextErrors) else (found,):
         call.out.say(
-            f"[{'red' if severity == 'error' else 'yellow'}]{severity}[/] {verbatim(one.drawn())}",
+            line(styled(severity, "red" if severity == "error" else "yellow"), f" {one.drawn()}"),
             severity=severity,
             file=one.file,
             line=one.line,

@@ -10,7 +10,8 @@ from console.command import Call, command
 from console.commands.texts.specification_files import instance_of, read_lines, read_text
 from console.errors import DONE, NO
 from console.options.arguments import SpecificationFile, UnitModules
-from console.output.output import counted, verbatim
+from console.output.output import counted
+from console.output.shown import line, styled
 from dyknow.model.errors import WrongCall
 from proxies.recordings.named_files import beside
 
@@ -53,7 +54,7 @@ def verify(
     for violation in found:
         sample = violation.sample
         call.out.say(
-            f"[red]broken[/] {verbatim(str(violation))}",
+            line(styled("broken", "red"), f" {violation}"),
             event="broken",
             name=violation.name,
             valid_us=None if sample is None else sample.valid_us,
@@ -61,12 +62,12 @@ def verify(
             said=violation.said,
         )
     samples = sum(map(len, (*labels.values(), *streams.values())))
-    verdict = f"[red]{counted(len(found), 'violation')}[/]" if found else "[green]satisfied[/]"
+    verdict = styled(counted(len(found), "violation"), "red") if found else styled("satisfied", "green")
     looked_at = (
         f"{counted(samples, 'sample')} of {counted(len(labels), 'generator')} and {counted(len(streams), 'stream')}"
     )
     call.out.say(
-        f"{verdict}: {looked_at}", event="verified", satisfied=not found, violations=len(found), samples=samples
+        line(verdict, f": {looked_at}"), event="verified", satisfied=not found, violations=len(found), samples=samples
     )
     return NO if found else DONE
 

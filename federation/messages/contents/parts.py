@@ -52,13 +52,34 @@ def _conversation(value: str) -> str:
         raise ValueError(str(refused)) from None
 
 
+def _shown(value: str) -> str:
+    if not value.isprintable():
+        raise ValueError("a character that is not printed")
+    return value
+
+
+_CONTROLS = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+"""What commands a terminal, or turns the order of letters; tabs and ends of lines are part of a text."""
+
+
+def uncontrolled(text: str) -> str:
+    """The text of others without control characters: what a `Formula` may hold."""
+    return _CONTROLS.sub("?", text)
+
+
+def _no_control(value: str) -> str:
+    if _CONTROLS.search(value):
+        raise ValueError("a control character")
+    return value
+
+
 Unit = Annotated[UnitName, BeforeValidator(_unit)]
 Units = Annotated[tuple[Unit, ...], Field(max_length=MAX_LIST)]
 SemanticLabels = Annotated[tuple[SemanticLabel, ...], Field(min_length=1, max_length=MAX_LIST)]
-Word = Annotated[str, Field(min_length=1, max_length=64)]
+Word = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_shown)]
 Line = Annotated[str, Field(max_length=1024)]
 Prose = Annotated[str, Field(max_length=4096), AfterValidator(QuotedText)]
-Formula = Annotated[str, Field(max_length=8192), AfterValidator(QuotedText)]
+Formula = Annotated[str, Field(max_length=8192), AfterValidator(_no_control), AfterValidator(QuotedText)]
 Conversation = Annotated[str, AfterValidator(_conversation)]
 Agent = Annotated[str, AfterValidator(_speaker)]
 Truth = Annotated[Literal["true", "false", "undecided"], BeforeValidator(_truth)]

@@ -18,6 +18,7 @@ from federation.messages.contents import (
     Hold,
     MonitorProximity,
     Query,
+    Reason,
     Tasks,
     read,
 )
@@ -163,3 +164,14 @@ def test_an_act_stands_before_what_follows_from_it(wire: Box, node: Platform) ->
     answers = [e for e in entries if e.direction == "out" and e.act and e.act.in_reply_to and e.peer == "1"]
     assert len(answers) >= 6
     assert all(came[answer.act.in_reply_to] < answer.number for answer in answers)
+
+
+def test_control_characters_of_others_are_listed_as_what_they_are_not(wire: Box, node: Platform) -> None:
+    wire.platform("1").ports.agent.tell("0", Reason(text="\x1b[2J\x9b1mgone\u202e"), wire.now_us)
+    wire.settle("1")
+    wire.run(0.2)
+    (answer,) = wire.asked("cc", "0", ActList(), P.QUERY_REF).contents
+    assert isinstance(answer, ActList)
+    (listed,) = [each.act for each in answer.acts or () if each.peer == "1" and "gone" in (each.act or "")]
+    assert listed is not None
+    assert listed.isprintable()

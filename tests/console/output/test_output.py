@@ -2,11 +2,12 @@
 
 import pytest
 
-from console.output.output import Output, unit_json, verbatim
+from console.output.output import Output, unit_json
+from console.output.shown import printable, styled
 
 
 def test_brackets_in_what_others_say_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    Output(json_lines=False).say(f"[red]{verbatim('heli-position[1], speed[uav1]')}[/red]")
+    Output(json_lines=False).say(styled("heli-position[1], speed[uav1]", "red"))
     assert capsys.readouterr().out == "heli-position[1], speed[uav1]\n"
 
 
@@ -16,7 +17,7 @@ def test_notes_are_shown_as_they_are(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_nothing_that_others_say_commands_the_terminal() -> None:
-    assert "\x1b" not in verbatim("\x1b[2J\x07gone")
+    assert printable("\x1b[2J\x07gone\u202e") == "\\x1b[2J\\x07gone\\u202e"
 
 
 def test_a_numbered_unit_is_a_number_in_json() -> None:
@@ -26,7 +27,7 @@ def test_a_numbered_unit_is_a_number_in_json() -> None:
 def test_json_lines_hold_no_words_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     out = Output(json_lines=True)
     with out.waiting("patience"):
-        out.say("[green]ready[/green]", event="ready")
+        out.say(styled("ready", "green"), event="ready")
     caught = capsys.readouterr()
     assert (caught.out, caught.err) == ('{"event":"ready"}\n', "")
 
