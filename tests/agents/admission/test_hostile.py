@@ -135,7 +135,9 @@ GOTO = Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=120.0)
 
 def test_with_a_roster_a_command_centre_alone_commands_flight(signed: Box) -> None:
     for by, expected in [("1", [P.REFUSE]), ("eye", [P.REFUSE]), ("cc", [P.AGREE, P.INFORM])]:
-        assert signed.asked(by, "0", GOTO).performatives == expected
+        question = signed.asked(by, "0", GOTO)
+        signed.run(1.5)  # an autopilot that reports no target is given a second to do so
+        assert question.performatives == expected
     assert len(signed.vehicle("0").commands) == 1
     assert signed.platform("0").ports.agent.audit_log.refused == {"role": 2}
 
