@@ -8,6 +8,7 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from agents.flight.flight import FlightAgent
+from agents.flight.places import FlightPlan
 from bench.fleet.members import Member, Source
 from bench.rows import Figures, Options, Ratio, Side
 from bench.wire.raw import PATIENCE_S, latencies
@@ -78,11 +79,13 @@ def trust(unit: str, federation: str, now_us: int) -> Trust:
 
 
 class Asking(Member):
-    """One platform of the two; both know their position."""
+    """One platform of the two; both know their position, and have an empty plan that a request may resume."""
 
     def __init__(self, federation: str, unit: str, *, signed: bool) -> None:
         secured = trust(unit, federation, time.time_ns() // 1000) if signed else None
-        super().__init__(unit, federation, trust=secured, control=True, acts_per_s=1e6, acts_burst=1e6)
+        super().__init__(
+            unit, federation, trust=secured, control=True, plan=FlightPlan(()), acts_per_s=1e6, acts_burst=1e6
+        )
         self._left = 0
         self._found_ns: list[int] = []
         self._wrong: list[str] = []
