@@ -65,8 +65,8 @@ def test_a_platform_that_dies_is_told_and_the_other_stays_and_leads_its_task_on(
     assert [task["unit"] for task in dyknow.run("tasks")] == [1]
     for _ in range(2):
         # A command is not in the federation before half a second is over.
-        assert [(line["unit"], line["state"]) for line in dyknow.run("ls")] == [(1, "alive")], "who died is not missed"
-    assert {line["unit"]: "error" in line for line in dyknow.run("query", "battery")} == {1: False}
+        assert {line["unit"]: line["state"] for line in dyknow.run("ls")} == {0: "gone", 1: "alive"}
+    assert {line["unit"]: "error" in line for line in dyknow.run("query", "battery")} == {0: True, 1: False}
     up.send_signal(signal.SIGTERM)
     assert up.wait(timeout=PATIENCE_S) == 130
     assert gone(pids, within_s=5.0)
