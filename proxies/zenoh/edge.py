@@ -228,7 +228,10 @@ class ZenohEdge:
         self._exchange = Exchange(self._left(), self._config)
 
     def _is_exchanged(self, exchange: Exchange) -> bool:
-        """Whether the new session is there; then it is ours, and everything is declared on it."""
+        """Whether the new session is there; then it is ours, and everything is declared on it.
+
+        Tokens last: who sees one may put and ask at once, and finds the rest there.
+        """
         if not exchange.is_over:
             return False
         self._exchange = None
@@ -236,7 +239,7 @@ class ZenohEdge:
         if session is not None:
             self._take(session)
             again, self._declared = self._declared, {}
-            for effect in again:
+            for effect in sorted(again, key=lambda effect: isinstance(effect, wire.DeclareToken)):
                 self._declare(effect)
         return True
 
