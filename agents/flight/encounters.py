@@ -131,6 +131,11 @@ def relation(own: Fix, other: Fix) -> Relation:
     )
 
 
+def stands(fix: Fix) -> bool:
+    """Whether it moves no more than a vehicle on the ground seems to."""
+    return fix.speed_m_s < CONVERGING_M_S and abs(fix.down_m_s) < CONVERGING_M_S
+
+
 def with_course_of(fix: Fix, course: Fix) -> Fix:
     """There, moving horizontally as then: where it wants to go, whatever its brakes do."""
     return fix._replace(north_m_s=course.north_m_s, east_m_s=course.east_m_s, down_m_s=0.0)

@@ -47,7 +47,7 @@ SETTLES_US = 1_000_000
 """So long a target from before an order may still be on its way, and a vehicle that reports none may yet do so."""
 LEVEL_M, UPRIGHT_M = 3.0, 1.5
 SLOPE = 5.0
-"""On a straight line to a place so many times as far as it is high nobody sees a climb within 2 s."""
+"""A climb to a place farther than this multiple of its height is too flat to be seen within 2 s."""
 _M_PER_DEG = 111_194.9
 
 

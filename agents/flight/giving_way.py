@@ -10,7 +10,7 @@ from itertools import pairwise
 from agents.actions import COORDINATION, Action, Offer
 from agents.exchange.gateway import Gateway
 from agents.flight.avoidance import Avoidance
-from agents.flight.encounters import leaps
+from agents.flight.encounters import leaps, stands
 from agents.flight.errand import OrderProgress
 from agents.flight.pilot import Pilot
 from agents.flight.places import Fix
@@ -73,7 +73,7 @@ class GivingWay(Part):
         self._emit, self._note, self._raise = emit, note, on_alarm
         self._avoidance = Avoidance(unit)
         self._alarm_of: dict[str, str] = {}
-        self._warned: dict[str, str] = {}
+        self._warned: dict[str, set[str]] = {}
         self._neither: dict[str, AlarmEvent] = {}
         self._grounded_until_us: dict[str, int] = {}
         self._seen: object = None
@@ -99,9 +99,9 @@ class GivingWay(Part):
             return
         partner = event.units[1]
         if event.event == "closed":
-            self._warned.pop(partner, None)
+            self._warned.get(partner, set()).discard(event.monitor)
             return
-        self._warned[partner] = event.monitor
+        self._warned.setdefault(partner, set()).add(event.monitor)
         self._alarm_of[partner] = event.id
         own = self._pilot.fix
         if own is not None:
@@ -113,8 +113,7 @@ class GivingWay(Part):
 
     def _is_warned(self, partner: str) -> bool:
         """Whether a warning about that platform is open that a task wants to be acted on."""
-        monitor = self._warned.get(partner)
-        return monitor is not None and self._coordination.avoids(monitor)
+        return any(map(self._coordination.avoids, self._warned.get(partner, ())))
 
     def on_moved(self, now_us: int) -> None:
         """Positions have changed: begin what has become necessary, carry on with what was agreed, or end it."""
@@ -134,14 +133,18 @@ class GivingWay(Part):
 
     def _begins(self, partner: str, now_us: int) -> bool:
         """Whether an encounter with that platform is any of ours."""
-        told = now_us < self._grounded_until_us.get(partner, 0)
         return (
             self._may_avoid
             and self._pilot.control
             and not self._stands
-            and not told
+            and not self._is_grounded(partner, now_us)
             and not self._leapt(partner, now_us)
         )
+
+    def _is_grounded(self, partner: str, now_us: int) -> bool:
+        """Whether that platform has said so of its vehicle, and it does not move."""
+        other = fix_of(self._gateway, partner)
+        return now_us < self._grounded_until_us.get(partner, 0) and other is not None and stands(other)
 
     @property
     def _stands(self) -> bool:
@@ -237,7 +240,7 @@ class GivingWay(Part):
         own, other = self._pilot.fix, fix_of(self._gateway, partner)
         if reason.code == "superseded":
             self._avoidance.on_superseded(partner)
-        elif reason.code == "grounded":
+        elif reason.code == "grounded" and other is not None and stands(other):
             self._grounded_until_us[partner] = now_us + GROUNDED_US
             self._tell(f"{partner} is on the ground: no traffic", now_us)
             self._do(self._avoidance.on_grounded(partner), now_us)
