@@ -18,7 +18,7 @@ from navigation import faults, vehicle
 from navigation.faults import Candidate, FrozenSource, PlausibleLimits
 from navigation.geodesy import LocalFrame
 from navigation.inertial import InertialInput
-from navigation.motion import Measurement, Motion, MotionState, kalman_filter
+from navigation.motion import Measurement, Motion, MotionState
 
 _REANCHOR_M = 2_000.0
 _VELOCITY_ALLOWANCE_M_S = 3.0
@@ -97,7 +97,6 @@ class PositionFilter:
         self._accuracy, self._limits = accuracy or Accuracy(), limits or PlausibleLimits()
         self.health = Health("stale", faults.NO_POSITION, 0)
         self.rejected: Counter[str] = Counter()
-        self._kalman = kalman_filter()
         self._frame: LocalFrame | None = None
         self._motion: Motion | None = None
         self._inertial = InertialInput()
@@ -280,7 +279,7 @@ class PositionFilter:
     def _start(self, report: vehicle.PositionReport) -> None:
         self._frame = LocalFrame(report.latitude_deg, report.longitude_deg, report.altitude_m or 0.0)
         densities = (self._accuracy.density, self._accuracy.density_inertial)
-        self._motion = Motion(self._measured(report), self._kalman, self._inertial.mean, densities)
+        self._motion = Motion(self._measured(report), self._inertial.mean, densities)
         if self._velocity is not None and abs(report.valid_us - self._velocity.valid_us) <= _SAME_MESSAGE_US:
             self._motion.fuse(self._velocity._replace(valid_us=report.valid_us))
         self._position_us = report.valid_us

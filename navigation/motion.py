@@ -7,12 +7,15 @@ Between measurements the acceleration is what the inertial sensors say, plus whi
 
 so predicting in one step or in several gives the same covariance. Measurements may come out of order: the last second
 of states is kept, and a late one is fused where it belongs.
+
+The two steps of the filter are written out: they are filterpy's, to the bit, but its package imports scipy.stats with
+itself, 1.1 s of processor in the start of every platform.
 """
 
 from collections import deque
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,27 +65,16 @@ class _Kept(NamedTuple):
     measurement: Measurement | None
 
 
-def kalman_filter() -> Any:
-    """A filterpy filter of six states. The first call imports scipy, half a second: make it before flying."""
-    from filterpy.kalman import KalmanFilter
-
-    return KalmanFilter(dim_x=6, dim_z=3)
-
-
 class Motion:
-    """A filterpy `KalmanFilter` with a memory.
+    """A Kalman filter with a memory.
 
     Args:
         start: the first position measurement; its rows set the first state, velocity is unknown (10 m/s).
-        kalman: from `kalman_filter`; its state is set before each use, so it may be used again.
         acceleration: mean of the measured acceleration (NED, m/s^2) between two instants, or None where there is none.
         densities: acceleration noise density in m^2/s^3 without and with measured acceleration.
     """
 
-    def __init__(
-        self, start: Measurement, kalman: Any, acceleration: Acceleration, densities: tuple[float, float]
-    ) -> None:
-        self._filter = kalman
+    def __init__(self, start: Measurement, acceleration: Acceleration, densities: tuple[float, float]) -> None:
         self._acceleration, self._densities = acceleration, densities
         self._foreseen: tuple[MotionState, MotionState, tuple[float, float, float] | None] | None = None
         mean = np.zeros(6)
@@ -116,7 +108,7 @@ class Motion:
             if undone is not None:
                 later.append(undone)
         for each in (measurement, *reversed(later)):
-            self._kept.append(_Kept(self._updated(self._predicted(self.latest, each.valid_us), each), each))
+            self._kept.append(_Kept(updated(self._predicted(self.latest, each.valid_us), each), each))
         oldest_us = self.latest.valid_us - HISTORY_US
         while len(self._kept) > HISTORY_STATES or (len(self._kept) > 1 and self._kept[1].state.valid_us <= oldest_us):
             self._kept.popleft()
@@ -136,21 +128,23 @@ class Motion:
         if before is not None and before[0] is state and before[1].valid_us == valid_us and before[2] == measured:
             return before[1]  # who asks whether a measurement fits asks for the same as who fuses it
         steps = _steps((valid_us - state.valid_us) / 1e6, self._densities[measured is not None])
-        kalman = self._filter
-        kalman.x, kalman.P = state.mean, state.covariance
-        if measured is None:
-            kalman.predict(F=steps.transition, Q=steps.noise)
-        else:
-            kalman.predict(u=np.array(measured), B=steps.push, F=steps.transition, Q=steps.noise)
-        foreseen = MotionState(valid_us, kalman.x, kalman.P)
+        mean = steps.transition @ state.mean
+        if measured is not None:
+            mean = mean + steps.push @ np.array(measured)
+        covariance = steps.transition @ state.covariance @ steps.transition.T + steps.noise
+        foreseen = MotionState(valid_us, mean, covariance)
         self._foreseen = state, foreseen, measured
         return foreseen
 
-    def _updated(self, state: MotionState, measurement: Measurement) -> MotionState:
-        kalman = self._filter
-        kalman.x, kalman.P = state.mean, state.covariance
-        kalman.update(np.array(measurement.values), R=_diagonal(measurement.variances), H=_MATRICES[measurement.kind])
-        return MotionState(state.valid_us, kalman.x, kalman.P)
+
+def updated(state: MotionState, measurement: Measurement) -> MotionState:
+    """The state with a measurement taken in; the covariance in Joseph's form."""
+    observe, noise = _MATRICES[measurement.kind], _diagonal(measurement.variances)
+    seen = state.covariance @ observe.T
+    gain = seen @ np.linalg.inv(observe @ seen + noise)
+    mean = state.mean + gain @ (np.array(measurement.values) - observe @ state.mean)
+    kept = _IDENTITY - gain @ observe
+    return MotionState(state.valid_us, mean, kept @ state.covariance @ kept.T + gain @ noise @ gain.T)
 
 
 @lru_cache(maxsize=256)

@@ -29,8 +29,6 @@ def main() -> int:
             configs.append(NodeConfig.model_validate_json(path.read_bytes()))
         except (OSError, ValidationError) as wrong:
             parser.error(f"{path}: {wrong}")
-    if any(config.vehicle.kind != "none" for config in configs):
-        import filterpy.kalman  # noqa: F401  half a second: before the session opens, not while others wait for us
     return serve(configs, partial(build_vehicle, modules=chosen.vehicles, shared=SharedPorts()), chosen.records)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import psutil
 
-PLATFORM = ("zenoh", "pymavlink.dialects.v20.ardupilotmega", "filterpy.kalman")
+PLATFORM = ("zenoh", "pymavlink.dialects.v20.ardupilotmega", "numpy")
 
 
 class Imports:

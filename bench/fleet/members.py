@@ -158,8 +158,6 @@ class Member:
 
 def prepare() -> None:
     """What a platform process reads and builds before it joins."""
-    import filterpy.kalman  # noqa: F401  as `runtime.node` does
-
     contents.prepare()
     default_ontology()
     PlanBook("0", builtin_profiles()).prepare()

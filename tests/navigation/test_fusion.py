@@ -5,12 +5,13 @@ from itertools import cycle, pairwise
 
 import numpy as np
 import pytest
+from filterpy.kalman import KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navigation import faults
 from navigation.fusion import Accuracy, PositionFilter
-from navigation.motion import Measurement, Motion, kalman_filter
+from navigation.motion import Measurement, Motion, _steps
 from navigation.vehicle import FixReport, PositionReport, VelocityReport
 from tests.navigation.flights import HOME, START_US, position_at, straight, wandering
 from tests.navigation.offline import run_filter
@@ -292,10 +293,29 @@ def test_a_vehicle_that_never_had_satellites_is_as_certain_as_it_says() -> None:
     assert found[-1].value.var_e < 0.2
 
 
+@given(st.lists(st.tuples(st.integers(1, 3_000_000), st.floats(-50, 50), st.booleans()), min_size=1, max_size=30))
+@settings(max_examples=50, deadline=None)
+def test_the_steps_of_the_filter_are_those_of_filterpy_to_the_bit(measured) -> None:
+    start = Measurement(0, "position", (0.0, 0.0, 0.0), (0.1, 0.1, 0.1))
+    motion, peer = Motion(start, lambda _a, _b: (0.1, -0.2, 0.3), (8.0, 4.0)), KalmanFilter(dim_x=6, dim_z=3)
+    at_us = 0
+    for step_us, value, moves in measured:
+        at_us += step_us
+        peer.x, peer.P = motion.latest.mean, motion.latest.covariance
+        steps = _steps(step_us / 1e6, 4.0)
+        peer.predict(u=np.array((0.1, -0.2, 0.3)), B=steps.push, F=steps.transition, Q=steps.noise)
+        kind = "velocity" if moves else "position"
+        each = Measurement(at_us, kind, (value, -value, 1.0), (0.1, 0.2, 0.3))
+        peer.update(np.array(each.values), R=np.diag(each.variances), H=np.eye(6)[3:] if moves else np.eye(6)[:3])
+        motion.fuse(each)
+        assert np.array_equal(motion.latest.mean, peer.x)
+        assert np.array_equal(motion.latest.covariance, peer.P)
+
+
 def test_a_late_report_is_fused_where_it_belongs() -> None:
     def fused(order: list[int]) -> Motion:
         start = Measurement(0, "position", (0.0, 0.0, 0.0), (0.1, 0.1, 0.1))
-        motion = Motion(start, kalman_filter(), lambda _a, _b: None, (8.0, 4.0))
+        motion = Motion(start, lambda _a, _b: None, (8.0, 4.0))
         for k in order:
             motion.fuse(Measurement(k * 50_000, "position", (k * 0.3, -k * 0.1, 0.0), (0.1, 0.1, 0.1)))
         return motion

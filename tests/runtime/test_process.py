@@ -1,5 +1,7 @@
 """A federation without a roster, or without TLS, stays on loopback unless more is allowed, and notes what it lacks."""
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,11 @@ from runtime.vehicles import Vehicle
 )
 def test_what_lies_beyond_loopback_is_named(wire: WireConfig, beyond: str) -> None:
     assert reaches_beyond(wire) == beyond
+
+
+def test_a_platform_starts_without_scipy() -> None:
+    code = "import sys, runtime.node, runtime.hosts, sim_uavs; sys.exit('scipy' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 
 def test_an_open_federation_is_refused_beyond_loopback_with_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:

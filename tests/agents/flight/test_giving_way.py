@@ -25,6 +25,11 @@ BROKEN: list[tuple[dict[str, Any], str]] = [
 NO_CONTROL = "this platform was not given control of its vehicle"
 
 
+def traffic(state: dict[str, Any]) -> bool:
+    """Whether a vehicle of that state says that it flies."""
+    return state.get("armed", True) and state.get("airborne", True) is not False
+
+
 def meeting(
     wire: Box, zero: dict[str, Any] | None = None, one: dict[str, Any] | None = None, **vehicle_one: Any
 ) -> None:
@@ -97,19 +102,30 @@ def deaf_to_acts(*pairs: tuple[str, str], receipts: bool = False) -> Any:
 # -- a refusal is an act -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("state", "words"), BROKEN)
+@pytest.mark.parametrize(("state", "words"), [(state, words) for state, words in BROKEN if traffic(state)])
 def test_a_partner_that_may_not_be_commanded_says_so_and_leaves_the_manoeuvre_to_the_other(
     wire: Box, state: dict[str, Any], words: str
 ) -> None:
     meeting(wire, **state)
     wire.run(17.0)
-    if state.get("armed", True) and state.get("airborne", True) is not False:
-        climbs_alone(wire, "0", "1", words.removeprefix("the vehicle is in "))
-        assert any(line.startswith("1 does not avoid 0, which is to do all of it: ") for line in notes(wire, "1"))
-    else:
-        assert "the vehicle is on the ground or not armed" in refusals(wire, "1")
-        assert "1 is on the ground: no traffic" in notes(wire, "0")
-        assert orders(wire, "0") == orders(wire, "1") == []
+    climbs_alone(wire, "0", "1", words.removeprefix("the vehicle is in "))
+    assert any(line.startswith("1 does not avoid 0, which is to do all of it: ") for line in notes(wire, "1"))
+
+
+@pytest.mark.parametrize("state", [state for state, _ in BROKEN if not traffic(state)])
+def test_a_partner_on_the_ground_says_so_and_is_no_traffic(wire: Box, state: dict[str, Any]) -> None:
+    meeting(wire, **state, east_m_s=0.0, east_m=20.0)
+    wire.run(25.0)
+    assert "the vehicle is on the ground or not armed" in refusals(wire, "1")
+    assert "1 is on the ground: no traffic" in notes(wire, "0")
+    assert orders(wire, "0") == orders(wire, "1") == []
+
+
+@pytest.mark.parametrize("state", [state for state, _ in BROKEN if not traffic(state)])
+def test_a_partner_that_says_it_is_on_the_ground_and_moves_is_not_believed(wire: Box, state: dict[str, Any]) -> None:
+    meeting(wire, **state)
+    wire.run(17.0)
+    climbs_alone(wire, "0", "1", "the vehicle is on the ground or not armed")
 
 
 def test_a_partner_without_control_says_so_and_leaves_the_manoeuvre_to_the_other(wire: Box) -> None:
