@@ -10,7 +10,7 @@ demo: $(READY)
 
 test: $(READY) lint
 	$(BIN)/pytest -m "not full" --ignore=tests/live -n 2 --dist worksteal
-	$(BIN)/pytest -m "not full" tests/live -n 3 --dist loadfile
+	$(BIN)/pytest -m "not full" tests/live -n 4 --dist loadfile
 
 test-full: $(READY) lint
 	DYKNOW_FULL=1 $(BIN)/pytest --timeout=3600
