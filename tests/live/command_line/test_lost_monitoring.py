@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from reasoning.monitoring.inputs import STALE_FOR_US
 from tests.live.command_line.command import PATIENCE_S, Dyknow, lines
 
 pytestmark = pytest.mark.live
@@ -32,10 +33,14 @@ class Follower:
 
     def until(self, since_s: float, **wanted: Any) -> float:
         """How long after `since_s` the first line came that says this."""
+        return self.line(since_s, **wanted)[0] - since_s
+
+    def line(self, since_s: float, **wanted: Any) -> tuple[float, dict[str, Any]]:
+        """The first line from `since_s` on that says this, and when it came."""
         while True:
             at_s, line = self._lines.get(timeout=PATIENCE_S)
             if at_s >= since_s and all(line.get(name) == value for name, value in wanted.items()):
-                return at_s - since_s
+                return at_s, line
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +72,33 @@ def test_a_monitor_that_is_taken_away_is_told(dyknow: Dyknow, follower: Follower
     dyknow.run("cancel", agreed["conversation"])
     took_s = time.monotonic() - since_s
     assert follower.until(since_s, event="ended", monitor="separation-20m") <= took_s + WITHIN_S
+
+
+def test_a_silenced_platform_is_told_within_two_seconds_of_its_last_sample(dyknow: Dyknow, follower: Follower) -> None:
+    """By the federation's own times; a command is judged by the ages in its answer, since it takes a second to start."""
+    dyknow.until("monitors", inputs="fresh")
+    since_s = time.monotonic()
+    [silenced] = dyknow.run("fault", "1", "silence", "--for", "30s")
+    came_s, unknown = follower.line(since_s, event="unknown", by=0, units=[0, 1], monitor="proximity")
+    assert "heli-position[1]" in unknown["which"]
+    answers, listed, watched = (shown(dyknow, "query", "heli-position"), shown(dyknow, "ls"), dyknow.run("monitors"))
+    last_us = answers[1]["valid_us"]
+    assert (answers[1]["stale"], answers[0]["stale"], answers[2]["stale"]) == (True, False, False)
+    assert {unit: line["data"] for unit, line in listed.items()} == {0: "fresh", 1: "none", 2: "fresh"}
+    assert {each["stale"] for each in listed[1]["labels"]} == {True}
+    watched = [line for line in watched if line.get("units")]
+    about = [line for line in watched if 1 in line["units"]]
+    assert {line["shows"] for line in about} == {"unknown"}
+    assert {line["shows"] for line in watched if 1 not in line["units"]} == {"ok"}
+    told_s = {"alarms --follow": (unknown["at_us"] - last_us) / 1e6}
+    for line in about:
+        stale_us = line["since_us"] - (STALE_FOR_US if line["inputs"] == "missing" else 0)
+        told_s[f"monitors: {line['monitor']} of {line['units']}"] = (stale_us - last_us) / 1e6
+    print(f"after the last sample: {told_s}; the line came {came_s - since_s:.2f} s after the fault was asked for")
+    assert max(told_s.values()) <= WITHIN_S
+    assert last_us < silenced["until_us"] - 29_000_000
+    follower.line(since_s, event="known", by=0, units=[0, 1], monitor="proximity")
+    assert {line["data"] for line in shown(dyknow, "ls").values()} == {"fresh"}
 
 
 def test_a_killed_platform_is_told_by_everyone_and_stays_as_gone(dyknow: Dyknow, follower: Follower) -> None:
