@@ -1,15 +1,18 @@
-"""`python -m bench.encounters [--only TEXT]`: fly encounters of ArduCopters, print the table, keep it as JSON.
+"""`python -m bench.encounters [--only REGEX]`: fly encounters of ArduCopters, print the table, keep it as JSON.
 
 Each is flown in real time, by platforms in processes of their own; `DYKNOW_SITL` names the folder with ArduCopter.
 """
 
 import argparse
 import json
+import re
+import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from bench.encounters.arducopter import folder
 from bench.encounters.encounters import FAULTS, Case, Flown, flown
@@ -40,6 +43,8 @@ def line(found: Flown) -> str:
     factors = " ".join("-" if factor is None else f"{factor:.2f}" for factor in found.factors)
     stops = " ".join(str(count) for count in found.stops)
     neither = "" if found.neither_s is None else f"  neither can: {found.least_at_s - found.neither_s:.1f} s before"
+    if found.told_s:
+        neither += "  told " + " ".join("-" if told is None else f"{told:.1f} s" for told in found.told_s)
     met = "met    " if found.met else "NOT met"
     return f"{met}  {found.case.name:52}  {found.least_m:6.1f} m  x {factors:14}  stops {stops}{neither}"
 
@@ -52,26 +57,38 @@ def _tried(case: Case) -> Flown:
         return flown(case)
 
 
+def _commit() -> str:
+    """Of this tree; with a plus where it has been changed since."""
+    git = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--abbrev=10", "--dirty=+"]
+    return subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip()
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m bench.encounters", description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--only", default="", help="cases whose name has this text")
+    parser.add_argument("--only", default="", help="cases whose name matches this regular expression")
     parser.add_argument("--jobs", type=int, default=1, help="how many at once (1); the machine must keep up")
     parser.add_argument("--out", type=Path, default=_RESULTS, help="directory for the JSON")
+    parser.add_argument("--tracks", action="store_true", help="keep where each was, too, twice a second")
     asked = parser.parse_args()
     try:
         folder()
     except LookupError as missing:
         parser.error(str(missing))
-    results = []
-    with ThreadPoolExecutor(asked.jobs) as pool:
-        for found in pool.map(_tried, [case for case in cases() if asked.only in case.name]):
-            print(line(found), flush=True)
-            results.append({**asdict(found), "case": found.case._asdict(), "met": found.met})
-    report = {"taken": datetime.now(UTC).isoformat(timespec="seconds"), "machine": machine(), "encounters": results}
+    report: dict[str, Any] = {
+        "taken": datetime.now(UTC).isoformat(timespec="seconds"), "commit": _commit(), "machine": machine(),
+        "command": " ".join(["python -m bench.encounters", *sys.argv[1:]]), "encounters": [],
+    }  # fmt: skip
+    results: list[dict[str, Any]] = report["encounters"]
     asked.out.mkdir(parents=True, exist_ok=True)
     path = asked.out / f"{datetime.now(UTC):%Y%m%dT%H%M%S}-encounters.json"
-    path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    print(f"kept in {path}")
+    with ProcessPoolExecutor(asked.jobs) as pool:
+        for found in pool.map(_tried, [case for case in cases() if re.search(asked.only, case.name)]):
+            print(line(found), flush=True)
+            results.append({**asdict(found), "case": found.case._asdict(), "met": found.met})
+            if not asked.tracks:
+                results[-1].pop("track")
+            path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    print(f"{sum(each['met'] for each in results)} of {len(results)} met; kept in {path}")
     return 0 if all(each["met"] for each in results) else 1
 
 

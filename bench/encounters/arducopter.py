@@ -24,6 +24,7 @@ METRES_PER_DEG = 111_319.5
 _EAST_PER_DEG = METRES_PER_DEG * math.cos(math.radians(LATITUDE_DEG))
 MODES = {"AUTO": 3, "GUIDED": 4, "LOITER": 5, "RTL": 6, "LAND": 9}
 _FASTEST = 10.0
+_FIRST_PORT, _SLOTS, _FIRST_INSTANCE = 20_000, 200, 500
 _BOOT_S, _STEP_S = 90.0, 0.02
 _POSITION_ONLY = 0b0000111111111000
 _HEARTBEAT_S = 1.0
@@ -39,6 +40,27 @@ def folder() -> Path:
     if not named or not os.access(Path(named) / "arducopter", os.X_OK):
         raise LookupError("DYKNOW_SITL does not name a folder with ArduCopter")
     return Path(named)
+
+
+class Ports:
+    """An instance number of ArduCopter and two ports beside it, kept for one vehicle on this machine by a lock.
+
+    They lie below the ports that the system hands out, and the lock is a port as well: whoever has it has them all.
+    """
+
+    def __init__(self) -> None:
+        self._lock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        for slot in random.Random().sample(range(_SLOTS), _SLOTS):
+            first = _FIRST_PORT + 3 * slot
+            if _binds(self._lock, first) and all(_is_free(first + more) for more in (1, 2)):
+                self.instance, self.rc, self.platform = _FIRST_INSTANCE + slot, first + 1, first + 2
+                return
+            self._lock.close()
+            self._lock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        raise OSError("no free ports for another vehicle")
+
+    def close(self) -> None:
+        self._lock.close()
 
 
 class Place(NamedTuple):
@@ -79,12 +101,12 @@ class Tap:
         ack_loss: the part of acknowledgements that is lost.
     """
 
-    def __init__(self, random_: random.Random) -> None:
+    def __init__(self, random_: random.Random, platform_port: int) -> None:
         self.refuses, self.ack_loss, self.orders = False, 0.0, []
         self._random = random_
         self._vehicle, self._platform = _udp(), _udp()
         self.vehicle_port: int = self._vehicle.getsockname()[1]
-        self.platform_port = _free_port()
+        self.platform_port = platform_port
         self._from: Any = None
         self._parsers = [mavlink.MAVLink(None), mavlink.MAVLink(None)]
         for parser in self._parsers:
@@ -151,15 +173,17 @@ class Copter:
 
     Attributes:
         track: where it truly was.
-        target: what the ground station sends again every second, if anything.
+        target: what the ground station sends again every second, if anything; `streamed_s`: when it did.
     """
 
     def __init__(self, number: int, start: Place, directory: Path, seed: int = 0) -> None:
         self.number, self.start, self.system = number, start, number + 1
-        self.tap = Tap(random.Random(f"tap {seed} {number}"))
+        self._ports = Ports()
+        self.tap = Tap(random.Random(f"tap {seed} {number}"), self._ports.platform)
         self.track: list[Seen] = []
         self.mode, self.armed, self.sim_s = "", False, 0.0
         self.target: Place | None = None
+        self.streamed_s: list[float] = []
         self._ground, self._answers = _udp(), threading.Condition()
         self._heard: dict[str, Any] = {}
         self._acks: list[Any] = []
@@ -170,7 +194,6 @@ class Copter:
         self._parser.robust_parsing = True
         self._pwm = [1500, 1500, 1000, 1500, 1800, 1000, 1000, 1800]
         self._rc = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._rc_port = _free_port()
         self._going = True
         directory.mkdir(parents=True, exist_ok=True)
         self.process = self._launched(directory)
@@ -184,10 +207,10 @@ class Copter:
         with (directory / "sitl.log").open("wb") as log:
             return subprocess.Popen(
                 [
-                    str(here / "arducopter"), "-w", "-I", str(random.Random().randrange(20, 2000)), "--model", "+",
+                    str(here / "arducopter"), "-w", "-I", str(self._ports.instance), "--model", "+",
                     "--speedup", str(_FASTEST), "--home", f"{latitude_deg:.7f},{longitude_deg:.7f},{GROUND_M},0",
                     "--sysid", str(self.system), "--defaults", f"{here / 'copter.parm'},{here / 'extra.parm'}",
-                    "--rc-in-port", str(self._rc_port),
+                    "--rc-in-port", str(self._ports.rc),
                     "--serial0", f"udpclient:127.0.0.1:{self.tap.vehicle_port}",
                     "--serial1", f"udpclient:127.0.0.1:{ground}", "--serial2", "udpclient:127.0.0.1:9",
                 ],
@@ -229,9 +252,10 @@ class Copter:
             if time.monotonic() >= last_s + _HEARTBEAT_S:
                 last_s = time.monotonic()
                 self.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
-                self._rc.sendto(struct.pack("<8H", *self._pwm), ("127.0.0.1", self._rc_port))
+                self._rc.sendto(struct.pack("<8H", *self._pwm), ("127.0.0.1", self._ports.rc))
                 if self.target is not None:
                     self.goto(self.target)
+                    self.streamed_s.append(last_s)
             time.sleep(_STEP_S)
 
     def send(self, message: Any) -> None:
@@ -354,8 +378,14 @@ class Copter:
         self.set_mode("GUIDED")
 
     def kill(self) -> None:
+        """End its process: from now on it is taken to stand where it was."""
         self.process.kill()
         self.process.wait()
+
+    def stand(self) -> None:
+        """Where a vehicle stands whose process has ended, as if it were heard of."""
+        if self.process.poll() is not None:
+            self.track.append(self.track[-1]._replace(at_s=time.monotonic()))
 
     def close(self) -> None:
         self._going = False
@@ -367,6 +397,7 @@ class Copter:
         self.tap.close()
         self._ground.close()
         self._rc.close()
+        self._ports.close()
 
 
 def _udp() -> socket.socket:
@@ -376,10 +407,17 @@ def _udp() -> socket.socket:
     return found
 
 
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
-        found.bind(("127.0.0.1", 0))
-        return int(found.getsockname()[1])
+def _binds(here: socket.socket, port: int) -> bool:
+    try:
+        here.bind(("127.0.0.1", port))
+    except OSError:
+        return False
+    return True
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        return _binds(probe, port)
 
 
 def _received(here: socket.socket, going: Callable[[], bool]) -> tuple[bytes, Any] | None:

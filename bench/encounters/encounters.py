@@ -27,6 +27,10 @@ FAULTS = (
     "none", "fence", "refuses", "one AUTO", "both AUTO", "both AUTO, may interrupt", "streams", "both stream",
     "acks lost", "pilot takes over", "autopilot killed",
 )  # fmt: skip
+WARNED = ("proximity-warn", "opened")
+NEITHER = frozenset({"both AUTO", "both stream"})
+"""Where neither can avoid the other: both operators are to be told that, no more can be asked for."""
+_TROUBLE = ("does not fly its manoeuvre", "does not avoid", "leaves all of it", "leaves the manoeuvre to")
 
 
 class Case(NamedTuple):
@@ -58,7 +62,9 @@ class Flown:
         least_m: smallest true distance of any two; places of the pair then, by vehicle.
         factors: time to arrive as a multiple of the undisturbed one, by vehicle; None: it did not arrive.
         stops: how often each was diverted; resumes: how often each flew on after that.
-        told_s: how long after the trouble each operator was told, by vehicle, where there was trouble.
+        trouble_s: when a vehicle could not do its part, which the case arranges; None: that is not arranged, or was not.
+        told_s: how long after the trouble the operator of each was told, by vehicle; None: not at all.
+        track: (time, vehicle, north, east, up), twice a second.
     """
 
     case: Case
@@ -72,6 +78,9 @@ class Flown:
     told: list[tuple[float, str, str]] = field(default_factory=list)
     orders: list[tuple[float, int, str]] = field(default_factory=list)
     after_takeover: int = 0
+    trouble_s: float | None = None
+    told_s: list[float | None] = field(default_factory=list)
+    track: list[tuple[float, int, float, float, float]] = field(default_factory=list)
 
     @property
     def neither_s(self) -> float | None:
@@ -79,16 +88,18 @@ class Flown:
         return next((at_s for at_s, monitor, event, _ in self.alarms if monitor == "neither-can-avoid"), None)
 
     @property
+    def is_told(self) -> bool:
+        """Whether both operators were told of the trouble in time."""
+        return bool(self.told_s) and all(told_s is not None and told_s <= TOLD_S for told_s in self.told_s)
+
+    @property
     def met(self) -> bool:
-        """Apart, both arrived in time; or it was told that neither can, before they came near."""
-        if self.case.fault in {"both AUTO", "both stream"}:
-            return self.neither_s is not None and self.neither_s <= self.least_at_s - 3.0
-        excused = self.case.fault in {
-            "pilot takes over",
-            "autopilot killed",
-        }  # one does not arrive, the other waits for it
-        in_time = excused or all(factor is not None and factor <= LONGEST for factor in self.factors)
-        return self.least_m > LEAST_M and in_time and self.after_takeover == 0
+        """Apart, and all arrived in time, or it was told that one could not; where neither can, that was told at both."""
+        if self.case.fault in NEITHER:
+            return self.neither_s is not None and self.is_told
+        in_time = all(factor is not None and factor <= LONGEST for factor in self.factors)
+        excused = self.case.fault in {"pilot takes over", "autopilot killed"}  # one does not arrive; the other waits
+        return self.least_m > LEAST_M and (in_time or excused or self.is_told) and self.after_takeover == 0
 
 
 def legs(case: Case) -> list[Leg]:
@@ -275,6 +286,8 @@ def _watch(
             found.after_takeover = sum(sent.at_s - began_s > (acted_s or 0.0) + 0.5 for sent in copters[0].tap.orders)
             copters[0].set_mode("GUIDED")
             given_s = math.inf
+        for copter in copters:
+            copter.stand()
         if all(c.place.distance_m(routes[c.number].end) < THERE_M / 2 for c in copters):
             break
         time.sleep(0.05)
@@ -297,7 +310,41 @@ def _judge(
         said = [text for _, unit, text in found.notes if unit == str(copter.number)]
         found.stops.append(sum(" holds" in text or " goes to " in text for text in said))
         found.resumes.append(sum("flies on" in text for text in said))
+        at_s = -math.inf
+        for seen in copter.track:
+            if seen.at_s >= at_s + 0.5:
+                at_s = seen.at_s
+                where = (round(metres, 1) for metres in seen.place)
+                found.track.append((round(at_s - began_s, 1), copter.number, *where))  # type: ignore[arg-type]
     found.orders.sort()
+    found.track.sort()
+    found.trouble_s = _trouble_s(found, copters, began_s)
+    if found.trouble_s is not None:
+        found.told_s = [_told_s(found, copter.number, found.trouble_s) for copter in copters]
+
+
+def _trouble_s(found: Flown, copters: Sequence[Copter], began_s: float) -> float | None:
+    """When the vehicles that are to fail have failed: refused, were overwritten, or could not be commanded."""
+    fault = found.case.fault
+    if fault in {"one AUTO", "both AUTO"}:
+        return next((at_s for at_s, monitor, event, _ in found.alarms if (monitor, event) == WARNED), None)
+    ordered_s = {number: at_s for at_s, number, _ in reversed(found.orders)}
+    if fault == "refuses":
+        return ordered_s.get(0)
+    overwritten_s = [
+        next((at_s - began_s for at_s in copter.streamed_s if at_s - began_s > ordered_s[copter.number]), math.inf)
+        for copter in copters
+        if copter.target is not None and copter.number in ordered_s
+    ]
+    return max(overwritten_s, default=None)
+
+
+def _told_s(found: Flown, number: int, trouble_s: float) -> float | None:
+    """How long after the trouble the operator of that vehicle was told of it, or before it (0)."""
+    words = ("neither",) if found.case.fault in NEITHER else _TROUBLE
+    told = (at_s for at_s, unit, text in found.notes if unit == str(number) and any(map(text.count, words)))
+    at_s = next(told, None)
+    return None if at_s is None else max(0.0, at_s - trouble_s)
 
 
 def separations(one: Sequence[Seen], other: Sequence[Seen]) -> Iterator[tuple[float, float]]:
