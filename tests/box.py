@@ -117,11 +117,11 @@ class Vehicle:
             VelocityReport(stamp_us, "GLOBAL_POSITION_INT", self.north_m_s, self.east_m_s, 0.0),
         ]
 
-    def on_command(self, command: Command, now_us: int, stamp_us: int) -> tuple[int, CommandResult]:
+    def on_command(self, command: Command, now_us: int, stamp_us: int) -> list[tuple[int, CommandResult]]:
         self.commands.append((now_us, command))
         if self.answer is None:
-            return 2_000_000, CommandResult(stamp_us, command.number, False, NO_ANSWER)
-        return 0, CommandResult(stamp_us, command.number, not self.answer, self.answer)
+            return [(2_000_000, CommandResult(stamp_us, command.number, False, NO_ANSWER))]
+        return [(0, CommandResult(stamp_us, command.number, not self.answer, self.answer))]
 
     def inject(self, fault: SimulatedFault, _now_us: int, until_us: int | None = None) -> None:
         self.faults.append((fault, until_us))

@@ -6,7 +6,8 @@
 
 How orders fare, as real autopilots showed it: `refuse=2` (MAV_RESULT: 1 temporarily rejected, 2 denied, 3 unsupported,
 4 failed), `forget` (accepted, and not flown), `ack-delay=1` (seconds), `ack-loss=30` (per cent), `stream-target=1` (hertz
-at which a ground station repeats the target that the vehicle had), `takeover` (a pilot takes the vehicle, and gives it back).
+at which a ground station repeats the target that the vehicle had), `takeover` (a pilot takes the vehicle, and gives it back),
+`killed` (the autopilot ends: it says and obeys nothing any more, and its motors stop).
 """
 
 from math import nan, sqrt
@@ -43,6 +44,7 @@ _KINDS = {
     "ack-loss": _Kind(30.0, 0.0, 100.0),
     "stream-target": _Kind(1.0, 0.1, 10.0),
     "takeover": _Kind(None, 0, 0),
+    "killed": _Kind(None, 0, 0),
 }
 KINDS = tuple(_KINDS)
 

@@ -62,12 +62,21 @@ class SensedFlight:
         self._is_taken = False
 
     def inject(self, fault: SimulatedFault, now_us: int, until_us: int | None = None) -> None:
-        """Begin a fault, until `until_us` or for good. `battery-low` empties the battery once."""
+        """Begin a fault, until `until_us` or for good. `battery-low` empties the battery once, `killed` is for good."""
         if fault.kind == "battery-low":
             body = self.flight.body
             self.flight.body = body._replace(charge=min(body.charge, fault.amount / 100.0))
+        elif fault.kind == "killed":
+            self.flight.disarm(force=True)
+            self._faults.inject(SimulatedFault("silence"), now_us)
         else:
             self._faults.inject(fault, now_us, until_us)
+
+    def truth(self, now_us: int) -> TrueState:
+        """Fly up to `now_us`; where it is then."""
+        self.flight.on_time(now_us)
+        body = self.flight.body
+        return TrueState(now_us, *self._frame.from_ned(*body.position), *body.velocity)
 
     def _suffer(self, now_us: int) -> None:
         """Have others command the vehicle, while that holds: a ground station, and a pilot at the sticks."""
@@ -125,12 +134,6 @@ class SimulatedVehicle(SensedFlight):
     def _next_us(self, now_us: int) -> int:
         return ((now_us - self._phase_us) // self._period_us + 1) * self._period_us + self._phase_us
 
-    def truth(self, now_us: int) -> TrueState:
-        """Fly up to `now_us`; where it is then."""
-        self.flight.on_time(now_us)
-        body = self.flight.body
-        return TrueState(now_us, *self._frame.from_ned(*body.position), *body.velocity)
-
     def on_time(self, now_us: int, stamp_us: int) -> list[vehicle.Report]:
         """Fly, and report what is due, as valid at `stamp_us`."""
         self.flight.on_time(now_us)
@@ -170,21 +173,24 @@ class SimulatedVehicle(SensedFlight):
             found.append(vehicle.TargetReport(stamp_us, *self._frame.from_ned(*flight.target.point)))
         return found
 
-    def on_command(self, command: vehicle.Command, now_us: int, stamp_us: int) -> tuple[int, vehicle.CommandResult]:
+    def on_command(self, command: vehicle.Command, now_us: int, stamp_us: int) -> list[tuple[int, vehicle.Report]]:
         """Carry out an order, or say why not: after how long the answer comes, and what it is.
 
         An order whose acknowledgements are lost is repeated, as `proxies.mavlink.orders` does.
         """
+        after_us, accepted, reason = self._answer(command.order, now_us)
+        return [(after_us, vehicle.CommandResult(stamp_us, command.number, accepted, reason))]
+
+    def _answer(self, order: vehicle.Order, now_us: int) -> tuple[int, bool, str]:
         self.flight.on_time(now_us)
         delay_us = self._ack_delay_us(now_us)
         if self._faults.holds("silence", now_us):
-            return _ATTEMPTS * _RETRY_US, vehicle.CommandResult(stamp_us, command.number, False, vehicle.NO_ANSWER)
-        answer = self._disobeys(now_us) or self._obey(command.order)
+            return _ATTEMPTS * _RETRY_US, False, vehicle.NO_ANSWER
+        answer = self._disobeys(now_us) or self._obey(order)
         lost = next((count for count in range(_ATTEMPTS) if not self._loses_ack(now_us)), _ATTEMPTS)
         if lost == _ATTEMPTS:
-            return _ATTEMPTS * _RETRY_US, vehicle.CommandResult(stamp_us, command.number, False, vehicle.NO_ANSWER)
-        accepted = answer is FlightAnswer.ACCEPTED
-        return delay_us + lost * _RETRY_US, vehicle.CommandResult(stamp_us, command.number, accepted, answer.value)
+            return _ATTEMPTS * _RETRY_US, False, vehicle.NO_ANSWER
+        return delay_us + lost * _RETRY_US, answer is FlightAnswer.ACCEPTED, answer.value
 
     def _obey(self, order: vehicle.Order) -> FlightAnswer:
         flight = self.flight

@@ -8,8 +8,10 @@ from agents.effects import Effect
 from agents.platform import Platform
 from federation.members.clock import FederationClock
 from federation.members.member import Member
+from navigation.vehicle import Command, Report
 from runtime.mailbox import Mailbox
-from sim_uavs.dynamics.vehicles import SimulatedVehicle, TrueState
+from sim_uavs.dynamics.faults import SimulatedFault
+from sim_uavs.dynamics.vehicles import TrueState
 
 
 class DriftingClock:
@@ -33,6 +35,17 @@ class DriftingClock:
         while self.node_us(found) < node_us:
             found += 1
         return found
+
+
+class WorldVehicle(Protocol):
+    """A vehicle as the world flies it: orders in, reports out, stamped by their receiver."""
+
+    @property
+    def deadline_us(self) -> int: ...
+    def truth(self, now_us: int) -> TrueState: ...
+    def inject(self, fault: SimulatedFault, now_us: int, until_us: int | None = None) -> None: ...
+    def on_time(self, now_us: int, stamp_us: int) -> Sequence[Report]: ...
+    def on_command(self, command: Command, now_us: int, stamp_us: int) -> Sequence[tuple[int, Report]]: ...
 
 
 class WorldProcess(Protocol):
@@ -61,7 +74,7 @@ class WorldNode:
 
     unit: str
     make: Callable[[str, int], WorldProcess]
-    vehicle: SimulatedVehicle | None
+    vehicle: WorldVehicle | None
     clock: DriftingClock
     federation_clock: FederationClock
     process: WorldProcess | None = None

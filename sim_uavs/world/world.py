@@ -44,10 +44,9 @@ from federation.transport import Conflated, WireEvent
 from navigation.vehicle import Command, Report
 from runtime.mailbox import Mailbox
 from sim_uavs.dynamics.faults import SimulatedFault, parse_fault
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
 from sim_uavs.world.agenda import Agenda
 from sim_uavs.world.sessions import SessionLink
-from sim_uavs.world.units import DriftingClock, WorldNode
+from sim_uavs.world.units import DriftingClock, WorldNode, WorldVehicle
 from sim_uavs.world.wire import LEASE_US, Wire
 
 START_US = 1_700_000_000_000_000
@@ -120,7 +119,7 @@ class World:
         self,
         unit: str,
         config: PlatformConfig | None = None,
-        vehicle: SimulatedVehicle | None = None,
+        vehicle: WorldVehicle | None = None,
         *,
         offset_us: int = 0,
         drift_ppm: float = 0.0,
@@ -352,7 +351,7 @@ class World:
             self._perform(node, process.on_time(node_us))
         self._wake(node)
 
-    def _fly(self, node: WorldNode, vehicle: SimulatedVehicle) -> None:
+    def _fly(self, node: WorldNode, vehicle: WorldVehicle) -> None:
         stamp_us = node.federation_clock.federation_us(node.clock.node_us(self.now_us))
         for report in vehicle.on_time(self.now_us, stamp_us):
             self._report(node, report)
@@ -386,8 +385,8 @@ class World:
     def _command(self, node: WorldNode, command: Command) -> None:
         if node.vehicle is not None:
             stamp_us = node.federation_clock.federation_us(node.clock.node_us(self.now_us))
-            after_us, result = node.vehicle.on_command(command, self.now_us, stamp_us)
-            self.agenda.at(self.now_us + after_us, self._report, node, result)
+            for after_us, report in node.vehicle.on_command(command, self.now_us, stamp_us):
+                self.agenda.at(self.now_us + after_us, self._report, node, report)
 
     def _injected(self, node: WorldNode, effect: InjectFault) -> None:
         text = effect.kind if effect.value is None else f"{effect.kind}={effect.value}"

@@ -241,3 +241,15 @@ def test_a_pilot_who_stops_the_mission_meanwhile_is_not_flown_back_into_it() -> 
     flown.run(5.0)
     assert flown.flight.mode is Mode.GUIDED
     assert flown.pilot.resume() == []
+
+
+@ALL
+def test_an_autopilot_that_is_killed_says_and_obeys_nothing_and_falls(persona: PersonaName) -> None:
+    flown = Piloted(persona)
+    flown.goto(200.0)
+    flown.run(3.0)
+    flown.inject("killed")
+    flown.run(5.0)
+    assert flown.flight.body.on_ground
+    with pytest.raises(Refused, match="no heartbeat for 5"):
+        flown.goto(0.0)
