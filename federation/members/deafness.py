@@ -11,10 +11,12 @@ the two do not reopen in step:
 * a peer is heard again, but its withdrawn token is not announced again for 2 s: we gave up the link to it and have a
   new one, which it has added to the old, as Zenoh does when both sides dial and only one lease was over. So it
   declares nothing again, and on that link questions, acts and samples go astray for good;
-* this process stood still for the length of a lease: at once, since the others have given up their links to it;
+* this process stood still for the length of a lease, so that the others have given up their links to it, and 3 s
+  after it goes on most of them do not hear it, or are not heard, or their tokens are not told;
 * we no longer hear any peer: after 4 s if there are tokens of peers, else after 6 s.
 
-Reopening that does not help is repeated ever more rarely: it disturbs peers that hear each other.
+Reopening that does not help is repeated ever more rarely: it disturbs peers that hear each other. Who is late itself,
+on a busy machine, judges nobody: a new session would be more work for all, and what it has not heard may be waiting.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -27,11 +29,16 @@ FIRST_US = 5_000_000
 SECOND_US = 6_000_000
 BACKUP_US = 7_000_000
 ASTRAY_US = 2_000_000
-STOOD_US = 1_800_000
-"""A lease of 2 s, less the pause between two heartbeats."""
+STOOD_US = 1_300_000
+"""So much later than planned is a look after a halt of a lease, 2 s, less the pause between two heartbeats."""
+LATE_US = 300_000
+CALM_US = 3_000_000
+"""A node that was late judges again when it has been on time for so long."""
 ALONE_US = 6_000_000
 ALONE_FOR_US = 300_000_000
 PERIOD_US = 500_000
+LOST_US = 60_000_000
+"""A peer that was last heard longer ago is not missed."""
 QUIET_US = 30_000_000
 BETWEEN_US = 6_000_000
 BETWEEN_MOST_US = 60_000_000
@@ -44,7 +51,8 @@ class DeafnessWatchdog:
     def __init__(self, unit: str, now_us: int) -> None:
         self.unit = unit
         self._next_us = now_us + PERIOD_US
-        self._looked_us: int | None = None
+        self._late_us = now_us - CALM_US
+        self._stood_us = 0
         self._mentioned_us: dict[str, int] = {}
         self._unlisted_us: dict[str, int] = {}
         self._settled: dict[str, Sequence[str]] = {}
@@ -61,7 +69,13 @@ class DeafnessWatchdog:
         """Why the session should be reopened now, or None."""
         if now_us < self._next_us:
             return None
-        self._next_us = now_us + PERIOD_US
+        late_us, self._next_us = now_us - self._next_us, now_us + PERIOD_US
+        if late_us >= LATE_US:
+            self._late_us = now_us
+            self._stood_us = max(self._stood_us, late_us + PERIOD_US)
+        if now_us < self._late_us + CALM_US:
+            self._forget()
+            return None
         why = self._stood_still(peers, now_us) or self._why(peers, now_us)
         if why is None:
             if now_us >= self._trouble_us + QUIET_US:
@@ -81,11 +95,22 @@ class DeafnessWatchdog:
         return min(BETWEEN_MOST_US, BETWEEN_US * doubled)
 
     def _stood_still(self, peers: Mapping[str, Peer], now_us: int) -> str | None:
-        """Whether this look comes late by the length of a lease, and there is a peer whose link may have ended."""
-        before_us, self._looked_us = self._looked_us, now_us
-        if before_us is None or now_us < before_us + STOOD_US or not any(peer.present for peer in peers.values()):
+        """After a halt of the length of a lease, once: whether most links have not come back."""
+        stood_us, self._stood_us = self._stood_us, 0
+        if stood_us < STOOD_US + PERIOD_US:
             return None
-        return f"this process stood still for {(now_us - before_us) / 1e6:.1f} s"
+        known = [
+            peer for peer in peers.values() if peer.seq >= 0 and not peer.left and peer.heard_us > now_us - LOST_US
+        ]
+        lost = [peer for peer in known if not self._is_linked(peer, now_us)]
+        if not lost or 2 * len(lost) <= len(known):
+            return None
+        return (
+            f"this process stood still for {stood_us / 1e6:.1f} s, and {len(lost)} of {len(known)} links are not back"
+        )
+
+    def _is_linked(self, peer: Peer, now_us: int) -> bool:
+        return peer.heard_us > now_us - SUSPECT_US and self.unit in peer.hears and peer.untold_us is None
 
     def _why(self, peers: Mapping[str, Peer], now_us: int) -> str | None:
         heard = {unit for unit, peer in peers.items() if peer.heard_us > now_us - SUSPECT_US and not peer.left}

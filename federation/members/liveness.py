@@ -21,6 +21,8 @@ GONE_US = 2_500_000
 TOKEN_GONE_US = 500_000
 BEATS_TO_RETURN = 2
 STALL_US = 500_000
+LINKS_END_US, LINKING_US = 1_300_000, 4_000_000
+"""After a halt so long others have ended their links to us; within so long they are made again, if the peer is there."""
 PLATFORMS = 1024
 REMEMBERED_US = 600_000_000
 TWINS = 8
@@ -134,6 +136,7 @@ class Liveness:
         self.peers: dict[str, Peer] = {}
         self.refused = 0
         self._check_us: int | None = None
+        self._linking_until_us = 0
         self._twins: deque[int] = deque(maxlen=TWINS)
 
     @property
@@ -222,7 +225,7 @@ class Liveness:
             peer.token_gone_us = peer.untold_us = None
 
     def on_time(self, now_us: int) -> list[LivenessEvent]:
-        """Judge silence. A node that stood still itself hears first what came meanwhile."""
+        """Judge silence. A node that stood still itself hears first what came meanwhile, and nobody is gone while links are made."""
         if self._check_us is None or now_us < self._check_us:
             return []
         if now_us > self._check_us + STALL_US:
@@ -238,11 +241,15 @@ class Liveness:
                 if not peer.present:
                     continue
                 due_us = peer.due_us
+                if due_us <= now_us:
+                    due_us = self._linking_until_us
             next_us = due_us if next_us is None or due_us < next_us else next_us
         self._check_us = next_us
         return events
 
     def _forgive(self, now_us: int) -> None:
+        if self._check_us is not None and now_us > self._check_us + LINKS_END_US:
+            self._linking_until_us = now_us + LINKING_US
         for peer in self.peers.values():
             if peer.present:
                 peer.heard_us = max(peer.heard_us, now_us - SUSPECT_US // 2)
@@ -251,13 +258,14 @@ class Liveness:
 
     def _judge(self, peer: Peer, now_us: int) -> list[LivenessEvent]:
         events: list[LivenessEvent] = []
-        if peer.token_gone_us is not None and now_us >= peer.token_gone_us + TOKEN_GONE_US:
+        is_linking = now_us < self._linking_until_us
+        if peer.token_gone_us is not None and now_us >= peer.token_gone_us + TOKEN_GONE_US and not is_linking:
             return [self._gone(peer, "token withdrawn", now_us)]
         silent_us = now_us - peer.heard_us
         if peer.state is PeerState.ALIVE and silent_us >= SUSPECT_US:
             peer.state, peer.since_us, peer.beats = PeerState.SUSPECT, now_us, 0
             events.append(PlatformSuspected(peer.unit, peer.boot, "no heartbeat for 1 s"))
-        if silent_us >= GONE_US:
+        if silent_us >= GONE_US and not is_linking:
             events.append(self._gone(peer, "no heartbeat for 2.5 s", now_us))
         return events
 
