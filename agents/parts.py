@@ -205,9 +205,7 @@ class Ports:
     def gateway(self) -> Gateway:
         """The local instance under semantic labels; `network` is the instance itself."""
         exporter = ExportProxy(self.exports, self.network, self.translation, self.emit)
-        variance_of = self.streams.variance_of if self.config.vehicle else _no_variance
-        importer = self.part(ImportProxy)
-        return Gateway(self.unit, self.network, self.ontology, self.translation, exporter, importer, variance_of)
+        return Gateway(self.unit, self.network, self.ontology, self.translation, exporter, self.part(ImportProxy))
 
     @cached_property
     def streams(self) -> VehicleStreams:
@@ -271,7 +269,3 @@ def _taken(kind: type[Part]) -> Mapping[str, type[Part] | None]:
     if unknown:
         raise UnitError(f"{kind.__name__} wants {', '.join(unknown)}; ports are {', '.join(sorted(known))}")
     return taken
-
-
-def _no_variance(_semantic_label: str, _valid_us: int) -> None:
-    return None

@@ -19,7 +19,8 @@ from compunits.covariances import Matrix, covariance_in, quality_with
 from compunits.motion import Position, position_of
 from compunits.numeric import Numbers, in_shape_of, numbers_of, positive
 from dyknow import NO_VALUE, US_PER_S, Sample, Value, computational_unit
-from navigation import LocalFrame, geodesy
+from navigation import LocalFrame
+from navigation.geodesy import metres_per_degree
 
 _REANCHOR_M = 2_000.0
 
@@ -288,12 +289,3 @@ class KalmanVelocity:
         covariance[:2, :2], covariance[2:, 2:] = horizontal[1], vertical[1]
         certainty = position.quality.certainty * altitude.quality.certainty
         return Sample(now_us, valid_us, value, quality_with(covariance, certainty))
-
-
-def metres_per_degree(latitude_deg: float) -> tuple[float, float]:
-    """Of latitude and of longitude, on the ellipsoid: M pi / 180 and N cos(lat) pi / 180 (`navigation.geodesy`)."""
-    latitude = np.radians(latitude_deg)
-    w = float(np.sqrt(1.0 - geodesy.ECCENTRICITY_2 * np.sin(latitude) ** 2))
-    north_m = geodesy.SEMI_MAJOR_M * (1.0 - geodesy.ECCENTRICITY_2) / w**3
-    east_m = geodesy.SEMI_MAJOR_M / w * max(float(np.cos(latitude)), 1e-9)
-    return float(np.radians(north_m)), float(np.radians(east_m))

@@ -86,6 +86,15 @@ class LocalFrame:
         )
 
 
+def metres_per_degree(latitude_deg: float) -> tuple[float, float]:
+    """Of latitude and of longitude, on the ellipsoid: M pi / 180 and N cos(lat) pi / 180; never 0, at a pole either."""
+    latitude = math.radians(latitude_deg)
+    w = math.sqrt(1 - ECCENTRICITY_2 * math.sin(latitude) ** 2)
+    north_m = SEMI_MAJOR_M * (1 - ECCENTRICITY_2) / w**3
+    east_m = SEMI_MAJOR_M / w * max(math.cos(latitude), 1e-9)
+    return math.radians(north_m), math.radians(east_m)
+
+
 def distance_m(
     latitude_a_deg: float, longitude_a_deg: float, latitude_b_deg: float, longitude_b_deg: float, up_m: float = 0.0
 ) -> float:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 
-from dyknow import Label, Network, Policy, Sample, Subscription, converted
+from dyknow import Label, Network, Policy, Sample, Subscription
 from dyknow.model.errors import UnknownLabel
 from federation.messages.codec import WireSample
 from federation.sharing.exports import ContractEnded, ExportEvent, Exports, StreamEnded, StreamName
@@ -45,8 +45,7 @@ class ExportProxy:
             to_semantic, waiting, number = self._translation.to_semantic(semantic_label), self._waiting, stream.number
 
             def export(sample: Sample) -> None:
-                value = to_semantic(sample.value)
-                entry = number(sample if value is sample.value else converted(sample, value))
+                entry = number(to_semantic.sample(sample))
                 batch = waiting.setdefault(stream, [])
                 batch.append(entry)
                 if len(batch) >= BATCH:

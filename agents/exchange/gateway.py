@@ -3,7 +3,7 @@
 Semantic labels and their units end here; below, the instance knows its own labels and units only.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.import_proxy import ImportProxy
@@ -45,11 +45,9 @@ class Gateway:
         translation: Translation,
         exporter: ExportProxy,
         importer: ImportProxy,
-        variance_of: Callable[[str, int], tuple[float, ...] | None],
     ) -> None:
         self.unit, self.network, self.ontology, self.translation = unit, network, ontology, translation
         self.exporter, self.importer = exporter, importer
-        self._variance_of = variance_of
 
     def local(self, semantic_label: str, unit: str | None = None) -> Label:
         """What this instance calls the label of a unit (its own by default).
@@ -121,9 +119,5 @@ class Gateway:
             raise _too_early(semantic_label, start_us, from_us, now_us)
         return [self._semantic(semantic_label, sample) for sample in history.get_between(from_us, to_us)]
 
-    def variance(self, semantic_label: str, sample: Sample) -> tuple[float, ...] | None:
-        """The variances of the fields of an own sample, where its estimator states them."""
-        return self._variance_of(semantic_label, sample.valid_us)
-
     def _semantic(self, semantic_label: str, sample: Sample) -> Sample:
-        return sample._replace(value=self.translation.to_semantic(semantic_label)(sample.value))
+        return self.translation.to_semantic(semantic_label).sample(sample)

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TypeAlias
 
 from agents.part import Part
-from dyknow import SURE, Label, Network, Policy, PolicyAdapter, Quality, Sample, Value, converted_quality
+from dyknow import SURE, Label, Network, Policy, PolicyAdapter, Quality, Sample, Value
 from dyknow.model.errors import SortError
 from federation.members.clock import FederationClock, Offset, Standing
 from federation.members.imports import Imports
@@ -155,10 +155,9 @@ class ImportProxy(Part):
             except SortError:
                 self.refused["sort"] += 1
                 return
-            local = to_local(value)
-            if quality is not SURE and local is not value:
-                quality = converted_quality(quality, value, local)
-            push(valid_us, local, now_us, quality)
+            if quality is not SURE:
+                quality = to_local.quality(quality)
+            push(valid_us, to_local(value), now_us, quality)
 
         self._sinks[sender, semantic_label] = add
         return add

@@ -10,7 +10,7 @@ from federation.members.clock import FederationClock
 from federation.members.offers import Service, Visibility
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import MAX_LIST, LabelList, Labels
-from federation.sharing.ontology import Convert, Translation
+from federation.sharing.ontology import LabelConversion, Translation
 
 INSTANCE: Final = Service("local-instance", "gateway", Visibility.PRIVATE)
 
@@ -30,7 +30,7 @@ class LocalInstance(Part):
         self._unit, self._agent, self.network, self._clock = unit, agent, network, clock
         self._translation = translation
 
-    def source(self, semantic_label: str, unit: str) -> tuple[Label, Convert]:
+    def source(self, semantic_label: str, unit: str) -> tuple[Label, LabelConversion]:
         """The local label of a unit's stream, its source declared if it is not there and comes from elsewhere.
 
         Returns as well how its values become semantic.

@@ -93,10 +93,10 @@ class StreamQueries(Part):
         sort = self._gateway.ontology[label].sort
         if sample.value is NO_VALUE:
             return Reading(valid_us=sample.valid_us, available_us=sample.available_us, value=NO_VALUE)
-        variance = self._gateway.variance(label, sample)
+        rows = sample.quality.covariance
         stated: dict[str, Any] | None = None
-        if variance is not None:
-            stated = dict(zip((f.name for f in sort.fields), variance, strict=True))
+        if len(rows) == len(sort.fields):
+            stated = {field.name: rows[at][at] for at, field in enumerate(sort.fields)}
         return Reading(
             valid_us=sample.valid_us,
             available_us=sample.available_us,

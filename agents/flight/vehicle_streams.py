@@ -8,10 +8,25 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 
 from agents.admission.limits import TokenBucket
-from dyknow import NO_VALUE, Field, Label, Network, Policy, Sample, Sort, Value, ValueNotAvailable, of_values
+from dyknow import (
+    NO_VALUE,
+    SURE,
+    Field,
+    Inputs,
+    Label,
+    Network,
+    Policy,
+    Quality,
+    Sample,
+    Sort,
+    UnitFunction,
+    Value,
+    independent,
+)
 from federation.messages.descriptions import LabelEntry
-from federation.sharing.ontology import Translation
-from navigation.fusion import PositionFilter
+from federation.sharing.ontology import LabelConversion, Translation
+from navigation.fusion import Estimate, PositionFilter
+from navigation.geodesy import metres_per_degree
 from navigation.vehicle import BatteryReport, HomeReport, Report
 
 ESTIMATE = Sort(
@@ -28,7 +43,6 @@ LABELS = ("heli-position", "heli-altitude", "heli-velocity", "heli-height", "hel
 BATTERY_KEPT_US = 10_000_000
 CHANGES_PER_S, CHANGES_AT_ONCE = 0.1, 4.0
 """How often a change between good and bad positions is noted; those between are counted."""
-VARIANCES = {"heli-position": (6, 7), "heli-altitude": (8,), "heli-height": (8,), "heli-velocity": (9, 10, 11)}
 
 
 class VehicleStreams:
@@ -55,27 +69,22 @@ class VehicleStreams:
         self._home: HomeReport | None = None
         self._battery: BatteryReport | None = None
         self._newest_us: dict[str, int] = {}
-        self._pushed: OrderedDict[str, tuple[Label, Callable[[Value], Value]]] = OrderedDict()
-        self._history = network.add_source(self.estimate, ESTIMATE).history
+        self._pushed: OrderedDict[str, tuple[Label, LabelConversion]] = OrderedDict()
+        network.add_source(self.estimate, ESTIMATE)
         self._split()
 
     def _split(self) -> None:
         """Position, altitude and velocity are units over the estimate; the others are pushed next to it."""
-        parts: dict[str, Callable[[Value], Value]] = {
-            "heli-position": lambda e: (e[0], e[1]),
-            "heli-altitude": lambda e: (e[2],),
-            "heli-velocity": lambda e: (e[3], e[4], e[5]),
-        }
-        for name, part in parts.items():
+        for name, part in _PARTS.items():
             local, to_local = self._local(name)
-            unit = of_values(lambda e, part=part, to_local=to_local: to_local(part(e)))
+            unit = _part_of_estimate(part, to_local)
             self._network.add_unit(local, self._translation.local_sort(name), unit, [(self.estimate, Policy())])
-        for name in LABELS[len(parts) :]:
+        for name in LABELS[len(_PARTS) :]:
             local, to_local = self._local(name)
             self._network.add_source(local, self._translation.local_sort(name))
             self._pushed[name] = local, to_local
 
-    def _local(self, name: str) -> tuple[Label, Callable[[Value], Value]]:
+    def _local(self, name: str) -> tuple[Label, LabelConversion]:
         return self._translation.local_label(name, self._unit), self._translation.to_local(name)
 
     def entries(self) -> list[LabelEntry]:
@@ -111,7 +120,7 @@ class VehicleStreams:
         self._note_health(now_us)
         for sample in samples:
             self._network.push(self.estimate, sample.valid_us, sample.value, now_us)
-            self._beside(sample.valid_us, sample.value[2], now_us)
+            self._beside(sample.valid_us, sample.value, now_us)
         return samples
 
     def _note_health(self, now_us: int) -> None:
@@ -126,32 +135,52 @@ class VehicleStreams:
         self._on_health(text + (f" ({self._unnoted} changes before it were not noted)" if self._unnoted else ""))
         self._unnoted = 0
 
-    def _beside(self, valid_us: int, altitude_m: float | None, now_us: int) -> None:
+    def _beside(self, valid_us: int, estimate: Estimate | None, now_us: int) -> None:
         """What does not hang on the position, and the height, which does."""
         home, battery = self._home, self._battery
-        if home is not None and altitude_m is not None:
-            self._put("heli-height", valid_us, (altitude_m - home.altitude_m,), now_us)
+        if home is not None and estimate is not None:
+            height_m = estimate.altitude_m - home.altitude_m
+            self._put("heli-height", valid_us, (height_m,), now_us, independent(estimate.var_d))
         if home is not None:
             self._put("heli-home", valid_us, (home.latitude_deg, home.longitude_deg, home.altitude_m), now_us)
         if battery is not None and valid_us - battery.valid_us <= BATTERY_KEPT_US:
             self._put("battery", valid_us, (battery.fraction,), now_us)
 
-    def _put(self, name: str, valid_us: int, value: Value, now_us: int) -> None:
+    def _put(self, name: str, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
         """Push a sample, if it is newer than the last one."""
         if valid_us > self._newest_us.get(name, -1):
             self._newest_us[name] = valid_us
             local, to_local = self._pushed[name]
-            self._network.push(local, valid_us, to_local(value), now_us)
+            self._network.push(local, valid_us, to_local(value), now_us, to_local.quality(quality))
 
-    def variance_of(self, name: str, valid_us: int) -> tuple[float, ...] | None:
-        """The variances of the fields of `name` at that valid time, in squared metres or metres per second."""
-        places = VARIANCES.get(name)
-        if places is None:
-            return None
-        try:
-            found = self._history.get_closest_at_or_before(valid_us)
-        except ValueNotAvailable:
-            return None
-        if found.valid_us != valid_us or found.value is NO_VALUE:
-            return None
-        return tuple(found.value[place] for place in places)
+
+def _position(estimate: Estimate) -> tuple[Value, Quality]:
+    north_m, east_m = metres_per_degree(estimate.latitude_deg)
+    quality = independent(estimate.var_n / north_m**2, estimate.var_e / east_m**2)
+    return (estimate.latitude_deg, estimate.longitude_deg), quality
+
+
+def _altitude(estimate: Estimate) -> tuple[Value, Quality]:
+    return (estimate.altitude_m,), independent(estimate.var_d)
+
+
+def _velocity(estimate: Estimate) -> tuple[Value, Quality]:
+    value = estimate.north_m_s, estimate.east_m_s, estimate.down_m_s
+    return value, independent(estimate.var_vn, estimate.var_ve, estimate.var_vd)
+
+
+_PARTS = {"heli-position": _position, "heli-altitude": _altitude, "heli-velocity": _velocity}
+"""Value of a label, in the ontology's units, and its quality: the covariance in their squares."""
+
+
+def _part_of_estimate(part: Callable[[Estimate], tuple[Value, Quality]], to_local: LabelConversion) -> UnitFunction:
+    def step(now_us: int, inputs: Inputs, state: Value) -> tuple[Sample | None, Value]:
+        (sample,) = inputs
+        if sample is None:
+            return None, state
+        if sample.value is NO_VALUE:
+            return Sample(now_us, sample.valid_us, NO_VALUE), state
+        value, quality = part(sample.value)
+        return to_local.sample(Sample(now_us, sample.valid_us, value, quality)), state
+
+    return step

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable
 
-from dyknow import NO_VALUE, Inputs, Sample, UnitPrototype, Value, converted
+from dyknow import Inputs, Sample, UnitPrototype, Value
 from dyknow.network.generator import Generator
 from dyknow.network.process import Input
 from dyknow.network.processes import EVER_US, RefinementProcess
-from federation.sharing.ontology import Convert
+from federation.sharing.ontology import LabelConversion
 
 
 class Imported(RefinementProcess):
@@ -55,14 +55,13 @@ class ImportDemand:
             self._ask(asks)
 
 
-def converting(sort: str, convert: Convert) -> UnitPrototype:
+def converting(sort: str, conversion: LabelConversion) -> UnitPrototype:
     """Values in other units, with their quality."""
 
     def step(now_us: int, inputs: Inputs, state: Value) -> tuple[Sample | None, Value]:
         (sample,) = inputs
         if sample is None:
             return None, state
-        made = sample if sample.value is NO_VALUE else converted(sample, convert(sample.value))
-        return made._replace(available_us=now_us), state
+        return conversion.sample(sample)._replace(available_us=now_us), state
 
     return UnitPrototype("as exported", sort, (sort,), lambda: step, samplewise=True)

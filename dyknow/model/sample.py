@@ -23,8 +23,9 @@ class Quality(NamedTuple):
 
     @property
     def deviation(self) -> float:
-        """The largest standard deviation of a component, in its unit."""
-        return math.sqrt(max([row[i] for i, row in enumerate(self.covariance)], default=0.0))
+        """The largest standard deviation of a component, in its unit; infinite if a variance is negative."""
+        variances = [row[i] for i, row in enumerate(self.covariance)]
+        return math.sqrt(max(variances, default=0.0)) if min(variances, default=0.0) >= 0.0 else math.inf
 
 
 SURE = Quality()
@@ -55,11 +56,7 @@ class Sample(NamedTuple):
         return self.available_us - self.valid_us
 
 
-def converted(sample: Sample, value: Value) -> Sample:
-    """The sample with its value in other units; a covariance in the old ones is left out."""
-    return sample._replace(value=value, quality=converted_quality(sample.quality, sample.value, value))
-
-
-def converted_quality(quality: Quality, before: Value, after: Value) -> Quality:
-    """The quality of a value holds in other units, too; a covariance does only where nothing changed."""
-    return quality if quality is SURE or not quality.covariance or before == after else Quality(quality.certainty)
+def independent(*variances: float) -> Quality:
+    """The quality of a sure value whose components err independently, by these variances."""
+    count = range(len(variances))
+    return Quality(1.0, tuple([tuple([variances[i] if i == j else 0.0 for j in count]) for i in count]))

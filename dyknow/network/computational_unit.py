@@ -47,6 +47,23 @@ def quality_of(inputs: Inputs) -> Quality:
     return Quality(prod(quality.certainty for quality in qualities)) if qualities else SURE
 
 
+def component(at: int, count: int) -> UnitFunction:
+    """A unit for one of the `count` components of a value, with its own variance where the covariance is of all."""
+
+    def step(now_us: int, inputs: Inputs, state: Value) -> tuple[Sample | None, Value]:
+        (sample,) = inputs
+        if sample is None:
+            return None, state
+        quality = quality_of(inputs)
+        if sample.value is NO_VALUE:
+            return Sample(now_us, sample.valid_us, NO_VALUE, quality), state
+        if len(sample.quality.covariance) == count:
+            quality = Quality(quality.certainty, ((sample.quality.covariance[at][at],),))
+        return Sample(now_us, sample.valid_us, sample.value[at], quality), state
+
+    return step
+
+
 def of_values(function: Callable[..., Value]) -> UnitFunction:
     """A unit that computes a value from the values of its inputs, once all are there; `NO_VALUE` if one has none."""
 

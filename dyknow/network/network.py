@@ -2,13 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from operator import itemgetter
 
 from dyknow.model.errors import LabelAlreadyExists, SortError, UnknownLabel, ValueNotAvailable
 from dyknow.model.labels import Label
 from dyknow.model.sample import SURE, Quality, Sample, Value
 from dyknow.model.values import Sort
-from dyknow.network.computational_unit import ComputationalUnit, UnitFunction, of_values
+from dyknow.network.computational_unit import ComputationalUnit, UnitFunction, component
 from dyknow.network.generator import Consumer, Generator, Subscription
 from dyknow.network.history import History
 from dyknow.network.process import FAR_US, Input, Process, TimedProcess
@@ -328,7 +327,7 @@ class Network:
             return None
         at = names.index(attribute)
         unit = UnitPrototype(
-            attribute, stem.sort.fields[at].unit, (stem.sort.name,), lambda: of_values(itemgetter(at)), True
+            attribute, stem.sort.fields[at].unit, (stem.sort.name,), lambda: component(at, len(names)), True
         )
         self._attributes.setdefault(stem.label, {})[label] = None
         self._implicit[label] = None

@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 from dyknow.model.errors import DyknowError, NameRefused, TextError, UnknownLabel
 from dyknow.model.labels import Label
-from dyknow.model.sample import Value
+from dyknow.model.sample import Quality, Sample, Value
 from dyknow.model.values import NO_VALUE, Field, NoValue, Sort
 from federation import keys
 
@@ -161,6 +161,47 @@ def convert_units(source: str, target: str) -> Callable[[float], float]:
     return lambda number: number * scale + shift
 
 
+class LabelConversion:
+    """Values of a label from one form to another, order, units and signs of the fields, and their covariance with them.
+
+    Args:
+        steps: position in the source, function of the number, and sign, for each field of the target; None: they are alike.
+
+    Attributes:
+        is_same: whether nothing changes.
+    """
+
+    __slots__ = ("_scales", "_steps", "is_same")
+
+    def __init__(self, steps: Sequence[tuple[int, Callable[[float], float], float]] | None) -> None:
+        self._steps, self.is_same = steps or (), steps is None
+        self._scales = [sign * (convert(1.0) - convert(0.0)) for _, convert, sign in self._steps]
+
+    def __call__(self, value: Value) -> Value:
+        """The value in the other form; `no_value` stays what it is."""
+        if self.is_same or value is NO_VALUE:
+            return value
+        return tuple([_number(value[at], convert, sign) for at, convert, sign in self._steps])
+
+    def sample(self, sample: Sample) -> Sample:
+        """The sample in the other form."""
+        if self.is_same or sample.value is NO_VALUE:
+            return sample
+        return sample._replace(value=self(sample.value), quality=self.quality(sample.quality))
+
+    def quality(self, quality: Quality) -> Quality:
+        """The covariance of converted numbers; one that is not of all fields is left out."""
+        rows = quality.covariance
+        if self.is_same or not rows:
+            return quality
+        if len(rows) != len(self._steps):
+            return Quality(quality.certainty)
+        scaled = [(at, scale) for (at, _, _), scale in zip(self._steps, self._scales, strict=True)]
+        return Quality(
+            quality.certainty, tuple([tuple([rows[i][j] * by * of for j, of in scaled]) for i, by in scaled])
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class LocalField:
     """Where a platform keeps one field of a semantic label: its own name, unit and sign."""
@@ -233,8 +274,8 @@ class Translation:
         entry = self._entry(semantic_label)
         return Sort(entry.sort, tuple(Field(field.name, field.unit) for field in entry.fields.values()))
 
-    def to_semantic(self, semantic_label: str) -> Convert:
-        """The function from values of the local stream to values of the semantic label."""
+    def to_semantic(self, semantic_label: str) -> LabelConversion:
+        """From values of the local stream to values of the semantic label."""
         fields = self.ontology[semantic_label].sort.fields
         entry = self._entry(semantic_label).fields
         order = list(entry)
@@ -245,28 +286,23 @@ class Translation:
             ]
         )
 
-    def to_local(self, semantic_label: str) -> Convert:
-        """The function from values of the semantic label to values of the local stream."""
+    def to_local(self, semantic_label: str) -> LabelConversion:
+        """From values of the semantic label to values of the local stream."""
         fields = {field.name: at for at, field in enumerate(self.ontology[semantic_label].sort.fields)}
         units = {field.name: field.unit for field in self.ontology[semantic_label].sort.fields}
         entry = self._entry(semantic_label).fields
         return _converter([(fields[name], units[name], own.unit, own.negated) for name, own in entry.items()])
 
 
-def _converter(steps: list[tuple[int, str, str, bool]]) -> Convert:
+def _converter(steps: list[tuple[int, str, str, bool]]) -> LabelConversion:
     """Of (position in the source, its unit, unit in the target, negated), one for each field of the target."""
     if all(
         at == place and source == target and not negated for place, (at, source, target, negated) in enumerate(steps)
     ):
-        return lambda value: value
-    numbers = [(at, convert_units(source, target), -1.0 if negated else 1.0) for at, source, target, negated in steps]
-
-    def convert(value: Value) -> Value:
-        if value is NO_VALUE:
-            return value
-        return tuple([_number(value[at], convert_one, sign) for at, convert_one, sign in numbers])
-
-    return convert
+        return LabelConversion(None)
+    return LabelConversion(
+        [(at, convert_units(source, target), -1.0 if negated else 1.0) for at, source, target, negated in steps]
+    )
 
 
 def _number(value: Value, convert: Callable[[float], float], sign: float) -> Value:

@@ -9,6 +9,10 @@ from dyknow.model.values import NO_VALUE, NoValue
 from federation.messages.codec import QualifiedSample, WireSample
 from federation.messages.contents import Reading
 from federation.sharing.ontology import Ontology
+from navigation.geodesy import metres_per_degree
+
+_DEGREES = {"latitude_deg": (0, "north"), "longitude_deg": (1, "east")}
+_SQUARES = {"_m_s2": "m2_s4", "_m_s": "m2_s2", "_m": "m2", "_deg": "deg2", "_rad": "rad2", "_s": "s2"}
 
 
 class UnitSample(NamedTuple):
@@ -21,6 +25,7 @@ class UnitSample(NamedTuple):
         valid_us: when the value held.
         available_us: when it could be used: by the platform that answers, or here if it was watched.
         quality: its certainty in [0, 1], and the covariance of its fields, units squared, if that is known.
+        variances: of the fields, by unit, for example `{"m2": {"north": 0.8, "east": 0.8}}`; a position's are in metres.
     """
 
     unit: str
@@ -29,6 +34,13 @@ class UnitSample(NamedTuple):
     valid_us: int
     available_us: int
     quality: Quality = SURE
+
+    @property
+    def variances(self) -> Mapping[str, Mapping[str, float]]:
+        """See the class."""
+        rows = self.quality.covariance
+        stated = {name: rows[at][at] for at, name in enumerate(self.value)} if len(rows) == len(self.value) else {}
+        return variances_in(self.value, stated)
 
 
 class PlatformChange(NamedTuple):
@@ -74,6 +86,25 @@ class QueryResult(Sequence[UnitSample]):
 
     def __repr__(self) -> str:
         return f"QueryResult({list(self._samples)!r}, missing={self.missing!r})"
+
+
+def variances_in(value: Mapping[str, Any], variance: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """Variances of the fields of a value by unit and by name without the unit; of a position in metres, north and east.
+
+    Args:
+        value: the value, by field.
+        variance: by field, in the square of the field's unit, which its name ends with; unit `""`: it ends with none.
+    """
+    found: dict[str, dict[str, float]] = {}
+    for name, stated in variance.items():
+        if name in _DEGREES and isinstance(value.get("latitude_deg"), int | float):
+            at, axis = _DEGREES[name]
+            unit, amount = "m2", float(stated) * metres_per_degree(value["latitude_deg"])[at] ** 2
+        else:
+            ending, unit = next(((end, unit) for end, unit in _SQUARES.items() if name.endswith(end)), ("", ""))
+            axis, amount = name.removesuffix(ending), float(stated)
+        found.setdefault(unit, {})[axis] = amount
+    return found
 
 
 def sample_of_reading(unit: str, label: str, reading: Reading) -> UnitSample:

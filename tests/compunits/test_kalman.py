@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compunits.kalman import metres_per_degree
 from dyknow import NO_VALUE, Quality, Sample
 from navigation import LocalFrame, distance_m
+from navigation.geodesy import metres_per_degree
 from tests.compunits.test_motion import HERE, moved
 from tests.compunits.units import outputs, process, stream, values, variances
 

@@ -19,6 +19,7 @@ from federation.messages.contents import Reading
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 from runtime.library.jobs import readings_of
 from runtime.library.questions import age_of
+from runtime.library.results import variances_in
 
 SELECT = {"newest": select_newest, "best": select_best}
 MERGE = {"mean": merge_mean, "inverse-variance": merge_inverse_variance}
@@ -87,8 +88,8 @@ def reading_json(label: str, unit: str, reading: Reading) -> dict[str, Any]:
         "available_us": reading.available_us,
         "value": value,
     }
-    if reading.variance is not None:
-        record["variance"] = dict(reading.variance)
+    for square, stated in variances_in(value or {}, reading.variance or {}).items():
+        record[f"variance_{square}" if square else "variance"] = stated
     return record
 
 

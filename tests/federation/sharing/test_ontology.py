@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from dyknow.model.errors import DyknowError, SortError, TextError, UnknownLabel
 from dyknow.model.labels import Label
+from dyknow.model.sample import Quality, Sample
 from dyknow.model.values import NO_VALUE, Field, Sort
 from federation import keys
 from federation.sharing.ontology import Ontology, Translation, convert_units, default_ontology
@@ -129,6 +130,18 @@ def test_a_platform_with_other_names_units_and_order_is_understood() -> None:
     assert platform.to_semantic("heli-velocity")((600.0, 1.0, 2.0)) == (1.0, 2.0, pytest.approx(-3.048))
     assert platform.semantic_label(Label.parse("alt_baro[uav1]"), "uav1") == "heli-altitude"
     assert platform.semantic_label(Label.parse("alt_baro[uav1]"), "0") is None
+
+
+def test_a_covariance_is_converted_with_the_numbers_and_left_out_if_it_is_not_of_all() -> None:
+    where = Translation.parse(default_ontology(), FEET).to_local("heli-position")
+    there = where.sample(Sample(1, 1, (10.0, 180.0), Quality(0.5, ((4.0, 1.0), (1.0, 9.0)))))
+    assert there.value == (pytest.approx(pi), pytest.approx(1e8))
+    (lon, between), (other, lat) = there.quality.covariance
+    assert (lon, lat) == (pytest.approx(9.0 * (pi / 180) ** 2), pytest.approx(4.0 * 1e14))
+    assert between == other == pytest.approx(1e7 * pi / 180)
+    assert where.quality(Quality(0.5, ((4.0,),))) == Quality(0.5)
+    climb = Translation.parse(default_ontology(), FEET).to_local("heli-velocity")
+    assert climb.quality(Quality(1.0, ((1.0, 0.0, 2.0), (0.0, 1.0, 0.0), (2.0, 0.0, 1.0)))).covariance[0][1] < 0.0
 
 
 @given(FLOATS, FLOATS, FLOATS)
