@@ -21,7 +21,7 @@ from typing import TypeAlias
 
 from agents.flight.encounters import (
     CLEAR_M,
-    CONVERGING_M_S,
+    IDLE_M,
     Encounter,
     EncounterPhase,
     ManoeuvreRole,
@@ -36,11 +36,11 @@ from agents.flight.encounters import (
     flees,
     highest_m,
     is_clear,
+    is_over,
     leaps,
     lowest_m,
     relation,
     run_m,
-    with_course_of,
 )
 from agents.flight.places import Fix
 from agents.flight.steps import Divert, LeaveToPartner, NeitherCan, Over, Propose, ResumeRoute, Step
@@ -51,19 +51,15 @@ SEPARATION_M = 25.0
 CLOSE_M = 15.0
 MOST_CLIMB_M = 60.0
 """No encounter takes a vehicle farther than that from the altitude at which it began."""
-AWAY_M, NOT_YET_AWAY_M, AWAY_IN_S = 60.0, 25.0, 2.5
-"""Away: so far, or that in a moment; before it has come down by 5 m."""
-OPENING_US = 1_000_000
-OPENING_ANYWAY_US = 15_000_000
 PATIENCE_US = 40_000_000
 UNMOVED_US, UNMOVED_M = 5_000_000, 2.0
 """A platform that holds for a partner that has not moved apart by so much after that time takes the manoeuvre itself."""
-IDLE_US, IDLE_M = 10_000_000, 30.0
-"""Two that have not made for each other for so long, and are so far apart, need no more room."""
 AGAIN_US = 2_500_000
 KNOWN_US = 2_500_000
 BUDGET_US = 30_000_000
 FOLLOW_M = 5.0
+WOULD_HOLD = "would-hold"
+"""The code of a refusal to climb by one that holds if the other climbs."""
 CLIMBING_M_S = 0.5
 SLACK = 0.25
 
@@ -97,10 +93,13 @@ class Avoidance:
         return self._leave(known, reason) if reason is not None else [self._propose(known, own, other, may, now_us)]
 
     def _propose(self, known: Encounter, own: Fix, other: Fix, may: May, now_us: int) -> Propose:
-        known.climber = climber_of(self.unit, own, known.partner, other)
-        if known.climber == self.unit and self._refusal(known, CLIMB, own, other, may) is not None:
-            known.climber = known.partner
-        known.awaited, known.asked_us = True, now_us
+        climber = climber_of(self.unit, own, known.partner, other)
+        if climber == self.unit and self._refusal(known, CLIMB, own, other, may) is not None:
+            climber = known.partner
+        return self._ask(known, climber, own, other, now_us)
+
+    def _ask(self, known: Encounter, climber: str, own: Fix, other: Fix, now_us: int) -> Propose:
+        known.climber, known.awaited, known.asked_us = climber, True, now_us
         upper, lower = (own, other) if known.climber == self.unit else (other, own)
         return Propose(known.partner, known.climber, max(0.0, lower.altitude_m + SEPARATION_M - upper.altitude_m))
 
@@ -142,7 +141,8 @@ class Avoidance:
         if reason is not None:
             if not known.awaited:
                 del self.encounters[partner]
-            return Refused(reason), []
+            holds = role is CLIMB and self._refusal(known, HOLD, own, other, may) is None
+            return Refused(reason, WOULD_HOLD if holds else ""), []
         known.climber = climber
         self._spend(partner, now_us, founded=warned or not is_new)
         return None, self._take(known, role, own, other, now_us)
@@ -206,6 +206,15 @@ class Avoidance:
         if known is not None:
             known.awaited = False
 
+    def on_would_hold(self, partner: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
+        """`partner` does not climb, but holds for one that does: propose that, if we may climb; else all of it is ours."""
+        known = self.encounters.get(partner)
+        if known is None or not self.awaits(partner):
+            return []
+        if known.climber == self.unit or self._refusal(known, CLIMB, own, other, may) is not None:
+            return self.on_declined(partner, own, other, may, now_us)
+        return [self._ask(known, self.unit, own, other, now_us)]
+
     def on_declined(self, partner: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
         """`partner` refused, or was silent: the whole manoeuvre is ours, unless it has proposed one meanwhile."""
         known = self.encounters.get(partner)
@@ -247,7 +256,7 @@ class Avoidance:
 
     def _take(self, known: Encounter, role: ManoeuvreRole, own: Fix, other: Fix, now_us: int) -> list[Step]:
         known.role, known.phase, known.since_us = role, MAKING_ROOM, now_us
-        known.gap_m = abs(own.altitude_m - other.altitude_m)
+        known.gap_m, known.level_m = abs(own.altitude_m - other.altitude_m), other.altitude_m
         known.altitude_m = _altitude_m(role, own, other) if role in {CLIMB, DESCEND} else None
         if role is ASIDE:
             known.place = aside(own, other)
@@ -319,7 +328,7 @@ class Avoidance:
         if known.phase is ASKED:
             return self._while_asked(known, own, other, may, now_us)
         seen = relation(own, other)
-        if self._is_over(known, seen, own, other, now_us):
+        if is_over(known, seen, own, other, now_us):
             return self._end(known)
         if known.phase is MAKING_ROOM:
             return self._make_room(known, seen, own, other, may, now_us)
@@ -340,7 +349,8 @@ class Avoidance:
         if known.role is ASIDE:
             return self._end(known) if since_us >= PATIENCE_US else self._settled()
         if known.role is HOLD:
-            unmoved = since_us >= UNMOVED_US and seen.apart_m < known.gap_m + UNMOVED_M
+            moved = abs(other.altitude_m - known.level_m) >= UNMOVED_M or seen.apart_m >= known.gap_m + UNMOVED_M
+            unmoved = since_us >= UNMOVED_US and not moved
             if (known.lost or unmoved) and seen.apart_m < CLEAR_M:
                 return self._alone(known, own, other, may, now_us)
         self._follow(known, own, other, may, now_us)
@@ -370,21 +380,6 @@ class Avoidance:
         farther_m = wanted_m - known.altitude_m if known.role is CLIMB else known.altitude_m - wanted_m
         if farther_m > FOLLOW_M and self._refusal(known, known.role, other, other, may) is None:
             known.altitude_m = wanted_m
-
-    def _is_over(self, known: Encounter, seen: Relation, own: Fix, other: Fix, now_us: int) -> bool:
-        """Away from each other, as they fly and as they want to; or for long neither makes for the other."""
-        opening = seen.opening_m_s >= CONVERGING_M_S
-        known.opening_since_us = (known.opening_since_us or now_us) if opening else None
-        closing = converge(own, other) if known.phase is LEFT else seen.opening_m_s <= -CONVERGING_M_S
-        known.idle_since_us = None if closing else known.idle_since_us or now_us
-        if not known.keeps and known.idle_since_us is not None and now_us >= known.idle_since_us + IDLE_US:
-            return known.phase is LEFT or known.lost or seen.away_m >= IDLE_M
-        soon_m = seen.away_m + AWAY_IN_S * seen.opening_m_s
-        if known.opening_since_us is None or seen.away_m < NOT_YET_AWAY_M or soon_m < AWAY_M:
-            return False
-        wants = relation(with_course_of(own, known.start), with_course_of(other, known.other_start))
-        wanted = wants.opening_m_s >= CONVERGING_M_S
-        return now_us >= known.opening_since_us + (OPENING_US if wanted else OPENING_ANYWAY_US)
 
     def on_gone(self, partner: str) -> None:
         """`partner` left the federation: it is taken to be where it was last."""

@@ -25,6 +25,12 @@ KEEP_M = 45.0
 ASIDE_M = 40.0
 RISING_M_S = 2.0
 """How fast a vehicle is taken to climb or sink when the place where it has done so is chosen."""
+AWAY_M, NOT_YET_AWAY_M, AWAY_IN_S = 60.0, 25.0, 2.5
+"""Away: so far, or that in a moment; before it has come down by 5 m."""
+OPENING_US = 1_000_000
+OPENING_ANYWAY_US = 15_000_000
+IDLE_US, IDLE_M = 10_000_000, 30.0
+"""Two that have not made for each other for so long, and are so far apart, need no more room."""
 LEAP_M_S, LEAP_M = 12.0, 6.0
 """An altitude that changes faster, beyond noise, is not believed."""
 
@@ -58,7 +64,8 @@ class Encounter:
         alone, takes_all: the partner neither climbs nor holds for us; and has said so.
         altitude_m: where this side goes, or, once it flies on, the bound of its route.
         place: where it stops, WGS-84 degrees.
-        gap_m: how far apart vertically they were when this side began to make room, at `since_us`.
+        gap_m, level_m: how far apart vertically they were when this side began to make room, at `since_us`, and at which
+            altitude the partner was.
         opening_since_us, idle_since_us: since when without a break they move apart, or do not converge; None: they do not.
         failed: what our autopilot does not fly, and why.
         lost: nothing has been heard of the partner for a while.
@@ -80,6 +87,7 @@ class Encounter:
     place: tuple[float, float] | None = None
     since_us: int = 0
     gap_m: float = 0.0
+    level_m: float = 0.0
     opening_since_us: int | None = None
     idle_since_us: int | None = None
     failed: dict[ManoeuvreRole, str] = field(default_factory=dict)
@@ -180,6 +188,22 @@ def is_clear(known: Encounter, seen: Relation, own: Fix, other: Fix) -> bool:
     closing_m_s = -relation(with_course_of(own, known.start), with_course_of(other, known.other_start)).opening_m_s
     within_s = (seen.away_m - KEEP_M) / max(closing_m_s, CONVERGING_M_S)
     return seen.apart_m + apart_m_s * min(max(0.0, within_s), SOON_S) >= CLEAR_M
+
+
+def is_over(known: Encounter, seen: Relation, own: Fix, other: Fix, now_us: int) -> bool:
+    """Away from each other, as they fly and as they want to; or for long neither makes for the other."""
+    opening = seen.opening_m_s >= CONVERGING_M_S
+    known.opening_since_us = (known.opening_since_us or now_us) if opening else None
+    closing = converge(own, other) if known.phase is EncounterPhase.LEFT else seen.opening_m_s <= -CONVERGING_M_S
+    known.idle_since_us = None if closing else known.idle_since_us or now_us
+    if not known.keeps and known.idle_since_us is not None and now_us >= known.idle_since_us + IDLE_US:
+        return known.phase is EncounterPhase.LEFT or known.lost or seen.away_m >= IDLE_M
+    soon_m = seen.away_m + AWAY_IN_S * seen.opening_m_s
+    if known.opening_since_us is None or seen.away_m < NOT_YET_AWAY_M or soon_m < AWAY_M:
+        return False
+    wants = relation(with_course_of(own, known.start), with_course_of(other, known.other_start))
+    wanted = wants.opening_m_s >= CONVERGING_M_S
+    return now_us >= known.opening_since_us + (OPENING_US if wanted else OPENING_ANYWAY_US)
 
 
 # -- where to stop ---------------------------------------------------------------------------------------------------

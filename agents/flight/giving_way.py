@@ -9,7 +9,7 @@ from itertools import pairwise
 
 from agents.actions import COORDINATION, Action, Offer
 from agents.exchange.gateway import Gateway
-from agents.flight.avoidance import Avoidance
+from agents.flight.avoidance import WOULD_HOLD, Avoidance
 from agents.flight.encounters import leaps, stands
 from agents.flight.errand import OrderProgress
 from agents.flight.pilot import Pilot
@@ -248,6 +248,9 @@ class GivingWay(Part):
             return
         elif content.because is not None:
             self._do(self._avoidance.on_left_refused(partner, reason.text, own, other, self._may, now_us), now_us)
+        elif reason.code == WOULD_HOLD and content.climber == partner and self._avoidance.awaits(partner):
+            self._tell(f"{partner} does not climb, but would hold: {reason.text}", now_us)
+            self._do(self._avoidance.on_would_hold(partner, own, other, self._may, now_us), now_us)
         elif self._avoidance.awaits(partner):
             self._tell(f"{partner} leaves the manoeuvre to {self._unit}: {reason.text}", now_us)
             self._do(self._avoidance.on_declined(partner, own, other, self._may, now_us), now_us)

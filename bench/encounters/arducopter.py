@@ -86,6 +86,14 @@ class Seen(NamedTuple):
     place: Place
 
 
+class Mode(NamedTuple):
+    """The mode of a vehicle, and the item of its mission, from a time of this machine on (s)."""
+
+    at_s: float
+    name: str
+    item: int
+
+
 class Sent(NamedTuple):
     """A message of the platform to its autopilot."""
 
@@ -173,6 +181,7 @@ class Copter:
 
     Attributes:
         track: where it truly was.
+        modes: its mode and mission item, each time one changed.
         target: what the ground station sends again every second, if anything; `streamed_s`: when it did.
     """
 
@@ -181,7 +190,8 @@ class Copter:
         self._ports = Ports()
         self.tap = Tap(random.Random(f"tap {seed} {number}"), self._ports.platform)
         self.track: list[Seen] = []
-        self.mode, self.armed, self.sim_s = "", False, 0.0
+        self.mode, self.item, self.armed, self.sim_s = "", 0, False, 0.0
+        self.modes: list[Mode] = []
         self.target: Place | None = None
         self.streamed_s: list[float] = []
         self._ground, self._answers = _udp(), threading.Condition()
@@ -236,6 +246,10 @@ class Copter:
             modes = {number: name for name, number in MODES.items()}
             self.mode = modes.get(message.custom_mode, str(message.custom_mode))
             self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+            self._note_mode()
+        elif kind == "MISSION_CURRENT":
+            self.item = message.seq
+            self._note_mode()
         elif kind == "ATTITUDE":
             self.sim_s = message.time_boot_ms / 1e3
         elif kind == "STATUSTEXT":
@@ -245,6 +259,11 @@ class Copter:
             if kind in {"COMMAND_ACK", "MISSION_ACK", "MISSION_REQUEST", "MISSION_REQUEST_INT", "PARAM_VALUE"}:
                 self._acks.append(message)
             self._answers.notify_all()
+
+    def _note_mode(self) -> None:
+        found = Mode(time.monotonic(), self.mode, self.item)
+        if not self.modes or self.modes[-1][1:] != found[1:]:
+            self.modes.append(found)
 
     def _beat(self) -> None:
         last_s = 0.0

@@ -64,6 +64,7 @@ class Flown:
         stops: how often each was diverted; resumes: how often each flew on after that.
         trouble_s: when a vehicle could not do its part, which the case arranges; None: that is not arranged, or was not.
         told_s: how long after the trouble the operator of each was told, by vehicle; None: not at all.
+        modes: (time, vehicle, mode, mission item), each time one changed.
         track: (time, vehicle, north, east, up), twice a second.
     """
 
@@ -80,6 +81,7 @@ class Flown:
     after_takeover: int = 0
     trouble_s: float | None = None
     told_s: list[float | None] = field(default_factory=list)
+    modes: list[tuple[float, int, str, int]] = field(default_factory=list)
     track: list[tuple[float, int, float, float, float]] = field(default_factory=list)
 
     @property
@@ -310,6 +312,7 @@ def _judge(
         said = [text for _, unit, text in found.notes if unit == str(copter.number)]
         found.stops.append(sum(" holds" in text or " goes to " in text for text in said))
         found.resumes.append(sum("flies on" in text for text in said))
+        found.modes += [(mode.at_s - began_s, copter.number, mode.name, mode.item) for mode in copter.modes]
         at_s = -math.inf
         for seen in copter.track:
             if seen.at_s >= at_s + 0.5:
@@ -317,6 +320,7 @@ def _judge(
                 where = (round(metres, 1) for metres in seen.place)
                 found.track.append((round(at_s - began_s, 1), copter.number, *where))  # type: ignore[arg-type]
     found.orders.sort()
+    found.modes = sorted(mode for mode in found.modes if mode[0] >= 0.0)
     found.track.sort()
     found.trouble_s = _trouble_s(found, copters, began_s)
     if found.trouble_s is not None:

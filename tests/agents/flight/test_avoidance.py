@@ -6,21 +6,22 @@ from agents.flight.avoidance import (
     AGAIN_US,
     BUDGET_US,
     CLOSE_M,
-    IDLE_US,
     KNOWN_US,
     MOST_CLIMB_M,
-    OPENING_US,
     PATIENCE_US,
     SEPARATION_M,
     UNMOVED_US,
+    WOULD_HOLD,
     Avoidance,
     May,
 )
 from agents.flight.encounters import (
     ASIDE_M,
     CLEAR_M,
+    IDLE_US,
     KEEP_M,
     NEAR_Z_M,
+    OPENING_US,
     EncounterPhase,
     ManoeuvreRole,
     braking_m,
@@ -473,6 +474,36 @@ def test_who_holds_for_one_that_does_not_move_takes_all_of_it() -> None:
         own, other = OTHER._replace(valid_us=second * S), OWN._replace(valid_us=second * S)
         steps = found.on_moved("0", own, other, anything, second * S, warned=True)
     assert altitudes(steps) == [127.0]
+
+
+def test_who_holds_sees_that_the_partner_climbs_though_it_rises_itself() -> None:
+    """For another, say: so the gap does not grow."""
+    found = holding()
+    for second in range(UNMOVED_US // S + 2):
+        up_m = 2.5 * second
+        own = OTHER._replace(valid_us=second * S, altitude_m=OTHER.altitude_m + up_m)
+        other = OWN._replace(valid_us=second * S, altitude_m=OWN.altitude_m + up_m, down_m_s=-2.5)
+        found.on_moved("0", own, other, anything, second * S, warned=True)
+    assert role(found, "0") is ManoeuvreRole.HOLD
+
+
+def test_who_would_hold_but_not_climb_says_so_and_the_other_climbs() -> None:
+    fenced = Avoidance("0")
+    refused, _ = fenced.on_proposal("1", "0", OWN, OTHER, between(60.0, 110.0), 0, warned=True)
+    assert refused is not None
+    assert refused.code == WOULD_HOLD
+    found = warned("1", OTHER, OWN, partner="0")
+    assert found.on_would_hold("0", OTHER, OWN, anything, 0) == [Propose("0", "1", SEPARATION_M + 2.0)]
+    refused, _ = fenced.on_proposal("1", "1", OWN, OTHER, between(60.0, 110.0), 0, warned=True)
+    assert refused is None
+    found.on_agreed("0", OTHER, OWN, anything, 0)
+    assert (role(fenced), role(found, "0")) == (ManoeuvreRole.HOLD, ManoeuvreRole.CLIMB)
+
+
+def test_of_two_that_may_not_climb_one_descends() -> None:
+    found = warned("1", OTHER, OWN, partner="0")
+    steps = found.on_would_hold("0", OTHER, OWN, between(60.0, 110.0), 0)
+    assert altitudes(steps) == [HIGHER_M - SEPARATION_M]
 
 
 # -- holding and flying on ---------------------------------------------------------------------------------------
