@@ -20,7 +20,8 @@ from runtime.configuration.config import NodeConfig
 LEAST_M, LONGEST = 10.0, 1.4
 TOLD_S = 2.0
 HALF_M = 120.0
-UP_M = 30.0
+UP_M = 45.0
+"""High enough to climb or to descend by 25 m between floor (10 m) and ceiling (120 m)."""
 THERE_M = 3.0
 JOIN_S = 40.0
 FAULTS = (
@@ -328,13 +329,13 @@ def _judge(
 
 
 def _trouble_s(found: Flown, copters: Sequence[Copter], began_s: float) -> float | None:
-    """When the vehicles that are to fail have failed: refused, were overwritten, or could not be commanded."""
+    """When the vehicles that are to fail have failed: refused, could not be commanded, or their last order was overwritten."""
     fault = found.case.fault
     if fault in {"one AUTO", "both AUTO"}:
         return next((at_s for at_s, monitor, event, _ in found.alarms if (monitor, event) == WARNED), None)
-    ordered_s = {number: at_s for at_s, number, _ in reversed(found.orders)}
     if fault == "refuses":
-        return ordered_s.get(0)
+        return next((at_s for at_s, number, _ in found.orders if number == 0), None)
+    ordered_s = {number: at_s for at_s, number, _ in found.orders if at_s <= (found.neither_s or math.inf)}
     overwritten_s = [
         next((at_s - began_s for at_s in copter.streamed_s if at_s - began_s > ordered_s[copter.number]), math.inf)
         for copter in copters
