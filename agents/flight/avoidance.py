@@ -26,10 +26,8 @@ from agents.flight.encounters import (
     EncounterPhase,
     ManoeuvreRole,
     Relation,
-    above_m,
     ahead,
     aside,
-    below_m,
     braking_m,
     climber_of,
     converge,
@@ -40,6 +38,7 @@ from agents.flight.encounters import (
     leaps,
     lowest_m,
     relation,
+    room_m,
     run_m,
 )
 from agents.flight.places import Fix
@@ -172,16 +171,15 @@ class Avoidance:
         known.alone = known.takes_all = True
         if known.phase is PASSING or known.role is ASIDE:
             return None, []
-        if known.role in {CLIMB, DESCEND}:
+        moves, fails = known.role in {CLIMB, DESCEND}, known.role in known.failed
+        if moves and not fails:
             known.place = ahead(own, braking_m(own))  # it does not hold: stop before it
             return None, self._settled()
-        steps = [] if known.phase is LEFT else self._alone(known, own, other, may, now_us)
+        steps = [] if known.phase is LEFT or moves else self._alone(known, own, other, may, now_us)
         if known.left_because:
+            rest = [step for step in steps if not isinstance(step, LeaveToPartner)]
             both = NeitherCan(known.partner, (known.left_because, because))
-            return Refused(known.left_because, "cannot"), [
-                *(s for s in steps if not isinstance(s, LeaveToPartner)),
-                both,
-            ]
+            return Refused(known.left_because, "cannot"), [*rest, both]
         return None, steps
 
     def on_agreed(self, partner: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
@@ -249,7 +247,7 @@ class Avoidance:
         against = DESCEND if role is CLIMB else CLIMB
         if any(each.role is against for each in self.encounters.values() if each is not known):
             return f"it would {role.value} while it does the opposite for another"
-        altitude_m = _altitude_m(role, own, other)
+        altitude_m = room_m(role, own, other, SEPARATION_M)
         if abs(altitude_m - known.start.altitude_m) > MOST_CLIMB_M:
             return f"{altitude_m:.0f} m is more than {MOST_CLIMB_M:.0f} m from its own altitude"
         return may(altitude_m)
@@ -257,7 +255,7 @@ class Avoidance:
     def _take(self, known: Encounter, role: ManoeuvreRole, own: Fix, other: Fix, now_us: int) -> list[Step]:
         known.role, known.phase, known.since_us = role, MAKING_ROOM, now_us
         known.gap_m, known.level_m = abs(own.altitude_m - other.altitude_m), other.altitude_m
-        known.altitude_m = _altitude_m(role, own, other) if role in {CLIMB, DESCEND} else None
+        known.altitude_m = room_m(role, own, other, SEPARATION_M) if role in {CLIMB, DESCEND} else None
         if role is ASIDE:
             known.place = aside(own, other)
         else:
@@ -292,6 +290,12 @@ class Avoidance:
         if overtaken:
             self._order = ResumeRoute()  # it is not ours to resume: whoever overtook it flies it now
         return [step for step in steps if not (overtaken and isinstance(step, ResumeRoute))]
+
+    def on_flown(self) -> None:
+        """Our autopilot flies what it was not seen to fly: the partner need not take it."""
+        for known in self.encounters.values():
+            if known.keeps and known.role is not None and known.failed.pop(known.role, ""):
+                known.left_because = ""
 
     def _leave(self, known: Encounter, reason: str, *, keeping: bool = False) -> list[Step]:
         """The partner is to take the whole manoeuvre; `keeping`: what was ordered stays so, in case it comes."""
@@ -376,7 +380,7 @@ class Avoidance:
             self._take(known, HOLD, own, other, now_us)
             self._order = ResumeRoute()
             return
-        wanted_m = _altitude_m(known.role, other, other)
+        wanted_m = room_m(known.role, other, other, SEPARATION_M)
         farther_m = wanted_m - known.altitude_m if known.role is CLIMB else known.altitude_m - wanted_m
         if farther_m > FOLLOW_M and self._refusal(known, known.role, other, other, may) is None:
             known.altitude_m = wanted_m
@@ -409,7 +413,3 @@ class Avoidance:
             return []
         self._order = order
         return [order]
-
-
-def _altitude_m(role: ManoeuvreRole, own: Fix, other: Fix) -> float:
-    return above_m(own, other, SEPARATION_M) if role is CLIMB else below_m(own, other, SEPARATION_M)

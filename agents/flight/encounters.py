@@ -61,7 +61,7 @@ class Encounter:
         climber: of the two, as proposed or agreed.
         start, other: where this side was when it began, and where the partner was seen last.
         role: what this side does; None until that is agreed, and after it was left to the partner.
-        alone, takes_all: the partner neither climbs nor holds for us; and has said so.
+        alone, takes_all: the partner neither climbs nor holds for us; and has reported that.
         altitude_m: where this side goes, or, once it flies on, the bound of its route.
         place: where it stops, WGS-84 degrees.
         gap_m, level_m: how far apart vertically they were when this side began to make room, at `since_us`, and at which
@@ -266,11 +266,10 @@ def aside(own: Fix, other: Fix) -> tuple[float, float] | None:
     return latitude_deg, longitude_deg
 
 
-def above_m(own: Fix, other: Fix, separation_m: float) -> float:
-    return max(own.altitude_m, other.altitude_m + separation_m)
-
-
-def below_m(own: Fix, other: Fix, separation_m: float) -> float:
+def room_m(role: ManoeuvreRole, own: Fix, other: Fix, separation_m: float) -> float:
+    """The altitude at which one that climbs, or descends, is so far apart from the other."""
+    if role is ManoeuvreRole.CLIMB:
+        return max(own.altitude_m, other.altitude_m + separation_m)
     return min(own.altitude_m, other.altitude_m - separation_m)
 
 

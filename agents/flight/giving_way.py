@@ -142,7 +142,7 @@ class GivingWay(Part):
         )
 
     def _is_grounded(self, partner: str, now_us: int) -> bool:
-        """Whether that platform has said so of its vehicle, and it does not move."""
+        """Whether that platform has reported it of its vehicle, which does not move."""
         other = fix_of(self._gateway, partner)
         return now_us < self._grounded_until_us.get(partner, 0) and other is not None and stands(other)
 
@@ -307,6 +307,8 @@ class GivingWay(Part):
         if seen == self._seen:
             return
         self._seen = seen
+        if diversion is not None and diversion.progress is OrderProgress.FLOWN:
+            self._avoidance.on_flown()
         if diversion is None or diversion.progress not in NOT_FLOWN:
             return
         progress = diversion.progress

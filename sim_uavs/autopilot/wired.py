@@ -27,7 +27,7 @@ _PLATFORM = ("127.0.0.1", 14550)
 
 
 class SentOrder(NamedTuple):
-    """A message of an order, when it was sent, in which mode the vehicle was then, and in which it had said it was."""
+    """A message of an order, when it was sent, in which mode the vehicle was then, and which mode it had reported last."""
 
     at_us: int
     message: Any

@@ -7,7 +7,7 @@
 How orders fare, as real autopilots showed it: `refuse=2` (MAV_RESULT: 1 temporarily rejected, 2 denied, 3 unsupported,
 4 failed), `forget` (accepted, and not flown), `ack-delay=1` (seconds), `ack-loss=30` (per cent), `stream-target=1` (hertz
 at which a ground station repeats the target that the vehicle had), `takeover` (a pilot takes the vehicle, and gives it back),
-`killed` (the autopilot ends: it says and obeys nothing any more, and its motors stop).
+`killed` (the autopilot ends: it reports and obeys nothing from then on, and its motors stop).
 """
 
 from math import nan, sqrt

@@ -457,6 +457,19 @@ def test_who_cannot_take_it_says_so_and_both_raise_the_alarm_and_nobody_is_left_
     assert left.on_left_refused("1", "no answer", OWN, OTHER, nothing, S) == [NeitherCan("1", both)]
 
 
+def test_who_left_it_and_is_left_all_of_it_in_turn_says_that_neither_can_until_it_is_flown_after_all() -> None:
+    found = climbing()
+    not_flown(found)
+    refused, steps = found.on_proposal("1", "0", OWN, OTHER, anything, S, warned=True, because="not seen")
+    assert refused is not None
+    assert refused.code == "cannot"
+    assert steps == [NeitherCan("1", ("autopilot: failed", "not seen"))]
+    found.on_flown()
+    refused, _ = found.on_proposal("1", "0", OWN, OTHER, anything, S, warned=True, because="not seen")
+    assert refused is None
+    assert [type(step) for step in not_flown(found)] == [LeaveToPartner], "it may be left again"
+
+
 def test_who_left_it_goes_aside_if_the_partner_cannot_take_it() -> None:
     found = climbing()
     found.encounters["1"].failed[ManoeuvreRole.ASIDE] = "not tried"
