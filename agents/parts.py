@@ -26,6 +26,7 @@ from agents.exchange.federation_agent import FederationAgent
 from agents.exchange.gateway import Gateway
 from agents.exchange.import_proxy import ImportProxy
 from agents.exchange.local_instance import LocalInstance
+from agents.exchange.silent_imports import SilentImports
 from agents.exchange.stream_queries import StreamQueries
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.flight.flight import Faults, FlightAgent
@@ -62,7 +63,7 @@ from reasoning import AlarmEvent
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    FlightAgent, Faults, LocalInstance, FederationAgent, ImportProxy, SubscriptionKeeper, Admission, UnitMonitoring,
+    FlightAgent, Faults, LocalInstance, FederationAgent, ImportProxy, SubscriptionKeeper, SilentImports, Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     MessageLog, DirectoryAgent,
 )  # fmt: skip

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Iterable
 
-from dyknow import Label, Network, Policy, Sample, Subscription
+from dyknow import Label, Network, Policy, Sample
 from dyknow.model.errors import UnknownLabel
+from dyknow.network.stream_proxy import StreamProxy
 from federation.messages.codec import WireSample
 from federation.sharing.exports import ContractEnded, ExportEvent, Exports, StreamEnded, StreamName
 from federation.sharing.ontology import Translation
@@ -26,7 +27,7 @@ class ExportProxy:
     ) -> None:
         self.exports = exports
         self._network, self._translation, self._put = network, translation, put
-        self._subscriptions: dict[StreamName, Subscription] = {}
+        self._subscriptions: dict[StreamName, StreamProxy] = {}
         self._waiting: dict[ExportStream, list[WireSample]] = {}
 
     def start_exporting(
@@ -51,7 +52,7 @@ class ExportProxy:
                 if len(batch) >= BATCH:
                     self.flush()
 
-            self._subscriptions[semantic_label, stream.policy_hash] = self._network.subscribe(local, policy, export)
+            self._subscriptions[semantic_label, stream.policy_hash] = self._network.connect(local, policy, export)
         return stream.policy_hash
 
     @property

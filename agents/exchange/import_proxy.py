@@ -10,7 +10,7 @@ from agents.part import Part
 from dyknow import SURE, Label, Network, Policy, PolicyAdapter, Quality, Sample, Value
 from dyknow.model.errors import SortError
 from federation.members.clock import FederationClock, Offset, Standing
-from federation.members.imports import Imports
+from federation.members.imports import ImportName, Imports
 from federation.messages.codec import WireSample
 from federation.sharing.ontology import Convert, Ontology, Translation
 from federation.transport import WireEffect
@@ -47,6 +47,9 @@ class ImportProxy(Part):
 
     Args:
         source: (semantic label, unit) -> its local label, declared if it was not, and how its values become semantic.
+
+    Attributes:
+        policies: of the streams that are expected, as their owners announced them.
     """
 
     def __init__(
@@ -65,12 +68,14 @@ class ImportProxy(Part):
         self.imports = imports
         self._sinks: dict[tuple[str, str], Sink] = {}
         self.refused: Counter[str] = Counter()
+        self.policies: dict[ImportName, Policy] = {}
 
     def expect(self, owner: str, semantic_label: str, policy_hash: str, policy: Policy, now_us: int) -> None:
         """`owner` announced a stream for us: listen to it. Saying it twice is saying it once."""
         if len(self.imports.streams) >= MAX_STREAMS or semantic_label not in self._ontology:
             return
         imported = ImportedStream(owner, semantic_label, policy)
+        self.policies[owner, semantic_label, policy_hash] = policy
         for effect in self.imports.begin(
             (owner, semantic_label, policy_hash), partial(self._deliver, imported), now_us
         ):
@@ -78,6 +83,7 @@ class ImportProxy(Part):
 
     def end(self, owner: str, semantic_label: str, policy_hash: str) -> None:
         """The stream ended; its source and history stay for queries."""
+        self.policies.pop((owner, semantic_label, policy_hash), None)
         for effect in self.imports.end((owner, semantic_label, policy_hash)):
             self._emit(effect)
 

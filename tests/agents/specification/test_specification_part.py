@@ -300,6 +300,39 @@ def places(from_us):
     return ((valid_us, (58.4, "x" * 5000)) for valid_us in count(-(-from_us // 100_000) * 100_000, 100_000))
 
 
+@source("altitude")
+def beside(from_us):
+    """Every 100 ms, 37 ms after the points of everybody's grid."""
+    return ((valid_us, (100.0,)) for valid_us in count(-(-from_us // 100_000) * 100_000 + 37_000, 100_000))
+
+
+BESIDE = "source altitude beside\nstrmgen alt[self] = beside\nexport heli-altitude = alt[self]"
+TAKING = "import heli-altitude from 1 as alt[uav1] with sample every 200, max delay 1s\nstream alt = alt[uav1]\n"
+
+
+def test_an_import_all_of_whose_samples_lie_off_the_grid_is_told_within_two_seconds_with_the_remedy():
+    pair = Pair("", "")
+    pair.declared("1").instance.offer(prototypes_in([beside]), 0)
+    pair.specify("1", BESIDE + "\n")
+    pair.world.run_for(3)
+    pair.specify("0", TAKING)
+    pair.world.run_for(2)
+    assert pair.told("0", "sample") == []
+    (note,) = pair.notes("0")
+    assert "no sample of heli-altitude comes from platform 1: the newest lies 137ms off the grid of 200ms" in note
+    remedy = re.search("`(.*)`", note)[1]
+    pair.world.run_for(1)
+    shown = pair.world.platform("1").ports.directory.entry("0").conditions
+    assert [each.text for each in shown] == [note]
+    pair.world.run_for(20)
+    assert pair.notes("0") == [note], "said once, however often the stream is asked for"
+    assert "use linear" in remedy
+    pair.specify("1", f"{BESIDE} with {remedy}\n")
+    pair.world.run_for(5)
+    assert len(pair.told("0", "sample")) > 10, "the remedy helps"
+    assert pair.world.platform("1").ports.directory.entry("0").conditions == ()
+
+
 def listed_and_told(pair):
     asked = [pair.world.ask("1", "0", each, Performative.QUERY_REF) for each in (Monitors(), AlarmList())]
     pair.world.run_for(1)
