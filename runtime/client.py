@@ -23,6 +23,8 @@ from runtime.configuration.settings import Settings
 
 T = TypeVar("T")
 SETTLE_S = 1.0
+NOBODY_US = 600_000
+"""After this long without a link to anyone there is no platform to wait for."""
 QUIET_US = 250_000
 _LAST_WORDS_S = 0.3
 _STEP_S = 0.05
@@ -44,6 +46,7 @@ class WireEdge(Protocol):
 
     @property
     def zid(self) -> str: ...
+    def peers(self) -> tuple[str, ...]: ...
     def perform(self, effect: WireEffect) -> None: ...
     def close(self) -> None: ...
 
@@ -59,11 +62,19 @@ Clock = Callable[[], int]
 
 
 class Surroundings(NamedTuple):
-    """What a client lives in: its mailbox, the node clock in microseconds, and how its wire is opened."""
+    """What a client lives in.
+
+    Attributes:
+        mailbox: where its events wait.
+        now_us: the node clock, in microseconds.
+        open_wire: how its wire is opened.
+        trouble: why there may be no platform, a phrase for each endpoint that cannot be reached.
+    """
 
     mailbox: EventQueue
     now_us: Clock
     open_wire: Callable[[Callable[[WireEvent], None], Clock], WireEdge]
+    trouble: Callable[[], list[str]] = list
 
 
 class Client:
@@ -84,9 +95,10 @@ class Client:
         extensions: tuple[str, ...] = (),
     ) -> None:
         self.federation, self.extensions = federation, extensions
-        self.now_us, self._mailbox = around.now_us, around.mailbox
+        self.now_us, self._mailbox, self._trouble = around.now_us, around.mailbox, around.trouble
         self._wire = around.open_wire(self._mailbox.put, self.now_us)
-        self.centre = make_centre(self._wire.zid, self.now_us())
+        self._since_us = self.now_us()
+        self.centre = make_centre(self._wire.zid, self._since_us)
         self._perform(self.centre.start(self.now_us()))
 
     def __enter__(self) -> Self:
@@ -98,7 +110,7 @@ class Client:
         """Leave: acts that are not acknowledged yet get a last moment, unless something went wrong."""
         try:
             if kind is None:
-                self.wait_for(lambda: not self.centre.member.acts.conversations.delivery.deadline_us, _LAST_WORDS_S)
+                self.wait_for(lambda: not self.centre.member.acts.conversations.delivery.unacknowledged, _LAST_WORDS_S)
             self._perform(self.centre.leave(self.now_us()))
         finally:
             self._wire.close()
@@ -151,8 +163,24 @@ class Client:
 
     def settle(self, timeout_s: float = SETTLE_S) -> list[PlatformView]:
         """Wait until the directory has settled; the platforms that are there."""
-        self.wait_for(lambda: self.centre.settled(self.now_us(), QUIET_US), timeout_s)
+        self.wait_for(self.is_settled, timeout_s)
         return self.centre.platforms()
+
+    def is_settled(self) -> bool:
+        """Whether the directory has settled, or there has been no link to anyone for so long that none will come."""
+        now_us = self.now_us()
+        if self.centre.settled(now_us, QUIET_US):
+            return True
+        is_alone = now_us >= self._since_us + NOBODY_US and not self.centre.platforms(all_kinds=True)
+        return is_alone and not self._wire.peers()
+
+    def nobody(self) -> str:
+        """That there is no platform, and what to do about it."""
+        trouble = "".join(f"\n{why}" for why in self._trouble())
+        return (
+            f"no platform of federation {self.federation} is there; start some with dyknow up, "
+            f"or name the federation they are in with --federation (and how to reach it with --connect).{trouble}"
+        )
 
     @cached_property
     def ontology(self) -> Ontology:
@@ -206,10 +234,7 @@ class Client:
         """
         units = [view.unit for view in self.centre.platforms()]
         if not units:
-            raise NothingFound(
-                f"no platform of federation {self.federation} is there; start some with dyknow up, "
-                "or name the federation they are in with --federation (and how to reach it with --connect)."
-            )
+            raise NothingFound(self.nobody())
         if unit is None:
             return units
         if unit not in units:
@@ -275,4 +300,9 @@ def surroundings(wire: WireConfig) -> Surroundings:
         edge.open()
         return edge
 
-    return Surroundings(SimpleQueue(), NodeClock().now_us, opened)
+    def trouble() -> list[str]:
+        from proxies.zenoh.reachability import unreachable
+
+        return unreachable(wire.connect)
+
+    return Surroundings(SimpleQueue(), NodeClock().now_us, opened, trouble)

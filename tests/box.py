@@ -230,6 +230,9 @@ class ProgramWire:
         self.zid = f"{box.random.getrandbits(64) | 1:x}"
         self._wire.open(self._name, self.zid, post, lambda: box.now_us)
 
+    def peers(self) -> tuple[str, ...]:
+        return tuple(map(str, self._wire.session(self._name).transports))
+
     def perform(self, effect: WireEffect) -> None:
         self._wire.perform(self._name, effect)
 

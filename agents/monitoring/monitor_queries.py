@@ -14,6 +14,7 @@ from agents.tasks.life import TaskLife
 from federation.members.clock import FederationClock
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import (
+    IDLE,
     MAX_LIST,
     Content,
     MonitorChange,
@@ -35,8 +36,6 @@ BEGINNING_US = 1_500_000
 """So long a new monitor may be without its inputs before it counts as unknown."""
 BETWEEN_US = 1_000_000
 """A monitor that changes more often is reported once in this time."""
-IDLE = "idle"
-"""What a monitor shows that has no other platform to watch."""
 
 
 class _Known(NamedTuple):

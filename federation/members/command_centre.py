@@ -239,7 +239,16 @@ class CommandCentre:
         return entry is not None and entry.state is PeerState.GONE
 
     def settled(self, now_us: int, quiet_us: int) -> bool:
-        """Whether there is a platform, all are described, and nothing has changed for `quiet_us`."""
+        """Whether all platforms are described that there are, those included that one of them hears.
+
+        Where they do not name each other (there is one, or none hears another yet), nothing has changed for `quiet_us`.
+        In a federation with a roster the clock of each is known, too: its acts are not believed before that.
+        """
         there = self.platforms(all_kinds=True)
-        described = all(view.entry is not None and view.entry.version for view in there)
-        return any(view.kind == "uav" for view in there) and described and now_us - self._changed_us >= quiet_us
+        uavs = {view.unit: view.entry for view in there if view.kind == "uav"}
+        if not uavs or any(view.entry is None or not view.entry.version for view in there):
+            return False
+        if self.member.trust is not None and any(self.member.offsets.of(unit) is None for unit in uavs):
+            return False
+        is_mutual = all(entry is not None and uavs.keys() & {*entry.hears} for entry in uavs.values())
+        return is_mutual or now_us - self._changed_us >= quiet_us

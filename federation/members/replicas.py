@@ -177,7 +177,9 @@ class Replicas:
         if not self._clock.agrees(found.clock_epoch_us, found.clock_speed):
             return f"its federation clock runs at speed {found.clock_speed} from {found.clock_epoch_us}"
         if found.roster != self._roster:
-            return "it goes by another roster" if found.roster else "it goes by no roster"
+            if self._roster is None:
+                return "its federation has a roster: give it with --roster"
+            return f"it goes by {'another' if found.roster else 'no'} roster: start all with the same --roster"
         return None
 
 

@@ -97,6 +97,11 @@ class Delivery:
     def deadline_us(self) -> int | None:
         return self._due_us
 
+    @property
+    def unacknowledged(self) -> int:
+        """How many acts are not acknowledged yet."""
+        return len(self._pending)
+
     def send(self, act: Act, now_us: int, *, patient: bool = True) -> tuple[Act, Put]:
         """Return the numbered act and its first put. Raises ContentError when it cannot be encoded."""
         receiver = act.receiver.unit

@@ -26,7 +26,7 @@ from federation.messages.contents import (
     Verdict,
 )
 from federation.messages.dialogue import Dialogue
-from runtime.client import QUIET_US, SETTLE_S, Client, Job, Wait
+from runtime.client import SETTLE_S, Client, Job, Wait
 from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.configuration.wording import content_with
 from runtime.library.questions import ask_who_is_missing, check_label, gone_text, missing_units, query_of, receiver_of
@@ -44,7 +44,7 @@ _LOOK_S = 0.2
 
 def platforms(client: Client, *, all_kinds: bool = False) -> Job[list[PlatformView]]:
     """Wait until the directory has settled; return the platforms."""
-    yield Wait(lambda: client.centre.settled(client.now_us(), QUIET_US), SETTLE_S)
+    yield Wait(client.is_settled, SETTLE_S)
     return client.centre.platforms(all_kinds=all_kinds)
 
 
@@ -72,7 +72,7 @@ def query(
     query_of(label, at, between, client.federation_us())
     samples, missing = list[UnitSample](), dict[str, str]()
 
-    def take(unit: str, readings: list[Reading], why: str) -> None:
+    def take(unit: str, readings: list[Reading], why: str, _answered_us: int) -> None:
         samples.extend(sample_of_reading(unit, label, reading) for reading in readings)
         if not readings:
             missing[unit] = why or "no sample"
@@ -89,9 +89,12 @@ def readings_of(
     at: str | int | None,
     between: Any,
     within_s: float,
-    take: Callable[[str, list[Reading], str], None],
+    take: Callable[[str, list[Reading], str, int], None],
 ) -> Job[None]:
-    """Query a label; `take` gets a platform, its readings and why it has not answered, as soon as that is known."""
+    """Query a label; `take` gets what each platform answers, as soon as that is known.
+
+    That is its name, its readings, why there are none, and when it answered, federation time by its own clock.
+    """
     there = client.pick(None)
     around = ask_who_is_missing(client, there) if unit is None or unit not in there else []
     missing = yield from missing_units(there, around if unit is not None else [])
@@ -105,12 +108,13 @@ def readings_of(
         why = dialogue.trouble or ("" if pages else "no answer")
         readings = [] if why else [reading for page in pages for reading in page.samples]
         answered = answered or bool(readings)
-        take(dialogue.unit, readings, why)
+        answered_us = max((act.created_us for act, _ in dialogue.said), default=0)
+        take(dialogue.unit, readings, why, client.centre.clock.federation_us(answered_us))
 
     yield from client.answers(units, content, P.QUERY_REF, within_s, take_answer)
     for name, ago_us in (yield from missing_units(there, around)).items():
         if unit in {None, name}:
-            take(name, [], gone_text(ago_us))
+            take(name, [], gone_text(ago_us), 0)
     check_label(client, label, answered=answered)
 
 

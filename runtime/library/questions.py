@@ -63,11 +63,13 @@ def gone_text(ago_us: int) -> str:
     return f"gone {f'{ago_s} s' if ago_s < 60 else print_span(ago_s * US_PER_S)} ago"
 
 
-def age_of(client: Client, unit: str, label: str, valid_us: int) -> tuple[int, bool]:
-    """How old a sample of a platform is, in microseconds of federation time, and whether it is stale."""
-    entry, offset = client.centre.member.directory.entry(unit), client.centre.member.offsets.of(unit)
-    ahead_us = 0 if offset is None else round(offset.offset_us * client.centre.clock.speed)
-    age_us = max(0, client.federation_us() - (valid_us - ahead_us))
+def age_of(client: Client, unit: str, label: str, valid_us: int, answered_us: int) -> tuple[int, bool]:
+    """How old a sample was when its platform answered, in microseconds of federation time, and whether it is stale.
+
+    Both times are of that platform's clock, so that it does not matter how far it is off.
+    """
+    entry = client.centre.member.directory.entry(unit)
+    age_us = max(0, answered_us - valid_us)
     periods = (one.period_us for one in (entry.labels if entry else ()) if one.label == label)
     return age_us, is_stale(client, age_us, next(periods, 1))
 

@@ -16,6 +16,7 @@ from console.errors import DONE, NO
 from console.output.output import Output
 from dyknow.model.errors import DyknowError, NothingFound, WrongCall
 from navigation.vehicle import BatteryReport, HomeReport, PositionReport, StatusReport, VelocityReport
+from runtime.configuration.settings import Settings
 from tests.box import EPOCH, Box
 
 Lines = Callable[[], list[dict[str, Any]]]
@@ -51,9 +52,43 @@ def test_ls_tells_since_when_each_platform_lives_whoever_asks(world: Box, call: 
 def test_ls_finds_nobody_in_an_empty_federation(call: Call, lines: Lines, monkeypatch: pytest.MonkeyPatch) -> None:
     from console.commands.members.ls import ls
 
-    monkeypatch.setattr(client, "_surroundings", lambda _call: Box().surroundings())
+    empty = Box()
+    monkeypatch.setattr(client, "_surroundings", lambda _call: empty.surroundings())
+    began_us = empty.now_us
     assert ls(call, all_kinds=False) == NO
     assert lines() == []
+    assert empty.now_us - began_us < 800_000, "nobody is not waited for"
+
+
+def test_an_endpoint_that_cannot_be_reached_is_named_where_no_platform_is(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from console.commands.members.ls import ls
+
+    why = "connection refused by tcp/127.0.0.1:1: nothing listens there"
+    around = Box().surroundings()._replace(trouble=lambda: [why])
+    monkeypatch.setattr(client, "_surroundings", lambda _call: around)
+    assert ls(Call(Settings(federation="test"), Output(json_lines=False)), all_kinds=False) == NO
+    assert why in capsys.readouterr().err
+
+
+def test_the_directory_is_waited_for_only_until_all_members_that_are_known_are_described(
+    world: Box, call: Call, lines: Lines
+) -> None:
+    began_us = world.now_us
+    assert _query(call) == DONE
+    assert {line["unit"] for line in lines()} == {0, 1, 2}
+    assert world.now_us - began_us < 200_000
+
+
+def test_one_that_only_others_hear_is_waited_for(world: Box) -> None:
+    world.wire.deaf.add(("2", "cc"))
+    centre = world.centre()
+    world.run(0.5)
+    assert not centre.settled(world.now_us, 0)
+    world.wire.deaf.clear()
+    world.run(1.0)
+    assert centre.settled(world.now_us, 0)
 
 
 def _query(call: Call, **given: Any) -> int:

@@ -165,6 +165,11 @@ def test_no_command_obeys_what_platforms_say(
             else:
                 hostile.world.run(step["seconds"])
         fed |= hostile.fed
+    hostile = HostileWorld(worlds()["three"]())
+    monkeypatch.setattr(client, "_surroundings", partial(_surroundings, hostile.world))
+    hostile.world.agenda.at(hostile.world.now_us + 2_000_000, hostile.world.kill, "0")
+    shown += run(["delegate", "monitor-proximity", "--to", "0", "--wait"], hostile.world, capsys, monkeypatch)
+    fed |= hostile.fed
     assert fed >= FREE, FREE - fed
     assert MARKUP in shown, "brackets are shown as they are"
     assert "\\x1b[2J" in shown

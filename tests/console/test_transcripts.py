@@ -10,7 +10,10 @@ import re
 import shutil
 import sys
 from collections.abc import Callable
+from functools import partial
+from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -27,6 +30,7 @@ SESSIONS = [
 ]
 _PASSING = re.compile(r".*_us|(age|discovery|took|until|since|t)_ms|key|id")
 _PROSE = {"message", "repair", "error", "said", "text", "remedy", "detail", "act"}
+_PIDS = count(4711)
 _IDS = re.compile(r"cc-[0-9]+(-[0-9a-f]+)*")
 
 
@@ -88,6 +92,8 @@ class Player:
         self._monkeypatch.setattr(sys, "argv", ["dyknow", *arguments, *federation, "--json"])
         for name, value in step.get("variables", {}).items():
             self._monkeypatch.setenv(name, value)
+        # Each command is a process of its own, and so a member of its own.
+        self._monkeypatch.setattr(client, "os", SimpleNamespace(getpid=partial(next, _PIDS)))
         with pytest.raises(SystemExit) as end:
             main()
         lines = [json.loads(line) for line in self._capsys.readouterr().out.splitlines()]

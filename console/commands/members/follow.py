@@ -2,7 +2,6 @@
 
 from typing import Any
 
-from agents.monitoring.monitor_queries import IDLE
 from console.centre.client import connected
 from console.command import Call, command
 from console.commands.members.ended_tasks import warn_of_ended
@@ -14,6 +13,7 @@ from dyknow.model.errors import TextError
 from dyknow.model.instants import print_span
 from federation.messages.acts import Performative, parse_act
 from federation.messages.contents import (
+    IDLE,
     ActList,
     ActLog,
     Acts,

@@ -21,6 +21,8 @@ from runtime.library.jobs import all_platforms
 from runtime.library.questions import gone_text, is_stale
 
 AGES_S = 1.0
+CLOCKS_S = 0.3
+"""How long the clocks of platforms are waited for; they are asked a tenth of a second after a platform is met."""
 _STATES = {"alive": "green", "suspect": "yellow", "refused": "red"}
 
 
@@ -33,15 +35,15 @@ def ls(call: Call, *, all_kinds: Annotated[bool, typer.Option("--all", help="Com
             alive = [seen.unit for seen in there if seen.kind == "uav" and seen.state == PeerState.ALIVE.value]
             warn_of_ended(call, client, alive)
             ages = label_ages(client, there)
+            client.wait_for(lambda: all(client.centre.member.offsets.of(unit) for unit in alive), CLOCKS_S)
         records = [_record(client, seen, ages) for seen in there]
-        centre = client.centre.unit
     if call.out.json_lines:
         for record in records:
             call.out.line(record)
     elif records:
         show(call, records, client.now_us())
     else:
-        call.out.note(f"{centre} sees no platform of federation {call.settings.federation}: start some with dyknow up.")
+        call.out.note(client.nobody())
     return DONE if any(seen.state in {"alive", "suspect"} for seen in there) else NO
 
 

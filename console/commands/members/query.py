@@ -54,12 +54,12 @@ def query(
 
     is_latest = at is None and between is None
 
-    def take(name: str, readings: list[Reading], why: str) -> None:
+    def take(name: str, readings: list[Reading], why: str, answered_us: int) -> None:
         found.extend((name, reading) for reading in readings)
         if not readings:
             _missing(call, name, why or nothing)
         for reading in () if one_of_all else readings:
-            age = age_of(client, name, label, reading.valid_us) if is_latest else None
+            age = age_of(client, name, label, reading.valid_us, answered_us) if is_latest else None
             _tell(call, label, name, reading, age)
 
     with connected(call) as client:

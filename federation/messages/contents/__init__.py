@@ -4,6 +4,7 @@ from federation.messages.contents.answers import Cancel, Done, Progress, Reason
 from federation.messages.contents.chronicles import Recognise, Recognised
 from federation.messages.contents.flight import Avoid, Fault, Goto, Hold, Land, Resume, ReturnHome
 from federation.messages.contents.monitors import (
+    IDLE,
     Alarm,
     AlarmList,
     Alarms,
@@ -55,6 +56,7 @@ from federation.messages.contents.streams import (
 )
 
 __all__ = [
+    "IDLE",
     "MAX_LIST",
     "ActList",
     "ActLog",

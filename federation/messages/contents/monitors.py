@@ -54,6 +54,10 @@ class Monitors(parts.Content):
     """Which monitors are there?"""
 
 
+IDLE = "idle"
+"""What a monitor shows that has no other platform to watch."""
+
+
 class MonitorEntry(parts.ContentPart):
     """One monitor: its verdict, and the state of its inputs (`which` are not fresh, since when).
 

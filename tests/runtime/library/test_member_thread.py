@@ -22,6 +22,9 @@ class Quiet:
 
     zid = "1"
 
+    def peers(self) -> tuple[str, ...]:
+        return ()
+
     def __init__(self) -> None:
         self.performed: list[WireEffect] = []
         self.is_closed = False
