@@ -97,6 +97,8 @@ def variances_in(value: Mapping[str, Any], variance: Mapping[str, Any]) -> dict[
     """
     found: dict[str, dict[str, float]] = {}
     for name, stated in variance.items():
+        if not isinstance(stated, int | float):
+            continue  # another platform wrote it
         if name in _DEGREES and isinstance(value.get("latitude_deg"), int | float):
             at, axis = _DEGREES[name]
             unit, amount = "m2", float(stated) * metres_per_degree(value["latitude_deg"])[at] ** 2

@@ -29,6 +29,7 @@ SESSIONS = [
     for session in json.loads(path.read_text(encoding="utf-8"))
 ]
 _PASSING = re.compile(r".*_us|(age|discovery|took|until|since|t)_ms|key|id")
+_INSIDE = {"value": "measured", "values": "measured", "samples": "valid_us"}
 _PROSE = {"message", "repair", "error", "said", "text", "remedy", "detail", "act"}
 _PIDS = count(4711)
 _IDS = re.compile(r"cc-[0-9]+(-[0-9a-f]+)*")
@@ -57,9 +58,7 @@ def worlds() -> dict[str, Callable[[], Box]]:
 def normalised(value: Any, name: str = "", *, is_exact: bool) -> Any:
     """The value without prose and, unless `is_exact`, without what differs from run to run."""
     if isinstance(value, dict):
-        inside = {"value": "measured", "values": "measured", "variance": "measured", "samples": "valid_us"}.get(
-            name, ""
-        )
+        inside = "measured" if name.startswith("variance") else _INSIDE.get(name, "")
         return {key: normalised(one, inside or key, is_exact=is_exact) for key, one in value.items()}
     if isinstance(value, list):
         return [normalised(one, name, is_exact=is_exact) for one in value]

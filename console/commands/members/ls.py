@@ -22,7 +22,7 @@ from runtime.library.questions import gone_text, is_stale
 
 AGES_S = 1.0
 CLOCKS_S = 0.3
-"""How long the clocks of platforms are waited for; they are asked a tenth of a second after a platform is met."""
+"""How long the clocks of platforms are waited for; questions to them begin a tenth of a second after the first sight."""
 _STATES = {"alive": "green", "suspect": "yellow", "refused": "red"}
 
 
