@@ -15,6 +15,7 @@ more to take. So the usual way through needs no lock; a lane that is full or new
 
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Hashable
 from functools import partial
@@ -67,6 +68,7 @@ class Mailbox:
 
     Attributes:
         waited_us: how long `get` has waited, all in all.
+        pause_s: how long `get`, when it had to wait, waits on after the first event, for what comes with it.
     """
 
     def __init__(self, now_us: Callable[[], int]) -> None:
@@ -77,6 +79,7 @@ class Mailbox:
         self._lanes: dict[Hashable, _Lane] = {}
         self._many = _FEW_LANES
         self.waited_us = 0
+        self.pause_s = 0.0
 
     def __len__(self) -> int:
         return self._queue.qsize()
@@ -101,6 +104,8 @@ class Mailbox:
         began_us = self._now_us()
         try:
             take = self._queue.get(timeout=timeout)
+            if self.pause_s:
+                time.sleep(self.pause_s)
         finally:
             self.waited_us += self._now_us() - began_us
         return take()

@@ -39,7 +39,7 @@ from runtime.configuration.config import NodeConfig
 from runtime.configuration.resolved import platform_config
 from runtime.configuration.session import reaches_beyond, unprotected, wire_options
 from runtime.journal.journal import Journal, Journalled
-from runtime.loop import SteppedNode, leave_alone_what_is_loaded, step
+from runtime.loop import Pressure, SteppedNode, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
 from runtime.records import NoteLimit, Records
 from runtime.specified import Specified
@@ -89,6 +89,7 @@ class PlatformProcess:
         self._door = None if config.hosts is None else HostDoor(config.hosts, self.mailbox.post, self.clock.now_us)
         self._told: tuple[str, ...] = ()
         self._weighed_us = 0
+        self._pressure = Pressure()
 
     def run(self) -> int:
         """Join, step until stopped, leave; the exit code.
@@ -165,6 +166,7 @@ class PlatformProcess:
 
     def step(self, timeout_s: float | None = None) -> None:
         """Wait for the next event or deadline, at most `timeout_s`, and act on it."""
+        self.mailbox.pause_s = self._pressure.pause_s(self.clock.now_us())
         step(self._node, self.mailbox, self.clock.now_us, self._perform, timeout_s)
         if self._accepted is not None:
             self._accepted.step()

@@ -1,7 +1,8 @@
 from dataclasses import dataclass, field
+from pathlib import Path
 from queue import Empty
 
-from runtime.loop import BATCH, step
+from runtime.loop import BATCH, Pressure, step
 from tests.fakes import FakeClock
 
 
@@ -82,3 +83,30 @@ def test_steps_without_events_are_the_deadlines_in_order() -> None:
     while len(done) < 5:
         step(node, Waiting(clock), clock.now_us, done.append)
     assert done == [f"beat at {100 * n}" for n in range(1, 6)]
+
+
+def statistics(path: Path, waited_ns: int) -> Path:
+    path.write_text(f"123456 {waited_ns} 42\n")
+    return path
+
+
+def test_a_loop_pauses_the_longer_the_more_its_thread_waits_for_a_processor(tmp_path: Path) -> None:
+    waited_ns, pauses = 0, []
+    pressure = Pressure(statistics(tmp_path / "schedstat", 0))
+    for half_second in range(41):
+        part = 0.0 if half_second <= 10 or half_second > 30 else 0.05 if half_second <= 20 else 0.5
+        waited_ns += int(part * 500_000_000)
+        statistics(tmp_path / "schedstat", waited_ns)
+        pauses.append(pressure.pause_s(half_second * 500_000))
+    assert pauses[:11] == [0.0] * 11
+    assert 0.003 < pauses[20] < 0.005
+    assert pauses[30] == 0.010
+    assert pauses[40] < 0.001, "and no more when the machine is free again"
+
+
+def test_a_loop_never_pauses_where_nothing_says_how_long_threads_wait(tmp_path: Path) -> None:
+    for text in (None, "", "1", "a b c"):
+        if text is not None:
+            (tmp_path / "schedstat").write_text(text)
+        pressure = Pressure(tmp_path / "schedstat")
+        assert [pressure.pause_s(at_us) for at_us in range(0, 5_000_000, 500_000)] == [0.0] * 10

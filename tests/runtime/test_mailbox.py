@@ -181,3 +181,19 @@ def test_threads_that_post_at_once_lose_nothing_that_is_not_counted() -> None:
         else:
             arrived[event.key] += 1
     assert {key: arrived[key] + lost[key] for key in keys} == dict.fromkeys(keys, posted)
+
+
+def test_a_mailbox_that_pauses_finds_what_comes_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
+    box, pauses = a_mailbox(), []
+
+    def pause(seconds: float) -> None:
+        pauses.append(seconds)
+        box.post(sample(2))
+
+    monkeypatch.setattr(mailbox.time, "sleep", pause)
+    box.pause_s = 0.005
+    threading.Timer(0.01, box.post, [sample(1)]).start()
+    assert box.get(10.0) == sample(1)
+    assert pauses == [0.005]
+    assert box.get(0) == sample(2), "and does not wait again for what is there"
+    assert pauses == [0.005]
