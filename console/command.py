@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand, TyperGroup, TyperOption
 from typer.main import get_command
 
 from console.errors import DONE, INTERRUPTED, exit_code
@@ -64,7 +64,19 @@ class OwnCommand(TyperCommand):
             f"{given}={BARE[given]}" if given in BARE and after.startswith("-") else given
             for given, after in zip_longest(args, args[1:], fillvalue="-")
         ]
+        self._check_once(ctx, whole)
         return super().parse_args(ctx, whole)
+
+    def _check_once(self, ctx: Any, args: list[str]) -> None:
+        """Refuse an option that is given again where only its last value would count."""
+        if ctx.resilient_parsing or "--help" in args or "-h" in args:
+            return
+        _, _, given = self.make_parser(ctx).parse_args(args=list(args))
+        options: list[Any] = [each for each in given if isinstance(each, TyperOption)]
+        for option in options:
+            if options.count(option) > 1 and not option.multiple and not option.is_flag:
+                text = f"given {options.count(option)} times, and it takes one value; call the command once for each."
+                raise typer.BadParameter(text, ctx, option)
 
 
 class CommandGroup(TyperGroup):

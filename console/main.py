@@ -17,7 +17,7 @@ COMMANDS: CommandTable = {
         "One platform on any MAVLink vehicle, a recorded flight, or a specification alone.",
     ),
     "host": (f"{_FLEET}.host:host", "Offer sources and units to a platform from a process of their own."),
-    "down": (f"{_FLEET}.up:down", "End what up --detach started."),
+    "down": (f"{_FLEET}.up:down", "End the platforms that up and join started on this machine."),
     "ls": (f"{_MEMBERS}.ls:ls", "The directory: platforms, services, labels, age of samples, clock offsets."),
     "query": (f"{_MEMBERS}.query:query", "The latest value of a label, its value at a time, or all between two times."),
     "watch": (f"{_MEMBERS}.watch:watch", "A federated stream under a policy, sample by sample."),

@@ -1,6 +1,7 @@
 """The run directory of a federation on this machine: its processes here, and their endpoints.
 
-It is `$XDG_RUNTIME_DIR/dyknow/<federation>` or `~/.cache/dyknow/<federation>`; `dyknow up` writes `state.json` there. A
+It is `$XDG_RUNTIME_DIR/dyknow/<federation>` or `~/.cache/dyknow/<federation>`; `dyknow up` writes `state.json` there, and
+each `dyknow join` a file of the same form in `joined/`. A
 process is known by its id together with its start time: ids are used again.
 """
 
@@ -12,6 +13,8 @@ from typing import NamedTuple
 import psutil
 
 STATE_FILE = "state.json"
+JOINED = "joined"
+"""The folder with a state file for each `dyknow join`."""
 
 
 class Running(NamedTuple):
@@ -31,6 +34,12 @@ class Running(NamedTuple):
         return found if alive else None
 
 
+def this_process() -> Running:
+    """The process that calls, as a supervisor of platforms."""
+    mine = psutil.Process()
+    return Running("", mine.pid, mine.create_time())
+
+
 class ProcessState(NamedTuple):
     """Recorded state of a federation on this machine: its processes (unit "" is the supervisor) and their endpoints."""
 
@@ -45,10 +54,10 @@ def run_directory(federation: str) -> Path:
     return base / "dyknow" / federation
 
 
-def noted_state(directory: Path) -> ProcessState:
+def noted_state(directory: Path, file: str = STATE_FILE) -> ProcessState:
     """What was noted of this federation, whether those processes still run or not."""
     try:
-        noted = json.loads((directory / STATE_FILE).read_text(encoding="utf-8"))
+        noted = json.loads((directory / file).read_text(encoding="utf-8"))
         running = tuple(
             Running(str(entry["unit"]), int(entry["pid"]), float(entry["started"])) for entry in noted["running"]
         )
@@ -65,9 +74,16 @@ def read_state(directory: Path) -> ProcessState:
     return ProcessState(alive, noted.endpoints if alive else ())
 
 
-def write_state(directory: Path, state: ProcessState) -> None:
-    """Write the state, whole or not at all."""
+def joined_states(directory: Path) -> dict[Path, ProcessState]:
+    """What each `dyknow join` of this federation noted, by its file."""
+    files = sorted((directory / JOINED).glob("*.json"))
+    return {file: noted_state(file.parent, file.name) for file in files}
+
+
+def write_state(directory: Path, state: ProcessState, file: str = STATE_FILE) -> Path:
+    """Write the state, whole or not at all; returns the file."""
+    directory.mkdir(mode=0o700, parents=True, exist_ok=True)
     noted = {"running": [found._asdict() for found in state.running], "endpoints": state.endpoints}
-    new = directory / f"{STATE_FILE}.new"
+    new = directory / f"{file}.new"
     new.write_text(json.dumps(noted), encoding="utf-8")
-    new.replace(directory / STATE_FILE)
+    return new.replace(directory / file)

@@ -60,6 +60,14 @@ def test_a_wrong_option_value_is_a_wrong_call_that_names_command_place_and_remed
     assert done.stderr.startswith("dyknow doctor: --federation: 'A B' cannot name a federation; write ")
 
 
+@pytest.mark.parametrize("arguments", ["delegate hold --to a --to b", "ls --json --roster a --roster b"])
+def test_an_option_of_one_value_that_is_given_again_is_refused_and_named(dyknow: Run, arguments: str) -> None:
+    done = dyknow(*arguments.split())
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert f"{arguments.split()[-2]}': given 2 times" in done.stderr
+
+
 def test_json_is_one_object_a_line_and_nothing_else(dyknow: Run) -> None:
     done = dyknow("doctor", "--json")
     found = [json.loads(line) for line in done.stdout.splitlines()]

@@ -24,7 +24,7 @@ from dyknow.model.errors import FederationFailed, WrongCall
 from proxies.recordings.named_files import beside
 from runtime.configuration.config import ClockConfig, MavlinkVehicle, NodeConfig, NoVehicle, Vehicle
 from runtime.configuration.instants import SHORTEST_US, duration_us, instant_us
-from runtime.configuration.run_directory import run_directory
+from runtime.configuration.run_directory import JOINED, ProcessState, run_directory, this_process, write_state
 from runtime.configuration.settings import UnitFile
 
 _LOOK_S = 0.7
@@ -129,6 +129,7 @@ def _run(call: Call, configs: list[NodeConfig]) -> int:
     fleet = Fleet(run_directory(call.settings.federation), lifeline=True)
     gathering = FleetStart(units)
     early: list[dict[str, Any]] = []
+    noted: Path | None = None
 
     def on_heard(who: str, event: dict[str, Any]) -> None:
         gathering.on_heard(who, event)
@@ -137,6 +138,8 @@ def _run(call: Call, configs: list[NodeConfig]) -> int:
     with interruptible():
         try:
             fleet.start_together({config.unit: config.model_dump_json() for config in configs})
+            running = (*fleet.running.values(), this_process())
+            noted = write_state(fleet.directory / JOINED, ProcessState(running), f"{units[0]}.json")
             with call.out.waiting(f"{named}: starting"):
                 if not fleet.follow(gathering.all_joined, on_heard, READY_S):
                     raise FederationFailed(f"{named} did not join in {READY_S:.0f} s.\n{fleet.last_words(units[0])}")
@@ -151,6 +154,8 @@ def _run(call: Call, configs: list[NodeConfig]) -> int:
         finally:
             with uninterrupted():
                 fleet.end()
+                if noted is not None:
+                    noted.unlink(missing_ok=True)
     if code:
         raise FederationFailed(f"{named} ended with code {code}.\n{fleet.last_words(units[0])}")
     return DONE

@@ -4,7 +4,6 @@ import time
 from pathlib import Path
 from typing import Annotated, Any
 
-import psutil
 import typer
 
 from console.command import Call, command
@@ -123,8 +122,7 @@ def _note_state(fleet: Fleet, configs: list[NodeConfig], *, stays: bool) -> None
     """Note for other commands which processes run and where; a supervisor that stays is ended first."""
     running = [*fleet.running.values()]
     if stays:
-        mine = psutil.Process()
-        running.append(run_directory.Running("", mine.pid, mine.create_time()))
+        running.append(run_directory.this_process())
     endpoints = [endpoint for config in configs for endpoint in config.wire.listen]
     run_directory.write_state(fleet.directory, run_directory.ProcessState(tuple(running), tuple(endpoints)))
 
@@ -230,21 +228,23 @@ def ended(fleet: Fleet) -> None:
 
 @command(example="dyknow down")
 def down(call: Call) -> int:
-    """End what up --detach started on this machine; exit 1 if nothing runs."""
+    """End the platforms of the federation that up and join started on this machine; exit 1 if none runs."""
     directory = run_directory.run_directory(call.settings.federation)
-    noted = run_directory.noted_state(directory).running
+    joined = run_directory.joined_states(directory)
+    noted = [each for state in (run_directory.noted_state(directory), *joined.values()) for each in state.running]
     running = [found for found in noted if found.process() is not None]
     platforms = [found.unit for found in running if found.unit]
     before = sorted((found.unit for found in noted if found.unit and found not in running), key=unit_order)
     # A supervisor that stayed ends its own platforms, which takes its grace; the others are ended here.
     end([found for found in running if not found.unit], grace_s=3 * GRACE_S)
     end([found for found in running if found.unit])
-    (directory / run_directory.STATE_FILE).unlink(missing_ok=True)
+    for file in (directory / run_directory.STATE_FILE, *joined):
+        file.unlink(missing_ok=True)
     units = sorted(platforms, key=unit_order)
     if units:
         text = f"stopped: platforms {', '.join(units)}"
     else:
-        text = f"nothing that up --detach started runs in federation {call.settings.federation}"
+        text = f"no platform of federation {call.settings.federation} runs on this machine"
     record: dict[str, Any] = {"event": "stopped", "units": [unit_json(unit) for unit in units]}
     if before:
         text += f"; platform{'s' if len(before) > 1 else ''} {', '.join(before)} had ended before"

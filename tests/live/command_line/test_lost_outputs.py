@@ -6,6 +6,7 @@ import sys
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 
 from runtime.configuration.config import NodeConfig, SimulatedVehicleConfig, WireConfig
@@ -73,3 +74,20 @@ def test_a_terminal_that_is_closed_leaves_the_platforms_to_down(dyknow: Dyknow) 
     assert dyknow.run("down") == [{"event": "stopped", "units": [1], "ended_before": [0]}]
     assert up.wait(timeout=PATIENCE_S) == 130
     assert gone(pids)
+
+
+def test_a_join_whose_terminal_was_closed_is_found_and_ended_by_down(dyknow: Dyknow) -> None:
+    joined = dyknow.start("join", "--unit", "7", "--mavlink", "udpin:127.0.0.1:0", "--json")
+    assert joined.stdout is not None
+    assert joined.stderr is not None
+    assert next(lines(joined))["event"] == "joined"
+    (platform,) = psutil.Process(joined.pid).children()
+    joined.stdout.close()
+    joined.stderr.close()
+    joined.send_signal(signal.SIGHUP)
+    assert [line["unit"] for line in dyknow.until("ls", state="alive")] == [7]
+    assert joined.poll() is None
+    assert dyknow.run("down") == [{"event": "stopped", "units": [7]}]
+    assert joined.wait(timeout=PATIENCE_S) == 130
+    assert gone([platform.pid])
+    assert dyknow.run("down", code=1) == [{"event": "stopped", "units": []}]

@@ -77,4 +77,4 @@ def test_down_says_what_it_looked_for_when_nothing_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert _down(tmp_path, monkeypatch) == NO
-    assert capsys.readouterr().out == "nothing that up --detach started runs in federation test\n"
+    assert capsys.readouterr().out == "no platform of federation test runs on this machine\n"
