@@ -223,7 +223,7 @@ class Ports:
     @cached_property
     def monitors(self) -> UnitMonitors:
         def on_alarm(event: AlarmEvent) -> None:
-            self.on_alarm(self.part(GivingWay).annotated(event))
+            self.part(GivingWay).on_monitor(event)
 
         return UnitMonitors(self.unit, self.network, self.source, on_alarm)
 

@@ -12,6 +12,7 @@ from agents.exchange.gateway import Gateway
 from agents.flight.avoidance import WOULD_HOLD, Avoidance
 from agents.flight.encounters import leaps, stands
 from agents.flight.errand import OrderProgress
+from agents.flight.grounded import GroundedAlarms
 from agents.flight.pilot import Pilot
 from agents.flight.places import Fix
 from agents.flight.steps import Divert, LeaveToPartner, NeitherCan, Over, Propose, ResumeRoute, Step
@@ -76,6 +77,8 @@ class GivingWay(Part):
         self._warned: dict[str, set[str]] = {}
         self._neither: dict[str, AlarmEvent] = {}
         self._grounded_until_us: dict[str, int] = {}
+        self._put_off: set[str] = set()
+        self._grounded = GroundedAlarms(self._is_parked, self._is_open, self._on_traffic)
         self._seen: object = None
         self.refused: dict[str, int] = {}
 
@@ -84,12 +87,30 @@ class GivingWay(Part):
         """The units this platform is avoiding, or about to."""
         return tuple(self._avoidance.encounters)
 
-    def annotated(self, event: AlarmEvent) -> AlarmEvent:
+    def on_monitor(self, event: AlarmEvent) -> None:
+        """A monitor opened or closed an alarm: raise it, unless it is about vehicles that stand, ours on the ground."""
+        named = self._monitors.named.get(event.monitor)
+        if named is not None and named.plan.profile.pairwise and len(event.units) == 2:
+            self._grounded.on_alarm(event)
+        else:
+            self._on_traffic(event)
+
+    def _on_traffic(self, event: AlarmEvent) -> None:
         """A warning says as well that this platform will do nothing about it."""
         reason = self._pilot.avoidance_off if self._may_avoid else None
-        if event.event == "closed" or reason is None or not self._is_warning(event.monitor):
-            return event
-        return event._replace(values={**event.values, f"avoidance[{self._unit}]": f"off: {reason}"})
+        if event.event == "opened" and reason is not None and self._is_warning(event.monitor):
+            event = event._replace(values={**event.values, f"avoidance[{self._unit}]": f"off: {reason}"})
+        self._raise(event)
+
+    def _is_parked(self, partner: str) -> bool:
+        """Whether our vehicle is on the ground, and neither it nor the other one moves."""
+        own, other = self._pilot.fix, fix_of(self._gateway, partner)
+        return self._stands and own is not None and stands(own) and other is not None and stands(other)
+
+    def _is_open(self, event: AlarmEvent) -> bool:
+        named = self._monitors.named.get(event.monitor)
+        instance = None if named is None else named.instances.get(event.units[1])
+        return instance is not None and instance.monitor.alarm_id == event.id
 
     # -- what happens ------------------------------------------------------------------------------------------
 
@@ -99,7 +120,10 @@ class GivingWay(Part):
             return
         partner = event.units[1]
         if event.event == "closed":
-            self._warned.get(partner, set()).discard(event.monitor)
+            warned = self._warned.get(partner, set())
+            warned.discard(event.monitor)
+            if not warned:
+                self._put_off.discard(partner)
             return
         self._warned.setdefault(partner, set()).add(event.monitor)
         self._alarm_of[partner] = event.id
@@ -120,6 +144,7 @@ class GivingWay(Part):
         own = self._pilot.fix
         if own is None:
             return
+        self._grounded.on_moved(self._clock.federation_us(now_us))
         self._follow_diversion(now_us)
         for partner in tuple(dict.fromkeys((*self.encounters, *self._warned))):
             self._look(partner, own, now_us)
@@ -138,8 +163,16 @@ class GivingWay(Part):
             and self._pilot.control
             and not self._stands
             and not self._is_grounded(partner, now_us)
-            and not self._leapt(partner, now_us)
+            and not self._is_put_off(partner, now_us)
         )
+
+    def _is_put_off(self, partner: str, now_us: int) -> bool:
+        """Whether the altitude of that platform has leapt, reported once while a warning about it is open."""
+        leapt = self._has_leapt(partner, now_us)
+        if leapt and partner not in self._put_off:
+            self._put_off.add(partner)
+            self._tell(f"{self._unit} puts off avoiding {partner}: the altitude of {partner} has leapt", now_us)
+        return leapt
 
     def _is_grounded(self, partner: str, now_us: int) -> bool:
         """Whether that platform has reported it of its vehicle, which does not move."""
@@ -152,7 +185,7 @@ class GivingWay(Part):
         status = self._pilot.status
         return status is not None and not (status.armed and status.airborne is not False)
 
-    def _leapt(self, partner: str, now_us: int) -> bool:
+    def _has_leapt(self, partner: str, now_us: int) -> bool:
         """Whether the altitude of that platform has changed as that of no aircraft does."""
         until_us = self._clock.federation_us(now_us)
         try:
@@ -204,7 +237,7 @@ class GivingWay(Part):
             raise Refused(f"this platform does not know where {partner} is")
         if self._stands:
             raise Refused("the vehicle is on the ground or not armed", "grounded")
-        if self._leapt(partner, now_us):
+        if self._has_leapt(partner, now_us):
             raise Refused(f"the altitude of {partner} has leapt", "implausible")
         refused, steps = self._avoidance.on_proposal(
             partner, content.climber, own, other, self._may, now_us,
