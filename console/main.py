@@ -1,6 +1,8 @@
 """The command `dyknow`. A command is registered in `COMMANDS` and declared on its function, imported when it is called."""
 
+import contextlib
 import os
+import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -99,4 +101,20 @@ def _root() -> None:
 
 def main() -> None:
     """The entry point."""
-    app(prog_name="dyknow")
+    try:
+        app(prog_name="dyknow")
+    finally:
+        _end(sys.exception())
+
+
+def _end(how: BaseException | None) -> None:
+    """End the process at once if it was in a federation.
+
+    Threads of Zenoh may still be closing links, and an interpreter that ends under them aborts the process, which
+    would be the exit code of a command that has done its work.
+    """
+    if "zenoh" in sys.modules and isinstance(how, SystemExit) and isinstance(how.code, int | None):
+        with contextlib.suppress(OSError, ValueError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(how.code or 0)

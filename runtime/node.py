@@ -4,6 +4,9 @@ What a platform flies is a kind of vehicle of `runtime.vehicles`, or of a module
 """
 
 import argparse
+import contextlib
+import os
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -33,4 +36,8 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    code = main()
+    with contextlib.suppress(OSError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(code)  # threads of Zenoh may still be closing links: an interpreter that ended under them would abort
