@@ -20,10 +20,12 @@ from federation.members.member import Member
 from federation.members.offers import LabelAppeared, LabelGone, Service, ServiceAppeared, ServiceGone, Visibility
 from federation.members.replicas import PlatformRefused
 from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.contents import MAX_LIST, Directory, DirectoryEvent, Found, Leave, Rejoin, Search
+from federation.messages.contents import MAX_LIST, Content, Directory, DirectoryEvent, Found, Leave, Rejoin, Search
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from federation.transport import Answered, Arrived, Asked, AskEnded, DeclareQueryable, TokenChanged
 
+ASKED = 2
+"""How many platforms that were here before are asked which ones they miss: what they know outlives them."""
 JOINING_US = 5_000_000
 """How long after its start a platform may still be refused."""
 NOTED = 64
@@ -93,6 +95,7 @@ class DirectoryAgent(Part):
         self._subscribers = Subscribers(agent, tasks)
         self._members: tuple[str, ...] | None = None
         self._missing: dict[str, int] = {}
+        self._to_ask = ASKED
         self._own: Followed = (self,)
         self._fed: Followed = (self, *fed)
 
@@ -230,9 +233,33 @@ class DirectoryAgent(Part):
         """Inform the subscribers, and remember which platform is missing."""
         self._on_own(change, now_us)
         self._note_missing(change)
+        if isinstance(change, ServiceAppeared) and change.service.service == DIRECTORY.service:
+            self._ask_missing(change.unit, now_us)
         content = _content_of(change, now_us)
         if content is not None:
             self._subscribers.inform(content, now_us)
+
+    def _ask_missing(self, unit: str, now_us: int) -> None:
+        """Learn from a platform that was here before which ones went before we came."""
+        entry = self.facilitator.entry(unit)
+        if self._to_ask == 0 or entry is None or entry.kind != "uav" or entry.boot >= self._member.boot:
+            return
+        self._to_ask -= 1
+
+        def on_reply(act: Act, content: Content | None, at_us: int) -> None:
+            if not isinstance(content, Found):
+                return
+            for name, since_us in zip(content.missing_units, content.missing_since, strict=False):
+                known = self.facilitator.entry(name)
+                if known is None and name != self._member.unit and len(self._missing) < MAX_LIST:
+                    self._missing.setdefault(name, at_us - max(0, act.created_us - since_us))
+
+        def on_silence(_why: str, _at_us: int) -> None:
+            self._to_ask += 1
+
+        self._agent.delegate(
+            unit, Search(), now_us, performative=Performative.QUERY_REF, on_reply=on_reply, on_silence=on_silence
+        )
 
     def _note_missing(self, change: PeerChange) -> None:
         """A platform that timed out or crashed is missing until it returns, or says good-bye."""

@@ -182,6 +182,31 @@ def test_a_platform_that_was_killed_stays_as_gone_until_it_returns(
     assert {entry["state"] for entry in lines()} == {"alive"}
 
 
+def test_a_platform_that_was_killed_is_named_while_any_platform_lives_also_one_that_never_met_it(
+    world: Box, call: Call, lines: Lines
+) -> None:
+    from console.commands.members.ls import ls
+
+    killed_us = world.now_us
+    world.kill("1")
+    world.run(30.0)
+    world.fly("7", 0.0, 400.0)
+    world.run(3.0)
+    for witness in ("0", "2"):
+        world.kill(witness)
+    world.run(5.0)
+    assert ls(call, all_kinds=False) == DONE
+    shown = {entry["unit"]: entry for entry in lines()}
+    assert {unit: entry["state"] for unit, entry in shown.items()} == {0: "gone", 1: "gone", 2: "gone", 7: "alive"}
+    assert abs(shown[1]["gone_us"] - killed_us) < 300_000
+    assert _query(call, label="battery") == DONE
+    assert {entry["unit"]: "error" in entry for entry in lines()} == {0: True, 1: True, 2: True, 7: False}
+    world.fly("1", 0.0, 200.0, 2.0)
+    world.run(2.0)
+    assert ls(call, all_kinds=False) == DONE
+    assert {entry["unit"]: entry["state"] for entry in lines()}[1] == "alive"
+
+
 def test_a_platform_that_said_good_bye_is_neither_named_nor_listed(world: Box, call: Call, lines: Lines) -> None:
     from console.commands.members.ls import ls
 
