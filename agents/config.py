@@ -28,6 +28,8 @@ class PlatformConfig:
         missions: whether it may interrupt a mission of its vehicle to give way.
         period_us: the grid of its estimates.
         catalogue: what its specification can make sources and units from, by name.
+        stopwatch: federation time as it is within a step, by which it is known how long units take, and which are
+            called in workers; None: time is simulated.
         monotonic_offset_us: its node clock minus the monotonic clock of the machine, which hosts have, too.
         admission: what becomes of declarations that there is no time for.
         extensions: classes of parts that it has besides its own; see `agents.extensions`.
@@ -51,6 +53,7 @@ class PlatformConfig:
     profiles: Mapping[str, Profile] = field(default_factory=builtin_profiles)
     trust: Trust | None = None
     catalogue: Callable[[str], Prototype | None] = lambda _name: None
+    stopwatch: Callable[[], int] | None = None
     monotonic_offset_us: int = 0
     extensions: tuple[type[Part], ...] = ()
     govern_us: int | None = None

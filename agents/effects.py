@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeAlias
 
 from dyknow import SURE, Quality
+from dyknow.network.process import Outcome, Work
 from federation.transport import WireEffect, WireEvent
 from navigation.vehicle import Command, Report
 
@@ -72,6 +73,15 @@ class HostLeft(NamedTuple):
     host: int
 
 
+class Computed(NamedTuple):
+    """A worker has done what `Compute` asked for; it took so long (node clock)."""
+
+    at_us: int
+    number: int
+    outcome: Outcome
+    took_us: int
+
+
 class Impaired(NamedTuple):
     """Something of this process no longer works, such as its journal; the platform continues without it."""
 
@@ -80,7 +90,14 @@ class Impaired(NamedTuple):
 
 
 HostEvent: TypeAlias = HostCame | HostSaid | HostLeft
-Event: TypeAlias = WireEvent | Reported | LeaveRequested | Specify | Fed | Waited | Impaired | HostEvent
+Event: TypeAlias = WireEvent | Reported | LeaveRequested | Specify | Fed | Waited | Computed | Impaired | HostEvent
+
+
+class Compute(NamedTuple):
+    """Call a computational unit next to the thread of the platform; `Computed` says what came of it."""
+
+    number: int
+    work: Work
 
 
 class InjectFault(NamedTuple):
@@ -132,4 +149,4 @@ class Halt(NamedTuple):
     reason: str
 
 
-Effect: TypeAlias = WireEffect | Command | InjectFault | Note | Tell | Halt | HostEffect
+Effect: TypeAlias = WireEffect | Command | Compute | InjectFault | Note | Tell | Halt | HostEffect

@@ -190,6 +190,11 @@ class Ports:
         return self.part(LocalInstance).source
 
     @property
+    def stopwatch(self) -> Callable[[], int] | None:
+        """Federation time within a step; None: time is simulated."""
+        return self.config.stopwatch
+
+    @property
     def fed(self) -> tuple[Part, ...]:
         """The parts that imported samples may make due earlier."""
         return self.part(LocalInstance), self.part(UnitMonitoring)

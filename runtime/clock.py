@@ -1,6 +1,8 @@
 """The node's clock: UTC when the process started, monotonic from then on, so that time never jumps or goes back."""
 
 import time
+from collections import deque
+from collections.abc import Callable, Iterable
 
 
 class NodeClock:
@@ -20,3 +22,46 @@ class NodeClock:
 
     def now_us(self) -> int:
         return (time.monotonic_ns() + self._offset_ns) // 1000
+
+
+class Stopwatch:
+    """Federation time within a step; what it showed can be kept for a journal, and is shown again in a replay.
+
+    Args:
+        federation_us: the clock.
+        keeps: whether `taken` is wanted.
+    """
+
+    def __init__(self, federation_us: Callable[[], int], *, keeps: bool = False) -> None:
+        self._federation_us, self._keeps = federation_us, keeps
+        self._shown: list[int] = []
+
+    def now_us(self) -> int:
+        """What it shows."""
+        now_us = self._federation_us()
+        if self._keeps:
+            self._shown.append(now_us)
+        return now_us
+
+    def taken(self) -> tuple[int, ...]:
+        """What it showed since the last time."""
+        taken, self._shown = tuple(self._shown), []
+        return taken
+
+
+class ReplayedStopwatch:
+    """Shows again what a stopwatch showed in each step that is replayed."""
+
+    def __init__(self) -> None:
+        self._ahead: deque[int] = deque()
+        self._last_us = 0
+
+    def expect(self, shown: Iterable[int]) -> None:
+        """What it shows in the next step."""
+        self._ahead = deque(shown)
+
+    def now_us(self) -> int:
+        """What it showed; what is missing is as before."""
+        if self._ahead:
+            self._last_us = self._ahead.popleft()
+        return self._last_us

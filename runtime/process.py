@@ -11,18 +11,27 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from queue import Empty
 from typing import Any
 
 from agents.directory.directory import DirectoryAgent
-from agents.effects import Event, Halt, HostEffect, Impaired, InjectFault, LeaveRequested, Note, Reported, Tell, Waited
+from agents.effects import (
+    Compute,
+    Event,
+    Halt,
+    HostEffect,
+    Impaired,
+    InjectFault,
+    LeaveRequested,
+    Note,
+    Reported,
+    Tell,
+    Waited,
+)
 from agents.flight.flight import FlightAgent
-from agents.flight.vehicle_streams import ESTIMATE
 from agents.monitoring.monitor_plans import PlanBook
 from agents.platform import Platform
-from dyknow import Policy
 from dyknow.model.errors import DecodeError, DyknowError, EndpointFailed, RosterError, UnitError, WrongCall
 from federation.members.clock import FederationClock
 from federation.messages import contents
@@ -30,20 +39,21 @@ from federation.messages.codec import decode_description
 from federation.transport import Answered, Ask, Put
 from navigation.vehicle import Command, Report
 from proxies.hosts.listener import HostDoor
-from proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED
 from proxies.zenoh.edge import ZenohEdge
 from reasoning import builtin_profiles
 from runtime.accepted_acts import AcceptedActs
-from runtime.clock import NodeClock
+from runtime.clock import NodeClock, Stopwatch
 from runtime.configuration.config import NodeConfig
 from runtime.configuration.resolved import platform_config
 from runtime.configuration.session import reaches_beyond, unprotected, wire_options
-from runtime.journal.journal import Journal, Journalled
+from runtime.journal.journal import Journal
+from runtime.journal.recorded_runs import about, journalled
 from runtime.loop import Pressure, SteppedNode, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
 from runtime.records import NoteLimit, Records
 from runtime.specified import Specified
 from runtime.vehicles import Vehicle, VehiclePorts
+from runtime.workers import WorkerThreads
 
 WRONG, FAILED = 2, 3
 """How the process ends: what it was given does not work, or what it met."""
@@ -87,6 +97,8 @@ class PlatformProcess:
         self._vehicle = Vehicle()
         self._specified: Specified | None = None
         self._door = None if config.hosts is None else HostDoor(config.hosts, self.mailbox.post, self.clock.now_us)
+        self._stopwatch = Stopwatch(self.federation_us, keeps=config.journal is not None)
+        self._workers = WorkerThreads(self.mailbox.post, self.clock.now_us, self._note)
         self._told: tuple[str, ...] = ()
         self._weighed_us = 0
         self._pressure = Pressure()
@@ -133,6 +145,7 @@ class PlatformProcess:
         platform = self._platform = Platform(
             replace(
                 platform_config(self.config, self._federation_clock, started_us, self._edge.zid),
+                stopwatch=self._stopwatch.now_us,
                 monotonic_offset_us=self.clock.monotonic_offset_us,
                 **self._vehicle.settings,
             ),
@@ -145,7 +158,8 @@ class PlatformProcess:
         self._vehicle.start()
         if self._specified is not None:
             self._specified.start()
-        self._node = self._journalled(platform)
+        self._journal = None if self.config.journal is None else self._new_journal(self.config.journal)
+        self._node = platform if self._journal is None else journalled(platform, self._journal, self._stopwatch)
         trust, key = platform.config.trust, self.config.trust.key
         if trust is not None and key is not None:
             self._accepted = AcceptedActs(key, trust.verifier, self.impair)
@@ -192,6 +206,7 @@ class PlatformProcess:
         if self._door is not None:
             self._door.close()
         self._edge.close()
+        self._workers.close()
         if self._journal is not None:
             self._journal.close()
         if self._accepted is not None:
@@ -214,26 +229,12 @@ class PlatformProcess:
             config.spec, config.feed, self.mailbox.post, self._note, self.clock.now_us, clock.federation_us
         )
 
-    def _journalled(self, platform: Platform) -> SteppedNode[Event, Any]:
-        """The platform, or the platform with its journal: events, timers, and what was estimated."""
-        if self.config.journal is None:
-            return platform
-        clock = self._federation_clock
-        about = {
-            "config": self.config.model_dump_json(),
-            CLOCK_EPOCH: str(clock.epoch_us),
-            CLOCK_SPEED: str(clock.speed),
-        }
+    def _new_journal(self, path: Path) -> Journal | None:
         try:
-            journal = self._journal = Journal(self.config.journal, about)
+            return Journal(path, about(self.config, self._federation_clock))
         except OSError as wrong:
             self.impair(f"there is no journal: {wrong}")
-            return platform
-        for flight in _flights(platform):
-            estimate, fields = flight.streams.estimate, [field.name for field in ESTIMATE.fields]
-            on_sample = partial(journal.on_sample, str(estimate), fields)
-            platform.ports.network.subscribe(estimate, Policy(), on_sample)
-        return Journalled(platform, journal)
+            return None
 
     def _insist_on_trust(self) -> None:
         """Refuse to take part where strangers could, unless that is allowed; note what is not protected."""
@@ -288,6 +289,8 @@ class PlatformProcess:
             self._fly(effect)
         elif kind is Note:
             self._note(effect.text)
+        elif kind is Compute:
+            self._workers.perform(effect)
         elif isinstance(effect, HostEffect):
             if self._door is not None:
                 self._door.perform(effect)

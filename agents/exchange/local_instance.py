@@ -1,11 +1,14 @@
 """The local instance of a platform as a part: it lives by time, and shows its labels to agents of its own platform."""
 
-from typing import Final
+from collections.abc import Callable
+from typing import Final, NamedTuple
 
 from agents.actions import QUERIED, Action, Offer, Role
+from agents.effects import Compute, Computed, Effect
 from agents.interface import InterfaceAgent
 from agents.part import Part
 from dyknow import Label, Network
+from dyknow.network.process import Work
 from federation.members.clock import FederationClock
 from federation.members.offers import Service, Visibility
 from federation.messages.acts import Act, Performative
@@ -18,17 +21,39 @@ IMPORTED_HISTORY = 1200
 """How many samples of an imported stream are kept."""
 
 
+class UnitWorkers(NamedTuple):
+    """Workers of the process, and its clock, as the network of streams sees them."""
+
+    now_us: Callable[[], int]
+    emit: Callable[[Effect], None]
+
+    def start(self, number: int, work: Work) -> None:
+        """Ask for it."""
+        self.emit(Compute(number, work))
+
+
 class LocalInstance(Part):
     """Steps the network of streams, which lives in federation time."""
+
+    takes = {Computed: "on_computed"}  # noqa: RUF012  (a declaration)
 
     offers = (Offer(INSTANCE, (Action(Labels, "on_labels", QUERIED, Role.OBSERVER),)),)
     answers = (LabelList,)
 
     def __init__(
-        self, unit: str, agent: InterfaceAgent, network: Network, clock: FederationClock, translation: Translation
+        self,
+        unit: str,
+        agent: InterfaceAgent,
+        network: Network,
+        clock: FederationClock,
+        translation: Translation,
+        stopwatch: Callable[[], int] | None,
+        emit: Callable[[Effect], None],
     ) -> None:
         self._unit, self._agent, self.network, self._clock = unit, agent, network, clock
         self._translation = translation
+        if stopwatch is not None:
+            network.calls.workers = UnitWorkers(stopwatch, emit)
 
     def source(self, semantic_label: str, unit: str) -> tuple[Label, LabelConversion]:
         """The local label of a unit's stream, its source declared if it is not there and comes from elsewhere.
@@ -47,6 +72,11 @@ class LocalInstance(Part):
 
     def on_time(self, now_us: int) -> None:
         self.network.on_time(self._clock.federation_us(now_us))
+
+    def on_computed(self, event: Computed, now_us: int) -> None:
+        """A worker has called a unit."""
+        took_us = round(event.took_us * self._clock.speed)
+        self.network.on_computed(event.number, event.outcome, took_us, self._clock.federation_us(now_us))
 
     def on_labels(self, act: Act, _content: Labels, now_us: int) -> None:
         """`(labels)`: under the names of the instance."""

@@ -7,9 +7,9 @@ for it come out. Sources are read outside, where iterators may block.
 from collections.abc import Iterable
 from typing import Final, NamedTuple, TypeAlias
 
+from agents.hosts.scheduling import Scheduler
 from dyknow import ComputationalUnit, Policy, PolicyAdapter, Prototype, Sample, SourcePrototype, UnitPrototype, Value
 from dyknow.model.errors import PolicyNotSupported, raised
-from dyknow.network.scheduling import Scheduler
 from dyknow.policies.sampling import Grid
 from federation.hosts import messages
 

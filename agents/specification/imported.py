@@ -5,7 +5,8 @@ from collections.abc import Callable
 from dyknow import Inputs, Sample, UnitPrototype, Value
 from dyknow.network.generator import Generator
 from dyknow.network.process import Input
-from dyknow.network.processes import EVER_US, RefinementProcess
+from dyknow.network.processes import EVER_US
+from dyknow.network.refinement import RefinementProcess
 from federation.sharing.ontology import LabelConversion
 
 
@@ -64,4 +65,4 @@ def converting(sort: str, conversion: LabelConversion) -> UnitPrototype:
             return None, state
         return conversion.sample(sample)._replace(available_us=now_us), state
 
-    return UnitPrototype("as exported", sort, (sort,), lambda: step, samplewise=True)
+    return UnitPrototype("as exported", sort, (sort,), lambda: step, samplewise=True, cost_us=0)

@@ -25,7 +25,7 @@ from agents.specification.imported import ImportDemand, Imported, converting
 from dyknow import Network, Policy, Sample
 from dyknow.model.errors import Refused, SourceText, TextError, TextErrors, Unmade
 from dyknow.network.process import Input
-from dyknow.network.processes import RefinementProcess
+from dyknow.network.refinement import RefinementProcess
 from federation.members.liveness import PlatformAppeared, PlatformGone
 from federation.members.offers import Service
 from federation.messages import contents

@@ -1,6 +1,6 @@
 """Computational units: refinement processes with one output (thesis, 4.3.4, Def. 4.3.15)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import prod
 from typing import TypeAlias
 
@@ -14,7 +14,7 @@ UnitFunction: TypeAlias = Callable[[int, Inputs, Value], tuple[Sample | None, Va
 
 
 class ComputationalUnit:
-    """One instance of a computational unit: applies its function whenever an input has a new sample.
+    """One instance of a computational unit: applies its function whenever its inputs have something new.
 
     Raises:
         ValueError: if `arity` is not positive.
@@ -32,6 +32,15 @@ class ComputationalUnit:
     def on_sample(self, i: int, sample: Sample, now_us: int) -> Sample | None:
         """Input `i`, counted from 0, has a new sample; the output, if there is one."""
         self._inputs[i] = sample
+        return self._step(now_us)
+
+    def on_element(self, element: Mapping[int, Sample], now_us: int) -> Sample | None:
+        """The join of the inputs has a new element, in which these are new; the output, if there is one."""
+        for i, sample in element.items():
+            self._inputs[i] = sample
+        return self._step(now_us)
+
+    def _step(self, now_us: int) -> Sample | None:
         output, self.state = self._function(now_us, tuple(self._inputs), self.state)
         return output
 

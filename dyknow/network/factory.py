@@ -4,8 +4,9 @@ from collections.abc import Iterable, Sequence
 
 from dyknow.model.errors import PolicyNotSupported, PrototypeExists, UnknownPrototype, WrongNumberOfInputs
 from dyknow.network.process import Input, Process
-from dyknow.network.processes import RefinementProcess, SourceReader
+from dyknow.network.processes import SourceReader
 from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
+from dyknow.network.refinement import RefinementProcess
 from dyknow.policies.policy import Policy
 
 

@@ -9,10 +9,12 @@ from dyknow.model.labels import Label
 from dyknow.model.sample import SURE, Quality, Sample, Value
 from dyknow.model.values import Sort
 from dyknow.network.history import History
+from dyknow.network.instant import Instant
 from dyknow.policies.policy import Policy
 from dyknow.policies.sampling import Grid, PolicyAdapter
 
 Consumer: TypeAlias = Callable[[Sample], None]
+_ALONE = Instant()
 _new = tuple.__new__  # makes a NamedTuple in half the time; every sample of the instance is made here
 
 
@@ -54,6 +56,11 @@ class Subscription:
     @property
     def policy(self) -> Policy:
         return self.adapter.policy
+
+    @property
+    def label(self) -> Label:
+        """Of the stream, while it is active."""
+        return self._generator.label  # type: ignore[union-attr]
 
     @property
     def active(self) -> bool:
@@ -98,17 +105,19 @@ class Generator:
 
     Attributes:
         owner: the process that is notified of demand; None: samples are pushed with or without demand.
+        instant: of its network: what a push brings forth belongs together.
         last_us: available time of the last sample.
     """
 
     __slots__ = (
-        "_adapted", "_begin_us", "_beginning", "_closed_us", "_open", "history", "label", "last_us", "owner", "sort", "subscriptions",
+        "_adapted", "_begin_us", "_beginning", "_closed_us", "_open", "history", "instant", "label", "last_us", "owner", "sort", "subscriptions",
     )  # fmt: skip
 
     def __init__(self, label: Label, sort: Sort, capacity: int) -> None:
         self.label, self.sort = label, sort
         self.history = History(capacity)
         self.owner: Owner | None = None
+        self.instant = _ALONE
         self.subscriptions: tuple[Subscription, ...] = ()
         self._open: tuple[Subscription, ...] = ()  # no constraint: every sample passes as it is
         self._adapted: tuple[tuple[PolicyAdapter, tuple[Subscription, ...]], ...] = ()
@@ -121,13 +130,21 @@ class Generator:
         self.last_us = available_us
         sample = _new(Sample, (available_us, valid_us, value, quality))
         self.history.add(sample)
+        instant = self.instant
+        is_outermost = instant.joins > 0 and not instant.is_open
+        if is_outermost:
+            instant.is_open = True
         adapted_to = self._adapted  # who subscribes while consumers are called begins with the next sample
-        for subscription in self._open:
-            subscription.consumer(sample)
-        for adapter, subscriptions in adapted_to:
-            for adapted in adapter.on_sample(sample, now_us):
-                for subscription in subscriptions:
-                    subscription.consumer(adapted)
+        try:
+            for subscription in self._open:
+                subscription.consumer(sample)
+            for adapter, subscriptions in adapted_to:
+                for adapted in adapter.on_sample(sample, now_us):
+                    for subscription in subscriptions:
+                        subscription.consumer(adapted)
+        finally:
+            if is_outermost:
+                instant.close()
         return sample
 
     def remember(self, valid_us: int, value: Value, available_us: int, quality: Quality = SURE) -> None:

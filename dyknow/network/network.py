@@ -5,14 +5,16 @@ from functools import partial
 
 from dyknow.model.errors import LabelAlreadyExists, SortError, UnknownLabel, ValueNotAvailable
 from dyknow.model.labels import Label
-from dyknow.model.sample import SURE, Quality, Sample, Value
+from dyknow.model.sample import SURE, Quality, Value
 from dyknow.model.values import Sort
-from dyknow.network.computational_unit import ComputationalUnit, UnitFunction, component
+from dyknow.network.computational_unit import UnitFunction, component
 from dyknow.network.generator import Consumer, Generator, Subscription
 from dyknow.network.history import History
-from dyknow.network.process import FAR_US, Input, Process, TimedProcess
-from dyknow.network.processes import RefinementProcess
+from dyknow.network.instant import Instant
+from dyknow.network.process import FAR_US, CallsApart, Input, Outcome, Process, TimedProcess
+from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import UnitPrototype
+from dyknow.network.refinement import EagerUnit, RefinementProcess
 from dyknow.network.stream_proxy import OnLink, StreamProxy
 from dyknow.policies.policy import Policy
 
@@ -24,11 +26,15 @@ class Network:
 
     A unit names its inputs, which exist already, so what flows never comes back. Consumers may subscribe, cancel,
     add and remove while they are called. Call `on_time` at `deadline_us`. Times: microseconds of federation time.
+
+    Attributes:
+        calls: of slow units, in workers, where there are any.
+        instant: what belongs to one push.
     """
 
     __slots__ = (
-        "_attributes", "_enough", "_generators", "_history", "_implicit", "_meeting", "_processes", "_timed", "_unit_inputs", "_waiting",
-        "now_us", "on_fault", "resolve",
+        "_attributes", "_enough", "_generators", "_history", "_implicit", "_meeting", "_processes", "_ranks", "_timed",
+        "_unit_inputs", "_waiting", "calls", "instant", "now_us", "on_fault", "resolve",
     )  # fmt: skip
 
     def __init__(self, history: int = 4096) -> None:
@@ -45,6 +51,9 @@ class Network:
         self._meeting: dict[int, Callable[[Label], None]] = {}
         self._timed: dict[TimedProcess, None] = {}
         self._enough = MANY
+        self.calls = CallsApart()
+        self.instant = Instant()
+        self._ranks: dict[Label, int] = {}
 
     def add_source(self, label: Label | str, sort: Sort, history: int | None = None) -> Generator:
         """A generator fed by `push`, with its own length of history if one is given.
@@ -76,17 +85,12 @@ class Network:
             UnknownLabel: an input does not exist.
             ValueError: there is no input.
         """
-        unit = ComputationalUnit(function, len(inputs))
         sources = [self.generator(name) for name, _ in inputs]
         generator = self.add_source(label, sort)
-
-        def on_input(i: int, sample: Sample) -> None:
-            output = unit.on_sample(i, sample, sample.available_us)
-            if output is not None:
-                generator.push(output.valid_us, output.value, sample.available_us, output.quality)
-
+        unit = EagerUnit(self, generator, function, len(inputs))
+        self.instant.joins += len(inputs) > 1
         self._unit_inputs[label] = [
-            self.watch(source.subscribe(policy, partial(on_input, i)))
+            self.watch(source.subscribe(policy, partial(unit.on_sample, i)))
             for i, (source, (_, policy)) in enumerate(zip(sources, inputs, strict=True))
         ]
         return generator
@@ -128,6 +132,7 @@ class Network:
         Raises:
             ValueNotAvailable: it cannot begin so early.
         """
+        self._ranks = {}
         label = Label.of(label)
         proxy = StreamProxy(self, label, Policy.of(policy), consumer, on_link, current=current)
         generator = self.find(label)
@@ -205,7 +210,9 @@ class Network:
         self._implicit.pop(label, None)
         del self._generators[label]
         self._take(generator)
-        for subscription in self._unit_inputs.pop(label, ()):
+        eager = self._unit_inputs.pop(label, ())
+        self.instant.joins -= len(eager) > 1
+        for subscription in eager:
             subscription.cancel()
         generator.end()
 
@@ -244,12 +251,13 @@ class Network:
     def on_time(self, now_us: int) -> None:
         """Hand on what is owed at `now_us`. A source that is read gives one sample: call while something is due."""
         self.now_us = now_us
-        for timed in tuple(self._timed):
-            due_us = timed.deadline_us
-            if due_us is None:
-                self._timed.pop(timed, None)
-            elif due_us <= now_us:
-                timed.on_time(now_us)
+        with self.instant.whole():
+            for timed in tuple(self._timed):
+                due_us = timed.deadline_us
+                if due_us is None:
+                    self._timed.pop(timed, None)
+                elif due_us <= now_us:
+                    timed.on_time(now_us)
 
     @property
     def deadline_us(self) -> int | None:
@@ -258,6 +266,20 @@ class Network:
             return None
         due_us = min((due_us for s in self._timed if (due_us := s.deadline_us) is not None), default=None)
         return None if due_us is None or due_us >= FAR_US else due_us
+
+    def rank(self, label: Label) -> int:
+        """How many units, at most, lie between a source and this stream."""
+        rank = self._ranks.get(label)
+        if rank is None:
+            process, eager = self._processes.get(label), self._unit_inputs.get(label, ())
+            taken = process.taken() if isinstance(process, OnDemand) else [each.label for each in eager if each.active]
+            rank = self._ranks[label] = 1 + max(map(self.rank, taken), default=-1)
+        return rank
+
+    def on_computed(self, number: int, outcome: Outcome, took_us: int, now_us: int) -> None:
+        """A worker has called a unit."""
+        self.now_us = max(self.now_us, now_us)
+        self.calls.on_computed(number, outcome, took_us, now_us)
 
     def watch(self, subscription: Subscription) -> Subscription:
         """Remember the streams that make samples when time passes, and forget those that will not again."""
@@ -327,7 +349,7 @@ class Network:
             return None
         at = names.index(attribute)
         unit = UnitPrototype(
-            attribute, stem.sort.fields[at].unit, (stem.sort.name,), lambda: component(at, len(names)), True
+            attribute, stem.sort.fields[at].unit, (stem.sort.name,), lambda: component(at, len(names)), True, cost_us=0
         )
         self._attributes.setdefault(stem.label, {})[label] = None
         self._implicit[label] = None
@@ -360,6 +382,8 @@ class Network:
 
     def _add(self, generator: Generator, process: Process | None) -> Generator:
         self._make_room(generator.label)
+        self._ranks = {}
+        generator.instant = self.instant
         self._generators[generator.label] = generator
         if process is not None:
             self._give(generator, process)
@@ -367,6 +391,7 @@ class Network:
         return generator
 
     def _give(self, generator: Generator, process: Process) -> None:
+        self._ranks = {}
         self._processes[generator.label] = process
         process.attach(self, generator)
         generator.owner = process

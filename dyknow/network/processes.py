@@ -2,17 +2,17 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
+from itertools import groupby
+from operator import itemgetter
 
 from dyknow.model.errors import SortError, TooEarly, raised
 from dyknow.model.labels import Label
 from dyknow.model.sample import SURE, Quality, Sample, Value
-from dyknow.network.computational_unit import ComputationalUnit
 from dyknow.network.generator import Generator
 from dyknow.network.process import Input, ProcessNetwork
-from dyknow.network.prototypes import Reading, SourcePrototype, UnitPrototype
+from dyknow.network.prototypes import Reading, SourcePrototype
 from dyknow.network.stream_proxy import StreamProxy
-from dyknow.policies.policy import Policy
-from dyknow.policies.sampling import Grid, PolicyAdapter
+from dyknow.policies.sampling import Grid
 
 EVER_US = -(2**80)
 MAX_TIMERS = 16_384
@@ -51,6 +51,9 @@ class OnDemand:
 
     def on_sample(self, i: int, sample: Sample) -> None:
         """Input `i`, counted from 0, has a new sample; call `emit` for what comes of it."""
+
+    def on_instant(self) -> None:
+        """All that came at one instant has been taken."""
 
     def end(self) -> None:
         """Hold nothing."""
@@ -173,9 +176,11 @@ class OnDemand:
             return
         self.on_time(min(from_us, now_us) if from_us > 0 else past[0][0])
         timers = MAX_TIMERS
-        for available_us, i, sample in past:
+        for available_us, together in groupby(past, itemgetter(0)):
             timers = self._tick(available_us - 1, timers)
-            self.on_sample(i, sample)
+            for _, i, sample in together:
+                self.on_sample(i, sample)
+            self.on_instant()
         self._tick(now_us - 1, timers)
 
     def _tick(self, until_us: int, timers: int) -> int:
@@ -242,74 +247,6 @@ class OnDemand:
     @property
     def _label(self) -> str:
         return "" if self._generator is None else str(self._generator.label)
-
-
-class RefinementProcess(OnDemand):
-    """A computational unit over streams (Def. 4.3.15, 4.5.8). What a unit raises is reported and ends nothing.
-
-    With an `output` policy, one without approximation, what the unit makes is adapted to it first.
-    """
-
-    def __init__(self, prototype: UnitPrototype, inputs: Sequence[Input], output: Policy | None = None) -> None:
-        super().__init__()
-        self.prototype = prototype
-        self._output = output
-        self._adapter: PolicyAdapter | None = None
-        self.history_us = prototype.history_us
-        self._wanted = tuple(inputs)
-        self._unit: ComputationalUnit | None = None
-
-    def inputs(self) -> Sequence[Input]:
-        return self._wanted
-
-    def begin(self) -> None:
-        self._adapter = None if self._output is None else PolicyAdapter(self._output)
-        self._renew()
-
-    def want(self, grid: Grid | None) -> bool:
-        if not self.prototype.samplewise or self._output is not None:
-            grid = None
-        for proxy in self.proxies:
-            proxy.want(grid)
-        return grid is not None
-
-    def _renew(self) -> None:
-        try:
-            self._unit = ComputationalUnit(self.prototype.make(), len(self._wanted))
-        except Exception as wrong:  # noqa: BLE001  (it is a user's code)
-            self._unit = None
-            self.fault(f"{self.prototype.name} cannot be made: {wrong!r}")
-
-    def on_sample(self, i: int, sample: Sample) -> None:
-        unit, generator = self._unit, self._generator
-        if unit is None or generator is None:
-            return
-        try:
-            output = unit.on_sample(i, sample, sample.available_us)
-            if output is None:
-                return
-            generator.sort.check(output.value)
-        except SortError as wrong:
-            self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
-        except Exception as wrong:  # noqa: BLE001  (it is a user's code)
-            self.fault(raised(self.prototype.name, wrong))
-        else:
-            made = [output]
-            if self._adapter is not None:
-                made = self._adapter.on_sample(output._replace(available_us=sample.available_us), sample.available_us)
-            for each in made:
-                self.emit(each.valid_us, each.value, sample.available_us, each.quality)
-
-    def end(self) -> None:
-        self._unit = None
-
-    def exchange(self, prototype: UnitPrototype) -> None:
-        """Let another unit over the same sorts do the work from now on; its memory begins empty."""
-        self.prototype = prototype
-        self.history_us = prototype.history_us
-        if self.running:
-            self._renew()
-            self._narrow()
 
 
 class SourceReader(OnDemand):

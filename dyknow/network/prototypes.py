@@ -48,6 +48,8 @@ class UnitPrototype:
         supports: whether it can provide its output under a policy.
         priority: of units that have something to do at the same time the one with the higher number is first.
         elsewhere: the process over these inputs, under an output policy, where another host runs it (5.3).
+        cost_us: how long a call takes. In simulated time it takes that long, None: no time. On a platform one that
+            takes above `SLOW_US` runs in a worker, and so does None until calls have shown to be faster.
     """
 
     name: str
@@ -60,6 +62,7 @@ class UnitPrototype:
     supports: Callable[[Policy], bool] = lambda _policy: True
     priority: int = 0
     elsewhere: Callable[[Sequence[Input], Policy | None], Process] | None = None
+    cost_us: int | None = None
 
     def __post_init__(self) -> None:
         if not self.inputs:
@@ -68,6 +71,8 @@ class UnitPrototype:
             raise ValueError(f"{self.name}: a unit that works sample by sample has 1 input, not {len(self.inputs)}")
         if self.history_us < 0:
             raise ValueError(f"{self.name}: a history is a time >= 0 us, got {self.history_us}")
+        if self.cost_us is not None and self.cost_us < 0:
+            raise ValueError(f"{self.name}: a call takes a time >= 0 us, got {self.cost_us}")
 
     @property
     def of_any_sort(self) -> bool:
@@ -131,6 +136,7 @@ def computational_unit(
     cheaper: str = "",
     supports: Callable[[Policy], bool] = lambda _policy: True,
     priority: int = 0,
+    cost_us: int | None = None,
 ) -> Callable[[Made], Made]:
     """Declare a class, instantiated once per process, or a function of the time and samples (`SampleUnit`)."""
     return _declared(
@@ -144,11 +150,14 @@ def computational_unit(
             cheaper,
             supports,
             priority,
+            cost_us=cost_us,
         )
     )
 
 
-def value_unit(sort: str, *inputs: str, name: str = "", cheaper: str = "", priority: int = 0) -> Callable[[Made], Made]:
+def value_unit(
+    sort: str, *inputs: str, name: str = "", cheaper: str = "", priority: int = 0, cost_us: int | None = None
+) -> Callable[[Made], Made]:
     """Declare a function from the values of the inputs to a value; where an input has no value, it is not called.
 
     Or a class whose objects are such functions, and have no memory but their settings.
@@ -162,6 +171,7 @@ def value_unit(sort: str, *inputs: str, name: str = "", cheaper: str = "", prior
             samplewise=len(inputs) == 1,
             cheaper=cheaper,
             priority=priority,
+            cost_us=cost_us,
         )
     )
 

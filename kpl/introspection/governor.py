@@ -13,8 +13,8 @@ from typing import TypeAlias
 from dyknow import NO_VALUE, Field, Label, Network, Policy, Sort
 from dyknow.model.errors import TextError
 from dyknow.model.instants import US_PER_MS, US_PER_S, print_duration, print_span
-from dyknow.network.processes import RefinementProcess
 from dyknow.network.prototypes import UnitPrototype
+from dyknow.network.refinement import RefinementProcess
 from dyknow.network.stream_proxy import StreamProxy
 from kpl.checking.formulas import read_formula
 from kpl.checking.symbols import symbol_of

@@ -12,8 +12,9 @@ from typing import Any
 from dyknow import Label, Network, PolicyAdapter, Sample
 from dyknow.model.instants import print_span
 from dyknow.network.mediation import Mediation
-from dyknow.network.processes import OnDemand, RefinementProcess
+from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import SourcePrototype, UnitPrototype
+from dyknow.network.refinement import LATE_US, RefinementProcess
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.states.state_streams import StateStreamProcess
 from dyknow.states.synchronization import Origin
@@ -192,6 +193,8 @@ def awaits_us(instance: Instance) -> int:
             process = network.process(label) if network.has(label) else None
             waits = isinstance(process, StateStreamProcess)  # for nothing that comes later than it is made
             own_us = process.max_delay_us if isinstance(process, StateStreamProcess) else 0
+            if isinstance(process, RefinementProcess) and process.prototype.cost_us:
+                own_us = LATE_US + process.prototype.cost_us
             inputs = inputs_taken(process)
             known[label] = own_us + max((behind(one.label) if waits else waited(one) for one in inputs), default=0)
         return known[label]
@@ -216,6 +219,8 @@ def _generator_node(network: Network, label: Label, fed_from: str) -> GraphNode:
     note: tuple[str, ...] = ()
     if isinstance(process, StateStreamProcess):
         note = tuple(map(str, process.awaited()))
+    if isinstance(process, RefinementProcess) and process.dropped:
+        note = (f"{process.dropped} inputs dropped: the unit is slower than they come",)
     return GraphNode(
         str(label),
         _kind(process),
@@ -243,6 +248,8 @@ def _made_by(process: object) -> str:
     prototype = getattr(process, "prototype", None)
     if not isinstance(prototype, UnitPrototype | SourcePrototype):
         return ""
+    if isinstance(process, RefinementProcess) and process.is_apart:
+        return f"{prototype.name} in a worker"
     return prototype.name if prototype.elsewhere is None else f"{prototype.name} at a host"
 
 

@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 from dyknow import NO_VALUE, Inputs, Label, Network, Policy, Sample, Sort, UnitPrototype, Value
 from dyknow.model.instants import US_PER_MS, US_PER_S
 from dyknow.network.process import FAR_US, Input, Process
-from dyknow.network.processes import RefinementProcess
+from dyknow.network.refinement import RefinementProcess
 from dyknow.network.stream_proxy import StreamProxy
 from kpl.syntax.specification import RECOGNISED, ChronicleDeclaration
 from reasoning import chronicles
@@ -217,5 +217,5 @@ def recognitions(network: Network, label: Label) -> tuple[Sort, Process] | None:
         is_so = found is not None and found.value is not NO_VALUE and found.value[0] == arguments
         return (found._replace(available_us=now_us) if found is not None and is_so else None), state
 
-    unit = UnitPrototype("recognised with these arguments", SORT.name, (SORT.name,), lambda: step)
+    unit = UnitPrototype("recognised with these arguments", SORT.name, (SORT.name,), lambda: step, cost_us=0)
     return SORT, RefinementProcess(unit, [Input(every)])

@@ -3,6 +3,7 @@
     topic     encoding  message
     event     msgpack   an event that reached the node; log time = node clock when it was handed over
     time      (empty)   the node was stepped by time
+    shown     msgpack   what the stopwatch showed in the step of the entry before this one, in microseconds
     lost      msgpack   how many entries before this one could not be kept
     x/...     json      a sample of a stream: {"valid_us", "available_us", "value" or fields}; log time = available time
 
@@ -19,17 +20,18 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 
-from agents.effects import Event, Fed, HostEvent, Impaired, LeaveRequested, Reported, Specify, Waited
-from dyknow import Quality
+from agents.effects import Computed, Event, Fed, HostEvent, Impaired, LeaveRequested, Reported, Specify, Waited
+from dyknow import NO_VALUE, Quality, Sample
 from dyknow.model.errors import DecodeError
+from dyknow.network.process import Outcome
 from federation.transport import WireEvent
 from navigation.vehicle import Report
 
-EVENT, TIME, LOST, SAMPLES = "event", "time", "lost", "x/"
+EVENT, TIME, SHOWN, LOST, SAMPLES = "event", "time", "shown", "lost", "x/"
 ABOUT = "node"
-CLOCK_EPOCH, CLOCK_SPEED = "clock_epoch_us", "clock_speed"
+CLOCK_EPOCH, CLOCK_SPEED, STOPWATCH = "clock_epoch_us", "clock_speed", "stopwatch"
 """What a journal says of the federation's clock: by it reports and samples are valid, while entries have the node's."""
-_NAMED, _TUPLE = 1, 2
+_NAMED, _TUPLE, _NO_VALUE = 1, 2, 3
 _NAMES: dict[type[Any], str] = {LeaveRequested: "Leave"}
 """Events that a journal names otherwise than the code does: journals outlive names of classes."""
 _KINDS: dict[str, type[Any]] = {
@@ -44,16 +46,20 @@ _KINDS: dict[str, type[Any]] = {
         Fed,
         Waited,
         Impaired,
+        Computed,
+        Outcome,
+        Sample,
         Quality,
     )
 }
 
 
 class Stepped(NamedTuple):
-    """The node got `event` at `now_us`; None: it was stepped by time."""
+    """The node got `event` at `now_us`; None: it was stepped by time. Its stopwatch showed `shown`."""
 
     now_us: int
     event: Event | None
+    shown: tuple[int, ...] = ()
 
 
 class Lost(NamedTuple):
@@ -77,6 +83,8 @@ def _extended(value: Any) -> msgpack.ExtType:
         return msgpack.ExtType(_NAMED, encode_event([_NAMES.get(type(value), type(value).__name__), *value]))
     if isinstance(value, tuple):
         return msgpack.ExtType(_TUPLE, encode_event(list(value)))
+    if value is NO_VALUE:
+        return msgpack.ExtType(_NO_VALUE, b"")
     raise TypeError(f"{type(value).__name__} is no part of an event")
 
 
@@ -89,6 +97,8 @@ def decode_event(data: bytes) -> Any:
 
 
 def _restored(code: int, data: bytes) -> Any:
+    if code == _NO_VALUE:
+        return NO_VALUE
     values = msgpack.unpackb(data, ext_hook=_restored)
     return _KINDS[values[0]](*values[1:]) if code == _NAMED else tuple(values)
 
@@ -112,13 +122,19 @@ def read_journal(path: Path) -> Iterator[Entry]:
     Raises:
         DecodeError: it is not a journal.
     """
+    stepped: Stepped | None = None
     for topic, now_us, data in _messages(path):
-        if topic == EVENT:
-            yield Stepped(now_us, decode_event(data))
-        elif topic == TIME:
-            yield Stepped(now_us, None)
-        elif topic == LOST:
+        if topic == SHOWN and stepped is not None:
+            stepped = stepped._replace(shown=tuple(msgpack.unpackb(data)))
+        if topic not in {EVENT, TIME, LOST}:
+            continue
+        if stepped is not None:
+            yield stepped
+        stepped = None if topic == LOST else Stepped(now_us, decode_event(data) if topic == EVENT else None)
+        if topic == LOST:
             yield Lost(now_us, int(msgpack.unpackb(data)))
+    if stepped is not None:
+        yield stepped
 
 
 def _messages(path: Path) -> Iterator[tuple[str, int, bytes]]:

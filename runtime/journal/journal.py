@@ -19,7 +19,8 @@ from mcap.writer import CompressionType, Writer
 
 from dyknow.model.sample import Sample
 from dyknow.model.values import NO_VALUE
-from proxies.recordings.journal_file import ABOUT, EVENT, LOST, SAMPLES, TIME, Entry, Stepped, encode_event
+from proxies.recordings.journal_file import ABOUT, EVENT, LOST, SAMPLES, SHOWN, TIME, Entry, Stepped, encode_event
+from runtime.clock import ReplayedStopwatch, Stopwatch
 from runtime.loop import SteppedNode
 
 F = TypeVar("F")
@@ -64,6 +65,10 @@ class Journal:
 
     def on_time(self, now_us: int) -> None:
         self._leave(lambda part: part.add(TIME, now_us, b""), now_us)
+
+    def on_shown(self, shown: Sequence[int], now_us: int) -> None:
+        """What the stopwatch showed in the step that was entered last."""
+        self._leave(lambda part: part.add(SHOWN, now_us, msgpack.packb(shown)), now_us)
 
     def on_sample(self, label: str, fields: Sequence[str], sample: Sample) -> None:
         """A sample of a stream of this node; `fields` name the values of a record."""
@@ -175,8 +180,8 @@ def _values(fields: Sequence[str], value: Any) -> dict[str, Any]:
 class Journalled(Generic[F]):
     """A node whose events are written down before it gets them. Step it in place of `node`."""
 
-    def __init__(self, node: SteppedNode[Any, F], journal: Journal) -> None:
-        self.node, self._journal = node, journal
+    def __init__(self, node: SteppedNode[Any, F], journal: Journal, stopwatch: Stopwatch | None = None) -> None:
+        self.node, self._journal, self._stopwatch = node, journal, stopwatch
 
     @property
     def deadline_us(self) -> int | None:
@@ -184,19 +189,32 @@ class Journalled(Generic[F]):
 
     def on_event(self, event: Any, now_us: int) -> Iterable[F]:
         self._journal.on_event(event, now_us)
-        return self.node.on_event(event, now_us)
+        effects = self.node.on_event(event, now_us)
+        self._note_shown(now_us)
+        return effects
 
     def on_time(self, now_us: int) -> Iterable[F]:
         self._journal.on_time(now_us)
-        return self.node.on_time(now_us)
+        effects = self.node.on_time(now_us)
+        self._note_shown(now_us)
+        return effects
+
+    def _note_shown(self, now_us: int) -> None:
+        shown = () if self._stopwatch is None else self._stopwatch.taken()
+        if shown:
+            self._journal.on_shown(shown, now_us)
 
 
-def replayed(entries: Iterable[Entry], node: SteppedNode[Any, F]) -> Iterator[tuple[int, list[F]]]:
+def replayed(
+    entries: Iterable[Entry], node: SteppedNode[Any, F], stopwatch: ReplayedStopwatch | None = None
+) -> Iterator[tuple[int, list[F]]]:
     """Step a fresh `node` through a journal: (now_us, its effects), one pair per entry.
 
     Entries that the journal lost are passed over; where there are any, effects may differ from then on.
     """
     for entry in entries:
         if isinstance(entry, Stepped):
+            if stopwatch is not None:
+                stopwatch.expect(entry.shown)
             stepped = node.on_time(entry.now_us) if entry.event is None else node.on_event(entry.event, entry.now_us)
             yield entry.now_us, list(stepped)

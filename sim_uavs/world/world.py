@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 from agents.config import PlatformConfig
 from agents.directory.directory import DirectoryAgent
 from agents.effects import (
+    Compute,
     DropHost,
     Effect,
     Event,
@@ -377,8 +378,8 @@ class World:
                 case Halt():
                     node.halted.append(effect.reason)
                     self.agenda.at(self.now_us, self.kill, node.unit)
-                case TellHost() | TakeHost() | DropHost():
-                    pass  # there are no hosts in this world
+                case TellHost() | TakeHost() | DropHost() | Compute():
+                    pass  # there are no hosts in this world, and no workers: time is simulated
                 case _:
                     self.wire.perform(node.unit, effect)
 

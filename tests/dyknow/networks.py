@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 from dyknow import NO_VALUE, Label, Network, Policy, Sample, Sort, UnitPrototype, of_values
 from dyknow.network.computational_unit import latest_valid_us
 from dyknow.network.process import Input
-from dyknow.network.processes import OnDemand, RefinementProcess
+from dyknow.network.processes import OnDemand
+from dyknow.network.refinement import RefinementProcess
 from tests.strategies import rows
 
 ANY = Sort("any", is_open=True)

@@ -3,10 +3,10 @@
 import json
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
-from threading import Event
+from queue import Empty, SimpleQueue
 from typing import IO, TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -25,7 +25,9 @@ from proxies.recordings.watched_file import WatchedFiles
 from runtime.configuration.instants import SHORTEST_US, duration_us
 
 if TYPE_CHECKING:
+    from agents.effects import Computed
     from dyknow import Sample
+    from dyknow.network.process import Work
     from kpl.introspection.governor import Governor
     from proxies.recordings.sample_file import FedSample
     from reasoning import AlarmEvent
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
 MAX_SPEED = 1e6
 LOOK_S = 0.2
 """How often a file that is watched is looked at."""
+AWAITED_US = 10_000_000
+"""How long a unit that is being called is waited for in the end."""
 
 
 class Run:
@@ -61,7 +65,30 @@ class Run:
         self._recorded = set[Any]()
         self.now_us = 0 if speed == 0 else time.time_ns() // 1000
         self._began_us, self._began_s = self.now_us, time.monotonic()
+        self._computed: SimpleQueue[Computed] = SimpleQueue()
+        if speed:
+            self._work_apart()
         self._shown_from_us = self._began_us if speed else 0
+
+    def _work_apart(self) -> None:
+        """Call slow units in workers: time is real."""
+        from agents.effects import Compute
+        from runtime.workers import WorkerThreads
+
+        run, note = self, self._call.out.note
+        threads = WorkerThreads(self._computed.put, self._wall_us, note)
+
+        class Apart:
+            def now_us(self) -> int:
+                return run._wall_us()
+
+            def start(self, number: int, work: "Work") -> None:
+                threads.perform(Compute(number, work))
+
+        self.network.calls.workers = Apart()
+
+    def _wall_us(self) -> int:
+        return self._began_us + round((time.monotonic() - self._began_s) * 1e6 * self.speed)
 
     def specify(self, text: str) -> None:
         """Run this text from now on; raises TextErrors, and keeps the previous one running."""
@@ -98,11 +125,11 @@ class Run:
 
     def go(self, until_us: int | None, reload: Callable[[], None] | None = None) -> None:
         """Step until the feed and the timers are over, or until a time."""
-        stop = Event()
         fed = iter(self._fed)
         last_us: int | None = None
         begins_us = self._began_us if self.speed else 0
         following = next(fed, None)
+        awaited_us = 0
         while True:
             due_us = self.network.deadline_us
             if self._governor is not None:
@@ -115,9 +142,13 @@ class Run:
             over = last_us is not None and (due_us is None or due_us > last_us)
             if next_us is not None and until_us is not None and next_us > until_us:
                 next_us = None
-            if over or (next_us is None and (until_us is None or self.speed == 0) and reload is None):
+            if next_us is not None or not self.network.calls:
+                awaited_us = self.now_us + round(AWAITED_US * self.speed)
+            ends = until_us is None and self.now_us >= awaited_us
+            is_idle = next_us is None and (until_us is None or self.speed == 0) and reload is None
+            if over or (is_idle and (ends or not self.network.calls)):
                 break
-            if not self._wait(next_us, until_us, stop, reload):
+            if not self._wait(next_us, until_us, reload):
                 if until_us is not None and self.now_us >= until_us:
                     break
                 continue
@@ -138,24 +169,31 @@ class Run:
             return 0
         return max(self._fed[-1].at_us, max(each.valid_us for each in self._fed) + awaits_us(self.instance))
 
-    def _wait(self, next_us: int | None, until_us: int | None, stop: Event, reload: Callable[[], None] | None) -> bool:
+    def _wait(self, next_us: int | None, until_us: int | None, reload: Callable[[], None] | None) -> bool:
         """Let time pass until something is due; False: something else may have happened."""
         if self.speed == 0:
             before_us, self.now_us = self.now_us, max(self.now_us, next_us or 0)
             self._waited_us += self.now_us - before_us
             return True
         target_us = min((each for each in (next_us, until_us) if each is not None), default=None)
-        wall_s = time.monotonic() - self._began_s
-        self.now_us = self._began_us + round(wall_s * 1e6 * self.speed)
+        self.now_us = self._wall_us()
         if target_us is None or target_us > self.now_us:
             left_s = LOOK_S if target_us is None else (target_us - self.now_us) / 1e6 / self.speed
             began_s = time.monotonic()
-            stop.wait(min(left_s, LOOK_S))
+            self._take_computed(min(left_s, LOOK_S))
             self._waited_us += round((time.monotonic() - began_s) * 1e6 * self.speed)
             if reload is not None:
                 reload()
             return False
+        self._take_computed(0.0)
         return next_us is not None and next_us <= self.now_us
+
+    def _take_computed(self, wait_s: float) -> None:
+        """Take what a worker made, if there is something within that time."""
+        with suppress(Empty):
+            done = self._computed.get(timeout=wait_s)
+            self.now_us = self._wall_us()
+            self.network.on_computed(done.number, done.outcome, round(done.took_us * self.speed), self.now_us)
 
     def _watch(self) -> None:
         """Record generators that are new."""

@@ -20,7 +20,7 @@ from dyknow import (
     prototypes_in,
 )
 from dyknow.model.errors import ValueNotAvailable
-from dyknow.network.processes import RefinementProcess
+from dyknow.network.refinement import RefinementProcess
 from federation.hosts.messages import KEPT, WINDOW, Begin, Chain, End, HostInputs, Want
 from kpl.introspection.governor import Governor
 from kpl.introspection.graph import graph_of

@@ -8,7 +8,7 @@ from dyknow import NO_VALUE, Label, Network, Policy, Sample, UnitPrototype, Valu
 from dyknow.model.errors import SortError
 from dyknow.network.mediation import MAX_MEMBERS, Configuration, Mediation, members_of
 from dyknow.network.process import Input
-from dyknow.network.processes import RefinementProcess
+from dyknow.network.refinement import RefinementProcess
 from tests.dyknow.networks import ANY, NUMBER, Counted, invariants, joined, pass_time, policy, state_of, times
 from tests.strategies import definition, rows
 

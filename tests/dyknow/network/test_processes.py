@@ -10,8 +10,9 @@ from dyknow import Label, Network, Policy, Sample, Sort, ValueNotAvailable, of_v
 from dyknow.model.errors import SortError
 from dyknow.model.values import Field
 from dyknow.network.process import Input
-from dyknow.network.processes import RefinementProcess, SourceReader
+from dyknow.network.processes import SourceReader
 from dyknow.network.prototypes import UnitPrototype, prototypes_in
+from dyknow.network.refinement import RefinementProcess
 from tests.dyknow.networks import (
     ANY,
     NUMBER,
