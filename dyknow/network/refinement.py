@@ -120,7 +120,7 @@ class RefinementProcess(OnDemand):
         self._join = JoinElements()
         self._waiting: deque[WaitingElement] = deque()
         self._number = 0  # of the call that is under way
-        self._began_us = 0
+        self._began_us = self._ended_us = 0
         self._is_past = self._is_stuck = self._wants_past = self._is_apart = False
         self._due: tuple[int, Outcome] | None = None
         self.dropped = 0
@@ -217,6 +217,8 @@ class RefinementProcess(OnDemand):
     def on_instant(self) -> None:
         for element in self._join.take():
             self._on_element(element)
+        if self._waiting and not self._is_busy:
+            self._next(self._ended_us)
 
     def _on_element(self, element: dict[int, Sample]) -> None:
         unit, network = self._unit, self._network
@@ -310,7 +312,7 @@ class RefinementProcess(OnDemand):
         self._number = 0
         self._pace.took(took_us)
         self._finish(outcome, now_us)
-        if not self._is_busy and not self._pace.is_slow:
+        if not self._is_busy and not self._waiting and not self._pace.is_slow:
             self._is_apart = False
 
     def on_time(self, now_us: int) -> None:
@@ -331,8 +333,9 @@ class RefinementProcess(OnDemand):
             self._report(outcome.faults)
         else:
             self._hand_on(outcome, now_us)
-        if not self._is_busy:
-            self._next(now_us)
+        self._ended_us = now_us
+        if self._network is not None:
+            self._network.instant.put(self)  # what comes at this instant is there before the next call
 
 
 def _work(unit: UnitAtWork, taken: Sequence[WaitingElement]) -> Work:
