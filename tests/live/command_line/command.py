@@ -2,9 +2,11 @@
 
 import json
 import os
+import queue
 import secrets
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -85,6 +87,30 @@ def lines(started: "subprocess.Popen[str]") -> Iterator[dict[str, Any]]:
     assert started.stdout is not None
     for line in started.stdout:
         yield json.loads(line)
+
+
+class Follower:
+    """`dyknow alarms --follow`, and when each of its lines came."""
+
+    def __init__(self, dyknow: Dyknow) -> None:
+        self._lines: queue.Queue[tuple[float, dict[str, Any]]] = queue.Queue()
+        self.process = dyknow.start("alarms", "--follow", "--json")
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        for line in lines(self.process):
+            self._lines.put((time.monotonic(), line))
+
+    def until(self, since_s: float, **wanted: Any) -> float:
+        """How long after `since_s` the first line came that says this."""
+        return self.line(since_s, **wanted)[0] - since_s
+
+    def line(self, since_s: float, **wanted: Any) -> tuple[float, dict[str, Any]]:
+        """The first line from `since_s` on that says this, and when it came."""
+        while True:
+            at_s, line = self._lines.get(timeout=PATIENCE_S)
+            if at_s >= since_s and all(line.get(name) == value for name, value in wanted.items()):
+                return at_s, line
 
 
 def gone(pids: list[int], within_s: float = 15.0) -> bool:

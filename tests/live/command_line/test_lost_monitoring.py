@@ -2,9 +2,7 @@
 
 import json
 import os
-import queue
 import signal
-import threading
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -12,35 +10,11 @@ from typing import Any
 import pytest
 
 from reasoning.monitoring.inputs import STALE_FOR_US
-from tests.live.command_line.command import PATIENCE_S, Dyknow, lines
+from tests.live.command_line.command import Dyknow, Follower
 
 pytestmark = pytest.mark.live
 
 WITHIN_S = 2.0
-
-
-class Follower:
-    """`dyknow alarms --follow`, and when each of its lines came."""
-
-    def __init__(self, dyknow: Dyknow) -> None:
-        self._lines: queue.Queue[tuple[float, dict[str, Any]]] = queue.Queue()
-        self.process = dyknow.start("alarms", "--follow", "--json")
-        threading.Thread(target=self._read, daemon=True).start()
-
-    def _read(self) -> None:
-        for line in lines(self.process):
-            self._lines.put((time.monotonic(), line))
-
-    def until(self, since_s: float, **wanted: Any) -> float:
-        """How long after `since_s` the first line came that says this."""
-        return self.line(since_s, **wanted)[0] - since_s
-
-    def line(self, since_s: float, **wanted: Any) -> tuple[float, dict[str, Any]]:
-        """The first line from `since_s` on that says this, and when it came."""
-        while True:
-            at_s, line = self._lines.get(timeout=PATIENCE_S)
-            if at_s >= since_s and all(line.get(name) == value for name, value in wanted.items()):
-                return at_s, line
 
 
 @pytest.fixture(scope="module")
