@@ -4,7 +4,7 @@ import contextlib
 import os
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
@@ -20,7 +20,7 @@ COMMANDS: CommandTable = {
     ),
     "host": (f"{_FLEET}.host:host", "Offer sources and units to a platform from a process of their own."),
     "down": (f"{_FLEET}.up:down", "End the platforms that up and join started on this machine."),
-    "ls": (f"{_MEMBERS}.ls:ls", "The directory: platforms, services, labels, age of samples, clock offsets."),
+    "ls": (f"{_MEMBERS}.ls:ls", "The platforms, a line each: state, battery, altitude, age of the oldest data."),
     "query": (f"{_MEMBERS}.query:query", "The latest value of a label, its value at a time, or all between two times."),
     "watch": (f"{_MEMBERS}.watch:watch", "A federated stream under a policy, sample by sample."),
     "check": (f"{_TEXTS}.check:check", "A formula over a recorded trace, or over a platform's live states."),
@@ -28,10 +28,10 @@ COMMANDS: CommandTable = {
     "delegate": (f"{_MEMBERS}.delegate:delegate", "A task for a platform, as a speech act to its interface agent."),
     "tasks": (f"{_MEMBERS}.delegate:tasks", "Delegated tasks of all platforms."),
     "cancel": (f"{_MEMBERS}.delegate:cancel", "End a task, and take down all it set up."),
-    "alarms": (f"{_MEMBERS}.follow:alarms", "Alarms raised by monitors of all platforms."),
-    "monitors": (f"{_MEMBERS}.follow:monitors", "Every monitor: its verdict, and whether its inputs are fresh."),
+    "alarms": (f"{_MEMBERS}.alarms:alarms", "Alarms raised by monitors of all platforms."),
+    "monitors": (f"{_MEMBERS}.monitors:monitors", "What is watched, what it shows, and whether its inputs are fresh."),
     "acts": (
-        f"{_MEMBERS}.follow:acts",
+        f"{_MEMBERS}.acts:acts",
         "The message log: speech acts of the interface agents, and the outcome of each.",
     ),
     "fault": (f"{_MEMBERS}.delegate:fault", "A fault in a simulated UAV."),
@@ -94,8 +94,21 @@ app = typer.Typer(
 )
 
 
+def _version(*, is_asked: bool) -> None:
+    if is_asked:
+        import dyknow
+
+        typer.echo(f"dyknow {dyknow.__version__}")
+        raise typer.Exit
+
+
 @app.callback()
-def _root() -> None:
+def _root(
+    *,
+    version: Annotated[
+        bool, typer.Option("--version", callback=lambda asked: _version(is_asked=asked), is_eager=True, help="Which.")
+    ] = False,
+) -> None:
     """Several UAVs that know, together, what is going on."""
 
 

@@ -161,6 +161,10 @@ __all__ = [
 
 
 def __getattr__(name: str) -> typing.Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("dyknow")
     from dyknow.library import loaded
 
     return loaded(name)

@@ -56,6 +56,11 @@ class Output:
         """The width of standard output, in characters."""
         return self._console.width
 
+    def clear(self) -> None:
+        """An empty terminal; what is written to a file is not cleared."""
+        if self._console.is_terminal and not self.json_lines:
+            self._console.clear()
+
     def show(self, *parts: Shown, whole: bool = False) -> None:
         """One line of text; with `whole` the terminal breaks it where it ends."""
         self._console.print(line(*parts), soft_wrap=whole)

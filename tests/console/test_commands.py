@@ -370,7 +370,7 @@ def test_a_delegated_task_lives_on_is_listed_and_is_cancelled_by_another_command
     world: Box, call: Call, lines: Lines
 ) -> None:
     from console.commands.members.delegate import cancel, tasks
-    from console.commands.members.follow import monitors
+    from console.commands.members.monitors import monitors
 
     conversation = _delegated(call, lines)
     world.run(3.0)
@@ -417,7 +417,7 @@ def test_a_refusal_is_an_answer_of_no(world: Box, call: Call, lines: Lines) -> N
 def test_alarms_are_told_as_they_happen_and_remembered(
     monkeypatch: pytest.MonkeyPatch, call: Call, lines: Lines
 ) -> None:
-    from console.commands.members.follow import alarms
+    from console.commands.members.alarms import alarms
 
     world = Box()
     world.fly("0", -60.0, 0.0, 5.0)
@@ -436,6 +436,43 @@ def test_alarms_are_told_as_they_happen_and_remembered(
     assert {"opened", "closed"} == {entry["event"] for entry in remembered}
     assert [entry["detected_us"] for entry in remembered] == sorted(entry["detected_us"] for entry in remembered)
     assert {entry["monitor"] for entry in remembered} >= {"proximity", "proximity-warn"}
+
+
+def test_an_alarm_says_what_it_is_about_in_which_units_and_whether_it_is_still_open(
+    monkeypatch: pytest.MonkeyPatch, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from console.commands.members.alarms import _quantity, alarms
+    from federation.messages.contents import Alarm
+
+    world = Box()
+    world.fly("0", 0.0, 0.0)
+    world.fly("1", 0.0, 5.0)
+    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    world.run(1.5)
+    _delegated(call, lines)
+    world.run(3.0)
+    assert alarms(Call(call.settings, Output(json_lines=False))) == DONE
+    out = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"opened proximity 0, 1 by [01], .* after the sample, still open xy_dist 5\.0 m", out)
+    high = Alarm(
+        id="9-1", event="opened", monitor="too_high", by="9", units=("9",), valid_us=1, detected_us=2, values={}
+    )
+    assert _quantity("alt.altitude_m[uav1]", 60.31, high) == "alt.altitude_m[uav1] 60.3 m"
+    assert _quantity("alt.altitude_m[9]", 60.31, high) == "alt.altitude_m 60.3 m"
+    assert _quantity("cpa_time[0, 9]", 1_500_000, high) == "cpa_time[0, 9] 1.5 s"
+    assert _quantity("mode[9]", "AUTO", high) == "mode AUTO"
+
+
+def test_ls_watches_until_it_is_interrupted(world: Box, call: Call, capsys: pytest.CaptureFixture[str]) -> None:
+    from console.commands.members.ls import ls
+
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    world.at(world.now_us + 2_500_000, interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        ls(Call(call.settings, Output(json_lines=False)), watch=True)
+    assert capsys.readouterr().out.count("altitude") == 3
 
 
 def _freeze_for_a_moment(world: Box) -> None:
@@ -459,7 +496,7 @@ WITHIN_US = 2_000_000
 def test_followers_of_alarms_are_told_when_monitoring_is_lost_and_when_it_is_back(
     world: Box, call: Call, lines: Lines, happens: Callable[[Box], None], events: set[str]
 ) -> None:
-    from console.commands.members.follow import alarms
+    from console.commands.members.alarms import alarms
 
     class Enough(Exception):
         pass
@@ -491,7 +528,8 @@ def test_followers_of_alarms_are_told_when_monitoring_is_lost_and_when_it_is_bac
 def test_alarms_and_monitors_end_with_how_many_monitors_are_unknown(
     world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.commands.members.follow import alarms, monitors
+    from console.commands.members.alarms import alarms
+    from console.commands.members.monitors import monitors
 
     text = Call(call.settings, Output(json_lines=False))
     _delegated(call, lines)
@@ -533,7 +571,7 @@ def test_a_follower_who_comes_later_is_told_what_is_unknown_already(world: Box, 
 def test_a_monitor_without_another_platform_to_watch_says_so(
     monkeypatch: pytest.MonkeyPatch, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.commands.members.follow import monitors
+    from console.commands.members.monitors import monitors
 
     world = Box()
     world.fly("0", 0.0, 0.0)
@@ -547,17 +585,68 @@ def test_a_monitor_without_another_platform_to_watch_says_so(
         ("proximity-warn", "idle"),
     }
     assert monitors(Call(call.settings, Output(json_lines=False))) == DONE
-    assert "has no other platform to watch" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "without another platform to watch" in out
 
 
 def test_acts_are_told_in_s_expressions(world: Box, call: Call, lines: Lines) -> None:
-    from console.commands.members.follow import acts
+    from console.commands.members.acts import acts
 
     _delegated(call, lines)
     assert acts(call, follow=False) == DONE
     said = [entry["act"] for entry in lines() if entry["act"]]
     assert any("(monitor-proximity)" in act for act in said)
     assert any("(create-monitor name: proximity" in act for act in said)
+
+
+def test_acts_are_a_line_each_without_questions_and_without_second_copies(
+    world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from console.commands.members.acts import acts
+
+    _delegated(call, lines)
+    world.run(1.0)
+    text = Call(call.settings, Output(json_lines=False))
+
+    def shown(**options: Any) -> list[str]:
+        assert acts(text, **options) == DONE
+        return [line.partition("  ")[2] for line in capsys.readouterr().out.splitlines()]
+
+    short, whole = shown(), shown(is_whole=True)
+    assert short.count("0 -> 1  request create-monitor proximity 0 0 cc") <= 1
+    assert any(line.startswith("0 -> 1  request create-monitor proximity") for line in short)
+    assert not any("query-ref" in line for line in short)
+    assert any("query-ref" in line for line in whole)
+    assert len(whole) > len(short)
+    assert shown(last=2) == short[-2:]
+    assert all("0" in line.partition("  ")[0].split(" -> ") for line in shown(unit="0"))
+    assert any(line.startswith(("(inform", "(agree", "(request")) for line in _full(text, capsys))
+
+
+def _full(call: Call, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    from console.commands.members.acts import acts
+
+    assert acts(call, full=True, last=3) == DONE
+    return capsys.readouterr().out.splitlines()
+
+
+def test_followed_acts_are_those_from_now_on(
+    world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from console.commands.members.acts import acts
+
+    class Enough(Exception):
+        pass
+
+    def stop() -> None:
+        raise Enough
+
+    _delegated(call, lines)
+    world.run(2.0)
+    world.at(world.now_us + 2_000_000, stop)
+    with pytest.raises(Enough):
+        acts(Call(call.settings, Output(json_lines=False)), follow=True)
+    assert "create-monitor" not in capsys.readouterr().out
 
 
 def test_a_fault_reaches_the_simulated_vehicle(world: Box, call: Call, lines: Lines) -> None:

@@ -4,8 +4,8 @@ import pytest
 
 from console.command import Call
 from console.commands.members.delegate import delegate, tasks
-from console.commands.members.follow import monitors
 from console.commands.members.ls import ls
+from console.commands.members.monitors import monitors
 from console.commands.members.watch import watch
 from console.errors import DONE, NO
 from dyknow.model.errors import FederationFailed

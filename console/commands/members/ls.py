@@ -1,7 +1,7 @@
 """`dyknow ls`: the directory as this command finds it, with the age of each label's last sample."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -21,34 +21,63 @@ from runtime.library.jobs import all_platforms
 from runtime.library.questions import gone_text, is_stale
 
 AGES_S = 1.0
+WATCH_S = 1.0
+LOW_BATTERY = 0.2
 CLOCKS_S = 0.3
 """How long the clocks of platforms are waited for; questions to them begin a tenth of a second after the first sight."""
 _STATES = {"alive": "green", "suspect": "yellow", "refused": "red"}
 
 
 @command(example="dyknow ls --json")
-def ls(call: Call, *, all_kinds: Annotated[bool, typer.Option("--all", help="Command centres too.")] = False) -> int:
-    """The directory: platforms, services, labels, age of samples, clock offsets; exit 1 if no platform is there."""
+def ls(
+    call: Call,
+    *,
+    all_kinds: Annotated[bool, typer.Option("--all", help="Command centres too.")] = False,
+    long: Annotated[bool, typer.Option("--long", "-l", help="Labels with their ages, services, clocks.")] = False,
+    watch: Annotated[bool, typer.Option("--watch", "-w", help="Again every second, until Ctrl-C.")] = False,
+) -> int:
+    """The platforms, a line each: state, battery, altitude, age of the oldest data; exit 1 if none is there."""
     with connected(call) as client:
-        with call.out.waiting("looking for platforms"):
-            there = client.run(all_platforms(client, all_kinds=all_kinds))
-            alive = [seen.unit for seen in there if seen.kind == "uav" and seen.state == PeerState.ALIVE.value]
-            warn_of_ended(call, client, alive)
-            ages = label_ages(client, there)
+        if not watch:
+            return _list(call, client, all_kinds=all_kinds, long=long)
+        while True:
+            _list(call, client, all_kinds=all_kinds, long=long, clears=True)
+            client.wait_for(lambda: False, WATCH_S)
+
+
+def _list(call: Call, client: Client, *, all_kinds: bool, long: bool, clears: bool = False) -> int:
+    """Look and print once; `clears` a terminal before."""
+    with call.out.waiting("" if clears else "looking for platforms"):
+        there = client.run(all_platforms(client, all_kinds=all_kinds))
+        alive = [seen.unit for seen in there if seen.kind == "uav" and seen.state == PeerState.ALIVE.value]
+        newest = newest_samples(client, there)
+        if long or call.out.json_lines:
             client.wait_for(lambda: all(client.centre.member.offsets.of(unit) for unit in alive), CLOCKS_S)
-        records = [_record(client, seen, ages) for seen in there]
+    if clears:
+        call.out.clear()
+    warn_of_ended(call, client, alive)
+    records = [_record(client, seen, newest) for seen in there]
     if call.out.json_lines:
         for record in records:
             call.out.line(record)
-    elif records:
+    elif not records:
+        call.out.note(client.nobody())
+    elif long:
         show(call, records, client.now_us())
     else:
-        call.out.note(client.nobody())
+        _show_short(call, records, newest, client.now_us())
     return DONE if any(seen.state in {"alive", "suspect"} for seen in there) else NO
 
 
-def label_ages(client: Client, there: list[PlatformView]) -> Mapping[tuple[str, str], int]:
-    """How old the newest sample of each (unit, label) is, in federation time, by asking the platforms themselves."""
+class _Newest(NamedTuple):
+    """The newest sample of a label: its age in microseconds of federation time, and its value by field."""
+
+    age_us: int
+    value: Mapping[str, Any]
+
+
+def newest_samples(client: Client, there: list[PlatformView]) -> Mapping[tuple[str, str], _Newest]:
+    """The newest sample of each (unit, label), by asking the platforms themselves."""
     asked = [
         (client.say(seen.unit, Performative.QUERY_REF, Query(semantic_label=entry.label), within_s=AGES_S), entry.label)
         for seen in there
@@ -56,18 +85,18 @@ def label_ages(client: Client, there: list[PlatformView]) -> Mapping[tuple[str, 
         for entry in seen.entry.labels
     ]
     client.wait_for(lambda: all(dialogue.over for dialogue, _ in asked), AGES_S + 0.2)
-    ages = {}
+    newest = {}
     for dialogue, label in asked:
         for act, said in dialogue.said:
             if isinstance(said, Samples) and said.samples:
                 # Both times are of the clock of the platform that answers.
-                ages[dialogue.unit, label] = (
-                    client.centre.clock.federation_us(act.created_us) - said.samples[-1].valid_us
-                )
-    return ages
+                last = said.samples[-1]
+                age_us = client.centre.clock.federation_us(act.created_us) - last.valid_us
+                newest[dialogue.unit, label] = _Newest(age_us, last.value if isinstance(last.value, Mapping) else {})
+    return newest
 
 
-def _record(client: Client, seen: PlatformView, ages: Mapping[tuple[str, str], int]) -> dict[str, Any]:
+def _record(client: Client, seen: PlatformView, newest: Mapping[tuple[str, str], _Newest]) -> dict[str, Any]:
     offset, entry = client.centre.member.offsets.of(seen.unit), seen.entry
     record: dict[str, Any] = {
         "unit": unit_json(seen.unit),
@@ -87,8 +116,8 @@ def _record(client: Client, seen: PlatformView, ages: Mapping[tuple[str, str], i
                 "label": label.label,
                 "sort": label.sort,
                 "period_ms": label.period_us // 1000,
-                "age_ms": age_us // 1000 if (age_us := ages.get((seen.unit, label.label))) is not None else None,
-                "stale": age_us is not None and is_stale(client, age_us, label.period_us),
+                "age_ms": last.age_us // 1000 if (last := newest.get((seen.unit, label.label))) else None,
+                "stale": last is not None and is_stale(client, last.age_us, label.period_us),
             }
             for label in (entry.labels if entry else ())
         ],
@@ -142,6 +171,53 @@ def show(call: Call, records: list[dict[str, Any]], now_us: int) -> None:
             )
         )
     call.out.table("", ("unit", "state", "clock", "labels (age)", "services"), rows, wraps=("clock", "services"))
+    _show_conditions(call, records, now_us)
+
+
+def _show_short(
+    call: Call, records: list[dict[str, Any]], newest: Mapping[tuple[str, str], _Newest], now_us: int
+) -> None:
+    """One row a platform. The time is the node clock."""
+    rows = []
+    for record in records:
+        state, colour = _state(record, now_us)
+        unit, ages = (
+            str(record["unit"]),
+            [label for label in record["labels"] if label["age_ms"] is not None and label["period_ms"]],
+        )
+        oldest = max(ages, key=lambda label: (label["stale"], label["age_ms"]), default=None)
+
+        def last(label: str, field: str, unit: str = unit) -> float | None:
+            sample = newest.get((unit, label))
+            value = None if sample is None else sample.value.get(field)
+            return float(value) if isinstance(value, int | float) else None
+
+        battery, altitude_m, height_m = (
+            last("battery", "fraction"),
+            last("heli-altitude", "altitude_m"),
+            last("heli-height", "height_m"),
+        )
+        rows.append(
+            (
+                unit,
+                styled(state, colour),
+                "" if battery is None else styled(f"{battery:.0%}", "red" if battery < LOW_BATTERY else ""),
+                "" if altitude_m is None else f"{altitude_m:.0f} m",
+                "" if height_m is None else f"{height_m:.0f} m",
+                str(len(record["labels"])),
+                "" if oldest is None else _age(oldest),
+            )
+        )
+    columns = ("unit", "state", "battery", "altitude", "height", "labels", "oldest")
+    call.out.table("", columns, rows, right=columns[2:])
+    for record in records:
+        if "error" in record:
+            call.out.show(styled(f"{record['unit']}: {record['error']}", "red"))
+    _show_conditions(call, records, now_us)
+
+
+def _show_conditions(call: Call, records: list[dict[str, Any]], now_us: int) -> None:
+    """What platforms say is not as it should be there, such as `avoidance off: mode AUTO`."""
     for record in records:
         for condition in record.get("conditions", ()):
             since = print_span(max(0, now_us - condition["since_us"]) // US_PER_S * US_PER_S)

@@ -11,9 +11,10 @@ from rich.console import Console
 
 from console.centre import client
 from console.command import Call
+from console.commands.members.acts import acts
 from console.commands.members.delegate import delegate, tasks
-from console.commands.members.follow import monitors
 from console.commands.members.ls import ls
+from console.commands.members.monitors import monitors
 from console.errors import DONE
 from console.output.output import Output
 from console.output.tables import LONG, Column, print_table
@@ -104,6 +105,10 @@ def test_the_lists_of_a_federation_are_readable_in_any_width(
         assert all(len(line) <= width for line in out.splitlines()), out
         return set(out.replace(",", " ").split())
 
-    assert {"alive", "gone", "heli-position", "monitor-coordination", "services"} <= shown(ls, all_kinds=False)
+    whole = {"alive", "gone", "heli-position", "monitor-coordination", "services"}
+    assert whole <= shown(ls, all_kinds=False, long=True)
+    assert {"0", "1", "2", "alive", "gone", "80%", "60", "40", "m"} <= shown(ls, all_kinds=False)
     assert {"monitor-proximity", "running", "conversation"} <= shown(tasks)
-    assert {"proximity-warn", "undecided", "missing", "heli-velocity[2]", "unknown"} <= shown(monitors)
+    assert {"proximity-warn", "undecided", "missing", "heli-velocity[2]", "unknown"} <= shown(monitors, long=True)
+    assert {"proximity:", "proximity-warn:", "2", "ok", "unknown", "(2)"} <= shown(monitors)
+    assert {"request", "->"} <= shown(acts)

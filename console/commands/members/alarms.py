@@ -1,38 +1,25 @@
-"""`dyknow alarms`, `monitors` and `acts`: what platforms report of themselves, once or as it happens."""
+"""`dyknow alarms`: what monitors of all platforms report, once or as it happens."""
 
 from typing import Any
 
 from console.centre.client import connected
 from console.command import Call, command
-from console.commands.members.ended_tasks import warn_of_ended
 from console.errors import DONE, NO
 from console.options.arguments import Count, Follow
 from console.output.output import counted, unit_json
 from console.output.shown import Shown, line, styled
-from dyknow.model.errors import TextError
 from dyknow.model.instants import print_span
-from federation.messages.acts import Performative, parse_act
-from federation.messages.contents import (
-    IDLE,
-    ActList,
-    ActLog,
-    Acts,
-    Alarm,
-    AlarmList,
-    MonitorChange,
-    MonitorEntry,
-)
+from federation.messages.contents import Alarm, AlarmList, MonitorChange, MonitorEntry
 from runtime.client import Client
 from runtime.configuration.instants import clock_time
 from runtime.library.alarm_news import AlarmItem, AlarmNews
-from runtime.library.jobs import Subscriptions, lists
+from runtime.library.jobs import lists
 from runtime.library.jobs import monitors as all_monitors
 from runtime.library.questions import ask_who_is_missing, gone_text, missing_units
 from runtime.library.results import PlatformChange
 
-P = Performative
 _STEP_S = 0.2
-_SHOWN = {"ok": "green", "alarm": "red"}
+_UNITS = {"_m_s": "m/s", "_m": "m", "_deg": "deg", "_s": "s", "_us": "us"}
 
 
 # Alarms
@@ -42,6 +29,7 @@ _SHOWN = {"ok": "green", "alarm": "red"}
 def alarms(call: Call, *, follow: Follow = False, count: Count = None) -> int:
     """Alarms raised by monitors of all platforms, in the order of their detection; exit 1 if there are none."""
     told: set[tuple[str, str]] = set()
+    is_open: set[str] = set()
 
     def tell(found: list[AlarmItem]) -> bool:
         """Print what is new; whether that is enough."""
@@ -52,15 +40,17 @@ def alarms(call: Call, *, follow: Follow = False, count: Count = None) -> int:
         for alarm in sorted(alarms, key=lambda alarm: (alarm.detected_us, alarm.event == "closed")):
             if (alarm.id, alarm.event) not in told and (count is None or len(told) < count):
                 told.add((alarm.id, alarm.event))
-                _tell_alarm(call, alarm)
+                _tell_alarm(call, alarm, is_open=alarm.id in is_open)
         return count is not None and len(told) >= count
 
     with connected(call) as client:
         units = _there(client, follow=follow)
         remembered = client.run(lists(client, units, AlarmList(), AlarmList))
         known = [alarm for _, said in remembered for alarm in said.alarms or ()]
+        is_open.update({alarm.id for alarm in known} - {alarm.id for alarm in known if alarm.event == "closed"})
         enough = tell([*known[-count:]] if count is not None and not follow else [*known])
         if follow and not enough:
+            is_open.clear()
             news = AlarmNews(client)
             while not tell(client.run(news.next(_STEP_S))):
                 pass
@@ -79,25 +69,39 @@ def _there(client: Client, *, follow: bool) -> list[str]:
     return client.chosen(None)
 
 
-def _tell_alarm(call: Call, alarm: Alarm) -> None:
+def _tell_alarm(call: Call, alarm: Alarm, *, is_open: bool) -> None:
+    """One alarm; `is_open`: it was opened before, and has not been closed."""
     if call.out.json_lines:
         call.out.line(alarm_json(alarm))
         return
     colour = "red" if alarm.event == "opened" else "green"
     delay = print_span(alarm.detected_us - alarm.valid_us)
     monitor, by = styled(alarm.monitor, "bold"), styled(f"by {alarm.by}, {delay} after the sample", "dim")
-    values = ", ".join(_quantity(name, value) for name, value in alarm.values.items())
+    values = ", ".join(_quantity(name, value, alarm) for name, value in alarm.values.items())
     more: Shown = styled(f"\n{values}", "dim") if values else ""
-    units = f" {', '.join(alarm.units)}  "
-    call.out.aside(clock_time(alarm.valid_us), line(styled(alarm.event, colour), "  ", monitor, units, by, more))
+    still: Shown = styled(", still open", "red") if is_open else ""
+    call.out.aside(
+        clock_time(alarm.valid_us),
+        line(styled(alarm.event, colour), "  ", monitor, f" {', '.join(alarm.units)}  ", by, still, more),
+    )
 
 
-def _quantity(name: str, value: Any) -> str:
-    """A feature for a table; the units are in another column, and a duration is not read as microseconds."""
-    feature = name.partition("[")[0]
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return f"{feature} {print_span(value) if feature.endswith('_time') else f'{value:.1f}'}"
-    return f"{feature} {value}"
+def _quantity(name: str, value: Any, alarm: Alarm) -> str:
+    """A value with its unit; whose it is where that is not the whole of `alarm.units`."""
+    from reasoning.features.derivation import FEATURES  # a tenth of a second, for those that have an alarm to show
+
+    feature, _, about = name.partition("[")
+    whose = {one.strip() for one in about.rstrip("]").split(",")}
+    shown = feature if whose == {*alarm.units} else name
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return f"{shown} {value}"
+    unit = FEATURES[feature].unit if feature in FEATURES else _unit_of(feature)
+    return f"{shown} {print_span(round(value)) if unit == 'us' else f'{value:.1f} {unit}'.rstrip()}"
+
+
+def _unit_of(field: str) -> str:
+    """The unit with which the name of a field ends, e.g. m of `alt.altitude_m`."""
+    return next((unit for ending, unit in _UNITS.items() if field.endswith(ending)), "")
 
 
 def alarm_json(alarm: Alarm) -> dict[str, Any]:
@@ -133,7 +137,7 @@ def _tell_change(call: Call, change: MonitorChange | PlatformChange) -> None:
             "which": list(change.which),
             "at_us": at_us,
         }
-        missing = f": {', '.join(_input_names(change))} missing" if change.which else ""
+        missing = f": {', '.join(input_names(change))} missing" if change.which else ""
         monitor, by = styled(change.monitor, "bold"), styled(f"by {change.by}", "dim")
         text = line(styled(change.event, colour), "  ", monitor, f" {units}{missing}  ", by)
     if call.out.json_lines:
@@ -142,7 +146,7 @@ def _tell_change(call: Call, change: MonitorChange | PlatformChange) -> None:
         call.out.aside(clock_time(at_us), text)
 
 
-def _input_names(monitor: MonitorEntry | MonitorChange) -> list[str]:
+def input_names(monitor: MonitorEntry | MonitorChange) -> list[str]:
     return [f"platform {name}" if name in monitor.units else name for name in monitor.which]
 
 
@@ -162,110 +166,3 @@ def tell_unknown(call: Call, client: Client, found: list[MonitorEntry]) -> None:
         call.out.note(
             f"{unknown} of {counted(len(found), 'monitor')} {'is' if unknown == 1 else 'are'} unknown", style="red"
         )
-
-
-# Monitors
-
-
-@command(example="dyknow monitors")
-def monitors(call: Call) -> int:
-    """Every monitor: its verdict, and whether its inputs are fresh; exit 1 if there is none."""
-    with connected(call) as client:
-        with call.out.waiting("asking for monitors"):
-            found = client.run(all_monitors(client))
-            warn_of_ended(call, client, client.chosen(None))
-        for monitor in found if call.out.json_lines else ():
-            call.out.line(_monitor_json(monitor))
-        if found and not call.out.json_lines:
-            now_us = client.federation_us()
-            rows = [_monitor_row(monitor, now_us) for monitor in found]
-            call.out.table("", ("by", "monitor", "units", "shows", "verdict", "inputs", "for"), rows)
-        elif not found and not call.out.json_lines:
-            call.out.note("no monitor is set up; begin with dyknow delegate monitor-proximity.")
-        tell_unknown(call, client, found)
-    return DONE if found else NO
-
-
-def _monitor_json(monitor: MonitorEntry) -> dict[str, Any]:
-    return {
-        "by": unit_json(monitor.by),
-        "monitor": monitor.name,
-        "units": [unit_json(unit) for unit in monitor.units],
-        "verdict": monitor.verdict,
-        "inputs": monitor.inputs,
-        "shows": monitor.shows,
-        "since_us": monitor.since_us,
-        "which": list(monitor.which),
-        "states": monitor.states,
-        "counted": dict(monitor.counted),
-    }
-
-
-def _monitor_row(monitor: MonitorEntry, now_us: int) -> tuple[Shown, ...]:
-    colour = _SHOWN.get(monitor.shows, "yellow")
-    since = print_span(max(0, now_us - monitor.since_us)) if monitor.since_us is not None else ""
-    which = "".join(f"\n{name}" for name in _input_names(monitor))
-    if monitor.shows == IDLE:
-        return (monitor.by, monitor.name, "-", styled("has no other platform to watch", colour), "", "", "")
-    return (
-        monitor.by,
-        monitor.name,
-        ", ".join(monitor.units),
-        styled(monitor.shows, colour),
-        monitor.verdict,
-        f"{monitor.inputs}{which}",
-        since,
-    )
-
-
-# Acts
-
-
-@command(example="dyknow acts --follow")
-def acts(call: Call, *, follow: Follow = False) -> int:
-    """The message log: speech acts of the interface agents, and the outcome of each; exit 1 if there are none."""
-    told = 0
-    with connected(call) as client:
-        units = _there(client, follow=follow)
-        remembered = client.run(lists(client, units, ActList(), ActList))
-        known = [(unit, log) for unit, said in remembered for log in said.acts or ()]
-        for unit, log in sorted(known, key=lambda entry: entry[1].at_us):
-            _tell_act(call, unit, log)
-            told += 1
-        if follow:
-            subscriptions = Subscriptions(client, Acts())
-            while True:
-                for unit, said in client.run(subscriptions.news(_STEP_S)):
-                    if isinstance(said, ActLog):
-                        _tell_act(call, unit, said)
-    return DONE if told else NO
-
-
-def _tell_act(call: Call, unit: str, log: ActLog) -> None:
-    if call.out.json_lines:
-        call.out.line(
-            {
-                "unit": unit_json(unit),
-                "at_us": log.at_us,
-                "direction": log.direction,
-                "peer": unit_json(log.peer),
-                "outcome": log.outcome,
-                "act": log.act,
-            }
-        )
-        return
-    arrow = "<-" if log.direction == "in" else "->"
-    good = log.outcome in {"accepted", "sent"}
-    outcome: Shown = log.outcome if good else styled(log.outcome, "yellow")
-    when = styled(clock_time(log.at_us), "dim")
-    call.out.show(when, "  ", styled(unit, "bold"), f" {arrow} {log.peer}  ", outcome)
-    if log.act is not None:
-        call.out.show(styled(_spoken(log.act), "dim"))
-
-
-def _spoken(text: str) -> str:
-    """The act as FIPA has it, without what only its delivery needs."""
-    try:
-        return str(parse_act(text)._replace(boot=0, seq=0, created_us=0, acks=()))
-    except TextError:
-        return text
