@@ -385,15 +385,13 @@ class Pilot:
                 self._leg = min(self._leg, len(self.plan.waypoints) - 1)  # who had arrived returns to where it was
             return [] if self.fix is None else self._fly(self.fix.valid_us)
         wanted = self._back_to(aside) if moved else None
-        if wanted is None or self.refusal(wanted) is not None:
-            return []
-        return [self._begin(wanted)]
+        return [] if wanted is None or self.refusal(wanted) is not None else [self._begin(wanted)]
 
     def _back_to(self, aside: vehicle.Order | _Mission | None) -> vehicle.Order | None:
-        """What to order so that the vehicle does again what it did."""
+        """What to order so that the vehicle does again what it did; the lower of two flies a mission with no target on."""
         if isinstance(aside, _Mission):
-            if self._raised_to_m is None and self._lowered_to_m is None:
-                self._item = aside.item
+            if self._raised_to_m is None and (self._lowered_to_m is None or aside.towards is None):
+                self._item, self._aside, self._moved = aside.item, None, False
                 return vehicle.ResumeMissionOrder()
             aside = aside.towards
         return self._clamped(aside) if isinstance(aside, vehicle.GoToOrder) else aside

@@ -243,9 +243,9 @@ def mission_current(s: Snapshot) -> Message:
 
 
 def position_target(s: Snapshot) -> Message | None:
-    """Where a guided vehicle is going; None when it is not guided or has no target."""
+    """Where a vehicle is going by an order or by its mission; None in other modes, or without a target."""
     target = s.flight.target
-    if s.flight.mode not in GUIDED_MODES or target is None:
+    if s.flight.mode not in {*GUIDED_MODES, Mode.AUTO} or target is None:
         return None
     ignored = mavlink.POSITION_TARGET_TYPEMASK_AX_IGNORE * 7 | mavlink.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
     velocity = target.velocity if isinstance(target, Drifting) else Vector(0.0, 0.0, 0.0)

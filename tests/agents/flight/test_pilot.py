@@ -508,6 +508,18 @@ def test_with_leave_a_mission_is_interrupted_to_give_way_and_resumed_at_its_item
     assert flown.resume() == []
 
 
+def test_of_two_whose_missions_report_no_target_the_lower_flies_on_and_the_higher_waits() -> None:
+    for lower in (True, False):
+        flown = on_mission(missions=True)
+        flown._target = None
+        (command,) = flown.divert(None)
+        told(flown, command, accepted=True)
+        flown.on_report(FLIES, 100_000)
+        bound = {"lowered_to_m": 100.0} if lower else {"raised_to_m": 100.0}
+        assert orders(flown.resume(**bound)) == ([ResumeMissionOrder()] if lower else [])
+        assert orders(flown.resume()) == ([] if lower else [ResumeMissionOrder()]), "once"
+
+
 def test_a_mission_that_begins_elsewhere_is_sent_to_its_item_once() -> None:
     flown = on_mission(missions=True)
     (command,) = flown.divert(None)
