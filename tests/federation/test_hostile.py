@@ -212,7 +212,7 @@ def test_accepted_messages_are_exactly_the_valid_ones(inputs: int) -> None:
 @pytest.mark.parametrize("inputs", PROFILES)
 def test_hostile_contents_are_understood_or_not_but_never_crash(inputs: int) -> None:
     rng = Random(3)
-    understood = 0
+    understood, refused = 0, list[str]()
     for _ in range(inputs // 10):
         tree = rng.choice(CONTENTS)
         for _ in range(rng.randrange(3)):
@@ -225,11 +225,14 @@ def test_hostile_contents_are_understood_or_not_but_never_crash(inputs: int) -> 
             continue
         try:
             found = contents.read(act.content)
-        except ContentError:
+        except ContentError as error:
+            refused.append(str(error))
             continue
         understood += 1
         assert contents.read(found.expr()) == found
     assert understood > inputs // 100
+    assert len(refused) > inputs // 100
+    assert all(refused), "each is refused in words"
 
 
 ACT = act_tree(Random(1))

@@ -117,6 +117,8 @@ def test_names_by_the_thousand_open_no_conversations_for_ever() -> None:
         now_us = max(now_us + 1, platform.deadline_us)
         platform.on_time(now_us)
     assert platform.ports.agent.conversations.conversations() == []
+    outcomes = {entry.outcome for entry in platform.ports.agent.audit_log.entries}
+    assert outcomes == {"undelivered"}, "the message log says what became of each answer"
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import pytest
 from agents.monitoring.coordination import Coordination
 from federation import keys
 from federation.messages.acts import Performative
-from federation.messages.contents import MonitorProximity
+from federation.messages.contents import MonitorProximity, TaskList, Tasks
 from federation.transport import Put
 from tests.box import Box, Question, Vehicle
 
@@ -55,6 +55,9 @@ def led_on_by_another(wire: Box) -> None:
         assert {n.instances[other].monitor.inputs for n in wire.platform(unit).ports.monitors.named.values()} == {
             "fresh"
         }
+    (listed,) = wire.asked("cc", "1", Tasks(), Performative.QUERY_REF).contents
+    assert isinstance(listed, TaskList)
+    assert ("monitor-proximity", "running") in {(each.task, each.state) for each in listed.tasks}
 
 
 def test_what_a_dead_leader_had_given_up_another_asks_for_again(wire: Box, task: Question) -> None:
