@@ -20,7 +20,7 @@ from console.main import COMMANDS, main
 from dyknow.model.errors import ContentError
 from federation import keys
 from federation.messages import contents
-from federation.messages.codec import decode_act, encode_act
+from federation.messages.codec import decode_act, decode_samples, encode_act, encode_samples
 from federation.messages.contents import ContentPart, read
 from federation.messages.sexpr import Expr, QuotedText
 from federation.transport import Put
@@ -188,6 +188,30 @@ def run(words: list[str], world: Box, capsys: pytest.CaptureFixture[str], monkey
         assert commanding(shown.out) == commanding(shown.err) == [], (words, shown)
         printed += shown.out + shown.err
     return printed
+
+
+def test_a_stream_of_words_is_watched_as_plain_text(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("COLUMNS", "300")
+    world = worlds()["three"]()
+    monkeypatch.setattr(client, "_surroundings", partial(_surroundings, world))
+    put = world.wire._perform[Put]
+
+    def spoilt(session: Any, effect: Put) -> None:
+        if isinstance(keys.parse_key(effect.key), keys.StreamKey):
+            boot, samples = decode_samples(effect.payload)
+            words = [each._replace(value=f"{CONTROLS}{MARKUP}") for each in samples]
+            effect = effect._replace(payload=encode_samples(boot, words))
+        put(session, effect)
+
+    world.wire._perform[Put] = spoilt
+    watched = ["watch", "heli-position", "--unit", "0", "--count", "1"]
+    world.agenda.at(world.now_us + 10_000_000, world.kill, "0")
+    shown = run(watched, world, capsys, monkeypatch)
+    assert MARKUP in shown
+    assert "\\x1b[2J" in shown
 
 
 def test_every_command_that_asks_platforms_was_run() -> None:

@@ -23,6 +23,7 @@ from runtime.client import Client
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 from runtime.library.jobs import SET_UP_S, request_streams
 from runtime.library.questions import check_label
+from runtime.library.results import fields_of
 
 SILENT_US = 2_000_000
 """After this long, or two periods, without a sample the reason is printed."""
@@ -127,11 +128,7 @@ def _tell_silence(
 
 
 def _record(client: Client, owner: str, label: str, sample: WireSample, at_us: int) -> dict[str, Any]:
-    value: Any = sample.value
-    if value is NO_VALUE:
-        value = None
-    elif label in client.ontology:
-        value = client.ontology[label].sort.as_record(value)
+    value = None if sample.value is NO_VALUE else fields_of(client.ontology, label, sample.value)
     return {
         "unit": unit_json(owner),
         "label": label,
