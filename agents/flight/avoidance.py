@@ -5,12 +5,7 @@ whose name sorts first. Proposals that cross settle on the one of the unit that 
 silent leaves the whole manoeuvre to the other; a vehicle that does not fly its part leaves it to the partner, after it has
 tried the other way. Where neither can, that is an alarm, and neither is left holding in the other's way.
 
-| phase | entered by | left by |
-|---|---|---|
-| proposed | the two converge, and this side proposes | agreed, refused, silent: making room; they converge no more: over |
-| making room | agreed, alone, or what the partner left to us | 20 m apart, or soon: passing; not flown: the other way, else left; 40 s: over |
-| passing | both fly on, this side not above or not below its altitude | away from each other: over; closing below 15 m: making room |
-| left | the vehicle cannot be commanded, or does not fly its order | taken over by the partner and away: over; neither can: alarm |
+The phases of an encounter are in ARCHITECTURE.md; what each of three does is in `agents.flight.levels`.
 
 One crossing is one manoeuvre: what brakes do (overshoot, drift back) ends nothing, since both are judged by where they
 wanted to go. A silent partner is taken to stand where it was last.
@@ -32,21 +27,30 @@ from agents.flight.encounters import (
     climber_of,
     converge,
     flees,
-    highest_m,
     is_clear,
     is_over,
     leaps,
-    lowest_m,
     relation,
     room_m,
     run_m,
+)
+from agents.flight.evidence import Evidence
+from agents.flight.levels import (
+    SEPARATION_M,
+    code_of,
+    is_of_level,
+    level_among,
+    level_of,
+    mover,
+    together,
+    turn,
+    ways,
 )
 from agents.flight.places import Fix
 from agents.flight.steps import Divert, LeaveToPartner, NeitherCan, Over, Propose, ResumeRoute, Step
 from dyknow.model.errors import Refused
 from federation.members.directory import unit_order
 
-SEPARATION_M = 25.0
 CLOSE_M = 15.0
 MOST_CLIMB_M = 60.0
 """No encounter takes a vehicle farther than that from the altitude at which it began."""
@@ -55,12 +59,11 @@ UNMOVED_US, UNMOVED_M = 5_000_000, 2.0
 """A platform that holds for a partner that has not moved apart by so much after that time takes the manoeuvre itself."""
 AGAIN_US = 2_500_000
 KNOWN_US = 2_500_000
-BUDGET_US = 30_000_000
 FOLLOW_M = 5.0
+MOST_ASKED = 4
 WOULD_HOLD = "would-hold"
 """The code of a refusal to climb by one that holds if the other climbs."""
 CLIMBING_M_S = 0.5
-SLACK = 0.25
 
 CLIMB, DESCEND, HOLD, ASIDE = ManoeuvreRole
 ASKED, MAKING_ROOM, PASSING, LEFT = EncounterPhase
@@ -79,7 +82,7 @@ class Avoidance:
         self.unit = unit
         self.encounters: dict[str, Encounter] = {}
         self._order: Divert | ResumeRoute = ResumeRoute()
-        self._agreed_us: dict[str, int] = {}
+        self._evidence = Evidence()
 
     # -- agreeing ----------------------------------------------------------------------------------------------
 
@@ -92,15 +95,28 @@ class Avoidance:
         return self._leave(known, reason) if reason is not None else [self._propose(known, own, other, may, now_us)]
 
     def _propose(self, known: Encounter, own: Fix, other: Fix, may: May, now_us: int) -> Propose:
-        climber = climber_of(self.unit, own, known.partner, other)
-        if climber == self.unit and self._refusal(known, CLIMB, own, other, may) is not None:
+        bound = mover(self.unit, level_among(self.encounters, known), known.partner, known.their_level)
+        climber = bound or climber_of(self.unit, own, known.partner, other)
+        if climber == self.unit and not isinstance(self._way(known, own, other, may), ManoeuvreRole):
             climber = known.partner
         return self._ask(known, climber, own, other, now_us)
 
+    def _way(self, known: Encounter, own: Fix, other: Fix, may: May) -> ManoeuvreRole | str:
+        """How this side makes room vertically, or why it does not."""
+        level, reason = level_among(self.encounters, known), ""
+        for role in ways(level, known.their_level):
+            refused = self._refusal(known, role, own, other, may, turns=level is CLIMB)
+            if refused is None:
+                return role
+            reason = reason or refused
+        return reason
+
     def _ask(self, known: Encounter, climber: str, own: Fix, other: Fix, now_us: int) -> Propose:
         known.climber, known.awaited, known.asked_us = climber, True, now_us
+        known.proposed += 1
         upper, lower = (own, other) if known.climber == self.unit else (other, own)
-        return Propose(known.partner, known.climber, max(0.0, lower.altitude_m + SEPARATION_M - upper.altitude_m))
+        climb_m = max(0.0, lower.altitude_m + SEPARATION_M - upper.altitude_m)
+        return Propose(known.partner, known.climber, climb_m, level_among(self.encounters, known))
 
     def on_proposal(
         self,
@@ -113,17 +129,18 @@ class Avoidance:
         *,
         warned: bool,
         because: str | None = None,
+        level: ManoeuvreRole | None = None,
     ) -> tuple[Refused | None, list[Step]]:
         """`partner` proposes that `climber` climbs, or does nothing itself, `because`. `warned`: we are about it, too.
-
+        `level`: what the partner does for another.
         Returns why that is refused, or None, and what to do.
         """
         known = self.encounters.get(partner)
-        refused = self._unfounded(partner, own, other, now_us, warned=warned or known is not None)
+        refused = self._evidence.refusal(partner, own, other, now_us, warned=warned or known is not None)
         if refused is not None:
             return refused, []
         if because is not None:
-            self._spend(partner, now_us, founded=warned or known is not None)
+            self._evidence.spend(partner, now_us, warned=warned or known is not None)
             known = known or self._met(partner, self.unit, own, other, now_us)
             return self._take_whole(known, because, own, other, may, now_us)
         crossed = known is not None and self.awaits(partner) and known.climber != climber
@@ -135,34 +152,23 @@ class Avoidance:
             return None, []  # what is under way is carried to its end
         is_new = known is None
         known = known or self._met(partner, climber, own, other, now_us)
-        role = CLIMB if climber == self.unit else HOLD
-        reason = self._refusal(known, role, own, other, may)
-        if reason is not None:
+        known.their_level, mine = level, level_among(self.encounters, known)
+        role = self._way(known, own, other, may) if climber == self.unit else HOLD
+        reason = role if isinstance(role, str) else self._refusal(known, role, own, other, may, turns=True)
+        code = WOULD_HOLD if climber == self.unit and self._refusal(known, HOLD, own, other, may) is None else ""
+        if mover(self.unit, mine, partner, level) not in {None, climber}:
+            reason, code = f"it does something else for another: {mine.value if mine else 'nothing'}", code_of(mine)
+        if reason is not None or isinstance(role, str):
             if not known.awaited:
                 del self.encounters[partner]
-            holds = role is CLIMB and self._refusal(known, HOLD, own, other, may) is None
-            return Refused(reason, WOULD_HOLD if holds else ""), []
+            return Refused(reason or "", code), []
         known.climber = climber
-        self._spend(partner, now_us, founded=warned or not is_new)
+        self._evidence.spend(partner, now_us, warned=warned or not is_new)
         return None, self._take(known, role, own, other, now_us)
 
     def _met(self, partner: str, climber: str, own: Fix, other: Fix, now_us: int) -> Encounter:
         found = self.encounters[partner] = Encounter(partner, climber, own, other, other, now_us)
         return found
-
-    def _unfounded(self, partner: str, own: Fix, other: Fix, now_us: int, *, warned: bool) -> Refused | None:
-        """A manoeuvre needs a warning of ours, or what we see of the partner; without a warning seldom."""
-        if warned:
-            return None
-        if not converge(own, other, SLACK):
-            return Refused(f"nothing here shows that {partner} comes near", "no-evidence")
-        if now_us < self._agreed_us.get(partner, -BUDGET_US) + BUDGET_US:
-            return Refused(f"one manoeuvre for {partner} in 30 s without a warning of ours", "too-often")
-        return None
-
-    def _spend(self, partner: str, now_us: int, *, founded: bool) -> None:
-        if not founded:
-            self._agreed_us[partner] = now_us
 
     def _take_whole(
         self, known: Encounter, because: str, own: Fix, other: Fix, may: May, now_us: int
@@ -188,8 +194,10 @@ class Avoidance:
         if known is None or not self.awaits(partner):
             return []
         known.awaited = False
-        role = CLIMB if known.climber == self.unit else HOLD
-        if self._refusal(known, role, own, other, may) is None:
+        role = self._way(known, own, other, may) if known.climber == self.unit else HOLD
+        if isinstance(role, ManoeuvreRole) and (
+            role is not HOLD or self._refusal(known, HOLD, own, other, may) is None
+        ):
             return self._take(known, role, own, other, now_us)
         return self._alone(known, own, other, may, now_us)
 
@@ -204,13 +212,16 @@ class Avoidance:
         if known is not None:
             known.awaited = False
 
-    def on_would_hold(self, partner: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
-        """`partner` does not climb, but holds for one that does: propose that, if we may climb; else all of it is ours."""
+    def on_counter(self, partner: str, code: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
+        """`partner` would take part otherwise: not climb but hold, or do what it does for another. Propose that."""
         known = self.encounters.get(partner)
         if known is None or not self.awaits(partner):
             return []
-        if known.climber == self.unit or self._refusal(known, CLIMB, own, other, may) is not None:
+        known.their_level = level_of(code)
+        if known.proposed >= MOST_ASKED or (code == WOULD_HOLD and self._refusal(known, CLIMB, own, other, may)):
             return self.on_declined(partner, own, other, may, now_us)
+        if is_of_level(code):
+            return [self._propose(known, own, other, may, now_us)]
         return [self._ask(known, self.unit, own, other, now_us)]
 
     def on_declined(self, partner: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
@@ -227,9 +238,10 @@ class Avoidance:
         return [] if known is None else self._end(known)
 
     def _alone(self, known: Encounter, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
-        """The first of the ways that the rules allow and our autopilot has not refused; else it is left to the partner."""
+        """The first way that is allowed and that our autopilot has not refused; else it is left to the partner."""
         known.alone = True
-        down_first = own.altitude_m < other.altitude_m - FOLLOW_M or (known.lost and known.climber == known.partner)
+        down_first = own.altitude_m < other.altitude_m - FOLLOW_M or level_among(self.encounters, known) is HOLD
+        down_first |= known.lost and known.climber == known.partner
         reason = ""
         for role in (DESCEND, CLIMB, ASIDE) if down_first else (CLIMB, DESCEND, ASIDE):
             refused = self._refusal(known, role, own, other, may)
@@ -238,14 +250,16 @@ class Avoidance:
             reason = reason or refused
         return self._leave(known, reason)
 
-    def _refusal(self, known: Encounter, role: ManoeuvreRole, own: Fix, other: Fix, may: May) -> str | None:
-        """Why this side does not take that role, or None."""
+    def _refusal(
+        self, known: Encounter, role: ManoeuvreRole, own: Fix, other: Fix, may: May, *, turns: bool = False
+    ) -> str | None:
+        """Why this side does not take that role, or None; `turns`: it may do the opposite of what it does for others."""
         if role in known.failed:
             return known.failed[role]
         if role in {HOLD, ASIDE}:
             return may(None)
         against = DESCEND if role is CLIMB else CLIMB
-        if any(each.role is against for each in self.encounters.values() if each is not known):
+        if not turns and any(each.role is against for each in self.encounters.values() if each is not known):
             return f"it would {role.value} while it does the opposite for another"
         altitude_m = room_m(role, own, other, SEPARATION_M)
         if abs(altitude_m - known.start.altitude_m) > MOST_CLIMB_M:
@@ -253,7 +267,9 @@ class Avoidance:
         return may(altitude_m)
 
     def _take(self, known: Encounter, role: ManoeuvreRole, own: Fix, other: Fix, now_us: int) -> list[Step]:
-        known.role, known.phase, known.since_us = role, MAKING_ROOM, now_us
+        if role is DESCEND:
+            turn(self.encounters, known)
+        known.role, known.phase, known.since_us, known.proposed = role, MAKING_ROOM, now_us, 0
         known.gap_m, known.level_m = abs(own.altitude_m - other.altitude_m), other.altitude_m
         known.altitude_m = room_m(role, own, other, SEPARATION_M) if role in {CLIMB, DESCEND} else None
         if role is ASIDE:
@@ -397,18 +413,7 @@ class Avoidance:
 
     def _settled(self) -> list[Step]:
         """What all encounters together want of the vehicle, if that is something else than before."""
-        keeping = [each for each in self.encounters.values() if each.keeps]
-        order: Divert | ResumeRoute
-        if keeping:
-            climb_m, descend_m = highest_m(keeping), lowest_m(keeping)
-            places = [each for each in keeping if each.place is not None]
-            first = min(places, key=lambda each: each.since_us, default=None)
-            order = Divert(descend_m if climb_m is None else climb_m, None if first is None else first.place)
-        else:
-            passing = [each for each in self.encounters.values() if each.phase is PASSING]
-            raised = [each.altitude_m for each in passing if each.is_above and each.altitude_m is not None]
-            lowered = [each.altitude_m for each in passing if not each.is_above and each.altitude_m is not None]
-            order = ResumeRoute(max(raised, default=None), min(lowered, default=None))
+        order = together(self.encounters.values())
         if order == self._order:
             return []
         self._order = order

@@ -22,11 +22,13 @@ CLEAR_M = 20.0
 SOON_S = 5.0
 KEEP_M = 45.0
 """How near, horizontally, a vehicle that climbs on its way comes to the other before it is above it."""
+GAINS_M_S2 = 2.5
+"""How fast a copter gains speed; one that stands loses half of that time (ArduCopter's default)."""
 ASIDE_M = 40.0
 RISING_M_S = 2.0
 """How fast a vehicle is taken to climb or sink when the place where it has done so is chosen."""
-AWAY_M, NOT_YET_AWAY_M, AWAY_IN_S = 60.0, 25.0, 2.5
-"""Away: so far, or that in a moment; before it has come down by 5 m."""
+AWAY_M, NOT_YET_AWAY_M, AWAY_IN_S = 60.0, 25.0, 5.0
+"""Away: so far, or that in a moment; before it has come down by 10 m."""
 OPENING_US = 1_000_000
 OPENING_ANYWAY_US = 15_000_000
 IDLE_US, IDLE_M = 10_000_000, 30.0
@@ -69,7 +71,8 @@ class Encounter:
         opening_since_us, idle_since_us: since when without a break they move apart, or do not converge; None: they do not.
         failed: what our autopilot does not fly, and why.
         lost: nothing has been heard of the partner for a while.
-        awaited: a proposal of ours is not answered yet.
+        awaited: a proposal of ours is not answered yet; proposed: how many of them there were.
+        their_level: what the partner does for another, in its own words.
         left_because, theirs: why the partner is to take all of it, and why it cannot.
     """
 
@@ -93,6 +96,8 @@ class Encounter:
     failed: dict[ManoeuvreRole, str] = field(default_factory=dict)
     lost: bool = False
     awaited: bool = False
+    proposed: int = 0
+    their_level: ManoeuvreRole | None = None
     left_because: str = ""
     theirs: str = ""
 
@@ -186,8 +191,9 @@ def is_clear(known: Encounter, seen: Relation, own: Fix, other: Fix) -> bool:
     if known.role is not ManoeuvreRole.HOLD or apart_m_s < CONVERGING_M_S:
         return False
     closing_m_s = -relation(with_course_of(own, known.start), with_course_of(other, known.other_start)).opening_m_s
-    within_s = (seen.away_m - KEEP_M) / max(closing_m_s, CONVERGING_M_S)
-    return seen.apart_m + apart_m_s * min(max(0.0, within_s), SOON_S) >= CLEAR_M
+    within_s = max(0.0, (seen.away_m - KEEP_M) / max(closing_m_s, CONVERGING_M_S))
+    starts_s = known.start.speed_m_s / (2.0 * GAINS_M_S2) if stands(own) else 0.0
+    return seen.apart_m + apart_m_s * min(within_s + starts_s, SOON_S) >= CLEAR_M
 
 
 def is_over(known: Encounter, seen: Relation, own: Fix, other: Fix, now_us: int) -> bool:
@@ -271,17 +277,3 @@ def room_m(role: ManoeuvreRole, own: Fix, other: Fix, separation_m: float) -> fl
     if role is ManoeuvreRole.CLIMB:
         return max(own.altitude_m, other.altitude_m + separation_m)
     return min(own.altitude_m, other.altitude_m - separation_m)
-
-
-def highest_m(encounters: list[Encounter]) -> float | None:
-    """The highest altitude to which any of them climbs."""
-    return max(
-        (e.altitude_m for e in encounters if e.role is ManoeuvreRole.CLIMB and e.altitude_m is not None), default=None
-    )
-
-
-def lowest_m(encounters: list[Encounter]) -> float | None:
-    """The lowest altitude to which any of them descends."""
-    return min(
-        (e.altitude_m for e in encounters if e.role is ManoeuvreRole.DESCEND and e.altitude_m is not None), default=None
-    )

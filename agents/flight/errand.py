@@ -48,6 +48,8 @@ SETTLES_US = 1_000_000
 LEVEL_M, UPRIGHT_M = 3.0, 1.5
 SLOPE = 5.0
 """A climb to a place farther than this multiple of its height is too flat to be seen within 2 s."""
+STEEP = 0.25
+"""A climb to a place nearer than this multiple of its height shows in its height alone."""
 _M_PER_DEG = 111_194.9
 
 
@@ -242,7 +244,11 @@ class Errand:
         north_m = (latitude_deg - fix.latitude_deg) * _M_PER_DEG
         east_m = (longitude_deg - fix.longitude_deg) * _M_PER_DEG * cos(radians(fix.latitude_deg))
         away_m = hypot(north_m, east_m)
-        nears = away_m <= LEVEL_M or (fix.north_m_s * north_m + fix.east_m_s * east_m) > 0.5 * away_m
+        # Nearly all of the way is up or down: what is left of it aside is flown as slowly.
+        nears = (
+            away_m <= max(LEVEL_M, STEEP * abs(up_m))
+            or (fix.north_m_s * north_m + fix.east_m_s * east_m) > 0.5 * away_m
+        )
         return nears and (rises or away_m > SLOPE * abs(up_m))
 
     def end(self, progress: OrderProgress, reason: str) -> None:

@@ -10,9 +10,10 @@ from itertools import pairwise
 from agents.actions import COORDINATION, Action, Offer
 from agents.exchange.gateway import Gateway
 from agents.flight.avoidance import WOULD_HOLD, Avoidance
-from agents.flight.encounters import leaps, stands
+from agents.flight.encounters import ManoeuvreRole, leaps, stands
 from agents.flight.errand import OrderProgress
 from agents.flight.grounded import GroundedAlarms
+from agents.flight.levels import is_of_level, level_of
 from agents.flight.pilot import Pilot
 from agents.flight.places import Fix
 from agents.flight.steps import Divert, LeaveToPartner, NeitherCan, Over, Propose, ResumeRoute, Step
@@ -241,7 +242,7 @@ class GivingWay(Part):
             raise Refused(f"the altitude of {partner} has leapt", "implausible")
         refused, steps = self._avoidance.on_proposal(
             partner, content.climber, own, other, self._may, now_us,
-            warned=self._is_warned(partner), because=content.because,
+            warned=self._is_warned(partner), because=content.because, level=level_of(content.level or ""),
         )  # fmt: skip
         if refused is not None:
             self._do(steps, now_us)
@@ -281,9 +282,9 @@ class GivingWay(Part):
             return
         elif content.because is not None:
             self._do(self._avoidance.on_left_refused(partner, reason.text, own, other, self._may, now_us), now_us)
-        elif reason.code == WOULD_HOLD and content.climber == partner and self._avoidance.awaits(partner):
-            self._tell(f"{partner} does not climb, but would hold: {reason.text}", now_us)
-            self._do(self._avoidance.on_would_hold(partner, own, other, self._may, now_us), now_us)
+        elif (reason.code == WOULD_HOLD or is_of_level(reason.code or "")) and self._avoidance.awaits(partner):
+            self._tell(f"{partner} takes part otherwise: {reason.text}", now_us)
+            self._do(self._avoidance.on_counter(partner, reason.code or "", own, other, self._may, now_us), now_us)
         elif self._avoidance.awaits(partner):
             self._tell(f"{partner} leaves the manoeuvre to {self._unit}: {reason.text}", now_us)
             self._do(self._avoidance.on_declined(partner, own, other, self._may, now_us), now_us)
@@ -302,8 +303,8 @@ class GivingWay(Part):
     def _do(self, steps: Iterable[Step], now_us: int) -> None:
         for step in steps:
             match step:
-                case Propose(partner, climber, climb_m):
-                    self._propose(partner, self._avoid(partner, climber, climb_m), now_us)
+                case Propose(partner, climber, climb_m, level):
+                    self._propose(partner, self._avoid(partner, climber, climb_m, level=level), now_us)
                 case LeaveToPartner(partner, reason):
                     self._tell(f"{self._unit} does not avoid {partner}, which is to do all of it: {reason}", now_us)
                     self._propose(partner, self._avoid(partner, partner, 0.0, reason), now_us)
@@ -314,9 +315,18 @@ class GivingWay(Part):
                 case Divert() | ResumeRoute():
                     self._fly(step, now_us)
 
-    def _avoid(self, partner: str, climber: str, climb_m: float, because: str | None = None) -> Avoid:
+    def _avoid(
+        self, partner: str, climber: str, climb_m: float, because: str | None = None, level: ManoeuvreRole | None = None
+    ) -> Avoid:
         units, alarm = (self._unit, partner), self._alarm_of.get(partner, "")
-        return Avoid(alarm=alarm, climber=climber, climb_m=min(climb_m, 1000.0), units=units, because=because)
+        return Avoid(
+            alarm=alarm,
+            climber=climber,
+            climb_m=min(climb_m, 1000.0),
+            units=units,
+            because=because,
+            level=level and level.value,
+        )
 
     def _fly(self, step: Divert | ResumeRoute, now_us: int) -> None:
         try:

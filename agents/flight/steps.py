@@ -2,13 +2,16 @@
 
 from typing import NamedTuple, TypeAlias
 
+from agents.flight.encounters import ManoeuvreRole
+
 
 class Propose(NamedTuple):
-    """Ask `partner` to agree that `climber` climbs while the other holds."""
+    """Ask `partner` to agree that `climber` climbs while the other holds; `level`: what this side does for another."""
 
     partner: str
     climber: str
     climb_m: float
+    level: ManoeuvreRole | None = None
 
 
 class LeaveToPartner(NamedTuple):

@@ -101,8 +101,7 @@ class Flown:
         if self.case.fault in NEITHER:
             return self.neither_s is not None and self.is_told
         in_time = all(factor is not None and factor <= LONGEST for factor in self.factors)
-        excused = self.case.fault in {"pilot takes over", "autopilot killed"}  # one does not arrive; the other waits
-        return self.least_m > LEAST_M and (in_time or excused or self.is_told) and self.after_takeover == 0
+        return self.least_m > LEAST_M and (in_time or self.is_told) and self.after_takeover == 0
 
 
 def legs(case: Case) -> list[Leg]:
@@ -280,6 +279,8 @@ def _watch(
             diverted_s = now_s
         if acted_s is None and diverted_s is not None and now_s > diverted_s + 2.0:
             acted_s = now_s
+            if case.fault in {"pilot takes over", "autopilot killed"}:
+                found.trouble_s = now_s
             if case.fault == "pilot takes over":
                 copters[0].set_mode("LOITER")
                 given_s = now_s + 8.0
@@ -323,7 +324,7 @@ def _judge(
     found.orders.sort()
     found.modes = sorted(mode for mode in found.modes if mode[0] >= 0.0)
     found.track.sort()
-    found.trouble_s = _trouble_s(found, copters, began_s)
+    found.trouble_s = found.trouble_s or _trouble_s(found, copters, began_s)
     if found.trouble_s is not None:
         found.told_s = [_told_s(found, copter.number, found.trouble_s) for copter in copters]
 

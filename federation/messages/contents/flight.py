@@ -34,6 +34,7 @@ class Resume(Content):
 class Avoid(Content):
     """Propose a manoeuvre: due to `alarm`, `climber` climbs by `climb_m` and the other of `units` holds.
 
+    `level` is what the sender does for another already: climb, hold or descend.
     With `because` the sender does not avoid the other, for that reason, and asks it to do all of it.
     """
 
@@ -42,6 +43,7 @@ class Avoid(Content):
     climb_m: Annotated[float, Field(ge=0, le=1000)] = Field(alias="climb_m")
     units: Units
     because: Line | None = None
+    level: Word | None = None
 
 
 class Fault(Content):

@@ -4,12 +4,10 @@ import pytest
 
 from agents.flight.avoidance import (
     AGAIN_US,
-    BUDGET_US,
     CLOSE_M,
     KNOWN_US,
     MOST_CLIMB_M,
     PATIENCE_US,
-    SEPARATION_M,
     UNMOVED_US,
     WOULD_HOLD,
     Avoidance,
@@ -32,6 +30,8 @@ from agents.flight.encounters import (
     relation,
     run_m,
 )
+from agents.flight.evidence import BUDGET_US
+from agents.flight.levels import SEPARATION_M
 from agents.flight.places import Fix
 from agents.flight.steps import Divert, LeaveToPartner, NeitherCan, Over, Propose, ResumeRoute, Step
 from navigation.geodesy import distance_m
@@ -506,7 +506,7 @@ def test_who_would_hold_but_not_climb_says_so_and_the_other_climbs() -> None:
     assert refused is not None
     assert refused.code == WOULD_HOLD
     found = warned("1", OTHER, OWN, partner="0")
-    assert found.on_would_hold("0", OTHER, OWN, anything, 0) == [Propose("0", "1", SEPARATION_M + 2.0)]
+    assert found.on_counter("0", WOULD_HOLD, OTHER, OWN, anything, 0) == [Propose("0", "1", SEPARATION_M + 2.0)]
     refused, _ = fenced.on_proposal("1", "1", OWN, OTHER, between(60.0, 110.0), 0, warned=True)
     assert refused is None
     found.on_agreed("0", OTHER, OWN, anything, 0)
@@ -515,7 +515,7 @@ def test_who_would_hold_but_not_climb_says_so_and_the_other_climbs() -> None:
 
 def test_of_two_that_may_not_climb_one_descends() -> None:
     found = warned("1", OTHER, OWN, partner="0")
-    steps = found.on_would_hold("0", OTHER, OWN, between(60.0, 110.0), 0)
+    steps = found.on_counter("0", WOULD_HOLD, OTHER, OWN, between(60.0, 110.0), 0)
     assert altitudes(steps) == [HIGHER_M - SEPARATION_M]
 
 
