@@ -103,13 +103,12 @@ class Avoidance:
 
     def _way(self, known: Encounter, own: Fix, other: Fix, may: May) -> ManoeuvreRole | str:
         """How this side makes room vertically, or why it does not."""
-        level, reason = level_among(self.encounters, known), ""
-        for role in ways(level, known.their_level):
-            refused = self._refusal(known, role, own, other, may, turns=level is CLIMB)
-            if refused is None:
-                return role
-            reason = reason or refused
-        return reason
+        level = level_among(self.encounters, known)
+        chosen = ways(level, known.their_level)
+        refusals = [self._refusal(known, role, own, other, may, turns=level is CLIMB) for role in chosen]
+        return next(
+            (role for role, refused in zip(chosen, refusals, strict=True) if refused is None), refusals[0] or ""
+        )
 
     def _ask(self, known: Encounter, climber: str, own: Fix, other: Fix, now_us: int) -> Propose:
         known.climber, known.awaited, known.asked_us = climber, True, now_us
@@ -150,8 +149,7 @@ class Avoidance:
             return Refused(known.left_because, "cannot"), []
         if known is not None and known.role is not None:
             return None, []  # what is under way is carried to its end
-        is_new = known is None
-        known = known or self._met(partner, climber, own, other, now_us)
+        is_new, known = known is None, known or self._met(partner, climber, own, other, now_us)
         known.their_level, mine = level, level_among(self.encounters, known)
         role = self._way(known, own, other, may) if climber == self.unit else HOLD
         reason = role if isinstance(role, str) else self._refusal(known, role, own, other, may, turns=True)
@@ -190,16 +188,18 @@ class Avoidance:
 
     def on_agreed(self, partner: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
         """`partner` accepted our proposal."""
-        known = self.encounters.get(partner)
-        if known is None or not self.awaits(partner):
+        if not self.awaits(partner):
             return []
+        known = self.encounters[partner]
         known.awaited = False
-        role = self._way(known, own, other, may) if known.climber == self.unit else HOLD
-        if isinstance(role, ManoeuvreRole) and (
-            role is not HOLD or self._refusal(known, HOLD, own, other, may) is None
-        ):
-            return self._take(known, role, own, other, now_us)
-        return self._alone(known, own, other, may, now_us)
+        level, theirs = level_among(self.encounters, known), known.climber == partner
+        both = level is CLIMB and theirs and known.their_level is None  # by now both climb, each for another
+        known.their_level = CLIMB if both else known.their_level
+        role = self._way(known, own, other, may) if both or not theirs else HOLD
+        role = HOLD if both and role is not DESCEND else role
+        if isinstance(role, str) or self._refusal(known, role, own, other, may, turns=True) is not None:
+            return self._alone(known, own, other, may, now_us)
+        return self._take(known, role, own, other, now_us)
 
     def awaits(self, partner: str) -> bool:
         """Whether `partner` has not answered our proposal yet."""
@@ -214,9 +214,9 @@ class Avoidance:
 
     def on_counter(self, partner: str, code: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
         """`partner` would take part otherwise: not climb but hold, or do what it does for another. Propose that."""
-        known = self.encounters.get(partner)
-        if known is None or not self.awaits(partner):
+        if not self.awaits(partner):
             return []
+        known = self.encounters[partner]
         known.their_level = level_of(code)
         if known.proposed >= MOST_ASKED or (code == WOULD_HOLD and self._refusal(known, CLIMB, own, other, may)):
             return self.on_declined(partner, own, other, may, now_us)
@@ -226,9 +226,9 @@ class Avoidance:
 
     def on_declined(self, partner: str, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
         """`partner` refused, or was silent: the whole manoeuvre is ours, unless it has proposed one meanwhile."""
-        known = self.encounters.get(partner)
-        if known is None or not self.awaits(partner):
+        if not self.awaits(partner):
             return []
+        known = self.encounters[partner]
         known.awaited = False
         return self._alone(known, own, other, may, now_us)
 

@@ -348,9 +348,10 @@ def _trouble_s(found: Flown, copters: Sequence[Copter], began_s: float) -> float
 def _told_s(found: Flown, number: int, trouble_s: float) -> float | None:
     """How long after the trouble the operator of that vehicle was told of it, or before it (0)."""
     words = ("neither",) if found.case.fault in NEITHER else _TROUBLE
-    told = (at_s for at_s, unit, text in found.notes if unit == str(number) and any(map(text.count, words)))
-    at_s = next(told, None)
-    return None if at_s is None else max(0.0, at_s - trouble_s)
+    told = [at_s for at_s, unit, text in found.notes if unit == str(number) and any(map(text.count, words))]
+    if found.case.fault == "autopilot killed":  # nothing is known of it any more: its pairs are not monitored
+        told += [at_s for at_s, _, event, units in found.alarms if event == "unknown" and units[:1] == (str(number),)]
+    return max(0.0, min(told) - trouble_s) if told else None
 
 
 def separations(one: Sequence[Seen], other: Sequence[Seen]) -> Iterator[tuple[float, float]]:
