@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Callable
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -729,3 +730,30 @@ def test_a_federation_with_a_faster_clock_is_understood(
     assert _query(call, unit="0", at="-5s") == DONE
     [told] = lines()
     assert told["valid_us"] == pytest.approx(world.clock.federation_us(world.now_us) - 5_000_000, abs=4_000_000)
+
+
+def test_hz_measures_the_rate_the_loss_and_the_latency_of_a_label(
+    world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from console.commands.members.hz import hz
+
+    assert hz(call, "heli-altitude", duration="3s") == DONE
+    shown = lines()
+    assert [entry["unit"] for entry in shown] == [0, 1, 2]
+    assert {entry["rate_hz"] for entry in shown} == {10.0}
+    assert {entry["loss"] for entry in shown} == {0.0}
+    assert all(500 <= entry["latency_us"] <= 5_000 for entry in shown)
+    monkeypatch.setattr(client, "os", SimpleNamespace(getpid=lambda: 2))  # another process, another member
+    assert hz(Call(call.settings, Output(json_lines=False)), "heli-altitude", unit="1", duration="2s") == DONE
+    assert "10.0 Hz   10.0 Hz   0.0%" in capsys.readouterr().out
+    with pytest.raises(NothingFound, match="Did you mean 'heli-altitude'"):
+        hz(call, "heli-altitud")
+
+
+def test_what_is_lost_is_a_share_of_what_was_due() -> None:
+    from console.commands.members.hz import _Arrival, _record
+
+    one = _record("0", "battery", 100_000, [_Arrival(at * 100_000, 2_000 + at) for at in (0, 1, 3, 4, 7)])
+    assert (one["samples"], one["loss"], one["rate_hz"]) == (5, 0.375, 5.714)
+    assert (one["latency_us"], one["latency_max_us"]) == (2_003, 2_007)
+    assert _record("0", "battery", 100_000, [])["rate_hz"] is None

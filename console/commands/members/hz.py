@@ -1,0 +1,110 @@
+"""`dyknow hz`: rate, loss and latency of a label, platform by platform."""
+
+from statistics import median
+from typing import Annotated, Any, NamedTuple
+
+import typer
+
+from console.centre.client import connected
+from console.command import Call, command
+from console.errors import DONE, NO
+from console.options.arguments import Label, Unit
+from console.output.output import unit_json
+from console.output.shown import styled
+from dyknow.model.instants import US_PER_S, print_span
+from federation.keys import label as label_name
+from runtime.client import Client
+from runtime.configuration.instants import SHORTEST_US, duration_us
+from runtime.library.jobs import SET_UP_S, request_streams
+from runtime.library.questions import check_label
+
+MAX_DELAY_S = 1.0
+
+
+class _Arrival(NamedTuple):
+    valid_us: int
+    latency_us: int
+
+
+@command(example="dyknow hz heli-position --for 5s")
+def hz(
+    call: Call,
+    label: Label,
+    *,
+    unit: Unit = None,
+    duration: Annotated[str, typer.Option("--for", metavar="TIME", help="How long to listen.")] = "3s",
+) -> int:
+    """Rate, loss and latency of a label, platform by platform, at the platform's own period; exit 1 without a sample."""
+    label_name(label)
+    for_s = duration_us(duration, option="--for", least_us=SHORTEST_US) / 1e6
+    arrived: dict[str, list[_Arrival]] = {}
+    with connected(call) as client:
+
+        def take(name: tuple[str, str, str], sample: Any, at_us: int) -> None:
+            latency_us = client.centre.clock.federation_us(at_us) - sample.valid_us
+            arrived.setdefault(name[0], []).append(_Arrival(sample.valid_us, latency_us))
+
+        client.centre.on_sample = take
+        periods = _periods(client, label, unit)
+        check_label(client, label, answered=bool(periods))
+        tasks = [
+            task
+            for name, period_us in periods.items()
+            for task in client.run(request_streams(client, label, [name], period_us / US_PER_S, MAX_DELAY_S))
+            if task.results
+        ]
+        with call.out.waiting(f"listening to {label}"):
+            client.wait_for(lambda: False, for_s)
+        ends = [client.cancel(task.unit, task.conversation) for task in tasks if not task.over]
+        client.wait_for(lambda: all(end.over for end in ends), SET_UP_S)
+    records = [_record(name, label, period_us, arrived.get(name, [])) for name, period_us in periods.items()]
+    for record in records if call.out.json_lines else ():
+        call.out.line(record)
+    if records and not call.out.json_lines:
+        columns = ("unit", "rate", "of", "lost", "latency", "worst")
+        call.out.table("", columns, [_row(record) for record in records], right=columns[1:])
+    return DONE if arrived else NO
+
+
+def _periods(client: Client, label: str, unit: str | None) -> dict[str, int]:
+    """The period of the label on each platform that has it, in microseconds."""
+    units = client.chosen(unit)
+    return {
+        view.unit: entry.period_us
+        for view in client.centre.platforms()
+        if view.unit in units and view.entry is not None
+        for entry in view.entry.labels
+        if entry.label == label and entry.period_us
+    }
+
+
+def _record(unit: str, label: str, period_us: int, arrived: list[_Arrival]) -> dict[str, Any]:
+    """Of what lies between the first and the last sample that came; rates and losses of one alone are unknown."""
+    valid = sorted({one.valid_us for one in arrived})
+    latencies = [one.latency_us for one in arrived]
+    span_us = valid[-1] - valid[0] if valid else 0
+    due = span_us // period_us + 1
+    return {
+        "unit": unit_json(unit),
+        "label": label,
+        "period_ms": period_us / 1000,
+        "samples": len(valid),
+        "rate_hz": round((len(valid) - 1) * US_PER_S / span_us, 3) if span_us else None,
+        "loss": round(max(0.0, 1 - len(valid) / due), 4) if span_us else None,
+        "latency_us": round(median(latencies)) if latencies else None,
+        "latency_max_us": max(latencies, default=None),
+    }
+
+
+def _row(record: dict[str, Any]) -> tuple[Any, ...]:
+    if record["rate_hz"] is None:
+        few = "no sample" if not record["samples"] else "one sample"
+        return (str(record["unit"]), styled(few, "red"), f"{1000 / record['period_ms']:.1f} Hz", "", "", "")
+    return (
+        str(record["unit"]),
+        f"{record['rate_hz']:.1f} Hz",
+        f"{1000 / record['period_ms']:.1f} Hz",
+        styled(f"{record['loss']:.1%}", "red" if record["loss"] else ""),
+        print_span(record["latency_us"]),
+        print_span(record["latency_max_us"]),
+    )
