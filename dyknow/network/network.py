@@ -193,6 +193,13 @@ class Network:
         self.tidy(generator.label)
         return held
 
+    def release(self, label: Label) -> Generator | None:
+        """Take the label off its generator, which keeps its process and streams; None: no generator has it (5.4.2)."""
+        self._ranks = {}
+        for held in (self._implicit, self._processes, self._unit_inputs):
+            held.pop(label, None)
+        return self._generators.pop(label, None)
+
     def remove(self, label: Label) -> None:
         """Take a generator away, with the unit that feeds it; its streams end.
 

@@ -190,6 +190,26 @@ def test_5_4_1_and_5_4_2_processes_and_generators_by_label_are_as_a_table_of_lab
         assert set(network.labels()) == table
 
 
+def test_5_4_2_a_generator_without_its_label_is_not_destroyed_and_an_unknown_label_is_nothing() -> None:
+    network, got, other = Network(), list[Sample](), list[Sample]()
+    source = network.add_source(POS, ANY)
+    network.add_process(SPEED, ANY, process_of(DOUBLE, [Input(POS)]))  # type: ignore[arg-type]
+    network.subscribe(SPEED, Policy(), got.append)
+    speed = network.generator(SPEED)
+    assert network.release(OTHER) is None
+    assert network.release(SPEED) is speed
+    assert network.release(POS) is source
+    assert network.labels() == ()
+    source.push(1, 4, 1)
+    assert [sample.value for sample in got] == [8], "its process and its streams are there"
+    network.add_source(SPEED, ANY)
+    network.subscribe(SPEED, Policy(), other.append)
+    network.push(SPEED, 2, 5, 2)
+    network.remove(SPEED)
+    source.push(3, 6, 3)
+    assert ([sample.value for sample in got], [sample.value for sample in other]) == ([8, 12], [5])
+
+
 def expect(refusal: type[Exception] | None, operation: Any, *arguments: Any) -> None:
     if refusal is None:
         operation(*arguments)

@@ -17,9 +17,12 @@ from dyknow import (
     Sample,
     Sort,
     SortError,
+    UnitPrototype,
     ValueNotAvailable,
     of_values,
 )
+from dyknow.network.process import Input
+from dyknow.network.refinement import RefinementProcess
 from tests.strategies import definition, streams, times_us
 from tests.thesis.streams import stream_definitions as thesis
 from tests.thesis.streams.stream_definitions import WORKED, sample, stream
@@ -112,10 +115,23 @@ def test_example_4_3_3_the_blob_of_a_picture_is_valid_when_the_picture_was_taken
 
 
 def test_example_4_3_4_processing_and_communication_delay_what_is_available() -> None:
-    measured = Sample(available_us=11, valid_us=10, value="v")
-    filtered = Sample(available_us=measured.available_us + 3 + 2, valid_us=measured.valid_us, value="v'")
-    assert filtered[:3] == (16, 10, "v'")
-    assert (measured.delay_us, filtered.delay_us) == (1, 6)
+    """The sample is there after 1, processing it takes 3, communicating it 2; it is the networks that add them up."""
+    network, receiver = Network(), Network()
+    measured, filtered, received = list[Sample](), list[Sample](), list[Sample]()
+    camera, filtering = Label("camera"), Label("filter")
+    network.add_source(camera, ANY)
+    unit = UnitPrototype("Filter", "", ("",), lambda: of_values(lambda value: f"{value}'"), cost_us=3)
+    network.add_process(filtering, ANY, RefinementProcess(unit, [Input(camera)]))
+    network.subscribe(camera, Policy(), measured.append)
+    network.subscribe(filtering, Policy(), filtered.append)
+    network.push(camera, 10, "v", 11)
+    assert not filtered, "it has not finished"
+    assert network.deadline_us == 14
+    network.on_time(14)
+    receiver.add_source(filtering, ANY)
+    receiver.subscribe(filtering, Policy(), received.append)
+    receiver.push(filtering, filtered[0].valid_us, filtered[0].value, filtered[0].available_us + 2)
+    assert [s[:3] for s in (*measured, *filtered, *received)] == [(11, 10, "v"), (14, 10, "v'"), (16, 10, "v'")]
 
 
 def test_example_4_3_5_and_figure_4_2_two_fluent_streams() -> None:
