@@ -63,6 +63,6 @@ def _command(arguments: list[str], environment: dict[str, str], directory: str, 
         os.close(opened)
     sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", closefd=False)
     sys.argv = ["-c", *arguments]
-    from console.main import main
+    from console.main import app
 
-    main()
+    app(prog_name="dyknow")

@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from console.centre import client
-from console.main import main
+from console.main import app
 from tests.box import Box
 
 TRANSCRIPTS = Path(__file__).parent / "transcripts"
@@ -94,7 +94,7 @@ class Player:
         # Each command is a process of its own, and so a member of its own.
         self._monkeypatch.setattr(client, "os", SimpleNamespace(getpid=partial(next, _PIDS)))
         with pytest.raises(SystemExit) as end:
-            main()
+            app(prog_name="dyknow")
         lines = [json.loads(line) for line in self._capsys.readouterr().out.splitlines()]
         self._conversation = next(
             (line["conversation"] for line in lines if "conversation" in line), self._conversation
