@@ -22,8 +22,6 @@ CLEAR_M = 20.0
 SOON_S = 5.0
 KEEP_M = 45.0
 """How near, horizontally, a vehicle that climbs on its way comes to the other before it is above it."""
-GAINS_M_S2 = 2.5
-"""How fast a copter gains speed; one that stands loses half of that time (ArduCopter's default)."""
 ASIDE_M = 40.0
 RISING_M_S = 2.0
 """How fast a vehicle is taken to climb or sink when the place where it has done so is chosen."""
@@ -192,8 +190,7 @@ def is_clear(known: Encounter, seen: Relation, own: Fix, other: Fix) -> bool:
         return False
     closing_m_s = -relation(with_course_of(own, known.start), with_course_of(other, known.other_start)).opening_m_s
     within_s = max(0.0, (seen.away_m - KEEP_M) / max(closing_m_s, CONVERGING_M_S))
-    starts_s = known.start.speed_m_s / (2.0 * GAINS_M_S2) if stands(own) else 0.0
-    return seen.apart_m + apart_m_s * min(within_s + starts_s, SOON_S) >= CLEAR_M
+    return seen.apart_m + apart_m_s * min(within_s, SOON_S) >= CLEAR_M
 
 
 def is_over(known: Encounter, seen: Relation, own: Fix, other: Fix, now_us: int) -> bool:

@@ -367,6 +367,7 @@ class Copter:
         def ask() -> None:
             self.command(interval, mavlink.MAVLINK_MSG_ID_SIM_STATE, 50_000)
             self.command(interval, mavlink.MAVLINK_MSG_ID_ATTITUDE, 50_000)
+            self.command(interval, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, 200_000)
             self.send(mavlink.MAVLink_set_mode_message(self.system, 1, MODES["GUIDED"]))
             self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
 
