@@ -16,7 +16,7 @@ import pytest
 
 from agents.effects import Impaired
 from console.centre import client
-from console.main import COMMANDS, main
+from console.main import COMMANDS, app
 from dyknow.model.errors import ContentError
 from federation import keys
 from federation.messages import contents
@@ -183,7 +183,7 @@ def run(words: list[str], world: Box, capsys: pytest.CaptureFixture[str], monkey
     for style in ([], ["--json"]):
         monkeypatch.setattr(sys, "argv", ["dyknow", *words, "--federation", "test", *style])
         with pytest.raises(SystemExit):
-            main()
+            app(prog_name="dyknow")
         shown = capsys.readouterr()
         assert commanding(shown.out) == commanding(shown.err) == [], (words, shown)
         printed += shown.out + shown.err
