@@ -228,7 +228,7 @@ class Ports:
     @cached_property
     def monitors(self) -> UnitMonitors:
         def on_alarm(event: AlarmEvent) -> None:
-            self.part(GivingWay).on_monitor(event)
+            self.on_alarm(self.part(GivingWay).annotated(event))
 
         return UnitMonitors(self.unit, self.network, self.source, on_alarm)
 

@@ -180,7 +180,7 @@ class PlatformProcess:
 
     def step(self, timeout_s: float | None = None) -> None:
         """Wait for the next event or deadline, at most `timeout_s`, and act on it."""
-        self.mailbox.pause_s = self._pressure.pause_s(self.clock.now_us())
+        self.mailbox.pause_s = self._pressure.pause_s(self.clock.now_us()) / max(1.0, self.config.clock.speed)
         step(self._node, self.mailbox, self.clock.now_us, self._perform, timeout_s)
         if self._accepted is not None:
             self._accepted.step()

@@ -12,7 +12,6 @@ from agents.exchange.gateway import Gateway
 from agents.flight.avoidance import WOULD_HOLD, Avoidance
 from agents.flight.encounters import ManoeuvreRole, leaps, stands
 from agents.flight.errand import OrderProgress
-from agents.flight.grounded import GroundedAlarms
 from agents.flight.levels import is_of_level, level_of
 from agents.flight.pilot import Pilot
 from agents.flight.places import Fix
@@ -79,7 +78,6 @@ class GivingWay(Part):
         self._neither: dict[str, AlarmEvent] = {}
         self._grounded_until_us: dict[str, int] = {}
         self._put_off: set[str] = set()
-        self._grounded = GroundedAlarms(self._is_parked, self._is_open, self._on_traffic)
         self._seen: object = None
         self.refused: dict[str, int] = {}
 
@@ -88,30 +86,12 @@ class GivingWay(Part):
         """The units this platform is avoiding, or about to."""
         return tuple(self._avoidance.encounters)
 
-    def on_monitor(self, event: AlarmEvent) -> None:
-        """A monitor opened or closed an alarm: raise it, unless it is about vehicles that stand, ours on the ground."""
-        named = self._monitors.named.get(event.monitor)
-        if named is not None and named.plan.profile.pairwise and len(event.units) == 2:
-            self._grounded.on_alarm(event)
-        else:
-            self._on_traffic(event)
-
-    def _on_traffic(self, event: AlarmEvent) -> None:
+    def annotated(self, event: AlarmEvent) -> AlarmEvent:
         """A warning says as well that this platform will do nothing about it."""
         reason = self._pilot.avoidance_off if self._may_avoid else None
-        if event.event == "opened" and reason is not None and self._is_warning(event.monitor):
-            event = event._replace(values={**event.values, f"avoidance[{self._unit}]": f"off: {reason}"})
-        self._raise(event)
-
-    def _is_parked(self, partner: str) -> bool:
-        """Whether our vehicle is on the ground, and neither it nor the other one moves."""
-        own, other = self._pilot.fix, fix_of(self._gateway, partner)
-        return self._stands and own is not None and stands(own) and other is not None and stands(other)
-
-    def _is_open(self, event: AlarmEvent) -> bool:
-        named = self._monitors.named.get(event.monitor)
-        instance = None if named is None else named.instances.get(event.units[1])
-        return instance is not None and instance.monitor.alarm_id == event.id
+        if event.event == "closed" or reason is None or not self._is_warning(event.monitor):
+            return event
+        return event._replace(values={**event.values, f"avoidance[{self._unit}]": f"off: {reason}"})
 
     # -- what happens ------------------------------------------------------------------------------------------
 
@@ -145,7 +125,6 @@ class GivingWay(Part):
         own = self._pilot.fix
         if own is None:
             return
-        self._grounded.on_moved(self._clock.federation_us(now_us))
         self._follow_diversion(now_us)
         for partner in tuple(dict.fromkeys((*self.encounters, *self._warned))):
             self._look(partner, own, now_us)

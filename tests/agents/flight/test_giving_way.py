@@ -301,59 +301,6 @@ def raised(wire: Box, unit: str) -> list[tuple[str, str]]:
     return [(event.monitor, event.event) for event in wire.platform(unit).part(AlarmLog).events]
 
 
-def parked(wire: Box, **one: Any) -> None:
-    """Platforms 0 and 1, 10 m from each other, on the ground and disarmed, unless `one` says otherwise of 1."""
-    ground: dict[str, Any] = {"armed": False, "airborne": False, "altitude_m": 50.0}
-    wire.join("0", Vehicle(**ground), control=True)
-    wire.join("1", Vehicle(**ground | {"north_m": 10.0} | one), control=True)
-    wire.centre()
-    wire.run(1.0)
-    wire.question("cc", "0", MonitorProximity())
-    wire.run(5.0)
-
-
-def take_off(wire: Box, unit: str, north_m_s: float) -> None:
-    """From now on it is armed, in the air and moves."""
-    vehicle = wire.vehicle(unit)
-    assert vehicle is not None
-    vehicle.armed = vehicle.airborne = True
-    vehicle.north_m -= (north_m_s - vehicle.north_m_s) * (wire.now_us - EPOCH) / 1e6
-    vehicle.north_m_s = north_m_s
-
-
-def test_vehicles_parked_next_to_each_other_raise_no_alarm_until_one_moves(wire: Box) -> None:
-    parked(wire)
-    assert raised(wire, "0") == raised(wire, "1") == []
-    take_off(wire, "1", 2.0)
-    wire.run(1.0)
-    for unit in "01":
-        assert ("proximity", "opened") in raised(wire, unit)
-        assert ("proximity-warn", "opened") in raised(wire, unit)
-
-
-def test_an_alarm_closes_when_both_have_come_to_stand_and_opens_under_another_name_when_one_takes_off(
-    wire: Box,
-) -> None:
-    parked(wire, armed=True, airborne=True)
-    assert ("proximity", "opened") not in raised(wire, "0"), "it stands, and ours is on the ground"
-    assert ("proximity", "opened") in raised(wire, "1"), "it is in the air"
-    vehicle = wire.vehicle("1")
-    assert vehicle is not None
-    vehicle.armed = vehicle.airborne = False
-    wire.run(5.0)
-    assert raised(wire, "1")[-2:] in PARKED
-    take_off(wire, "1", 0.0)
-    wire.run(1.0)
-    ids = [e.id for e in wire.platform("1").part(AlarmLog).events if (e.monitor, e.event) == ("proximity", "opened")]
-    assert len(set(ids)) == 2
-
-
-PARKED = [
-    [("proximity", "closed"), ("proximity-warn", "closed")],
-    [("proximity-warn", "closed"), ("proximity", "closed")],
-]
-
-
 def test_a_vehicle_that_says_it_is_on_the_ground_and_moves_is_traffic(wire: Box) -> None:
     broken: dict[str, Any] = {"armed": False, "airborne": False}
     wire.join("0", Vehicle(east_m=-40.0, east_m_s=2.0, **broken), control=True)

@@ -37,8 +37,9 @@ def test_ls_shows_all_three_alive_with_their_labels_and_clocks(dyknow: Dyknow) -
 
 
 def test_ls_is_readable_in_80_columns(dyknow: Dyknow) -> None:
-    out, _ = dyknow.raw("ls")
-    assert all(len(line) <= 80 for line in out.splitlines())
+    for options in ((), ("-l",)):
+        out, _ = dyknow.raw("ls", *options)
+        assert all(len(line) <= 80 for line in out.splitlines())
     assert "heli-position" in out, "no label is cut"
 
 
