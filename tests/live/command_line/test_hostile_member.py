@@ -1,14 +1,11 @@
 """A member with a valid key and certificate, against three UAVs with a roster and TLS: it gets nothing it has no right to."""
 
 import json
-import os
-import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 import zenoh
 
@@ -20,7 +17,7 @@ from federation.messages.descriptions import Description, ServiceEntry
 from federation.security.trust import Roster, Signer
 from proxies.zenoh.configuration import ZenohOptions, zenoh_config
 from runtime.configuration.run_directory import STATE_FILE
-from tests.live.command_line.command import PATIENCE_S, Dyknow, Follower
+from tests.live.command_line.command import Dyknow
 
 pytestmark = pytest.mark.live
 P = Performative
@@ -166,62 +163,3 @@ def test_a_member_with_a_valid_key_ends_halts_and_moves_nothing(secured: tuple[D
     records = dyknow.directory / "dyknow" / dyknow.federation / "units"
     assert not any('"halted"' in path.read_text() for path in records.glob("*.out"))
     assert sorted(dyknow.run("down")[0]["units"]) == [0, 1, 2]
-
-
-def taken_over(member: Member, task: str, units: tuple[str, ...]) -> dict[str, str]:
-    """Claim the task of a coordinator that died until these units follow; the conversations, with their units."""
-    asked: dict[str, str] = {}
-    until = time.monotonic() + PATIENCE_S
-    while time.monotonic() < until:
-        member.beat(member.boot)
-        for unit in units:
-            for name in BOTH:
-                conversation = f"3-{unit}-{len(asked)}"
-                asked[conversation] = unit
-                claim = CreateMonitor(name=name, task=task, coordinator="3", generation=2, avoidance=False)
-                member.say(unit, P.REQUEST, claim, conversation)
-        answers = member.answered(set(asked))
-        agreed = {each: unit for each, unit in asked.items() if ("agree", "") in answers[each]}
-        if set(agreed.values()) == set(units):
-            return agreed
-    raise AssertionError("nobody follows")
-
-
-def test_the_monitoring_that_a_member_ends_after_its_coordinator_died_is_reported_lost_within_two_seconds(
-    secured: tuple[Dyknow, Member, str],
-) -> None:
-    """A successor may end a task, also a hostile one: not silently. Times are those of the federation."""
-    dyknow, member, task = secured
-    before, started_s = places(dyknow), time.monotonic()
-    follower = Follower(dyknow)
-    [agreed] = dyknow.run("delegate", "create-monitor", "name=separation-20m", "--to", "1")
-    dyknow.until("monitors", inputs="fresh")
-    dyknow.run("cancel", agreed["conversation"])
-    follower.line(started_s, event="ended", monitor="separation-20m")
-    state = json.loads((dyknow.directory / "dyknow" / dyknow.federation / STATE_FILE).read_text())
-    pids = {entry["unit"]: int(entry["pid"]) for entry in state["running"]}
-
-    killed_us = member.now_us()
-    os.kill(pids["0"], signal.SIGKILL)
-    claims = taken_over(member, task, ("1", "2"))
-    ended_us = member.now_us()
-    for conversation, unit in claims.items():
-        member.say(unit, P.CANCEL, Cancel(), conversation)
-    _, unknown = follower.line(started_s, event="unknown", by=1, units=[1, 0], monitor="proximity")
-    _, ended = follower.line(started_s, event="ended", by=1, monitor="proximity")
-    told_s = {"unknown": (unknown["at_us"] - killed_us) / 1e6, "ended": (ended["at_us"] - ended_us) / 1e6}
-    print(f"seconds after: {told_s}")
-    assert max(told_s.values()) <= WITHIN_S
-    assert {(each["ended_by"], each["unit"]) for each in dyknow.run("tasks") if each.get("ended_by")} >= {
-        (3, 1),
-        (3, 2),
-    }
-    _, said = dyknow.raw("ls")
-    assert "was ended by 3" in " ".join(said.split())
-
-    assert all(psutil.pid_exists(pids[unit]) for unit in ("1", "2")), "none halts"
-    after = places(dyknow)
-    for unit in (1, 2):
-        moved = [abs(after[unit][name] - before[unit][name]) for name in ("latitude_deg", "longitude_deg")]
-        assert max(moved) * METRE_DEG < MOVED_M
-        assert abs(after[unit]["altitude_m"] - before[unit]["altitude_m"]) < MOVED_M
