@@ -21,6 +21,8 @@ GONE_US = 2_500_000
 TOKEN_GONE_US = 500_000
 BEATS_TO_RETURN = 2
 STALL_US = 500_000
+BACKLOG_US = 500_000
+"""For so long after a halt heartbeats may come that were under way: they say nothing of the links."""
 LINKS_END_US, LINKING_US = 1_300_000, 4_000_000
 """After a halt so long others have ended their links to us; within so long they are made again, if the peer is there."""
 PLATFORMS = 1024
@@ -258,7 +260,8 @@ class Liveness:
 
     def _judge(self, peer: Peer, now_us: int) -> list[LivenessEvent]:
         events: list[LivenessEvent] = []
-        is_linking = now_us < self._linking_until_us
+        until_us = self._linking_until_us
+        is_linking = now_us < until_us and peer.heard_us < until_us - LINKING_US + BACKLOG_US
         if peer.token_gone_us is not None and now_us >= peer.token_gone_us + TOKEN_GONE_US and not is_linking:
             return [self._gone(peer, "token withdrawn", now_us)]
         silent_us = now_us - peer.heard_us
