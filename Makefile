@@ -9,11 +9,12 @@ demo: $(READY)
 	$(BIN)/dyknow demo
 
 test: $(READY) lint
-	$(BIN)/pytest -m "not full" --ignore=tests/live -n 2 --dist worksteal
-	$(BIN)/pytest -m "not full" tests/live -n 4 --dist loadfile
+	$(BIN)/pytest -m "not full" --ignore=tests/live -n 3 --dist worksteal
+	$(BIN)/pytest -m "not full" tests/live -n 5 --dist loadfile --no-loadscope-reorder
 
 test-full: $(READY) lint
-	DYKNOW_FULL=1 $(BIN)/pytest --timeout=3600
+	DYKNOW_FULL=1 $(BIN)/pytest --timeout=3600 --ignore=tests/live -n 2 --dist worksteal
+	DYKNOW_FULL=1 $(BIN)/pytest --timeout=3600 tests/live -n 2 --dist loadfile --no-loadscope-reorder
 
 lint: $(READY)
 	$(BIN)/ruff check .

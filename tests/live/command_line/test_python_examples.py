@@ -23,6 +23,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dyknow]:
         [ready] = found.run("up", "2", "--scenario", "hover", "--seed", "5", "--detach")
         assert ready["event"] == "ready"
         found.until("ls", state="alive")
+        found.until("query", "heli-position", "--at", "-2s", label="heli-position")
         yield found
     finally:
         found.close()
