@@ -13,6 +13,7 @@ from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
 from agents.subscribers import Subscribers
 from agents.tasks.life import TaskLife
+from agents.tasks.requests import MEMBERSHIP
 from dyknow.model.errors import DecodeError
 from federation import keys
 from federation.members import liveness
@@ -60,10 +61,7 @@ class DirectoryAgent(Part):
         ),
         Offer(
             ACCOUNT,
-            (
-                Action(Leave, "on_leave", role=Role.COMMAND_CENTRE, typed=True),
-                Action(Rejoin, "on_rejoin", role=Role.COMMAND_CENTRE, typed=True),
-            ),
+            MEMBERSHIP,
         ),
     )
     answers = (DirectoryEvent, Found)

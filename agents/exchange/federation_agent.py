@@ -13,6 +13,7 @@ from agents.exchange.gateway import Gateway, stream_policy
 from agents.interface import InterfaceAgent
 from agents.part import Followed, Part, PeerChange
 from agents.tasks.life import TaskLife
+from agents.tasks.requests import CREATE_MULTICAST, STOP_MULTICAST
 from agents.tasks.task import Task
 from dyknow import Policy
 from dyknow.model.errors import DyknowError, Refused
@@ -34,8 +35,8 @@ class FederationAgent(Part):
         Offer(
             FEDERATION,
             (
-                Action(contents.CreateMulticast, "on_create_multicast", lasting=True, typed=True),
-                Action(contents.StopMulticast, "on_stop_multicast", typed=True),
+                CREATE_MULTICAST,
+                STOP_MULTICAST,
                 Action(contents.ImportList, "on_import_list", QUERIED, Role.OBSERVER),
                 Action(contents.Stream, "on_stream", INFORMED),
                 Action(contents.EndStream, "on_end_stream", INFORMED),

@@ -12,11 +12,12 @@ from agents.flight.pilot import Pilot
 from agents.flight.vehicle_streams import VehicleStreams
 from agents.interface import InterfaceAgent
 from agents.part import Followed, Part
+from agents.tasks.requests import FLIGHT as FLIGHT_REQUESTS
 from dyknow import US_PER_S, Sample, earlier
 from federation.members.clock import FederationClock
 from federation.members.offers import Service
 from federation.messages.acts import Act, Performative
-from federation.messages.contents import Content, Done, Fault, Goto, Hold, Land, Reason, Resume, ReturnHome
+from federation.messages.contents import Done, Fault, Goto, Hold, Land, Reason, Resume, ReturnHome
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from navigation.vehicle import (
     Command,
@@ -31,10 +32,6 @@ from navigation.vehicle import (
 
 FLIGHT: Final = Service("flight", "pilot")
 FAULTS: Final = Service("fault-injection", "simulator")
-
-
-def _command(content: type[Content], handler: str) -> Action:
-    return Action(content, handler, role=Role.COMMAND_CENTRE, typed=True)
 
 
 class FlightAgent(Part):
@@ -53,13 +50,7 @@ class FlightAgent(Part):
     offers = (
         Offer(
             FLIGHT,
-            (
-                _command(Goto, "on_goto"),
-                _command(Hold, "on_hold"),
-                _command(Land, "on_land"),
-                _command(ReturnHome, "on_return_home"),
-                _command(Resume, "on_resume"),
-            ),
+            FLIGHT_REQUESTS,
         ),
     )
     takes = {Reported: "on_reported"}  # noqa: RUF012  (a declaration, like the class's methods)

@@ -5,11 +5,12 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
 
-from agents.actions import COORDINATION, Action, Offer
+from agents.actions import COORDINATION, Offer
 from agents.exchange.gateway import Gateway
 from agents.interface import InterfaceAgent
 from agents.part import Part
 from agents.tasks.life import TaskLife
+from agents.tasks.requests import CHECK_FORMULA
 from dyknow import NO_VALUE, US_PER_S, Policy
 from dyknow.model.errors import ContentError, Refused, TextError, UnknownLabel
 from federation.members.clock import FederationClock
@@ -56,7 +57,7 @@ class Check:
 class Checks(Part):
     """The formulas under check on one platform, over the streams of its instance, derived ones too."""
 
-    offers = (Offer(COORDINATION, (Action(CheckFormula, "on_check", typed=True),)),)
+    offers = (Offer(COORDINATION, (CHECK_FORMULA,)),)
     answers = (Verdict,)
 
     def __init__(

@@ -18,6 +18,7 @@ from agents.monitoring.monitors import UnitMonitors
 from agents.monitoring.reported_alarms import ReportedAlarms
 from agents.part import Part, PeerChange
 from agents.tasks.life import TaskLife
+from agents.tasks.requests import CREATE_MONITOR, MONITOR_PROXIMITY, REMOVE_MONITOR
 from agents.tasks.task import Claim, CoordinatedTask, Task, TaskPlan
 from dyknow import US_PER_S, earlier
 from dyknow.model.errors import DyknowError, Refused
@@ -42,18 +43,15 @@ class Coordination(Part):
         Offer(
             COORDINATION,
             (
-                Action(contents.MonitorProximity, "on_monitor_proximity", lasting=True, typed=True),
-                Action(
-                    contents.CreateMonitor, "on_create_monitor", lasting=True, typed=True,
-                    inner=("coordinator", "delegate", "delegator", "generation", "parameters", "profile", "task"),
-                ),
-                Action(contents.RemoveMonitor, "on_remove_monitor", typed=True),
+                MONITOR_PROXIMITY,
+                CREATE_MONITOR,
+                REMOVE_MONITOR,
                 Action(contents.Alarm, "on_told", INFORMED),
                 Action(contents.Progress, "on_progress", INFORMED),
                 Action(contents.HandOver, "on_hand_over", INFORMED),
             ),
         ),
-    )  # fmt: skip
+    )
 
     def __init__(
         self,

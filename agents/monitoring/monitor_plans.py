@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from agents.tasks.requests import DEFAULT_TASK
 from dyknow import Policy, Value
 from dyknow.model.errors import DyknowError, Refused
 from dyknow.model.instants import print_duration
@@ -12,9 +13,6 @@ from kpl.running.formula_states import states_of
 from kpl.syntax.specification import StreamTerm
 from reasoning import Derivation, Formula, clearance, instantiate, required_labels, split_growing
 from reasoning.monitoring.profiles import Profile
-
-DEFAULT_TASK = ("proximity", "proximity-warn")
-"""What `monitor-proximity` monitors unless a profile is named: the violation, and what starts avoidance."""
 
 MAX_DELAY_US = 60_000_000
 """A monitor keeps every state that is not complete yet, for as long as its delay."""

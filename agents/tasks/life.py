@@ -312,18 +312,7 @@ class TaskLife(Part):
 
     def on_tasks(self, act: Act, _content: Tasks, now_us: int) -> None:
         """`(tasks)`: what users delegated, not the parts of it; and what others ended here of late."""
-        entries = [
-            TaskEntry(
-                conversation=task.conversation,
-                task=task.name,
-                unit=self._unit,
-                state=task.state,
-                delegator=_speaker(task.initiator),
-                since_us=task.since_us,
-            )
-            for task in self._tasks.values()
-            if not task.is_part
-        ]
+        entries = [self._entry(task) for task in self._tasks.values() if not task.is_part]
         entries += [
             TaskEntry(
                 conversation=ended.task,
@@ -338,6 +327,20 @@ class TaskLife(Part):
             if now_us < ended.at_us + ENDED_LISTED_US
         ]
         self._agent.answer(act, Performative.INFORM, TaskList(tasks=tuple(entries[:MAX_LIST])), now_us)
+
+    def _entry(self, task: Task) -> TaskEntry:
+        led = self.coordinated.get(task.conversation)
+        alone = (task.monitor,) if task.monitor else ()
+        return TaskEntry(
+            conversation=task.conversation,
+            task=task.name,
+            unit=self._unit,
+            state=task.state,
+            delegator=_speaker(task.initiator),
+            since_us=task.since_us,
+            monitors=alone if led is None else tuple(plan.name for plan in led.plans),
+            avoidance=None if led is None else led.avoidance,
+        )
 
     # -- abandoned ---------------------------------------------------------------------------------------------
 

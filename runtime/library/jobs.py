@@ -13,10 +13,12 @@ from federation.messages.acts import Performative
 from federation.messages.codec import WireSample
 from federation.messages.contents import (
     Content,
+    CreateMonitor,
     CreateMulticast,
     Done,
     MonitorEntry,
     MonitorList,
+    MonitorProximity,
     Monitors,
     Reading,
     Samples,
@@ -272,6 +274,32 @@ def begin_task(client: Client, task: str, to: str | None, given: Mapping[str, An
     content = content_with(task, given, client.federation_us(), client.extensions)
     unit = receiver_of(client, content, to)
     return client.say(unit, P.REQUEST, content, within_s=within_s, standing=True)
+
+
+def running_already(client: Client, task: str, to: str | None, given: Mapping[str, Any]) -> Job[TaskEntry | None]:
+    """The task that monitors already what this request asks for, wherever it is coordinated; None if there is none.
+
+    A request with a period or delay of its own goes to its platform, which knows whether they fit what runs.
+    """
+    from agents.tasks.requests import DEFAULT_TASK
+
+    content = content_with(task, given, client.federation_us(), client.extensions)
+    if not isinstance(content, MonitorProximity | CreateMonitor):
+        return None
+    if content.sample_period_s is not None or content.delay_s is not None:
+        return None
+    there = yield from platforms(client)
+    if isinstance(content, CreateMonitor):
+        asked, avoidance = [receiver_of(client, content, to)], None
+        wanted: tuple[str, ...] = (content.name,)
+    else:
+        asked = [view.unit for view in there if view.state == PeerState.ALIVE.value]
+        wanted = DEFAULT_TASK if content.profile is None else (content.profile,)
+        avoidance = content.avoidance is not False
+    for _, entry in (yield from tasks(client, asked)):
+        if (entry.task, entry.monitors, entry.avoidance) == (task, wanted, avoidance):
+            return entry
+    return None
 
 
 def delegate(client: Client, task: str, to: str | None, given: Mapping[str, Any], within: str) -> Job[Dialogue]:

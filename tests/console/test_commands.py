@@ -391,6 +391,43 @@ def test_a_delegated_task_lives_on_is_listed_and_is_cancelled_by_another_command
     assert monitors(call) == NO
 
 
+def test_a_task_that_runs_already_is_named_and_no_second_one_begins(
+    world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from console.commands.members.delegate import delegate, tasks
+
+    conversation = _delegated(call, lines)
+    world.run(2.0)
+    assert delegate(call, "monitor-proximity", [], to="1", wait=True) == NO, "wherever it is asked for"
+    [told] = lines()
+    assert (told["event"], told["conversation"], told["unit"]) == ("runs-already", conversation, 0)
+    assert delegate(Call(call.settings, Output(json_lines=False)), "monitor-proximity", [], to=None, wait=False) == NO
+    assert "platform 0 coordinates it since" in " ".join(capsys.readouterr().out.split())
+    assert delegate(call, "create-monitor", ["name=nmac"], to="1", wait=False) == DONE
+    assert delegate(call, "create-monitor", ["name=nmac"], to="2", wait=False) == DONE, "another platform's own"
+    lines()
+    assert delegate(call, "create-monitor", ["name=nmac"], to="1", wait=False) == NO
+    assert [entry["unit"] for entry in lines()] == [1]
+    for pairs in (["profile=nmac"], ["avoidance=no"]):
+        assert delegate(call, "monitor-proximity", pairs, to="0", wait=False) == DONE, "another request"
+    world.run(1.0)
+    lines()
+    assert tasks(call) == DONE
+    assert sum(entry["task"] == "monitor-proximity" for entry in lines()) == 3
+
+
+def test_a_task_that_a_successor_holds_is_named_with_its_holder(world: Box, call: Call, lines: Lines) -> None:
+    from console.commands.members.delegate import delegate
+
+    conversation = _delegated(call, lines)
+    world.run(3.0)
+    world.kill("0")
+    world.run(8.0)
+    assert delegate(call, "monitor-proximity", [], to="2", wait=False) == NO
+    [told] = lines()
+    assert (told["conversation"], told["unit"]) == (conversation, 1)
+
+
 def test_an_unknown_task_and_an_unknown_conversation_are_told(world: Box, call: Call) -> None:
     from console.commands.members.delegate import cancel, delegate
 

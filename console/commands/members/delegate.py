@@ -25,7 +25,7 @@ from runtime.client import Client
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 from runtime.configuration.settings import load
 from runtime.configuration.wording import typed, values_of
-from runtime.library.jobs import begin_task, listed_tasks, state_of
+from runtime.library.jobs import begin_task, listed_tasks, running_already, state_of
 from runtime.library.jobs import tasks as all_tasks
 
 P = Performative
@@ -61,6 +61,8 @@ def delegate(
     """A task for a platform, as a speech act to its interface agent; it continues when the command ends."""
     with connected(call) as client:
         given = values_of(task, pairs or (), client.extensions)
+        if (running := client.run(running_already(client, task, to, given))) is not None:
+            return _runs_already(call, running)
         dialogue = client.run(begin_task(client, task, to, given, ANSWER_S))
         heard = 0
 
@@ -84,6 +86,19 @@ def delegate(
         if wait and dialogue.agreed and dialogue.failed and state_of(dialogue) == "failed":
             raise FederationFailed(f"{dialogue.failed}. {_successor(client, dialogue)}")
         return _outcome(dialogue)
+
+
+def _runs_already(call: Call, running: TaskEntry) -> int:
+    """Name the task that does what was asked for, which holds it, and since when; 1, since none was begun."""
+    since = clock_time(running.since_us or 0).partition(".")[0]
+    call.out.say(
+        f"{running.task} runs already: platform {running.unit} coordinates it since {since}, "
+        f"for {_delegator(running) or 'no one'}, as {running.conversation}. "
+        f"dyknow alarms --follow shows its alarms, dyknow cancel {running.conversation} ends it.",
+        event="runs-already",
+        **_record(running),
+    )
+    return NO
 
 
 def _successor(client: Client, dialogue: Dialogue) -> str:
@@ -165,17 +180,7 @@ def tasks(call: Call) -> int:
         found = [task for _, task in client.run(listed_tasks(client, client.chosen(None)))]
     if call.out.json_lines:
         for task in found:
-            call.out.line(
-                {
-                    "conversation": task.conversation,
-                    "task": task.task,
-                    "unit": unit_json(task.unit),
-                    "state": task.state,
-                    "delegator": task.delegator,
-                    "since_us": task.since_us,
-                }
-                | ({} if task.ended_by is None else {"ended_by": unit_json(task.ended_by)})
-            )
+            call.out.line(_record(task))
     elif found:
         rows = [
             (
@@ -191,6 +196,19 @@ def tasks(call: Call) -> int:
     else:
         call.out.note("no task is delegated; begin one with dyknow delegate monitor-proximity.")
     return DONE if found else NO
+
+
+def _record(task: TaskEntry) -> dict[str, Any]:
+    """A task, for `--json`."""
+    ended = {} if task.ended_by is None else {"ended_by": unit_json(task.ended_by)}
+    return {
+        "conversation": task.conversation,
+        "task": task.task,
+        "unit": unit_json(task.unit),
+        "state": task.state,
+        "delegator": task.delegator,
+        "since_us": task.since_us,
+    } | ended
 
 
 def _delegator(task: TaskEntry) -> str:

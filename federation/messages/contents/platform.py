@@ -13,7 +13,12 @@ class Tasks(parts.Content):
 
 
 class TaskEntry(parts.ContentPart):
-    """One task; `ended_by`: the platform that ended it here, which is neither its delegate nor a command centre."""
+    """One task.
+
+    Attributes:
+        ended_by: the platform that ended it here, which is neither its delegate nor a command centre.
+        monitors: what it monitors, by name; `avoidance`: whether platforms then give way to each other.
+    """
 
     head: ClassVar[str] = "task"
 
@@ -24,6 +29,8 @@ class TaskEntry(parts.ContentPart):
     delegator: parts.Agent | None = None
     since_us: parts.Instant | None = None
     ended_by: parts.Unit | None = None
+    monitors: Annotated[tuple[parts.Word, ...], Field(max_length=parts.MAX_LIST)] = ()
+    avoidance: bool | None = None
 
 
 class TaskList(parts.Content):

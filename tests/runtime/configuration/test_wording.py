@@ -2,6 +2,7 @@
 
 import pytest
 
+from agents.extensions import typed_actions
 from dyknow.model.errors import WrongCall
 from federation.messages.contents import CreateMulticast, read
 from runtime.configuration.wording import content_with, typed, values_of
@@ -56,6 +57,10 @@ def test_numbers_and_truth_values_are_read() -> None:
 def test_what_does_not_fit_is_told_with_its_remedy(task: str, pairs: list[str], said: str) -> None:
     with pytest.raises(WrongCall, match=said.replace("takes nothing", "Takes nothing|takes nothing")):
         content_with(task, values_of(task, pairs), NOW_US)
+
+
+def test_what_can_be_typed_is_what_the_parts_of_a_platform_declare_so() -> None:
+    assert typed() == typed_actions()
 
 
 def test_every_task_is_a_content_that_platforms_can_read() -> None:

@@ -1,0 +1,45 @@
+"""The tasks that can be delegated by hand, each as the `Action` that its part offers; the parts need not be loaded."""
+
+from typing import Final
+
+from agents.actions import Action, Role
+from federation.messages import contents
+
+MONITOR_PROXIMITY: Final = Action(contents.MonitorProximity, "on_monitor_proximity", lasting=True, typed=True)
+CREATE_MONITOR: Final = Action(
+    contents.CreateMonitor,
+    "on_create_monitor",
+    lasting=True,
+    typed=True,
+    inner=("coordinator", "delegate", "delegator", "generation", "parameters", "profile", "task"),
+)
+REMOVE_MONITOR: Final = Action(contents.RemoveMonitor, "on_remove_monitor", typed=True)
+CHECK_FORMULA: Final = Action(contents.CheckFormula, "on_check", typed=True)
+CREATE_MULTICAST: Final = Action(contents.CreateMulticast, "on_create_multicast", lasting=True, typed=True)
+STOP_MULTICAST: Final = Action(contents.StopMulticast, "on_stop_multicast", typed=True)
+FLIGHT: Final = tuple(
+    Action(content, handler, role=Role.COMMAND_CENTRE, typed=True)
+    for content, handler in (
+        (contents.Goto, "on_goto"),
+        (contents.Hold, "on_hold"),
+        (contents.Land, "on_land"),
+        (contents.ReturnHome, "on_return_home"),
+        (contents.Resume, "on_resume"),
+    )
+)
+MEMBERSHIP: Final = tuple(
+    Action(content, handler, role=Role.COMMAND_CENTRE, typed=True)
+    for content, handler in ((contents.Leave, "on_leave"), (contents.Rejoin, "on_rejoin"))
+)
+DEFAULT_TASK: Final = ("proximity", "proximity-warn")
+"""What `monitor-proximity` monitors unless a profile is named: the violation, and what starts avoidance."""
+TYPED: Final = (
+    MONITOR_PROXIMITY,
+    CREATE_MONITOR,
+    REMOVE_MONITOR,
+    CHECK_FORMULA,
+    CREATE_MULTICAST,
+    STOP_MULTICAST,
+    *FLIGHT,
+    *MEMBERSHIP,
+)
