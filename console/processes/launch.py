@@ -170,11 +170,18 @@ def hosts_of(call: Call, unit: str) -> Path:
     return run_directory(call.settings.federation) / f"{unit}.hosts"
 
 
+def _how_many(name: str) -> str:
+    """What to write if a platform is beyond the number of them."""
+    return f" For more platforms write how many there are: dyknow up {int(name) + 1}." if name.isdigit() else ""
+
+
 def only_these(names: Sequence[str], only: Sequence[str]) -> Sequence[str]:
     """The platforms to start here; the federation's others run elsewhere. Raises WrongCall for an unknown one."""
     for name in only:
         if name not in names:
-            raise WrongCall(f"--only: this federation has no platform {name!r}.{did_you_mean(name, names)}")
+            raise WrongCall(
+                f"--only: this federation has no platform {name!r}.{did_you_mean(name, names)}{_how_many(name)}"
+            )
     return only or names
 
 

@@ -1,7 +1,7 @@
 """`dyknow up`, `dyknow join` and `dyknow down`: platform processes started, shown and ended."""
 
 import time
-from pathlib import Path
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 import typer
@@ -13,6 +13,7 @@ from console.options.arguments import Avoidance, Duration, Speed
 from console.output.output import unit_json
 from console.output.shown import line, styled
 from console.processes.launch import FleetPlan, clock_of, fleet_of, together
+from console.processes.standing import forget, missing, note_state, running_units, started_units
 from console.processes.supervision import GRACE_S, Fleet, end, interruptible, outlasting, uninterrupted
 from dyknow.model.errors import FederationFailed, TextError, WrongCall, did_you_mean
 from federation.members.clock import FederationClock
@@ -28,10 +29,16 @@ _LEAD_PER_UNIT_US = 200_000
 
 
 class FleetStart:
-    """Events of the platforms so far: which joined, which found all others, and their notes, each once."""
+    """Events of platforms that start: which joined, which found all others, and their notes, each once.
 
-    def __init__(self, units: list[str]) -> None:
+    Args:
+        units: the platforms that start.
+        present: those that run already.
+    """
+
+    def __init__(self, units: Iterable[str], present: Iterable[str] = ()) -> None:
         self.units = set(units)
+        self._all = self.units.union(present)
         self.joined_us: dict[str, int] = {}
         self.labels: dict[str, list[str]] = {}
         self.complete_us: dict[str, int] = {}
@@ -43,7 +50,7 @@ class FleetStart:
             self.labels[unit] = [str(label) for label in said.get("labels", ())]
         elif said.get("event") == "directory":
             found = {str(name) for name in said["units"]} | {unit}
-            if found >= self.units:
+            if found >= self._all:
                 self.complete_us.setdefault(unit, int(said["at_us"]))
         elif said.get("event") == "note" and (text := str(said["text"])) not in self.notes:
             self.notes.append(text)
@@ -53,7 +60,7 @@ class FleetStart:
 
     def all_found(self) -> bool:
         """Every platform has joined and has found every other."""
-        return self.all_joined() and (len(self.units) == 1 or self.complete_us.keys() >= self.units)
+        return self.all_joined() and (len(self._all) == 1 or self.complete_us.keys() >= self.units)
 
     @property
     def discovery_ms(self) -> int:
@@ -93,18 +100,26 @@ def up(
         typer.Option(metavar="U", help="Start only this one here; the others run elsewhere (repeatable)."),
     ] = None,
 ) -> int:
-    """Start simulated UAVs, one process each, and wait until they have found each other."""
+    """Start simulated UAVs, one process each, and wait until they have found each other.
+
+    Where some of them run already, those that are missing are started, one that has died as it was before.
+    """
     plan = FleetPlan(units, scenario, seed, persona, gcs, avoidance, speed, tuple(only or ()))
-    configs = planned(call, plan, duration)
-    fleet = Fleet(_vacant(call), lifeline=not detach)
+    directory = run_directory.run_directory(call.settings.federation)
+    present = sorted(running_units(directory), key=unit_order)
+    configs = missing(directory, planned(call, plan, duration))
+    if not configs:
+        _say_present(call, present)
+        return DONE
+    fleet = Fleet(directory, lifeline=not detach)
     is_left = False
     with interruptible():
         try:
-            gathering = gathered(call, fleet, configs)
-            _note_state(fleet, configs, stays=not detach)
+            gathering = gathered(call, fleet, configs, started_units(directory))
+            note_state(fleet, configs, stays=not detach)
             if not detach:
                 outlasting(call.out)
-            _say_ready(call, fleet, gathering)
+            _say_ready(call, fleet, gathering, present)
             if detach:
                 is_left = True
                 return DONE
@@ -116,15 +131,6 @@ def up(
                 ended(fleet)
                 names = sorted(fleet.running, key=unit_order)
                 call.out.say("stopped", event="stopped", units=[unit_json(name) for name in names])
-
-
-def _note_state(fleet: Fleet, configs: list[NodeConfig], *, stays: bool) -> None:
-    """Note for other commands which processes run and where; a supervisor that stays is ended first."""
-    running = [*fleet.running.values()]
-    if stays:
-        running.append(run_directory.this_process())
-    endpoints = [endpoint for config in configs for endpoint in config.wire.listen]
-    run_directory.write_state(fleet.directory, run_directory.ProcessState(tuple(running), tuple(endpoints)))
 
 
 def planned(call: Call, plan: FleetPlan, duration: str | None = None) -> list[NodeConfig]:
@@ -158,21 +164,9 @@ def _checked_scenario(name: str, simulated: int) -> None:
         raise WrongCall(f"--scenario: {error.message}.") from None
 
 
-def _vacant(call: Call) -> Path:
-    """The run directory, if no platforms of this federation run here already."""
-    directory = run_directory.run_directory(call.settings.federation)
-    if running := run_directory.read_state(directory).running:
-        units = ", ".join(found.unit for found in running if found.unit)
-        raise WrongCall(
-            f"--federation {call.settings.federation}: its platforms {units} are running on this machine already; "
-            "end them with dyknow down, or choose another name."
-        )
-    return directory
-
-
-def gathered(call: Call, fleet: Fleet, configs: list[NodeConfig]) -> FleetStart:
-    """Start them and wait until each has found all others; raises FederationFailed."""
-    gathering = FleetStart([config.unit for config in configs])
+def gathered(call: Call, fleet: Fleet, configs: list[NodeConfig], present: Iterable[str] = ()) -> FleetStart:
+    """Start them and wait until each has found all others, those `present` included; raises FederationFailed."""
+    gathering = FleetStart([config.unit for config in configs], present)
     for group in together(configs):
         fleet.start_together({config.unit: config.model_dump_json() for config in group})
     with call.out.waiting(f"{len(configs)} platforms are looking for each other"):
@@ -185,13 +179,28 @@ def gathered(call: Call, fleet: Fleet, configs: list[NodeConfig]) -> FleetStart:
     return gathering
 
 
-def _say_ready(call: Call, fleet: Fleet, gathering: FleetStart) -> None:
-    units = sorted(gathering.units, key=unit_order)
+def _say_present(call: Call, present: list[str]) -> None:
+    """All that was asked for runs."""
     call.out.say(
-        line(
-            styled("ready", "green"), f": platforms {', '.join(units)} found each other in {gathering.discovery_ms} ms"
-        ),
+        f"platforms {', '.join(present)} run already, nothing is missing; dyknow down ends them.",
+        event="running",
+        units=[unit_json(unit) for unit in present],
+    )
+
+
+def _say_ready(call: Call, fleet: Fleet, gathering: FleetStart, present: list[str]) -> None:
+    units = sorted(gathering.units, key=unit_order)
+    said = f": platforms {', '.join(units)} found each other in {gathering.discovery_ms} ms"
+    if present:
+        one = len(units) == 1
+        said = (
+            f": platform{'' if one else 's'} {', '.join(units)} {'was' if one else 'were'} missing, and found "
+            f"{', '.join(present)}, which ran already, in {gathering.discovery_ms} ms"
+        )
+    call.out.say(
+        line(styled("ready", "green"), said),
         event="ready",
+        **({"present": [unit_json(unit) for unit in present]} if present else {}),
         units=[unit_json(unit) for unit in units],
         pids={unit: fleet.running[unit].pid for unit in units},
         discovery_ms=gathering.discovery_ms,
@@ -223,7 +232,7 @@ def ended(fleet: Fleet) -> None:
     """End the fleet, whatever is pressed meanwhile."""
     with uninterrupted():
         fleet.end()
-        (fleet.directory / run_directory.STATE_FILE).unlink(missing_ok=True)
+        forget(fleet)
 
 
 @command(example="dyknow down")

@@ -43,10 +43,11 @@ def test_ls_is_readable_in_80_columns(dyknow: Dyknow) -> None:
     assert "heli-position" in out, "no label is cut"
 
 
-def test_a_second_up_of_the_same_name_is_a_wrong_call(dyknow: Dyknow) -> None:
-    _, err = dyknow.raw("up", "2", code=2)
-    assert "running on this machine already" in err
-    assert "dyknow down" in err
+def test_a_second_up_names_what_runs_and_starts_nothing(dyknow: Dyknow) -> None:
+    [running] = dyknow.run("up", "2", "--detach")
+    assert running == {"event": "running", "units": [0, 1, 2]}
+    out, _ = dyknow.raw("up", "3")
+    assert "run already" in out
 
 
 def test_a_name_that_is_taken_is_refused(dyknow: Dyknow) -> None:
@@ -157,7 +158,19 @@ def test_a_killed_platform_is_gone_at_once_and_the_rest_goes_on(dyknow: Dyknow) 
     assert {line["unit"]: "error" in line for line in answers} == {0: False, 1: False, 2: True}
 
 
+def test_up_starts_the_platform_that_died_as_it_was_and_names_those_that_run(dyknow: Dyknow) -> None:
+    before = {unit: _pid(dyknow, unit) for unit in ("0", "1")}
+    [ready] = dyknow.run("up", "3", "--only", "2", "--detach")
+    assert (ready["event"], ready["units"], ready["present"]) == ("ready", [2], [0, 1])
+    assert [line["unit"] for line in dyknow.until("ls", state="alive")] == [0, 1, 2]
+    assert {unit: _pid(dyknow, unit) for unit in ("0", "1")} == before, "down finds them as before"
+    configuration = (dyknow.directory / "dyknow" / dyknow.federation / "units" / "2.json").read_text()
+    assert json.loads(configuration)["vehicle"]["scenario"] == "hover", "not the scenario of this call"
+    [altitude] = dyknow.run("query", "heli-altitude", "--unit", "2")
+    assert altitude["unit"] == 2
+
+
 def test_down_ends_them_and_says_so_and_then_there_is_nothing(dyknow: Dyknow, tmp_path: Path) -> None:
     [stopped] = dyknow.run("down")
-    assert stopped == {"event": "stopped", "units": [0, 1], "ended_before": [2]}, "platform 2 was killed"
+    assert stopped == {"event": "stopped", "units": [0, 1, 2]}
     assert dyknow.run("down", code=1) == [{"event": "stopped", "units": []}]
