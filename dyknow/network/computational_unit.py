@@ -31,23 +31,19 @@ class ComputationalUnit:
 
     def on_sample(self, i: int, sample: Sample, now_us: int) -> Sample | None:
         """Input `i`, counted from 0, has a new sample; the output, if there is one."""
-        self._inputs[i] = sample
-        return self._step(now_us)
+        return self.on_element({i: sample}, now_us)
 
     def on_element(self, element: Mapping[int, Sample], now_us: int) -> Sample | None:
         """The join of the inputs has a new element, in which these are new; the output, if there is one."""
         for i, sample in element.items():
             self._inputs[i] = sample
-        return self._step(now_us)
-
-    def _step(self, now_us: int) -> Sample | None:
         output, self.state = self._function(now_us, tuple(self._inputs), self.state)
         return output
 
 
 def latest_valid_us(inputs: Inputs) -> int | None:
     """The latest valid time among the inputs: the default valid time of an output. None before any input."""
-    return max((s.valid_us for s in inputs if s is not None), default=None)
+    return max([s.valid_us for s in inputs if s is not None], default=None)
 
 
 def quality_of(inputs: Inputs) -> Quality:
@@ -77,6 +73,9 @@ def of_values(function: Callable[..., Value]) -> UnitFunction:
     """A unit that computes a value from the values of its inputs, once all are there; `NO_VALUE` if one has none."""
 
     def step(now_us: int, inputs: Inputs, state: Value) -> tuple[Sample | None, Value]:
+        if len(inputs) == 1 and (only := inputs[0]) is not None and only.quality is SURE:
+            value = NO_VALUE if only.value is NO_VALUE else function(only.value)
+            return Sample(now_us, only.valid_us, value), state
         values = [s.value for s in inputs if s is not None]
         valid_us = latest_valid_us(inputs)
         if valid_us is None or len(values) < len(inputs):

@@ -229,10 +229,10 @@ class Network:
         Raises:
             UnknownLabel: there is none.
         """
-        label = Label.of(label)
-        generator = self._generators.get(label)
+        named = Label.parse(label) if isinstance(label, str) else label
+        generator = self._generators.get(named)
         if generator is None:
-            raise self._unknown(label)
+            raise self._unknown(named)
         return generator
 
     def find(self, label: Label) -> Generator | None:

@@ -58,19 +58,23 @@ class Pace:
 
 
 class UnitAtWork:
-    """One instance of a unit, for one thread at a time. What it raises is a fault, and ends nothing."""
+    """One instance of a unit, for one thread at a time. What it raises is a fault, and ends nothing.
 
-    __slots__ = ("_arity", "_has_failed", "_prototype", "_unit")
+    Attributes:
+        unit: the instance, once it is made.
+    """
+
+    __slots__ = ("_arity", "_has_failed", "_prototype", "unit")
 
     def __init__(self, prototype: UnitPrototype, arity: int) -> None:
         self._prototype, self._arity = prototype, arity
-        self._unit: ComputationalUnit | None = None
+        self.unit: ComputationalUnit | None = None
         self._has_failed = False
 
     def make(self) -> tuple[str, ...]:
         """Make the instance, which may take its time: a unit imports what it needs; returns what went wrong."""
         try:
-            self._unit = ComputationalUnit(self._prototype.make(), self._arity)
+            self.unit = ComputationalUnit(self._prototype.make(), self._arity)
         except Exception as wrong:  # noqa: BLE001  (it is a user's code)
             self._has_failed = True
             return (f"{self._prototype.name} cannot be made: {wrong!r}",)
@@ -78,11 +82,11 @@ class UnitAtWork:
 
     def take(self, element: Mapping[int, Sample], available_us: int) -> Outcome:
         """Call it with the next element of its join."""
-        faults = () if self._unit is not None or self._has_failed else self.make()
-        if self._unit is None:
+        faults = () if self.unit is not None or self._has_failed else self.make()
+        if self.unit is None:
             return Outcome((), faults)
         try:
-            output = self._unit.on_element(element, available_us)
+            output = self.unit.on_element(element, available_us)
         except Exception as wrong:  # noqa: BLE001  (it is a user's code)
             return Outcome((), (raised(self._prototype.name, wrong),))
         return _NOTHING if output is None else Outcome((output,))
@@ -208,7 +212,7 @@ class RefinementProcess(OnDemand):
 
     def on_sample(self, i: int, sample: Sample) -> None:
         if len(self._wanted) == 1:
-            self._on_element({i: sample})
+            self._on_element({i: sample}, sample.available_us)
             return
         self._join.put(i, sample)
         if not self._in_past and self._network is not None:
@@ -216,45 +220,51 @@ class RefinementProcess(OnDemand):
 
     def on_instant(self) -> None:
         for element in self._join.take():
-            self._on_element(element)
+            self._on_element(element, max([sample.available_us for sample in element.values()]))
         if self._waiting and not self._is_busy:
             self._next(self._ended_us)
 
-    def _on_element(self, element: dict[int, Sample]) -> None:
-        unit, network = self._unit, self._network
-        if unit is None or network is None:
+    def _on_element(self, element: dict[int, Sample], available_us: int) -> None:
+        work, network = self._unit, self._network
+        if work is None or network is None:
             return
-        available_us = max([sample.available_us for sample in element.values()])
-        workers = network.calls.workers
+        workers, unit = network.calls.workers, work.unit
         if self._is_apart and not (self._in_past and workers is None):
             self._wait(WaitingElement(element, available_us, self._in_past))
-        elif workers is None or self.prototype.cost_us == 0:
-            self._hand_on(unit.take(element, available_us), available_us + (self.prototype.cost_us or 0))
-        else:
-            began_us = workers.now_us()
-            outcome = unit.take(element, available_us)
-            ended_us = workers.now_us()
+            return
+        if unit is None:
+            return
+        clock = None if self.prototype.cost_us == 0 else workers
+        now_us = available_us + (self.prototype.cost_us or 0)
+        began_us = 0 if clock is None else clock.now_us()
+        try:
+            output = unit.on_element(element, available_us)
+        except Exception as wrong:  # noqa: BLE001  (it is a user's code)
+            output = None
+            self.fault(raised(self.prototype.name, wrong))
+        if clock is not None:
+            ended_us = clock.now_us()
             self._pace.took(ended_us - began_us)
             self._is_apart = self._pace.is_slow and (not self._in_past or self._pace.is_known_slow)
-            self._hand_on(outcome, available_us + ended_us - began_us if self._in_past else max(available_us, ended_us))
+            now_us = available_us + ended_us - began_us if self._in_past else max(available_us, ended_us)
+        if output is not None:
+            self._hand_on(output, now_us)
 
-    def _hand_on(self, outcome: Outcome, now_us: int) -> None:
+    def _hand_on(self, output: Sample, now_us: int) -> None:
         """What the unit made is available now."""
-        self._report(outcome.faults)
-        for output in outcome.outputs:
-            generator = self._generator
-            if generator is None or self._unit is None:
-                return
-            try:
-                generator.sort.check(output.value)
-            except SortError as wrong:
-                self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
-                continue
-            made = [output]
-            if self._adapter is not None:
-                made = self._adapter.on_sample(output._replace(available_us=now_us), now_us)
-            for each in made:
-                self.emit(each.valid_us, each.value, now_us, each.quality)
+        generator = self._generator
+        if generator is None or self._unit is None:
+            return
+        try:
+            generator.sort.check(output.value)
+        except SortError as wrong:
+            self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
+            return
+        if self._adapter is None:
+            self.emit(output.valid_us, output.value, now_us, output.quality)
+            return
+        for each in self._adapter.on_sample(output._replace(available_us=now_us), now_us):
+            self.emit(each.valid_us, each.value, now_us, each.quality)
 
     def _report(self, faults: Sequence[str]) -> None:
         for each in faults:
@@ -328,11 +338,12 @@ class RefinementProcess(OnDemand):
         if self._is_past:
             self._in_past = True
             for output in outcome.outputs:
-                self._hand_on(Outcome((output,)), output.available_us)
+                self._hand_on(output, output.available_us)
             self._in_past = False
-            self._report(outcome.faults)
         else:
-            self._hand_on(outcome, now_us)
+            for output in outcome.outputs:
+                self._hand_on(output, now_us)
+        self._report(outcome.faults)
         self._ended_us = now_us
         if self._network is not None:
             self._network.instant.put(self)  # what comes at this instant is there before the next call
