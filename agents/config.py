@@ -10,7 +10,8 @@ from agents.part import Part
 from dyknow import Prototype
 from federation.members.clock import FederationClock
 from federation.security.trust import Trust
-from federation.sharing.ontology import Ontology, Translation, default_ontology
+from federation.sharing.ontology import Ontology, default_ontology
+from federation.sharing.translation import Translation
 from reasoning import Profile, builtin_profiles
 
 

@@ -25,6 +25,7 @@ from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.federation_agent import FederationAgent
 from agents.exchange.gateway import Gateway
 from agents.exchange.import_proxy import ImportProxy
+from agents.exchange.label_agreements import LabelAgreements
 from agents.exchange.local_instance import LocalInstance
 from agents.exchange.silent_imports import SilentImports
 from agents.exchange.stream_queries import StreamQueries
@@ -55,7 +56,7 @@ from federation.members.offers import Service
 from federation.members.offsets import ClockOffsets
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from federation.sharing.exports import Exports
-from federation.sharing.ontology import Convert, Translation
+from federation.sharing.translation import Convert, Translation
 from federation.transport import Reopen, WireEffect
 from kpl import Instance
 from reasoning import AlarmEvent
@@ -63,7 +64,8 @@ from reasoning import AlarmEvent
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    FlightAgent, Faults, LocalInstance, FederationAgent, ImportProxy, SubscriptionKeeper, SilentImports, Admission, UnitMonitoring,
+    FlightAgent, Faults, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports,
+    Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     MessageLog, DirectoryAgent,
 )  # fmt: skip
@@ -101,7 +103,8 @@ class Ports:
 
     def __post_init__(self) -> None:
         config = self.config
-        self.unit, self.boot, self.clock, self.ontology = config.unit, config.boot, config.clock, config.ontology
+        self.unit, self.boot, self.clock = config.unit, config.boot, config.clock
+        self.ontology = config.ontology.copy()  # a specification adds to it
         self.network, self.may_avoid = Network(), config.avoidance
         self._parts: dict[type[Part], Part] = {}
 
@@ -183,7 +186,8 @@ class Ports:
 
     @cached_property
     def translation(self) -> Translation:
-        return self.config.translation or Translation(self.ontology)
+        own = self.config.translation
+        return Translation(self.ontology) if own is None else own.over(self.ontology)
 
     @property
     def source(self) -> Callable[[str, str], tuple[Label, Convert]]:
@@ -193,6 +197,10 @@ class Ports:
     def stopwatch(self) -> Callable[[], int] | None:
         """Federation time within a step; None: time is simulated."""
         return self.config.stopwatch
+
+    @property
+    def disagreement(self) -> Callable[[str, str], str]:
+        return self.part(LabelAgreements).disagreement
 
     @property
     def fed(self) -> tuple[Part, ...]:
@@ -253,7 +261,7 @@ class Ports:
     @property
     def offer(self) -> Callable[[int], None]:
         """Tells the directory that labels or conditions of a part have changed, at a time (node clock)."""
-        return self.part(DirectoryAgent).offer
+        return lambda at_us: self.part(DirectoryAgent).offer(at_us)
 
 
 def lasting_heads(extensions: Sequence[type[Part]] = ()) -> frozenset[str]:

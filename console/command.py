@@ -133,6 +133,7 @@ _CONNECT = "Connect to this endpoint (repeatable); no multicast then."
 _NAME = "Which federation: commands and platforms of one name never see another's."
 _INTERFACE = "Network interface of multicast; lo: nothing leaves the machine."
 _JSON = "One JSON object a line on standard output, nothing else."
+_ONTOLOGY = "Semantic labels that not every platform has."
 _EXTENSION = "A module with commands, or parts of platforms (repeatable)."
 
 
@@ -143,6 +144,7 @@ def _common(
     discover: Annotated[str, _option(metavar="multicast|none", help="How processes find each other.")] = "multicast",
     interface: Annotated[str, _option(metavar="IF", help=_INTERFACE)] = "lo",
     roster: Annotated[Path | None, _option(metavar="FILE", help="Roster with which acts are signed.")] = None,
+    ontology: Annotated[Path | None, _option(metavar="FILE.toml", help=_ONTOLOGY)] = None,
     json_lines: Annotated[bool, _option("--json", help=_JSON)] = False,
     extensions: Annotated[list[str] | None, _option("--extension", metavar="MODULE", help=_EXTENSION)] = None,
     config: Annotated[Path | None, _option(metavar="FILE.toml", help="Options from a file.")] = None,

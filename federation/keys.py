@@ -22,6 +22,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple, TypeAlias
 
 from dyknow.model.errors import NameRefused
+from dyknow.model.semantic_labels import LABEL_NAME
 
 EVERYBODY = "all"
 """The receiver of a broadcast act. No unit is called so."""
@@ -30,7 +31,6 @@ _MAX_KEY = 320  # the longest key the builders below can make is shorter
 _RESERVED = frozenset({"acl", "all", "df", "hb", "q", "time", "x"})  # the scheme's own words
 
 _UNIT = re.compile(r"(?=.{1,32}\Z)(0|[1-9][0-9]*|[a-z][a-z0-9_]*(-[a-z0-9_]+)*)")
-_LABEL = re.compile(r"(?=.{1,64}\Z)[a-z][a-z0-9]*(-[a-z0-9]+)*")
 _CONVERSATION = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 _FEDERATION = re.compile(r"(?=.{1,64}\Z)[a-z0-9]+([_-][a-z0-9]+)*")
 _HASH = re.compile(r"[0-9a-f]{8}")
@@ -55,13 +55,13 @@ def unit(name: str) -> str:
 @lru_cache(maxsize=4096)
 def label(name: str) -> str:
     """`name` if it can be a semantic label."""
-    return _matching(_LABEL, name, "a semantic label: hyphenated lower-case words, 64 characters")
+    return _matching(LABEL_NAME, name, "a semantic label: hyphenated lower-case words, 64 characters")
 
 
 @lru_cache(maxsize=4096)
 def agent(name: str) -> str:
     """`name` if it can name an agent, a service or a kind of platform."""
-    return _matching(_LABEL, name, "an agent or a service: hyphenated lower-case words, 64 characters")
+    return _matching(LABEL_NAME, name, "an agent or a service: hyphenated lower-case words, 64 characters")
 
 
 def conversation(name: str) -> str:

@@ -13,10 +13,11 @@ from federation.members.command_centre import CommandCentre, PlatformView
 from federation.messages.acts import Performative
 from federation.messages.contents import Content
 from federation.messages.dialogue import Dialogue
-from federation.sharing.ontology import Ontology, default_ontology
+from federation.sharing.ontology import Ontology
 from federation.transport import WireEffect, WireEvent
 from runtime.clock import NodeClock
 from runtime.configuration.config import WireConfig
+from runtime.configuration.ontologies import ontology_of
 from runtime.configuration.reach import COMMAND_CENTRE, trust_files
 from runtime.configuration.session import load_trust
 from runtime.configuration.settings import Settings
@@ -85,6 +86,7 @@ class Client:
         make_centre: given the identity of the session, for tokens, and the time.
         federation: its name, for messages.
         extensions: modules that bring further tasks and semantic labels.
+        ontology: file of semantic labels.
     """
 
     def __init__(
@@ -93,8 +95,10 @@ class Client:
         make_centre: Callable[[str, int], CommandCentre],
         federation: str = "default",
         extensions: tuple[str, ...] = (),
+        ontology: Path | None = None,
     ) -> None:
         self.federation, self.extensions = federation, extensions
+        self._ontology_file = ontology
         self.now_us, self._mailbox, self._trouble = around.now_us, around.mailbox, around.trouble
         self._wire = around.open_wire(self._mailbox.put, self.now_us)
         self._since_us = self.now_us()
@@ -184,16 +188,13 @@ class Client:
 
     @cached_property
     def ontology(self) -> Ontology:
-        """The semantic labels there are, with those of extensions.
+        """The semantic labels that this program knows itself: of every member, of extensions, of its file.
 
         Raises:
             UnitError: an extension does not load.
+            TextErrors, WrongCall: the file does not read.
         """
-        if not self.extensions:
-            return default_ontology()
-        from agents.extensions import labels_of
-
-        return labels_of(self.extensions)
+        return ontology_of(self.extensions, self._ontology_file)
 
     # Asking
 

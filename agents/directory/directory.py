@@ -23,6 +23,7 @@ from federation.members.replicas import PlatformRefused
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.contents import MAX_LIST, Content, Directory, DirectoryEvent, Found, Leave, Rejoin, Search
 from federation.messages.descriptions import ConditionEntry, LabelEntry
+from federation.sharing.ontology import Ontology
 from federation.transport import Answered, Arrived, Asked, AskEnded, DeclareQueryable, TokenChanged
 
 ASKED = 2
@@ -47,6 +48,7 @@ class DirectoryAgent(Part):
 
     Args:
         offered, labels: the services and semantic labels this platform offers, as they are now.
+        ontology: what labels mean here; what not every platform has is announced.
         fed: the parts that imported samples may make due earlier.
         emit, note: take effects, and words for users.
     """
@@ -81,12 +83,13 @@ class DirectoryAgent(Part):
         offered: Callable[[], Sequence[Service]],
         labels: Callable[[], Sequence[LabelEntry]],
         conditions: Callable[[], Sequence[ConditionEntry]],
+        ontology: Ontology,
         fed: tuple[Part, ...],
         emit: Callable[[Effect], None],
         note: Callable[[str], None],
     ) -> None:
         self.facilitator, self._agent, self._offered, self._labels = member.directory, agent, offered, labels
-        self._conditions = conditions
+        self._conditions, self._ontology = conditions, ontology
         self._member, self._emit, self._note = member, emit, note
         self._noted: set[str] = set()
         self._impaired: dict[str, int] = {}
@@ -107,7 +110,8 @@ class DirectoryAgent(Part):
     def offer(self, now_us: int) -> None:
         """Tell the others which services and labels there are now, and in which condition we are."""
         offered, labels, conditions = self._offered(), self._labels(), self._conditions()
-        self._member.take(self.facilitator.declare(offered, labels, now_us, self._member.tails(), conditions), now_us)
+        own, tails = self._ontology.own(), self._member.tails()
+        self._member.take(self.facilitator.declare(offered, labels, now_us, tails, conditions, own), now_us)
 
     def conditions(self) -> Sequence[ConditionEntry]:
         return [ConditionEntry(text=text, since_us=at_us) for text, at_us in self._impaired.items()]

@@ -7,8 +7,8 @@ from dyknow.model.errors import UnknownLabel
 from dyknow.network.stream_proxy import StreamProxy
 from federation.messages.codec import WireSample
 from federation.sharing.exports import ContractEnded, ExportEvent, Exports, StreamEnded, StreamName
-from federation.sharing.ontology import Translation
 from federation.sharing.streams import ExportStream
+from federation.sharing.translation import Translation
 from federation.transport import Put
 
 BATCH = 64

@@ -10,6 +10,7 @@ from agents.actions import FEDERATION, INFORMED, QUERIED, Action, Offer, Role
 from agents.admission.limits import STREAMS_PER_PEER
 from agents.effects import Effect
 from agents.exchange.gateway import Gateway, stream_policy
+from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.part import Followed, Part, PeerChange
 from agents.tasks.life import TaskLife
@@ -20,6 +21,7 @@ from dyknow.model.errors import DyknowError, Refused
 from federation import keys
 from federation.members.directory import DirectoryFacilitator
 from federation.members.liveness import PlatformAppeared, PlatformGone, PlatformReturned
+from federation.members.offers import DefinitionsChanged
 from federation.messages import contents
 from federation.messages.acts import Act
 from federation.sharing.exports import ContractEnded, EndReason, ExportEvent
@@ -52,9 +54,10 @@ class FederationAgent(Part):
         directory: DirectoryFacilitator,
         gateway: Gateway,
         tasks: TaskLife,
+        agreements: LabelAgreements,
         emit: Callable[[Effect], None],
     ) -> None:
-        self._unit, self._agent, self._directory = unit, agent, directory
+        self._unit, self._agent, self._directory, self._agreements = unit, agent, directory, agreements
         self._gateway, self._tasks, self._emit = gateway, tasks, emit
         self._exporter, self._exports = gateway.exporter, gateway.exporter.exports
 
@@ -114,7 +117,7 @@ class FederationAgent(Part):
         """
         policy = stream_policy(content.sample_period_s, content.delay_s, content.from_us, content.to_us)
         labels = tuple(dict.fromkeys(content.semantic_labels))
-        receivers = [unit for unit in content.to_units if unit != self._unit]
+        receivers = self._allowed(labels, content.to_units)
         contracts = [f"{owner}.{label}.{policy.content_hash()}" for label in labels]
         try:
             for label, contract in zip(labels, contracts, strict=True):
@@ -129,6 +132,20 @@ class FederationAgent(Part):
         for unit in receivers:
             self._agent.tell(unit, announced, now_us)
         return contracts
+
+    def _allowed(self, labels: Iterable[str], units: Iterable[str]) -> list[str]:
+        """The units that may have all of the labels; raises Refused if there is none."""
+        allowed, others, refused = list[str](), [unit for unit in units if unit != self._unit], list[Refused]()
+        for unit in others:
+            try:
+                for label in labels:
+                    self._agreements.check(unit, label)
+                allowed.append(unit)
+            except Refused as why:
+                refused.append(why)
+        if others and not allowed:
+            raise refused[0]
+        return allowed
 
     def end_exports(self, contracts: Iterable[str], now_us: int) -> None:
         """These contracts are needed no more."""
@@ -187,6 +204,15 @@ class FederationAgent(Part):
                 self._on_exports(self._exports.receiver_restarted(change.unit, now_us), now_us)
             case PlatformGone():
                 self._exports.receiver_gone(change.unit, now_us, change.boot)
+            case DefinitionsChanged():
+                self._end_disputed(change.unit, now_us)
+
+    def _end_disputed(self, unit: str, now_us: int) -> None:
+        """The streams that a unit gets of labels by which it means something else now."""
+        for task in self._tasks.all():
+            for contract, label in task.contracts.items():
+                if self._agreements.disagreement(unit, label):
+                    self._stop(contract, now_us, (unit,))
 
     @property
     def is_owing(self) -> bool:

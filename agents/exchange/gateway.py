@@ -9,7 +9,8 @@ from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.import_proxy import ImportProxy
 from dyknow import US_PER_S, Label, Network, Policy, Sample, print_span
 from dyknow.model.errors import Refused, UnknownLabel, ValueNotAvailable
-from federation.sharing.ontology import Ontology, Translation
+from federation.sharing.ontology import Ontology
+from federation.sharing.translation import Translation
 
 PAGE = 256
 

@@ -6,13 +6,15 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TypeAlias
 
-from agents.part import Part
+from agents.part import Part, PeerChange
 from dyknow import SURE, Label, Network, Policy, PolicyAdapter, Quality, Sample, Value
 from dyknow.model.errors import SortError
 from federation.members.clock import FederationClock, Offset, Standing
 from federation.members.imports import ImportName, Imports
+from federation.members.offers import DefinitionsChanged
 from federation.messages.codec import WireSample
-from federation.sharing.ontology import Convert, Ontology, Translation
+from federation.sharing.ontology import Ontology
+from federation.sharing.translation import Convert, Translation
 from federation.transport import WireEffect
 
 MAX_STREAMS = 4096
@@ -46,6 +48,7 @@ class ImportProxy(Part):
     for valid times.
 
     Args:
+        disagreement: (unit, semantic label) -> why the label is not shared with the unit, or nothing.
         source: (semantic label, unit) -> its local label, declared if it was not, and how its values become semantic.
 
     Attributes:
@@ -62,10 +65,11 @@ class ImportProxy(Part):
         imports: Imports,
         emit: Callable[[WireEffect], None],
         source: Callable[[str, str], tuple[Label, Convert]],
+        disagreement: Callable[[str, str], str],
     ) -> None:
         self._network, self._ontology, self._translation = network, ontology, translation
         self._clock, self._offset_of, self._emit, self._declare = clock, offset_of, emit, source
-        self.imports = imports
+        self.imports, self._disagreement = imports, disagreement
         self._sinks: dict[tuple[str, str], Sink] = {}
         self.refused: Counter[str] = Counter()
         self.policies: dict[ImportName, Policy] = {}
@@ -74,12 +78,29 @@ class ImportProxy(Part):
         """`owner` announced a stream for us: listen to it. Saying it twice is saying it once."""
         if len(self.imports.streams) >= MAX_STREAMS or semantic_label not in self._ontology:
             return
+        if self._disagreement(owner, semantic_label):
+            self.refused["label conflict"] += 1
+            return
         imported = ImportedStream(owner, semantic_label, policy)
         self.policies[owner, semantic_label, policy_hash] = policy
         for effect in self.imports.begin(
             (owner, semantic_label, policy_hash), partial(self._deliver, imported), now_us
         ):
             self._emit(effect)
+
+    def on_peer(self, change: PeerChange, _now_us: int) -> None:
+        """A platform means something else from now on: what is no longer shared ends."""
+        if isinstance(change, DefinitionsChanged):
+            for name in [name for name in self.imports.streams if name[0] == change.unit]:
+                if self._disagreement(*name[:2]):
+                    self.refused["label conflict"] += 1
+                    self.end(*name)
+
+    def forget(self, semantic_label: str) -> None:
+        """The label means something else from now on, or nothing."""
+        self._sinks = {name: sink for name, sink in self._sinks.items() if name[1] != semantic_label}
+        for name in [name for name in self.imports.streams if name[1] == semantic_label]:
+            self.end(*name)
 
     def end(self, owner: str, semantic_label: str, policy_hash: str) -> None:
         """The stream ended; its source and history stay for queries."""

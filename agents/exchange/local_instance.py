@@ -13,7 +13,7 @@ from federation.members.clock import FederationClock
 from federation.members.offers import Service, Visibility
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import MAX_LIST, LabelList, Labels
-from federation.sharing.ontology import LabelConversion, Translation
+from federation.sharing.translation import LabelConversion, Translation
 
 INSTANCE: Final = Service("local-instance", "gateway", Visibility.PRIVATE)
 

@@ -10,6 +10,7 @@ from agents.actions import FEDERATION, QUERIED, Action, Offer, Role
 from agents.exchange import readings
 from agents.exchange.dormant import DormantStreams
 from agents.exchange.gateway import PAGE, Gateway
+from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.part import Part
 from dyknow import NO_VALUE, Sample
@@ -46,7 +47,9 @@ class StreamQueries(Part):
         agent: InterfaceAgent,
         directory: DirectoryFacilitator,
         gateway: Gateway,
+        agreements: LabelAgreements,
     ) -> None:
+        self._agreements = agreements
         self._unit, self._clock, self._agent, self._directory, self._gateway = unit, clock, agent, directory, gateway
         self._dormant = DormantStreams(clock, agent, gateway, self._respond)
 
@@ -63,6 +66,7 @@ class StreamQueries(Part):
         Raises:
             UnknownLabel, Refused, ValueNotAvailable
         """
+        self._agreements.check(act.sender.unit, query.semantic_label)
         if query.scope == "global":
             self._ask_everybody(act, query, now_us)
             return

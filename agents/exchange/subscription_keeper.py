@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from agents.exchange.import_proxy import ImportProxy
+from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
 from dyknow import US_PER_S
@@ -53,8 +54,10 @@ class SubscriptionKeeper(Part):
         directory: DirectoryFacilitator,
         importer: ImportProxy,
         monitored: Callable[[], Needs],
+        agreements: LabelAgreements,
     ) -> None:
         self._unit, self._agent, self._directory, self._importer = unit, agent, directory, importer
+        self._agreements = agreements
         self._monitored = monitored
         self._counted = Counter[tuple[str, tuple[str, int, int]]]()
         self._imported: Needs = {}
@@ -144,18 +147,26 @@ class SubscriptionKeeper(Part):
         is_renewed = unit in self._renew
         if not (silent or is_renewed) or now_us < self._asked_us.get(unit, -AGAIN_US) + AGAIN_US:
             return False
-        entry = self._directory.entry(unit)
-        if entry is None or not self._directory.is_present(unit):
+        if not self._directory.is_present(unit):
             return False
-        offered = {label.label for label in entry.labels}
+        offered = self._offered(unit)
         return bool(offered) if is_renewed else not silent.isdisjoint(offered)
+
+    def _offered(self, unit: str) -> set[str]:
+        """The labels that a unit has for us, and means as we do."""
+        entry = self._directory.entry(unit)
+        return {
+            each.label
+            for each in (() if entry is None else entry.labels)
+            if (not each.receivers or self._unit in each.receivers)
+            and not self._agreements.disagreement(unit, each.label)
+        }
 
     def _ask(self, unit: str, wanted: AbstractSet[tuple[str, int, int]], now_us: int) -> None:
         """Ask for all of it; what stood ends when all of that is agreed to, so that no stream ends in between."""
         self._asked_us[unit], self._asked_for[unit] = now_us, set(wanted)
         self._renew.discard(unit)
-        entry = self._directory.entry(unit)
-        offered = {label.label for label in entry.labels} if entry is not None else set()
+        offered = self._offered(unit)
         by_policy: dict[tuple[int, int], list[str]] = {}
         for label, period_us, delay_us in sorted(wanted):
             if label in offered:

@@ -24,7 +24,7 @@ from dyknow import (
     independent,
 )
 from federation.messages.descriptions import LabelEntry
-from federation.sharing.ontology import LabelConversion, Translation
+from federation.sharing.translation import LabelConversion, Translation
 from navigation.fusion import Estimate, PositionFilter
 from navigation.geodesy import metres_per_degree
 from navigation.vehicle import BatteryReport, HomeReport, Report

@@ -7,7 +7,7 @@ from agents.tasks.requests import DEFAULT_TASK
 from dyknow import Policy, Value
 from dyknow.model.errors import DyknowError, Refused
 from dyknow.model.instants import print_duration
-from federation.sharing.ontology import Translation
+from federation.sharing.translation import Translation
 from kpl import Specification, profile_formula
 from kpl.running.formula_states import states_of
 from kpl.syntax.specification import StreamTerm

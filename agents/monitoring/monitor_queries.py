@@ -23,7 +23,7 @@ from federation.messages.contents import (
     MonitorList,
     Monitors,
 )
-from federation.sharing.ontology import Translation
+from federation.sharing.translation import Translation
 from kpl import Instance, print_specification
 from kpl.checking.error_collector import shortened
 from reasoning import Monitor

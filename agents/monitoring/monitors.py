@@ -14,7 +14,7 @@ from typing import TypeAlias
 from agents.monitoring.monitor_plans import MonitorPlan, StateMaker
 from dyknow import Label, Network, Policy, Sample, SharedState, SharedSynchronizer, Strand, Subscription, earlier
 from dyknow.model.errors import DyknowError, Refused
-from federation.sharing.ontology import Convert
+from federation.sharing.translation import Convert
 from reasoning import AlarmEvent, Monitor
 
 MAX_INSTANCES = 4096

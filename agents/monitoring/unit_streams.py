@@ -6,7 +6,7 @@ from agents.monitoring.monitors import UnitMonitors
 from dyknow import Label, Sample, Sort, Value
 from dyknow.network.process import Input, Process
 from dyknow.network.processes import OnDemand
-from federation.sharing.ontology import Translation
+from federation.sharing.translation import Translation
 from kpl.checking.formulas_in_context import OF_A_PLATFORM
 from reasoning.features.derivation import FeatureInput
 from reasoning.features.derived_streams import Demand, derived_stream

@@ -7,7 +7,7 @@ from dyknow.network.generator import Generator
 from dyknow.network.process import Input
 from dyknow.network.processes import EVER_US
 from dyknow.network.refinement import RefinementProcess
-from federation.sharing.ontology import LabelConversion
+from federation.sharing.translation import LabelConversion
 
 
 class Imported(RefinementProcess):

@@ -12,6 +12,8 @@ from typing import Any, Final
 from agents.actions import QUERIED, Action, Offer, Role
 from agents.config import PlatformConfig
 from agents.effects import Effect, Fed, HostCame, HostEvent, HostLeft, HostSaid, Specify, Tell, Waited
+from agents.exchange.import_proxy import ImportProxy
+from agents.exchange.label_agreements import LabelAgreements
 from agents.exchange.local_instance import LocalInstance
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.hosts.host_desk import HostDesk
@@ -24,6 +26,7 @@ from agents.part import Followed, Part, PeerChange
 from agents.specification.imported import ImportDemand, Imported, converting
 from dyknow import Network, Policy, Sample
 from dyknow.model.errors import Refused, SourceText, TextError, TextErrors, Unmade
+from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.network.process import Input
 from dyknow.network.refinement import RefinementProcess
 from federation.members.liveness import PlatformAppeared, PlatformGone
@@ -32,7 +35,7 @@ from federation.messages import contents
 from federation.messages.acts import Act
 from federation.messages.contents.parts import uncontrolled
 from federation.messages.descriptions import LabelEntry
-from federation.sharing.ontology import Translation
+from federation.sharing.translation import Translation
 from kpl import Hooks, Instance, Specification, parse_specification, print_specification
 from kpl.checking.symbols import domains_of
 from kpl.checking.warnings import grid_warnings
@@ -40,8 +43,8 @@ from kpl.introspection.governor import Governor
 from kpl.introspection.graph import drawn, graph_of, maker_of, origins_of
 from kpl.introspection.records import FaultLog, alarm_record, sample_record
 from kpl.running.asking import features_of
-from kpl.running.ports import Undo
-from kpl.syntax.specification import Import, MonitorDeclaration, StreamTerm
+from kpl.running.ports import Undo, nothing
+from kpl.syntax.specification import Export, Import, MonitorDeclaration, StreamTerm
 from reasoning import AlarmEvent
 from reasoning.features.derivation import FeatureInput
 from reasoning.formulas.tree import Formula, split_growing
@@ -114,6 +117,8 @@ class SpecificationPart(Part):
         monitors: UnitMonitors,
         monitoring: UnitMonitoring,
         keeper: SubscriptionKeeper,
+        agreements: LabelAgreements,
+        importer: ImportProxy,
         offer: Callable[[int], None],
         now_us: Callable[[], int],
         on_alarm: Callable[[AlarmEvent], None],
@@ -122,6 +127,7 @@ class SpecificationPart(Part):
     ) -> None:
         self._config, self._unit, self._clock, self._agent = config, config.unit, config.clock, agent
         self._network, self._translation, self._source, self._monitors = network, translation, local.source, monitors
+        self._agreements, self._importer, self._ontology = agreements, importer, translation.ontology
         self._keeper, self._offer, self._now_us, self._emit, self._note = keeper, offer, now_us, emit, note
         self._followed: Followed = (self, monitoring, local)
         self._exported: dict[str, LabelEntry] = {}
@@ -130,8 +136,8 @@ class SpecificationPart(Part):
         self.instance = Instance(
             network,
             unit=config.unit,
-            sorts={ontology[name].sort.name: ontology[name].sort for name in ontology},
-            semantic={name: ontology[name].sort.name for name in ontology},
+            sorts=ontology.sorts(),
+            semantic={label.name: label for label in ontology.definitions()},
             catalogue=config.catalogue,
             hooks=Hooks(self._on_output, self._on_link, on_alarm),
             federation=self,
@@ -287,20 +293,37 @@ class SpecificationPart(Part):
 
     # What `Instance` asks of the federation
 
-    def export(self, semantic: str, term: StreamTerm) -> Undo:
+    def define(self, label: SemanticLabel) -> Undo:
+        """A semantic label of our own; raises Refused if it means something else here."""
+        if not self._agreements.define(label, self._now_us()):
+            return nothing
+
+        def undo() -> None:
+            self._importer.forget(label.name)
+            self._agreements.withdraw(label.name, self._now_us())
+
+        return undo
+
+    def export(self, declaration: Export, term: StreamTerm) -> Undo:
         """Offer a stream under a semantic label; raises Refused if a stream of the vehicle has it."""
-        network, translation = self._network, self._translation
+        network, translation, semantic = self._network, self._translation, declaration.semantic
         local = translation.local_label(semantic, self._unit)
-        entry = self._config.ontology[semantic]
-        period_us = term.policy.sample_us or 0
-        self._exported[semantic] = LabelEntry(
-            label=semantic, sort=entry.sort.name, type_hash=entry.type_hash, period_us=period_us
-        )
+        entry = self._ontology[semantic]
+        self._agreements.restrict(semantic, declaration.visibility, declaration.receivers)
+        if declaration.visibility != "private":
+            self._exported[semantic] = LabelEntry(
+                label=semantic,
+                sort=entry.sort.name,
+                type_hash=entry.type_hash,
+                period_us=term.policy.sample_us or 0,
+                receivers=declaration.receivers,
+            )
         if local == term.label and term.policy == Policy():
             self._offer(self._now_us())
             return partial(self._withdraw, semantic)
         if network.has(local):
-            del self._exported[semantic]
+            self._exported.pop(semantic, None)
+            self._agreements.restrict(semantic)
             raise Refused(f"{semantic} is the stream {local} here already, made by another; export that one")
         unit = converting(entry.sort.name, translation.to_local(semantic))
         network.add_process(
@@ -325,7 +348,7 @@ class SpecificationPart(Part):
         network, tell = self._network, partial(self._need, unit, need)
         if local == term.label:
             return ImportDemand(network.generator(local), tell).stop
-        entry = self._config.ontology[semantic]
+        entry = self._ontology[semantic]
         imported = Imported(converting(entry.sort.name, to_semantic), Input(local, policy), tell)
         network.add_process(term.label, entry.sort, imported)
         return partial(network.remove, term.label)
@@ -358,6 +381,7 @@ class SpecificationPart(Part):
 
     def _withdraw(self, semantic: str) -> None:
         self._exported.pop(semantic, None)
+        self._agreements.restrict(semantic)
         self._offer(self._now_us())
 
     def _on_feature_input(self, needed: FeatureInput, wanted: bool) -> None:

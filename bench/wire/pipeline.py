@@ -19,7 +19,8 @@ from federation import keys
 from federation.members.clock import FederationClock, Offset
 from federation.members.imports import Imports
 from federation.sharing.exports import Exports
-from federation.sharing.ontology import Ontology, Translation
+from federation.sharing.ontology import Ontology
+from federation.sharing.translation import Translation
 from federation.transport import Answered, Arrived, Asked, AskEnded, DeclareQueryable, Put, Urgency, WireEffect
 from kpl import Instance, parse_specification
 from proxies.zenoh.configuration import ZenohOptions
@@ -203,6 +204,7 @@ class _ImportingNode:
             self._imports,
             self._effects.append,
             source,
+            lambda _unit, _label: "",
         )
         self._importer.expect(OWNER, LABEL, POLICY.content_hash(), POLICY, 0)
         self._instance = Instance(self._network)

@@ -20,7 +20,7 @@ def connected(call: Call) -> Iterator[Client]:
     settings = call.settings
     centre = command_centre(settings, f"{COMMAND_CENTRE}-{os.getpid()}")
     with call.out.waiting("looking for platforms"):
-        client = Client(_surroundings(call), centre, settings.federation, settings.extensions)
+        client = Client(_surroundings(call), centre, settings.federation, settings.extensions, settings.ontology)
     with client:
         yield client
 

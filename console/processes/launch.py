@@ -129,6 +129,7 @@ def platform_config(
         "trust": trust_files(call.settings, unit),
         "vehicle": vehicle,
         "journal": journal_of(call.settings.journal, unit, vehicle),
+        "ontology": None if call.settings.ontology is None else call.settings.ontology.absolute(),
         "translation": own.translation,
         "profiles": own.profiles,
         "hosts": hosts_of(call, unit),

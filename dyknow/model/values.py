@@ -44,16 +44,29 @@ class Sort:
     """What the values of a stream are: records of `fields`, or, without fields, simple values.
 
     Of an open sort only the name is known: its values are simple, or tuples of values.
+
+    Attributes:
+        unit: of a sort of simple values: as of a field. Empty: any simple value is of the sort.
     """
 
     name: str
     fields: tuple[Field, ...] = ()
     is_open: bool = field(default=False, compare=False)
+    unit: str = ""
     _numbers: int = field(init=False, repr=False, compare=False, default=0)
+    _takes_number: bool = field(init=False, repr=False, compare=False, default=True)
 
     def __post_init__(self) -> None:
         if all(part.unit not in {"bool", "text"} for part in self.fields):
             object.__setattr__(self, "_numbers", len(self.fields))
+        object.__setattr__(self, "_takes_number", not self.fields and self.unit not in {"bool", "text"})
+
+    def __str__(self) -> str:
+        """As a definition writes it: `gas in ppm`, `wind(north_m_s in m/s, east_m_s in m/s)`, `car`."""
+        if self.fields:
+            parts = (f"{part.name} in {part.unit}" if part.unit else part.name for part in self.fields)
+            return f"{self.name}({', '.join(parts)})"
+        return f"{self.name} in {self.unit}" if self.unit else self.name
 
     def check(self, value: Value) -> None:
         """Accept a value of this sort, or `NO_VALUE`.
@@ -64,7 +77,7 @@ class Sort:
         if value is NO_VALUE:
             return
         kind = type(value)
-        if (kind is float or kind is int) and not self.fields and -_LARGEST <= value <= _LARGEST:
+        if (kind is float or kind is int) and self._takes_number and -_LARGEST <= value <= _LARGEST:
             return
         if self._numbers and kind is tuple and len(value) == self._numbers:
             for component in value:
@@ -100,6 +113,9 @@ class Sort:
         if self.is_open and isinstance(value, tuple | frozenset):
             for component in value:
                 self.check(component)
+        elif self.unit:
+            if not _fits(value, self.unit):
+                raise SortError(f"{self.name} [{self.unit}]: {_shown(value)} is not {_wanted(self.unit)}")
         elif not isinstance(value, bool | str) and not _fits(value, ""):
             raise SortError(f"{self.name}: {_shown(value)} is not a simple value")
 

@@ -6,10 +6,11 @@ Private services leave their platform neither as tokens nor in the description.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import count
 from typing import Literal, NamedTuple, TypeAlias
 
+from dyknow.model.semantic_labels import SemanticLabel
 from federation import keys, transport
 from federation.members.clock import FederationClock
 from federation.members.deafness import DeafnessWatchdog
@@ -17,7 +18,7 @@ from federation.members.liveness import Liveness, LivenessEvent, Peer, PeerState
 from federation.members.offers import NO_OFFERS, OfferEvent, Offers, Service, Visibility, changes
 from federation.members.replicas import PlatformRefused, Replica, Replicas
 from federation.messages.codec import Heartbeat, encode_description, encode_heartbeat
-from federation.messages.descriptions import ConditionEntry, Description, LabelEntry, ServiceEntry
+from federation.messages.descriptions import ConditionEntry, DefinitionEntry, Description, LabelEntry, ServiceEntry
 
 HEARTBEAT_US = 200_000
 GREETING_US = 20_000
@@ -41,6 +42,7 @@ class DirectoryEntry(NamedTuple):
         refusal: why this platform cannot federate with it, or None.
         conditions: what it says is not as it should be there.
         left: it said good-bye.
+        definitions: what semantic labels of its own mean, by name.
     """
 
     unit: str
@@ -56,6 +58,7 @@ class DirectoryEntry(NamedTuple):
     refusal: str | None = None
     conditions: tuple[ConditionEntry, ...] = ()
     left: bool = False
+    definitions: Mapping[str, SemanticLabel] = NO_OFFERS.definitions
 
 
 class DirectoryFacilitator:
@@ -119,10 +122,15 @@ class DirectoryFacilitator:
         now_us: int,
         tails: Tails = (),
         conditions: Iterable[ConditionEntry] = (),
+        definitions: Iterable[SemanticLabel] = (),
     ) -> list[Outcome]:
         """Offer exactly these services and labels under these conditions from now on; changes are announced at once."""
         before, known, conditions = self._offers, self._tokens(), tuple(conditions)
-        after = Offers({offer.service: offer for offer in services}, {offer.label: offer for offer in labels})
+        after = Offers(
+            {offer.service: offer for offer in services},
+            {offer.label: offer for offer in labels},
+            {label.name: label for label in definitions},
+        )
         outcome: list[Outcome] = [*changes(self.unit, before, after)]
         is_same = not outcome and conditions == self._conditions
         self._offers, self._conditions, self._described = after, conditions, None
@@ -161,6 +169,7 @@ class DirectoryFacilitator:
             ),
             labels=tuple(self._offers.labels.values()),
             conditions=self._conditions,
+            definitions=tuple(map(DefinitionEntry.of, self._offers.definitions.values())),
         )
 
     def on_asked(self, asked: transport.Asked) -> list[Outcome]:
@@ -327,6 +336,7 @@ class DirectoryFacilitator:
             self._since_us,
             tuple(self._liveness.heard(self._beat_us)),
             conditions=self._conditions,
+            definitions=self._offers.definitions,
         )
         peers = (peer for peer in self._peers.values() if peer.present or (gone and peer.state is PeerState.GONE))
         return sorted([own, *map(self._entry, peers)], key=lambda entry: unit_order(entry.unit))
@@ -369,6 +379,7 @@ class DirectoryFacilitator:
             replica.refusal if replica else None,
             replica.found.conditions if replica and replica.found and replica.refusal is None else (),
             peer.left,
+            offers.definitions,
         )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from typing import NamedTuple, TypeAlias
 
+from dyknow.model.semantic_labels import SemanticLabel
 from federation.messages.descriptions import LabelEntry
 
 
@@ -44,21 +45,30 @@ class LabelGone(NamedTuple):
     label: LabelEntry
 
 
-OfferEvent: TypeAlias = ServiceAppeared | ServiceGone | LabelAppeared | LabelGone
+class DefinitionsChanged(NamedTuple):
+    """What semantic labels mean to a platform is not what it was."""
+
+    unit: str
+
+
+OfferEvent: TypeAlias = ServiceAppeared | ServiceGone | LabelAppeared | LabelGone | DefinitionsChanged
 
 
 class Offers(NamedTuple):
-    """The services and semantic labels of one platform, by name."""
+    """The services and semantic labels of one platform, and what its own labels mean, by name."""
 
     services: Mapping[str, Service]
     labels: Mapping[str, LabelEntry]
+    definitions: Mapping[str, SemanticLabel]
 
 
-NO_OFFERS = Offers({}, {})
+NO_OFFERS = Offers({}, {}, {})
 
 
 def changes(unit: str, before: Offers, after: Offers) -> Iterator[OfferEvent]:
     """What goes, then what comes; something that changed does both."""
+    if before.definitions != after.definitions:
+        yield DefinitionsChanged(unit)
     for name, label in before.labels.items():
         if after.labels.get(name) != label:
             yield LabelGone(unit, label)

@@ -12,7 +12,7 @@ from federation.members.deadlines import Deadlines
 from federation.members.liveness import Peer, PeerState
 from federation.members.offers import NO_OFFERS, Offers, Service, Visibility
 from federation.messages.codec import decode_description
-from federation.messages.descriptions import Description, LabelEntry, ServiceEntry
+from federation.messages.descriptions import DefinitionEntry, Description, LabelEntry, ServiceEntry
 from federation.transport import Answered, Ask, AskEnded
 
 CONFIRM_US = 10_000_000
@@ -124,7 +124,9 @@ class Replicas:
     def learn(self, replica: Replica, found: Description, at_us: int) -> None:
         """Take a description over. What a platform offers with which we cannot federate is not listed."""
         replica.found, replica.version, replica.refusal = found, found.version, self._refusal(found)
-        replica.offers = NO_OFFERS if replica.refusal is not None else _offered(found.services, found.labels)
+        replica.offers = (
+            NO_OFFERS if replica.refusal is not None else _offered(found.services, found.labels, found.definitions)
+        )
         self._describe(replica.unit, replica.version)
         self._confirmed(replica, at_us)
 
@@ -184,9 +186,12 @@ class Replicas:
 
 
 @lru_cache(maxsize=1024)
-def _offered(services: tuple[ServiceEntry, ...], labels: tuple[LabelEntry, ...]) -> Offers:
+def _offered(
+    services: tuple[ServiceEntry, ...], labels: tuple[LabelEntry, ...], definitions: tuple[DefinitionEntry, ...]
+) -> Offers:
     """Platforms offer much the same: what they offer is kept once."""
     return Offers(
         {s.service: Service(s.service, s.agent, Visibility(s.visibility), s.version) for s in services},
         {entry.label: entry for entry in labels},
+        {entry.label: entry.definition for entry in definitions},
     )

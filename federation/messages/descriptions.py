@@ -1,6 +1,6 @@
 """What a platform says of itself, as pydantic models: descriptions are rare, and are validated with these."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -9,10 +9,18 @@ from pydantic import (
     Field,
     SerializerFunctionWrapHandler,
     model_serializer,
+    model_validator,
 )
 
 from dyknow.model.errors import NameRefused
+from dyknow.model.semantic_labels import MAX_FIELDS, MAX_MEANING, definition_errors
+from dyknow.model.semantic_labels import SemanticLabel as Definition
+from dyknow.model.values import Field as SortField
+from dyknow.model.values import Sort
 from federation import keys
+
+MAX_DEFINITIONS: Final = 128
+"""Semantic labels of its own that a platform may have."""
 
 
 def _checked(check: Any) -> AfterValidator:
@@ -47,12 +55,48 @@ class ServiceEntry(DescriptionModel):
 
 
 class LabelEntry(DescriptionModel):
-    """A semantic label and the stream behind it; `period_us` is 0 for one without a period."""
+    """A semantic label and the stream behind it; `period_us` is 0 for one without a period.
+
+    `receivers` are the only platforms that may ask for it; empty: no others are excluded.
+    """
 
     label: SemanticLabel
     sort: AgentWord
     type_hash: Hash
     period_us: Count = 0
+    receivers: Annotated[tuple[Unit, ...], Field(max_length=64)] = ()
+
+    @model_serializer(mode="wrap")
+    def _without_empty(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return _without(dump(self), "receivers")
+
+
+class DefinitionEntry(DescriptionModel):
+    """What a semantic label means to a platform; those that every platform has are left out."""
+
+    label: SemanticLabel
+    sort: AgentWord
+    unit: Annotated[str, Field(max_length=24)] = ""
+    fields: Annotated[tuple[tuple[str, str], ...], Field(max_length=MAX_FIELDS)] = ()
+    meaning: Annotated[str, Field(max_length=MAX_MEANING)]
+
+    @model_validator(mode="after")
+    def _is_definition(self) -> Self:
+        for message, _ in definition_errors(self.definition):
+            raise ValueError(message)
+        return self
+
+    @property
+    def definition(self) -> Definition:
+        """The same as a value."""
+        fields = tuple(SortField(name, unit) for name, unit in self.fields)
+        return Definition(self.label, Sort(self.sort, fields, unit=self.unit), self.meaning)
+
+    @staticmethod
+    def of(label: Definition) -> "DefinitionEntry":
+        sort = label.sort
+        fields = tuple((part.name, part.unit) for part in sort.fields)
+        return DefinitionEntry(label=label.name, sort=sort.name, unit=sort.unit, fields=fields, meaning=label.meaning)
 
 
 class ConditionEntry(DescriptionModel):
@@ -75,6 +119,7 @@ class Description(DescriptionModel):
         roster: fingerprint of the roster it goes by, or None in an open federation.
         services: public and protected ones.
         labels: the semantic labels it can export.
+        definitions: what its own semantic labels mean, exported or not.
         conditions: what is not as it should be there.
     """
 
@@ -88,11 +133,13 @@ class Description(DescriptionModel):
     services: Annotated[tuple[ServiceEntry, ...], Field(max_length=256)] = ()
     labels: Annotated[tuple[LabelEntry, ...], Field(max_length=256)] = ()
     conditions: Annotated[tuple[ConditionEntry, ...], Field(max_length=16)] = ()
+    definitions: Annotated[tuple[DefinitionEntry, ...], Field(max_length=MAX_DEFINITIONS)] = ()
 
     @model_serializer(mode="wrap")
     def _without_empty(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Without conditions the field is left out: members of earlier versions have none."""
-        fields: dict[str, Any] = dump(self)
-        if not fields["conditions"]:
-            del fields["conditions"]
-        return fields
+        """Empty fields are left out that members of earlier versions do not have."""
+        return _without(dump(self), "conditions", "definitions")
+
+
+def _without(fields: dict[str, Any], *names: str) -> dict[str, Any]:
+    return {name: value for name, value in fields.items() if value or name not in names}

@@ -1,81 +1,36 @@
-"""What semantic labels mean, and how a platform's own labels and units translate into them (thesis 9.3.3)."""
+"""What semantic labels mean on one platform: those that every platform has, those of a file, those of a specification.
+
+Platforms of a group agree on labels by having the same definitions (thesis 9.3.3); `agreement.py` compares them.
+"""
 
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
 from functools import cache
-from hashlib import sha256
 from importlib.resources import files
-from typing import Any, TypeAlias
+from typing import Any, Final
 
-from dyknow.model.errors import DyknowError, NameRefused, TextError, UnknownLabel
-from dyknow.model.labels import Label
-from dyknow.model.sample import Quality, Sample, Value
-from dyknow.model.values import NO_VALUE, Field, NoValue, Sort
-from federation import keys
+from dyknow.model.errors import Refused, TextError, TextErrors, UnknownLabel
+from dyknow.model.semantic_labels import BUILT_IN, SemanticLabel, definition_errors
+from dyknow.model.values import Field, Sort
+from federation.messages.descriptions import MAX_DEFINITIONS
 
-Convert: TypeAlias = Callable[[Value], Value]
-
-_FIELD = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
-
-# unit: (dimension, factor to the first unit of the dimension, offset)
-_UNITS: Mapping[str, tuple[str, float, float]] = {
-    "m": ("length", 1.0, 0.0),
-    "mm": ("length", 1e-3, 0.0),
-    "cm": ("length", 1e-2, 0.0),
-    "km": ("length", 1e3, 0.0),
-    "ft": ("length", 0.3048, 0.0),
-    "nmi": ("length", 1852.0, 0.0),
-    "m/s": ("speed", 1.0, 0.0),
-    "cm/s": ("speed", 1e-2, 0.0),
-    "km/h": ("speed", 1 / 3.6, 0.0),
-    "kt": ("speed", 1852 / 3600, 0.0),
-    "ft/s": ("speed", 0.3048, 0.0),
-    "ft/min": ("speed", 0.3048 / 60, 0.0),
-    "deg": ("angle", 1.0, 0.0),
-    "rad": ("angle", 57.29577951308232, 0.0),
-    "degE7": ("angle", 1e-7, 0.0),
-    "cdeg": ("angle", 1e-2, 0.0),
-    "fraction": ("share", 1.0, 0.0),
-    "percent": ("share", 1e-2, 0.0),
-    "s": ("time", 1.0, 0.0),
-    "ms": ("time", 1e-3, 0.0),
-    "us": ("time", 1e-6, 0.0),
-    "m/s2": ("acceleration", 1.0, 0.0),
-    "g": ("acceleration", 9.80665, 0.0),
-    "V": ("voltage", 1.0, 0.0),
-    "mV": ("voltage", 1e-3, 0.0),
-    "degC": ("temperature", 1.0, 0.0),
-    "K": ("temperature", 1.0, -273.15),
-    "degF": ("temperature", 5 / 9, -160 / 9),
-}
-
-
-@dataclass(frozen=True, slots=True)
-class SemanticLabel:
-    """One word of the ontology: `sort` has its fields and their units, `meaning` is for users."""
-
-    name: str
-    sort: Sort
-    meaning: str
-
-    @property
-    def type_hash(self) -> str:
-        """Eight hexadecimal digits that two platforms compare before they exchange the label."""
-        fields = ",".join(f"{field.name}:{field.unit}" for field in self.sort.fields)
-        return sha256(f"{self.name} {self.sort.name}({fields})".encode()).hexdigest()[:8]
-
-    def check(self, value: Value) -> None:
-        """Raises SortError if `value` is not of the sort, nor `no_value`."""
-        self.sort.check(value)
+MAX_FILE: Final = 128 * 1024
+"""Characters of an ontology file."""
+MAX_OWN_CHARACTERS: Final = 24_000
+"""Of their names, sorts and meanings: what a platform says of itself is one message."""
+MAX_ERRORS: Final = 50
+_KEYS = ("sort", "unit", "fields", "meaning")
+_HEADER = re.compile(r"\s*\[\s*[\"']?([^\]\"']*)[\"']?\s*\]")
 
 
 class Ontology:
-    """Semantic labels by name; `ontology[name]` raises UnknownLabel for an unknown one."""
+    """Semantic labels by name; `ontology[name]` raises UnknownLabel for an unknown one. A sort has the same fields in all of them."""
 
-    def __init__(self, labels: Mapping[str, SemanticLabel]) -> None:
-        self._labels = dict(labels)
+    def __init__(self, labels: Iterable[SemanticLabel] = ()) -> None:
+        self._labels: dict[str, SemanticLabel] = {}
+        for label in labels:
+            self._labels[label.name] = label
 
     def __getitem__(self, name: str) -> SemanticLabel:
         try:
@@ -92,251 +47,173 @@ class Ontology:
     def __len__(self) -> int:
         return len(self._labels)
 
+    def copy(self) -> "Ontology":
+        """One that can be changed without changing this one."""
+        return Ontology(self._labels.values())
+
+    def get(self, name: str) -> SemanticLabel | None:
+        return self._labels.get(name)
+
+    def definitions(self) -> tuple[SemanticLabel, ...]:
+        """All of them."""
+        return tuple(self._labels.values())
+
+    def own(self) -> tuple[SemanticLabel, ...]:
+        """Those that not every platform has anyway."""
+        return tuple(label for label in self._labels.values() if label.place != BUILT_IN)
+
+    def sorts(self) -> dict[str, Sort]:
+        """The sorts of the labels, by name."""
+        return {label.sort.name: label.sort for label in self._labels.values()}
+
+    def define(self, label: SemanticLabel) -> bool:
+        """Add a label; False if it is there already, with the same definition.
+
+        Raises:
+            Refused: it is no definition, the name or its sort means something else here, or there are too many.
+        """
+        for message, repair in definition_errors(label):
+            raise Refused(f"{message}; write {repair}")
+        known = self._labels.get(label.name)
+        if known == label:
+            return False
+        if known is not None:
+            raise Refused(f"{label.name} is {known} already ({known.place})")
+        other = next((each for each in self._labels.values() if each.sort.name == label.sort.name), None)
+        if other is not None and other.sort != label.sort:
+            raise Refused(f"the sort {label.sort.name} is {other.sort} already: of {other.name} ({other.place})")
+        own = (*self.own(), label)
+        size = sum(len(each.name) + len(str(each)) for each in own)
+        if len(own) > MAX_DEFINITIONS or size > MAX_OWN_CHARACTERS:
+            raise Refused(
+                f"a platform has at most {MAX_DEFINITIONS} labels of its own, of {MAX_OWN_CHARACTERS} characters together; "
+                f"with {label.name} there are {len(own)}, of {size}"
+            )
+        self._labels[label.name] = label
+        return True
+
+    def withdraw(self, name: str) -> None:
+        """It is defined no longer."""
+        self._labels.pop(name, None)
+
     def extended(self, text: str, file: str = "") -> "Ontology":
         """This ontology with the labels of a TOML text; what both have, must be the same.
 
         Raises:
-            TextError: the text is not TOML, or a label in it is not described as in ontology.toml.
+            TextErrors: all that is wrong with the text: it is not TOML, a label in it is not described as in
+                ontology.toml, or means something else already.
         """
-        added = {name: _semantic_label(name, entry, text, file) for name, entry in _toml(text, file).items()}
-        for name in added.keys() & self._labels.keys():
-            if added[name].type_hash != self._labels[name].type_hash:
-                raise _wrong(f"{name} is {self._labels[name].sort} already", name, text, file)
-        return Ontology({**self._labels, **added})
+        return self._with(text, file, "")
+
+    def _with(self, text: str, file: str, place: str) -> "Ontology":
+        if len(text) > MAX_FILE:
+            message = f"{len(text)} characters; an ontology has at most {MAX_FILE}"
+            raise TextErrors((TextError(message, file=file, repair="the labels that are shared, and no others"),))
+        tables, extended, errors = read_toml(text, file), self.copy(), list[TextError]()
+        for name, entry in tables.items():
+            found = _Table(name, entry, text, file).read()
+            if isinstance(found, SemanticLabel):
+                line = wrong_table("", name, text, file).line
+                label = SemanticLabel(name, found.sort, found.meaning, place or f"{file}:{line}")
+                try:
+                    extended.define(label)
+                except Refused as refused:
+                    errors.append(
+                        wrong_table(refused.reason, name, text, file, repair="the same definition, or another name")
+                    )
+            else:
+                errors += found
+            if len(errors) >= MAX_ERRORS:
+                break
+        if errors:
+            raise TextErrors(tuple(sorted(errors[:MAX_ERRORS], key=lambda error: (error.line, error.column))))
+        return extended
 
 
 @cache
 def default_ontology() -> Ontology:
-    """The labels of ontology.toml, which comes with this package."""
-    return Ontology({}).extended(
-        files("federation.sharing").joinpath("ontology.toml").read_text("utf-8"), "ontology.toml"
-    )
+    """The labels of ontology.toml, which comes with this package. All share it: `copy` it to add labels."""
+    text = files("federation.sharing").joinpath("ontology.toml").read_text("utf-8")
+    return Ontology()._with(text, "ontology.toml", BUILT_IN)  # noqa: SLF001  (its own)
 
 
-def _toml(text: str, file: str) -> dict[str, Any]:
+def read_toml(text: str, file: str) -> dict[str, Any]:
+    """The tables of a TOML text; raises TextErrors at the place where it is none."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as wrong:
         place = re.search(r"line (\d+), column (\d+)", str(wrong))
-        line, column = (int(place[1]), int(place[2])) if place else (1, 1)
-        raise TextError(str(wrong), text=text, line=line, column=column, file=file) from None
+        lines = text.splitlines() or [""]
+        line, column = (int(place[1]), int(place[2])) if place else (len(lines), len(lines[-1]) + 1)
+        said = re.sub(r" \(at (line \d+, column \d+|end of document)\)", "", str(wrong))
+        repair = "[gas-level], then sort, unit and meaning, one a line"
+        error = TextError(f"not TOML: {said}", text=text, line=line, column=column, file=file, repair=repair)
+    except RecursionError:
+        error = TextError("nested too deep", text=text, file=file, repair="tables without lists in lists")
+    raise TextErrors((error,)) from None
 
 
-def _wrong(message: str, name: str, text: str, file: str) -> TextError:
-    """The error about the table `name`, which points at where the text first says the name."""
-    at = max(text.find(name), 0)
-    line, column = text.count("\n", 0, at) + 1, at - text.rfind("\n", 0, at)
-    return TextError(message, text=text, line=line, column=column, width=len(name), file=file)
+def wrong_table(message: str, name: str, text: str, file: str, *, key: str = "", repair: str = "") -> TextError:
+    """The error about a table, at its header, or at one of its keys."""
+    inside, found, width = False, (1, 1), max(1, len(name))
+    for number, line in enumerate(text.splitlines(), start=1):
+        header = _HEADER.match(line)
+        if header:
+            inside = header[1].strip() == name
+            if inside:
+                found = number, line.find(name) + 1
+        elif inside and key and re.match(rf"\s*[\"']?{re.escape(key)}[\"']?\s*=", line):
+            found, width = (number, line.find(key) + 1), len(key)
+    if found == (1, 1) and name in text:
+        at = text.find(name)
+        found = text.count("\n", 0, at) + 1, at - text.rfind("\n", 0, at)
+    return TextError(message, text=text, line=found[0], column=found[1], width=width, repair=repair, file=file)
 
 
-def _semantic_label(name: str, entry: Any, text: str, file: str) -> SemanticLabel:
-    match entry:
-        case {"sort": str(sort), "meaning": str(meaning), "fields": dict(fields), **rest} if fields and not rest:
-            pass
-        case _:
-            raise _wrong(f"{name} needs a sort, a meaning and fields, and nothing else", name, text, file)
-    try:
-        keys.label(name)
-        keys.agent(sort)
-    except NameRefused as refused:
-        raise _wrong(str(refused), name, text, file) from None
-    for field, unit in fields.items():
-        if not _FIELD.fullmatch(field) or not isinstance(unit, str):
-            raise _wrong(f'{field!r} of {name} cannot be a field: name = "unit"', name, text, file)
-    return SemanticLabel(name, Sort(sort, tuple(Field(field, unit) for field, unit in fields.items())), meaning)
+class _Table:
+    """One table of an ontology file."""
 
+    def __init__(self, name: str, entry: Any, text: str, file: str) -> None:
+        self._name, self._entry, self._text, self._file = name, entry, text, file
+        self._errors: list[TextError] = []
 
-def convert_units(source: str, target: str) -> Callable[[float], float]:
-    """The function from a number in one unit to the number in another.
+    def read(self) -> SemanticLabel | list[TextError]:
+        """The label, or all that is wrong with it."""
+        if not isinstance(self._entry, dict):
+            self._wrong(f"{self._name} is no label", "", f"[{self._name}], with sort, unit and meaning below it")
+            return self._errors
+        for key in self._entry:
+            if key not in _KEYS:
+                self._wrong(f"a label has no {key!r}", key, f"one of {', '.join(_KEYS)}")
+        sort, meaning = self._text_of("sort", '"gas"'), self._text_of("meaning", '"gas in the air around the platform"')
+        unit, fields = self._entry.get("unit"), self._entry.get("fields")
+        if (unit is None) == (fields is None):
+            said = "has both unit and fields" if unit is not None else "has neither unit nor fields"
+            self._wrong(f"{self._name} {said}", "unit", 'unit = "ppm", or fields = { north_m_s = "m/s" }')
+        elif unit is not None and not isinstance(unit, str):
+            self._wrong(f"the unit of {self._name} is no text", "unit", 'unit = "ppm"')
+        elif fields is not None and not (isinstance(fields, dict) and fields):
+            self._wrong(f"the fields of {self._name} are no table", "fields", 'fields = { north_m_s = "m/s" }')
+        parts = []
+        for field, of in fields.items() if isinstance(fields, dict) else ():
+            if isinstance(of, str):
+                parts.append(Field(field, of))
+            else:
+                self._wrong(f"the field {field} of {self._name} has no unit", "fields", f'{field} = "m/s"')
+        if self._errors:
+            return self._errors
+        label = SemanticLabel(self._name, Sort(sort, tuple(parts), unit=unit or ""), meaning)
+        for message, repair in definition_errors(label):
+            self._wrong(message, "", repair)
+        return self._errors or label
 
-    Raises:
-        DyknowError: there is none, since they measure different things or one is not known.
-    """
-    if source == target:
-        return float
-    if source not in _UNITS or target not in _UNITS or _UNITS[source][0] != _UNITS[target][0]:
-        raise DyknowError(f"{source!r} does not convert to {target!r}; known units: {', '.join(_UNITS)}")
-    (_, source_factor, source_offset), (_, target_factor, target_offset) = _UNITS[source], _UNITS[target]
-    scale, shift = source_factor / target_factor, (source_offset - target_offset) / target_factor
-    return lambda number: number * scale + shift
+    def _text_of(self, key: str, example: str) -> str:
+        found = self._entry.get(key)
+        if not isinstance(found, str):
+            what = f"has no {key}" if found is None else f"has a {key} that is no text"
+            self._wrong(f"{self._name} {what}", key, f"{key} = {example}")
+            return ""
+        return found
 
-
-class LabelConversion:
-    """Values of a label from one form to another, order, units and signs of the fields, and their covariance with them.
-
-    Args:
-        steps: position in the source, function of the number, and sign, for each field of the target; None: they are alike.
-
-    Attributes:
-        is_same: whether nothing changes.
-    """
-
-    __slots__ = ("_scales", "_steps", "is_same")
-
-    def __init__(self, steps: Sequence[tuple[int, Callable[[float], float], float]] | None) -> None:
-        self._steps, self.is_same = steps or (), steps is None
-        self._scales = [sign * (convert(1.0) - convert(0.0)) for _, convert, sign in self._steps]
-
-    def __call__(self, value: Value) -> Value:
-        """The value in the other form; `no_value` stays what it is."""
-        if self.is_same or value is NO_VALUE:
-            return value
-        return tuple([_number(value[at], convert, sign) for at, convert, sign in self._steps])
-
-    def sample(self, sample: Sample) -> Sample:
-        """The sample in the other form."""
-        if self.is_same or sample.value is NO_VALUE:
-            return sample
-        return sample._replace(value=self(sample.value), quality=self.quality(sample.quality))
-
-    def quality(self, quality: Quality) -> Quality:
-        """The covariance of converted numbers; one that is not of all fields is left out."""
-        rows = quality.covariance
-        if self.is_same or not rows:
-            return quality
-        if len(rows) != len(self._steps):
-            return Quality(quality.certainty)
-        scaled = [(at, scale) for (at, _, _), scale in zip(self._steps, self._scales, strict=True)]
-        return Quality(
-            quality.certainty, tuple([tuple([rows[i][j] * by * of for j, of in scaled]) for i, by in scaled])
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class LocalField:
-    """Where a platform keeps one field of a semantic label: its own name, unit and sign."""
-
-    name: str
-    unit: str
-    negated: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class LocalLabel:
-    """How a platform calls a semantic label.
-
-    Attributes:
-        template: the local label; `{unit}` stands for the platform the stream is about.
-        sort: what the platform calls the sort.
-        fields: one for each field of the ontology's sort, by its name there, in the platform's own order.
-    """
-
-    template: str
-    sort: str
-    fields: Mapping[str, LocalField]
-
-
-class Translation:
-    """Semantic labels <-> the labels and units of one platform.
-
-    A label that is not mentioned is called as in the ontology, `heli-altitude[0]`, and has its units.
-    """
-
-    def __init__(self, ontology: Ontology, local: Mapping[str, LocalLabel] | None = None) -> None:
-        self.ontology = ontology
-        self._local = dict(local or {})
-
-    @staticmethod
-    def parse(ontology: Ontology, text: str, file: str = "") -> "Translation":
-        """Read a TOML text such as
-
-            [heli-altitude]
-            local = "alt_baro[{unit}]"
-            fields = { altitude_m = { name = "alt_ft", unit = "ft" } }
-
-        Raises:
-            TextError: it is not TOML, the ontology lacks a label or field, or a unit does not convert.
-        """
-        local: dict[str, LocalLabel] = {}
-        for name, entry in _toml(text, file).items():
-            if name not in ontology:
-                raise _wrong(f"{name} is not in the ontology, which has {', '.join(ontology)}", name, text, file)
-            try:
-                local[name] = _local_label(ontology[name], entry)
-            except DyknowError as wrong:
-                raise _wrong(f"{name}: {wrong}", name, text, file) from None
-        return Translation(ontology, local)
-
-    def _entry(self, semantic_label: str) -> LocalLabel:
-        known = self._local.get(semantic_label)
-        return known if known is not None else _default_local(self.ontology[semantic_label])
-
-    def local_label(self, semantic_label: str, unit: str) -> Label:
-        """What this platform calls `semantic_label` of `unit`; raises UnknownLabel."""
-        return Label.parse(self._entry(semantic_label).template.replace("{unit}", keys.unit(unit)))
-
-    def semantic_label(self, local: Label, unit: str) -> str | None:
-        """The semantic label that this platform calls `local` when it is about `unit`."""
-        return next((name for name in self.ontology if self.local_label(name, unit) == local), None)
-
-    def local_sort(self, semantic_label: str) -> Sort:
-        """The sort of the local stream: the platform's field names, units and order."""
-        entry = self._entry(semantic_label)
-        return Sort(entry.sort, tuple(Field(field.name, field.unit) for field in entry.fields.values()))
-
-    def to_semantic(self, semantic_label: str) -> LabelConversion:
-        """From values of the local stream to values of the semantic label."""
-        fields = self.ontology[semantic_label].sort.fields
-        entry = self._entry(semantic_label).fields
-        order = list(entry)
-        return _converter(
-            [
-                (order.index(field.name), entry[field.name].unit, field.unit, entry[field.name].negated)
-                for field in fields
-            ]
-        )
-
-    def to_local(self, semantic_label: str) -> LabelConversion:
-        """From values of the semantic label to values of the local stream."""
-        fields = {field.name: at for at, field in enumerate(self.ontology[semantic_label].sort.fields)}
-        units = {field.name: field.unit for field in self.ontology[semantic_label].sort.fields}
-        entry = self._entry(semantic_label).fields
-        return _converter([(fields[name], units[name], own.unit, own.negated) for name, own in entry.items()])
-
-
-def _converter(steps: list[tuple[int, str, str, bool]]) -> LabelConversion:
-    """Of (position in the source, its unit, unit in the target, negated), one for each field of the target."""
-    if all(
-        at == place and source == target and not negated for place, (at, source, target, negated) in enumerate(steps)
-    ):
-        return LabelConversion(None)
-    return LabelConversion(
-        [(at, convert_units(source, target), -1.0 if negated else 1.0) for at, source, target, negated in steps]
-    )
-
-
-def _number(value: Value, convert: Callable[[float], float], sign: float) -> Value:
-    return value if isinstance(value, NoValue) else sign * convert(value)
-
-
-def _default_local(label: SemanticLabel) -> LocalLabel:
-    fields = {field.name: LocalField(field.name, field.unit) for field in label.sort.fields}
-    return LocalLabel(f"{label.name}[{{unit}}]", label.sort.name, fields)
-
-
-def _local_label(label: SemanticLabel, entry: Any) -> LocalLabel:
-    plain = _default_local(label)
-    match entry:
-        case {**known} if known.keys() <= {"local", "sort", "fields"}:
-            template, sort = known.get("local", plain.template), known.get("sort", plain.sort)
-            given = known.get("fields", {})
-        case _:
-            raise DyknowError("a label has only local, sort and fields")
-    if not isinstance(template, str) or not isinstance(sort, str) or not isinstance(given, dict):
-        raise DyknowError('local and sort are texts, fields a table { field = { name = "...", unit = "..." } }')
-    Label.parse(template.replace("{unit}", "0"))
-    unknown = given.keys() - plain.fields.keys()
-    if unknown:
-        raise DyknowError(f"it has no field {', '.join(sorted(unknown))}; its fields are {', '.join(plain.fields)}")
-    fields = {name: _local_field(name, plain.fields[name], given.get(name, {})) for name in [*given, *plain.fields]}
-    return LocalLabel(template, sort, fields)
-
-
-def _local_field(name: str, plain: LocalField, given: Any) -> LocalField:
-    if not isinstance(given, dict) or not given.keys() <= {"name", "unit", "negated"}:
-        raise DyknowError(f"{name}: a field has only name, unit and negated")
-    own = LocalField(given.get("name", plain.name), given.get("unit", plain.unit), given.get("negated", False))
-    if not isinstance(own.name, str) or not isinstance(own.unit, str) or not isinstance(own.negated, bool):
-        raise DyknowError(f"{name}: name and unit are texts, negated is true or false")
-    convert_units(own.unit, plain.unit)
-    return own
+    def _wrong(self, message: str, key: str, repair: str) -> None:
+        self._errors.append(wrong_table(message, self._name, self._text, self._file, key=key, repair=repair))

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from dyknow.model.errors import TextError
 from dyknow.model.labels import Label
+from dyknow.model.values import Sort
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.formulas_in_context import FormulaChecker
 from kpl.checking.streams import ANY, Streams
@@ -127,11 +128,38 @@ class _Checker(DeclarationErrors):
                         body,
                         f"{body.label.feature}[{', '.join((variable, *body.label.objects))}]",
                     )
+            case spec.SortDeclaration(sort):
+                self._shape(sort, declaration)
+            case spec.LabelDeclaration():
+                self._label(declaration)
             case spec.Import(semantic) | spec.Export(semantic):
-                if self.known.semantic is not None and semantic not in self.known.semantic:
-                    some = ", ".join(sorted(self.known.semantic)[:8])
-                    repair = self.closest(semantic, self.known.semantic) or f"one that it has, such as {some}"
-                    self.wrong(f"the ontology has no label {semantic}", declaration, repair)
+                names = self.symbols.semantic_names()
+                if names is not None and semantic not in names and semantic not in self.known.unread:
+                    repair = self.closest(semantic, names)
+                    new = (
+                        f'label {semantic} : SORT in UNIT "what it means", before it, or a file of labels by --ontology'
+                    )
+                    self.wrong(f"the ontology has no label {semantic}", declaration, repair or new)
+
+    def _label(self, declaration: spec.LabelDeclaration) -> None:
+        """A word of our own: its sort is known, and nothing else is called so."""
+        sort, shape = declaration.sort, self.symbols.shape(declaration.sort.name)
+        if not sort.is_open:
+            self._shape(sort, declaration)
+        elif shape is None:
+            new = f'label {declaration.name} : {sort.name} in ppm "{declaration.meaning}"'
+            self.wrong(f"what values of sort {sort.name} are is not declared", declaration, new)
+        known, meant = (self.known.semantic or {}).get(declaration.name), self.symbols.semantic(declaration.name)
+        if known is not None and meant is not None and known != meant:
+            repair = f"label {declaration.name} : {known}, or another name"
+            self.wrong(f"{declaration.name} is defined already ({known.place}), and not so", declaration, repair)
+
+    def _shape(self, sort: Sort, declaration: spec.Declaration) -> None:
+        other = self.known.values.get(sort.name) or self.symbols.shape(sort.name)
+        if other is not None and other != sort:
+            self.wrong(
+                f"the sort {sort.name} is declared already, as {other}", declaration, f"{other}, or another name"
+            )
 
     def _check_making(self, declaration: spec.Declaration) -> None:
         match made := spec.making_of(declaration):
@@ -196,6 +224,8 @@ class _Checker(DeclarationErrors):
             self._names_objects(made.domain, self.symbols.of(declaration).variables)
         elif isinstance(made, spec.Refinement):
             self._check_sorts(made, self.symbols.of(declaration).variables)
+        elif isinstance(declaration, spec.Export):
+            self._check_export(declaration)
 
     def _check_sorts(self, made: spec.Refinement, variables: frozenset[str]) -> None:
         declared = self.symbols.unit(made.unit)
@@ -205,6 +235,13 @@ class _Checker(DeclarationErrors):
             sort = self.streams.sort_of(term.label, variables)
             if sort is not None and sort != wanted and not wanted.startswith(ANY):
                 self.wrong(f"{made.unit} takes {wanted} here; {term.label} is {sort}", term, f"a stream of {wanted}")
+
+    def _check_export(self, declaration: spec.Export) -> None:
+        label, term = self.symbols.semantic(declaration.semantic), declaration.term
+        sort = self.streams.sort_of(term.label)
+        if label is not None and sort is not None and sort != label.sort.name:
+            said = f"{declaration.semantic} is of sort {label.sort.name}; {term.label} is {sort}"
+            self.wrong(said, term, f"a stream of {label.sort.name}")
 
     def _present(self, term: spec.StreamTerm, variables: frozenset[str]) -> None:
         label = term.label

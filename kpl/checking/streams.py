@@ -70,7 +70,7 @@ class Streams:
         makers = list(self.symbols.makers(whole, variables))
         sorts = {self._made_sort(made, frozenset()) for made in makers} or {self.known.labels.get(whole)}
         name = sorts.pop()
-        return None if sorts or name is None else self.known.values.get(name)
+        return None if sorts or name is None else self.symbols.shape(name)
 
     def lacks(self, label: Label, variables: frozenset[str] = NOTHING) -> tuple[str, str] | None:
         """What is wrong with an attribute that the values of a stream are known not to have, and which they have."""
@@ -89,7 +89,7 @@ class Streams:
     def names_no_objects(self, label: Label, variables: frozenset[str] = NOTHING) -> str:
         """What is wrong with a stream of members whose values are known not to name any."""
         sort = self.sort_of(label, variables)
-        values = None if sort is None else self.known.values.get(sort)
+        values = None if sort is None else self.symbols.shape(sort)
         if values is None or all(each.unit == "text" for each in values.fields):
             return ""
         return f"the values of {label} are of sort {sort}, and name no objects"
@@ -108,7 +108,8 @@ class Streams:
 
     def _found_sort(self, made: Symbol, under: frozenset[int]) -> str | None:
         if isinstance(made.declaration, spec.Import):
-            return (self.known.semantic or {}).get(made.declaration.semantic)
+            label = self.symbols.semantic(made.declaration.semantic)
+            return None if label is None else label.sort.name
         match made.made:
             case spec.FromSource(source):
                 return self.symbols.source(source)

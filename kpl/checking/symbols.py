@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from dyknow.model.labels import Label
+from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import Sort
 from kpl.syntax import specification as spec
 from reasoning.formulas import tree
@@ -17,6 +18,7 @@ SELF = "self"
 NOTHING = frozenset[str]()
 MAKER, GENERATOR, STREAM, EXPORT = "a source or a unit", "a generator", "a stream", "an export"
 MONITOR, CHRONICLE, DEFINITION = "a monitor", "a chronicle", "a definition"
+SEMANTIC, SORT = "a semantic label", "a sort"
 MARGIN = "margin"
 Constant: TypeAlias = bool | int | float | str | tree.Duration
 UnitSorts: TypeAlias = tuple[str, tuple[str, ...]]
@@ -34,7 +36,7 @@ class Known(NamedTuple):
         sources: sorts of sources that need no declaration, by name.
         units: sort and input sorts of computational units that need no declaration, by name.
         labels: sorts of generators that are there already.
-        semantic: sorts of the ontology's semantic labels, by name; None: any name is one.
+        semantic: the ontology's semantic labels, by name; None: any name is one.
         running: declarations that a running instance holds already.
         figures: features of one object that an instance says of itself.
         values: what the values of sorts are; those of others are unchecked.
@@ -46,7 +48,7 @@ class Known(NamedTuple):
     sources: Mapping[str, str] = _NONE
     units: Mapping[str, UnitSorts] = {}
     labels: Mapping[Label, str] = {}
-    semantic: Mapping[str, str] | None = None
+    semantic: Mapping[str, SemanticLabel] | None = None
     running: Collection[spec.Declaration] = ()
     figures: Collection[str] = ()
     values: Mapping[str, Sort] = {}
@@ -117,6 +119,10 @@ def symbol_of(declaration: spec.Declaration) -> Symbol:
             return Symbol(declaration, STREAM, (name,), takes=(Need(term),))
         case spec.Export(semantic, term):
             return Symbol(declaration, EXPORT, (semantic,), takes=(Need(term),))
+        case spec.LabelDeclaration(name):
+            return Symbol(declaration, SEMANTIC, (name,))
+        case spec.SortDeclaration():
+            return Symbol(declaration, SORT, (declaration.name,))
         case spec.MonitorDeclaration(name, formula):
             return Symbol(declaration, MONITOR, (name,), reads=_reads(formula))
         case spec.Define(feature, formula):
@@ -219,6 +225,29 @@ class SymbolTable:
             return declared.sort, declared.inputs
         return self.known.units.get(name)
 
+    def semantic(self, name: str) -> SemanticLabel | None:
+        """The definition of a semantic label: declared, or of the ontology."""
+        declared = self.named(SEMANTIC, name)
+        if isinstance(declared, spec.LabelDeclaration):
+            return SemanticLabel(name, self.shape(declared.sort.name) or declared.sort, declared.meaning)
+        return (self.known.semantic or {}).get(name)
+
+    def semantic_names(self) -> list[str] | None:
+        """The names of all semantic labels; None: any name is one."""
+        declared = [str(name) for name in self.names(SEMANTIC)]
+        return None if self.known.semantic is None else sorted({*declared, *self.known.semantic})
+
+    def shape(self, name: str) -> Sort | None:
+        """What the values of a sort are; None if nothing says so."""
+        declared = self.named(SORT, name)
+        if isinstance(declared, spec.SortDeclaration):
+            return declared.sort
+        known = self.known.values.get(name)
+        if known is not None:
+            return known
+        labels = (each for each in self.of_kind(SEMANTIC) if isinstance(each, spec.LabelDeclaration))
+        return next((each.sort for each in labels if each.sort.name == name and not each.sort.is_open), None)
+
     def sources(self) -> list[str]:
         """The names of all declared sources."""
         return [each.name for each in self.of_kind(MAKER) if isinstance(each, spec.SourceDeclaration)]
@@ -259,6 +288,11 @@ class SymbolTable:
                 dependent += self._needing.get(declaration.feature.name, {}).values()
             case spec.MonitorDeclaration(name):
                 dependent += self._needing.get(Label(MARGIN, (name,)), {}).values()
+            case spec.LabelDeclaration(name):
+                dependent += (each for each in self._symbols.values() if _shares(each.declaration, name))
+            case spec.SortDeclaration():
+                of_sort = (each for each in self._named.get(SEMANTIC, {}).values())
+                dependent += (each for held in of_sort for each in held.values() if _is_of(each, declaration.name))
         if made.label.feature:
             feature = stem(made.label)
             is_one = made.label.feature == feature and not is_pattern(made.label, made.variables)
@@ -266,6 +300,14 @@ class SymbolTable:
                 some = self._needing.get(key, {}).values()
                 dependent += (each for each in some if any(_meets(need, made) for need in each.needs))
         return (each.declaration for each in dependent)
+
+
+def _shares(declaration: spec.Declaration, label: str) -> bool:
+    return isinstance(declaration, spec.Export | spec.Import) and declaration.semantic == label
+
+
+def _is_of(symbol: Symbol, sort: str) -> bool:
+    return isinstance(symbol.declaration, spec.LabelDeclaration) and symbol.declaration.sort.name == sort
 
 
 def _reads(formula: tree.Formula) -> tuple[Need, ...]:

@@ -66,7 +66,14 @@ def formulas(
 
 def rank(declaration: spec.Declaration) -> int:
     """Makers first, then what goes to other platforms, then subscribers of streams."""
-    ranks = {spec.Import: 1, spec.Export: 2, spec.StreamDeclaration: 3, spec.MonitorDeclaration: 4}
+    ranks = {
+        spec.SortDeclaration: -1,
+        spec.LabelDeclaration: -1,
+        spec.Import: 1,
+        spec.Export: 2,
+        spec.StreamDeclaration: 3,
+        spec.MonitorDeclaration: 4,
+    }
     return ranks.get(type(declaration), 0)
 
 

@@ -105,7 +105,7 @@ class Compiler:
         match made:
             case spec.FromSource(name):
                 prototype = self._prototypes.find(name)
-                sort = self._sort(self._declared_sort(name))
+                sort = self._shape(self._declared_sort(name))
                 if isinstance(prototype, SourcePrototype) and (process := process_of(prototype)) is not None:
                     return CompiledGenerator(sort, process, unit=name)
                 if name in self.withdrawn:
@@ -117,7 +117,7 @@ class Compiler:
                     return CompiledGenerator(Sort(""), None, unit=name, lacks=True)
                 inputs = [self.input(term, members) for term in terms]
                 named = self._unit_sort(unit, made) if unit.of_any_sort else unit.sort
-                return CompiledGenerator(self._sort(named), process_of(unit, inputs), unit=name)
+                return CompiledGenerator(self._shape(named), process_of(unit, inputs), unit=name)
             case spec.StateStream(terms, policy):
                 inputs = [self.input(term, members) for term in terms]
                 try:
@@ -236,6 +236,9 @@ class Compiler:
                 f"a sample every {print_duration(policy.sample_us)} cannot be served",
                 f"at least {print_duration(LEAST_PERIOD_US)}",
             )
+
+    def _shape(self, sort: str) -> Sort:
+        return self.symbols.shape(sort) or self._sort(sort)
 
     def _declared_sort(self, source: str) -> str:
         declared = self.symbols.maker(source)

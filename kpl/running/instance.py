@@ -1,10 +1,12 @@
 """A running specification: declarations become processes, streams and monitors, and can be changed while they run."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
 from dyknow import SURE, Label, Network, Quality, Sample, Sort, Value
-from dyknow.model.errors import DyknowError, TextError, TooEarly
+from dyknow.model.errors import DyknowError, Refused, TextError, TooEarly, file_of
+from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.network.factory import Prototypes
 from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.network.stream_proxy import StreamProxy
@@ -42,7 +44,7 @@ class Instance:
         network: may hold generators of its own, which declarations then use.
         unit: what `self` means.
         sorts: sorts whose values are checked; any other name is a sort of unchecked values.
-        semantic: sorts of the semantic labels there are; None: any.
+        semantic: the semantic labels there are without a declaration; None: any.
         prototypes: what sources and units can be made from.
         catalogue: asked for others by name; None: there is none.
         offered: names of what the catalogue has.
@@ -58,7 +60,7 @@ class Instance:
         *,
         unit: str = "0",
         sorts: Mapping[str, Sort] | None = None,
-        semantic: Mapping[str, str] | None = None,
+        semantic: Mapping[str, SemanticLabel] | None = None,
         prototypes: Iterable[Prototype] = (),
         catalogue: Callable[[str], Prototype | None] = lambda _name: None,
         offered: Collection[str] = (),
@@ -79,6 +81,7 @@ class Instance:
         self._sorts, self._semantic, self._federation = sorts or {}, semantic, federation
         self._undo: dict[spec.Declaration, Undo] = {}
         self._backlog: list[tuple[str, Sample]] = []
+        self._file = "a specification"
         self._is_going_back = False
         self.symbols = SymbolTable()
         self.compiler = Compiler(unit, self.prototypes, self.symbols, self.sort, admission)
@@ -116,7 +119,7 @@ class Instance:
         Raises:
             TextErrors: with everything that is wrong; the instance is as it was.
         """
-        before = self.specification
+        before, self._file = self.specification, file_of(text) or self._file
         every = tuple(specification)
         if len(every) > MAX_DECLARATIONS:
             raise_all([too_many(len(every), text)])
@@ -263,7 +266,7 @@ class Instance:
         remade: list[spec.Declaration] = []
         try:
             self._begin_in_past(change)
-            other = (*redefined, *self.parts.of_other_sorts((*gone, *new)))
+            other = (*redefined, *self._affected((*gone, *new)))
             remade = [each for each in other if each in self._undo and each not in gone]
             rest = [each for each in new if each not in self._undo]
             self._become([*gone, *remade], sorted([*rest, *remade], key=rank))
@@ -276,6 +279,13 @@ class Instance:
             raise as_text_errors(wrong, text) from wrong
         for name, sample in self._backlog:
             self.hooks.on_output(name, sample)
+
+    def _affected(self, changed: Sequence[spec.Declaration]) -> Iterator[spec.Declaration]:
+        """What stays and is made again: streams that have become of another sort, what is shared under another label."""
+        yield from self.parts.of_other_sorts(changed)
+        for each in changed:
+            if isinstance(each, spec.LabelDeclaration):
+                yield from self.symbols.dependent(each)
 
     def _begin_in_past(self, change: SpecificationChange) -> None:
         """What may be refused comes first, with what it needs, while everything is still as it was."""
@@ -320,13 +330,24 @@ class Instance:
             case spec.ChronicleDeclaration(path, _, content) if content is not None:
                 self.chronicles[path] = ChronicleStreams(self.network, declaration, content)
                 return lambda: self.chronicles.pop(path).cancel()
-            case spec.Export(semantic, term) if self._federation is not None:
-                return self._federation.export(semantic, self.compiler.term(term))
+            case spec.LabelDeclaration(name) if self._federation is not None:
+                return self._define(declaration)
+            case spec.Export(_, term) if self._federation is not None:
+                return self._federation.export(declaration, self.compiler.term(term))
             case spec.Import(semantic, unit, term) if self._federation is not None:
                 return self._import(semantic, unit, self.compiler.term(term), declaration)
             case spec.SourceDeclaration(_, name) if not isinstance(self.prototypes.find(name), SourcePrototype):
                 return self.parts.feed(name)
         return nothing
+
+    def _define(self, declaration: spec.LabelDeclaration) -> Undo:
+        assert self._federation is not None  # noqa: S101  (only then it is called)
+        label = self.symbols.semantic(declaration.name)
+        assert label is not None  # noqa: S101  (it is declared)
+        try:
+            return self._federation.define(replace(label, place=f"{self._file}:{declaration.place.line}"))
+        except Refused as refused:
+            raise located(declaration, refused.reason) from None
 
     def _import(self, semantic: str, unit: str, term: spec.StreamTerm, declaration: spec.Declaration) -> Undo:
         assert self._federation is not None  # noqa: S101  (only then it is called)

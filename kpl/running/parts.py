@@ -140,6 +140,10 @@ class Parts:
         waiting: list[spec.Declaration] = [
             each for each in changed if isinstance(each, spec.SourceDeclaration | spec.UnitDeclaration)
         ]
+        if any(isinstance(each, spec.SortDeclaration | spec.LabelDeclaration) for each in changed):
+            generators = [one.declaration for one in self._compiler.symbols.symbols()]
+            all_of_them = (each for each in generators if isinstance(each, spec.GeneratorDeclaration))
+            found.update((id(each), each) for each in all_of_them if self._is_of_other_sort(each))
         while waiting:
             for each in self._compiler.symbols.dependent(waiting.pop()):
                 if (

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
 from dyknow import Sample, TextError
-from kpl.syntax.specification import Declaration, MonitorDeclaration, StreamTerm
+from dyknow.model.semantic_labels import SemanticLabel
+from kpl.syntax.specification import Declaration, Export, MonitorDeclaration, StreamTerm
 from reasoning import AlarmEvent
 from reasoning.formulas.tree import Formula
 
@@ -20,7 +21,10 @@ def nothing() -> None:
 class Federation(Protocol):
     """What the room above does for declarations that concern other platforms; each returns how to take it back."""
 
-    def export(self, semantic: str, term: StreamTerm) -> Undo: ...
+    def define(self, label: SemanticLabel) -> Undo: ...
+    def export(self, declaration: Export, term: StreamTerm) -> Undo:
+        """`term` is that of the declaration, with the unit for `self`."""
+
     def import_(self, semantic: str, unit: str, term: StreamTerm) -> Undo: ...
     def monitor(self, declaration: MonitorDeclaration, formula: Formula) -> Undo | None:
         """None: the formula is over streams of this instance."""

@@ -1,10 +1,15 @@
 """Specifications to text: one declaration a line; parsing the text gives the specification back."""
 
+import re
 from collections.abc import Iterable
 
+from dyknow.model.labels import RESERVED
+from dyknow.model.values import Sort
 from dyknow.policies.policy import Policy
 from kpl.syntax import specification as spec
 from kpl.syntax.printing import print_formula
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(-[A-Za-z0-9_]+)*")
 
 
 def print_specification(specification: Iterable[spec.Declaration]) -> str:
@@ -25,8 +30,14 @@ def print_declaration(declaration: spec.Declaration) -> str:
             return f"stream {name} = {_term(term)}"
         case spec.ForEach(variable, domain, body):
             return f"for {variable} in {_term(domain)} {print_declaration(body)}"
-        case spec.Export(semantic, term):
-            return f"export {semantic} = {_term(term)}"
+        case spec.SortDeclaration(sort):
+            return f"sort {_sort(sort)}"
+        case spec.LabelDeclaration(name, sort, meaning):
+            return f'label {name} : {_sort(sort)} "{meaning}"'
+        case spec.Export(semantic, term, visibility, receivers):
+            seen = "" if visibility == "public" else f"{visibility} "
+            to = f" to {', '.join(receivers)}" if receivers else ""
+            return f"export {seen}{semantic} = {term.label}{to}{_with(term.policy)}"
         case spec.Import(semantic, unit, term):
             return f"import {semantic} from {unit} as {_term(term)}"
         case spec.Define(feature, formula):
@@ -35,6 +46,19 @@ def print_declaration(declaration: spec.Declaration) -> str:
             return f"monitor {declaration.name} = {print_formula(declaration.formula)}{_options(declaration)}"
         case spec.ChronicleDeclaration(path, policy):
             return f'chronicle file "{path}"{_with(policy)}'
+
+
+def _sort(sort: Sort) -> str:
+    """With its units as they are typed: those that are no names are quoted."""
+    if sort.fields:
+        parts = (f"{part.name} in {_unit(part.unit)}" if part.unit else part.name for part in sort.fields)
+        return f"{sort.name}({', '.join(parts)})"
+    return f"{sort.name} in {_unit(sort.unit)}" if sort.unit else sort.name
+
+
+def _unit(unit: str) -> str:
+    is_typed = unit == "1" or all(_NAME.fullmatch(part) and part not in RESERVED for part in unit.split("/", 1))
+    return unit if is_typed else f'"{unit}"'
 
 
 def _made(made: spec.Making) -> str:

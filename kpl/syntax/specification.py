@@ -5,15 +5,17 @@ where each stood.
 """
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 from dyknow.model.labels import Label
+from dyknow.model.values import Sort
 from dyknow.policies.policy import Policy
 from reasoning.chronicles import ChronicleFile as Chronicles
 from reasoning.formulas.evaluation import NoValuePolicy
 from reasoning.formulas.tree import Feature, Formula, Node
 
 ANY_UPDATE = Policy()
+ExportVisibility: TypeAlias = Literal["public", "protected", "private"]
 RECOGNISED = "chronicle"
 """The feature of streams of recognitions: `chronicle[overtake]`."""
 
@@ -124,11 +126,41 @@ class ForEach(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class SortDeclaration(Node):
+    """`sort NAME in UNIT`, or `sort NAME(FIELD in UNIT, ...)`: what the values of a sort are."""
+
+    sort: Sort
+
+    @property
+    def name(self) -> str:
+        return self.sort.name
+
+
+@dataclass(frozen=True, slots=True)
+class LabelDeclaration(Node):
+    """`label SEMANTIC-LABEL : SORT "MEANING"`: a word that platforms share; with `in UNIT` the sort is declared, too.
+
+    `sort` is open where it is declared elsewhere.
+    """
+
+    name: str
+    sort: Sort
+    meaning: str
+
+
+@dataclass(frozen=True, slots=True)
 class Export(Node):
-    """`export SEMANTIC-LABEL = TERM`: what other platforms may ask for."""
+    """`export SEMANTIC-LABEL = TERM`: what other platforms may ask for.
+
+    Attributes:
+        visibility: of all platforms (public), of members with a role (protected), of none but this one (private).
+        receivers: the only ones that may ask; empty: no others are excluded.
+    """
 
     semantic: str
     term: StreamTerm
+    visibility: ExportVisibility = "public"
+    receivers: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,6 +206,8 @@ Declaration: TypeAlias = (
     | GeneratorDeclaration
     | StreamDeclaration
     | ForEach
+    | SortDeclaration
+    | LabelDeclaration
     | Export
     | Import
     | Define

@@ -8,11 +8,14 @@ arguments are one list in the parse tree; here each constraint goes to the strea
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias, cast
 
 from dyknow.model.errors import PolicyError, SourceText, TextError, TextErrors
 from dyknow.model.labels import Label
+from dyknow.model.semantic_labels import SemanticLabel, definition_errors, sort_errors
+from dyknow.model.values import Field, Sort
 from dyknow.policies.policy import Policy
 from kpl.diagnostics.suggestions import begins_statement
 from kpl.syntax import specification as spec
@@ -26,7 +29,7 @@ from reasoning.formulas.tree import Place
 if TYPE_CHECKING:
     from lark import Token, Tree
 
-_STATEMENT = re.compile(r"^(?:[ \t]*(?:source|compunit|strmgen|stream|for|export|import|define|monitor|chronicle)\b|[A-Za-z]\w+)", re.MULTILINE)  # fmt: skip
+_STATEMENT = re.compile(r"^(?:[ \t]*(?:source|compunit|strmgen|stream|for|sort|label|export|import|define|monitor|chronicle)\b|[A-Za-z]\w+)", re.MULTILINE)  # fmt: skip
 ReadFile: TypeAlias = Callable[[str], str]
 """The text of a file that a specification names; raises OSError or UnicodeDecodeError."""
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
@@ -155,9 +158,53 @@ class _StatementReader(FormulaReader):
         generator = self._strmgen(body, place_of(body, self.text))
         return spec.ForEach(_name(variable), self._member(domain), generator, place=place)
 
+    def _sort_(self, node: Any, place: Place) -> spec.Declaration:
+        name, *shape = node.children
+        sort = self._shaped(_name(name), shape)
+        self._refuse(sort_errors(sort), place)
+        return spec.SortDeclaration(sort, place=place)
+
+    def _label_(self, node: Any, place: Place) -> spec.Declaration:
+        name, sort, *shape, meaning = node.children
+        shaped = self._shaped(_name(sort), shape)
+        label = SemanticLabel(_name(name), shaped, str(meaning)[1:-1])
+        tried = label if shape else replace(label, sort=Sort(shaped.name, unit="1"))
+        self._refuse(definition_errors(tried), place)
+        return spec.LabelDeclaration(label.name, shaped, label.meaning, place=place)
+
+    def _shaped(self, name: str, shape: Sequence[Any]) -> Sort:
+        """The sort of that name; an open one without a unit or fields."""
+        if not shape:
+            return Sort(name, is_open=True)
+        if shape[0].data == "in_unit":
+            return Sort(name, unit=_unit(shape[0].children[0]))
+        return Sort(
+            name, tuple(Field(_name(part.children[0]), "".join(map(_unit, part.children[1:]))) for part in shape)
+        )
+
+    def _refuse(self, wrong: Iterable[tuple[str, str]], place: Place) -> None:
+        for message, repair in wrong:
+            self.error(message, place, repair)
+
     def _export(self, node: Any, place: Place) -> spec.Declaration:
-        semantic, _equals, label, *policy = node.children
-        return spec.Export(_name(semantic), self._term(label, policy), place=place)
+        visibility: spec.ExportVisibility = "public"
+        parts = list(node.children)
+        if parts[0].data == "visibility":
+            visibility = cast("spec.ExportVisibility", str(parts.pop(0).children[0]))
+        semantic, _equals, label, *others = parts
+        receivers = [
+            str(self.object(each, _FREE)) for part in others if part.data == "receivers" for each in part.children
+        ]
+        policy = [part for part in others if part.data == "policy"]
+        if visibility == "private" and receivers:
+            self.error(
+                "what is private goes to no other platform",
+                place,
+                f"export {_name(semantic)} = ... to {', '.join(receivers)}",
+            )
+        return spec.Export(
+            _name(semantic), self._term(label, policy), visibility, tuple(dict.fromkeys(receivers)), place=place
+        )
 
     def _import_(self, node: Any, place: Place) -> spec.Declaration:
         semantic, unit, label, *policy = node.children
@@ -265,6 +312,11 @@ class _StatementReader(FormulaReader):
 
 def _name(node: Any) -> str:
     return str(node.children[0])
+
+
+def _unit(node: Any) -> str:
+    """A unit of measurement: `ppm`, `m/s`, `"1/s"`."""
+    return "".join(str(getattr(part, "children", [part])[0]) for part in node.children).strip('"')
 
 
 def _blank(text: str) -> str:

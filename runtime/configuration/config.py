@@ -108,6 +108,8 @@ class NodeConfig(Strict):
     floor_m: float = Field(10.0, allow_inf_nan=False)
     ceiling_m: float = Field(120.0, allow_inf_nan=False)
     range_m: float = Field(1000.0, gt=0, allow_inf_nan=False)
+    ontology: Path | None = None
+    """Semantic labels that not every platform has."""
     translation: Path | None = None
     profiles: Path | None = None
     journal: Path | None = None

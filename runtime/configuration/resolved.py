@@ -1,12 +1,13 @@
 """What a platform's configuration comes to, with the files it names read."""
 
 from agents.config import PlatformConfig
-from agents.extensions import labels_of, load_extension
+from agents.extensions import load_extension
 from compunits import catalogue
 from federation.members.clock import FederationClock
-from federation.sharing.ontology import Translation
+from federation.sharing.translation import Translation
 from reasoning import builtin_profiles, parse_profiles
 from runtime.configuration.config import NodeConfig
+from runtime.configuration.ontologies import ontology_of
 from runtime.configuration.session import load_trust
 
 
@@ -17,7 +18,7 @@ def platform_config(config: NodeConfig, clock: FederationClock, started_us: int,
         TextError, RosterError: a file is wrong, and where.
         UnitError: an extension does not load.
     """
-    ontology = labels_of(config.extensions)
+    ontology = ontology_of(config.extensions, config.ontology)
     translation = None
     if config.translation is not None:
         translation = Translation.parse(ontology, config.translation.read_text("utf-8"), str(config.translation))

@@ -78,6 +78,8 @@ class Settings(Strict):
     interface: str | None = None
     json_lines: bool = Field(default=False, alias="json")
     roster: Path | None = None
+    ontology: Path | None = None
+    """File of semantic labels that not every platform has."""
     extensions: Items = ()
     """Modules with commands, or with parts of platforms; see `agents.extensions`."""
     units: int | None = Field(default=None, ge=0, le=250)
@@ -156,7 +158,7 @@ def read_federation(path: Path) -> dict[str, Any]:
         own.update(
             {key: base / own[key] for key in ("replay", "translation", "profiles", "signing_key") if own.get(key)}
         )
-    settings.update({key: base / settings[key] for key in ("roster", "journal") if settings.get(key)})
+    settings.update({key: base / settings[key] for key in ("roster", "journal", "ontology") if settings.get(key)})
     if named := settings.get("extensions"):
         settings["extensions"] = [str(base / name) if name.endswith(".py") else name for name in named]
     if settings.get("units") == 0:

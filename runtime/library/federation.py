@@ -52,6 +52,7 @@ def connect(
     roster: str | Path | None = None,
     key: str | Path | None = None,
     extensions: str | tuple[str, ...] | None = None,
+    ontology: str | Path | None = None,
 ) -> "Connection":
     """A connection to a federation, to be entered by `with ... as fed`, or by `async with ... as fed`.
 
@@ -63,6 +64,7 @@ def connect(
         roster: file with the public keys of all members, if the federation has one.
         key: file with the private key; `keys/cc.key` in the roster's folder (`roster.d`) unless set.
         extensions: modules that bring further tasks and semantic labels.
+        ontology: file of semantic labels that not every platform has; without it their meaning is learned.
 
     What is not given is taken from `DYKNOW_*` variables and the federation's file, as `dyknow` does.
 
@@ -74,6 +76,7 @@ def connect(
     """
     options = {
         "listen": listen, "connect": connect, "interface": interface, "roster": roster, "extensions": extensions,
+        "ontology": ontology,
     }  # fmt: skip
     return Connection(federation, options, None if key is None else Path(key))
 
@@ -92,7 +95,7 @@ class Connection:
 
         centre = command_centre(settings, unit, self._key)
         self._thread = MemberThread(
-            surroundings(client_wire(settings)), centre, settings.federation, settings.extensions
+            surroundings(client_wire(settings)), centre, settings.federation, settings.extensions, settings.ontology
         )
         return self._thread
 

@@ -31,6 +31,7 @@ from federation.messages.dialogue import Dialogue
 from runtime.client import SETTLE_S, Client, Job, Wait
 from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.configuration.wording import content_with
+from runtime.library.meanings import disagreement_with, record_of
 from runtime.library.questions import ask_who_is_missing, check_label, gone_text, missing_units, query_of, receiver_of
 from runtime.library.results import QueryResult, UnitSample, sample_of_reading, sample_of_wire
 
@@ -100,7 +101,9 @@ def readings_of(
     there = client.pick(None)
     around = ask_who_is_missing(client, there) if unit is None or unit not in there else []
     missing = yield from missing_units(there, around if unit is not None else [])
-    units = [] if unit in missing else client.pick(unit)
+    units = agreeing(
+        client, label, [] if unit in missing else client.pick(unit), lambda name, why: take(name, [], why, 0)
+    )
     content = query_of(label, at, between, client.federation_us())
     answered = False
 
@@ -118,6 +121,15 @@ def readings_of(
         if unit in {None, name}:
             take(name, [], gone_text(ago_us), 0)
     check_label(client, label, answered=answered)
+
+
+def agreeing(client: Client, label: str, units: Sequence[str], refused: Callable[[str, str], None]) -> list[str]:
+    """The platforms that mean by the label what this program knows; `refused` gets the reason for each of the others."""
+    reasons = {unit: disagreement_with(client, unit, label) for unit in units}
+    for unit, why in reasons.items():
+        if why:
+            refused(unit, f"{label} is not shared: {why}")
+    return [unit for unit, why in reasons.items() if not why]
 
 
 def lists(client: Client, units: Sequence[str], content: Content, kind: type[C]) -> Job[list[tuple[str, C]]]:
@@ -166,11 +178,9 @@ class WatchedStreams:
         owner, label, policy_hash = name
         for units, feed in self._feeds.get((label, policy_hash), ()):
             if owner in units:
-                feed.put(
-                    sample_of_wire(
-                        self._client.ontology, owner, label, sample, self._client.centre.clock.federation_us(at_us)
-                    )
-                )
+                value = record_of(self._client, owner, label, sample.value)
+                available_us = self._client.centre.clock.federation_us(at_us)
+                feed.put(sample_of_wire(value, owner, label, sample, available_us))
 
 
 def request_streams(

@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, Generic, TypeVar
 
@@ -31,6 +32,7 @@ class MemberThread:
         make_centre: given the identity of the session and the time.
         federation: its name.
         extensions: modules that bring further tasks and semantic labels.
+        ontology: file of semantic labels.
 
     Raises:
         SessionFailed: the session does not open.
@@ -42,11 +44,12 @@ class MemberThread:
         make_centre: Callable[[str, int], CommandCentre],
         federation: str,
         extensions: tuple[str, ...] = (),
+        ontology: Path | None = None,
     ) -> None:
         self._mailbox: SimpleQueue[Any] = SimpleQueue()
         self._jobs: list[_RunningJob[Any]] = []
         self._is_open = True
-        self.client = Client(around._replace(mailbox=self._mailbox), make_centre, federation, extensions)
+        self.client = Client(around._replace(mailbox=self._mailbox), make_centre, federation, extensions, ontology)
         self._thread = threading.Thread(target=self._run, name=f"dyknow {self.client.centre.unit}", daemon=True)
         self._thread.start()
 

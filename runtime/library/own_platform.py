@@ -52,6 +52,7 @@ def join(
     key: str | Path | None = None,
     units: tuple[str, ...] = (),
     extensions: str | tuple[str, ...] | None = None,
+    ontology: str | Path | None = None,
 ) -> "OwnPlatform":
     """A platform of one's own, to be entered: `with dyknow.join("7") as me` runs it in the background.
 
@@ -65,6 +66,7 @@ def join(
         key: file with its private key; `keys/UNIT.key` in the roster's folder (`roster.d`) unless set.
         units: modules with computational units for its declarations.
         extensions: modules that bring it further parts and semantic labels.
+        ontology: file of semantic labels that not every platform has.
 
     Raises:
         WrongCall: an option that is not right.
@@ -74,7 +76,13 @@ def join(
     """
     name = unit_name(str(unit))
     settings = settings_of(
-        federation, listen=listen, connect=connect, interface=interface, roster=roster, extensions=extensions
+        federation,
+        listen=listen,
+        connect=connect,
+        interface=interface,
+        roster=roster,
+        extensions=extensions,
+        ontology=ontology,
     )
     config = NodeConfig(
         unit=name,
@@ -83,6 +91,7 @@ def join(
         vehicle=NoVehicle(),
         units=units,
         extensions=settings.extensions,
+        ontology=settings.ontology,
     )
     return OwnPlatform(config)
 

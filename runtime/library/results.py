@@ -1,16 +1,13 @@
 """What a federation answers, as a program reads it. Instants are microseconds of federation time."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, overload
 
-from dyknow import SURE, Quality, as_json
-from dyknow.model.errors import SortError
-from dyknow.model.values import NO_VALUE, NoValue
+from dyknow import SURE, Quality
+from dyknow.model.values import NoValue
 from federation.messages.codec import QualifiedSample, WireSample
 from federation.messages.contents import Reading
-from federation.sharing.ontology import Ontology
 from navigation.geodesy import metres_per_degree
 
 _DEGREES = {"latitude_deg": (0, "north"), "longitude_deg": (1, "east")}
@@ -126,18 +123,9 @@ def _quality(value: Mapping[str, Any], variance: Mapping[str, Any] | None) -> Qu
     return Quality(covariance=tuple(rows))
 
 
-def fields_of(ontology: Ontology, label: str, value: Any) -> Mapping[str, Any]:
-    """A value by field; one that is not of the label's sort, or of an unknown label, as it came, under `value`."""
-    if label in ontology:
-        with suppress(SortError):
-            return ontology[label].sort.as_record(value)
-    return {"value": as_json(value)}
-
-
-def sample_of_wire(ontology: Ontology, unit: str, label: str, sample: WireSample, available_us: int) -> UnitSample:
-    """One sample of a stream that is watched."""
-    value: Mapping[str, Any] = {}
-    if sample.value is not NO_VALUE:
-        value = fields_of(ontology, label, sample.value)
+def sample_of_wire(
+    value: Mapping[str, Any], unit: str, label: str, sample: WireSample, available_us: int
+) -> UnitSample:
+    """One sample of a stream that is watched; `value` is its value by field."""
     quality = Quality(sample.certainty, sample.covariance) if isinstance(sample, QualifiedSample) else SURE
     return UnitSample(unit, label, value, sample.valid_us, available_us, quality)

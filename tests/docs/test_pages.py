@@ -62,7 +62,7 @@ def test_every_constraint_and_every_statement_is_explained() -> None:
     assert [each for each in _FORMS.split(", ") if f"`{each}`" not in text] == []
     statements = re.search(r"^_statement: (.*)$", (ROOT / "kpl" / "syntax" / "kpl.lark").read_text(), re.MULTILINE)
     assert statements is not None
-    words = {"for_each": "for", "import_": "import", "chronicle_file": "chronicle"}
+    words = {"for_each": "for", "import_": "import", "chronicle_file": "chronicle", "sort_": "sort", "label_": "label"}
     named = [words.get(each, each) for each in statements[1].split(" | ")]
     assert [each for each in named if not re.search(rf"^### `{each}\b", text, re.MULTILINE)] == []
 

@@ -1,5 +1,6 @@
 """`dyknow query`: the latest value of a semantic label, its value at a time, or all values between two times."""
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import typer
@@ -13,11 +14,13 @@ from console.output.output import unit_json
 from console.output.shown import Shown, styled
 from dyknow.model.errors import NothingFound, WrongCall
 from dyknow.model.instants import print_span
+from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import NoValue
 from federation.keys import label as label_name
 from federation.messages.contents import Reading
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 from runtime.library.jobs import readings_of
+from runtime.library.meanings import differing, meaning_to
 from runtime.library.questions import age_of
 from runtime.library.results import variances_in
 
@@ -60,14 +63,19 @@ def query(
             _missing(call, name, why or nothing)
         for reading in () if one_of_all else readings:
             age = age_of(client, name, label, reading.valid_us, answered_us) if is_latest else None
-            _tell(call, label, name, reading, age)
+            _tell(call, meaning_to(client, name, label), label, name, reading, age)
 
     with connected(call) as client:
         with call.out.waiting(f"asking for {label}"):
             client.settle()
         client.run(readings_of(client, label, unit, at, between, timeout_s, take))
-    if one_of_all and found:
-        _tell_one(call, label, found, select, merge)
+        said = differing(client, label, dict.fromkeys(name for name, _ in found))
+        if said and one_of_all:
+            raise NothingFound(f"{said}; ask one of them: --unit {found[0][0]}.")
+        if said:
+            call.out.note(f"{said}.")
+        if one_of_all and found:
+            _tell_one(call, meaning_to(client, found[0][0], label), label, found, select, merge)
     return DONE if found else NO
 
 
@@ -93,12 +101,15 @@ def reading_json(label: str, unit: str, reading: Reading) -> dict[str, Any]:
     return record
 
 
-def value_text(value: Any) -> str:
-    """A value as text: fields with the digits that are significant."""
+def value_text(value: Any, meaning: SemanticLabel | None = None) -> str:
+    """A value as text: fields with the digits that are significant; a single one with its unit."""
     if value is None:
         return "no value"
-    if not isinstance(value, dict):
+    if not isinstance(value, Mapping):
         return str(value)
+    if meaning is not None and not meaning.sort.fields and value.keys() == {"value"}:
+        unit = meaning.sort.unit
+        return f"{_number('', value['value'])}{'' if unit in {'1', 'bool', 'text'} else f' {unit}'}"
     return "  ".join(f"{name} {_number(name, number)}" for name, number in value.items())
 
 
@@ -108,7 +119,14 @@ def _number(name: str, value: Any) -> str:
     return f"{value:.7f}" if name in {"latitude_deg", "longitude_deg"} else f"{value:.2f}"
 
 
-def _tell(call: Call, label: str, unit: str, reading: Reading, age: tuple[int, bool] | None = None) -> None:
+def _tell(
+    call: Call,
+    meaning: SemanticLabel | None,
+    label: str,
+    unit: str,
+    reading: Reading,
+    age: tuple[int, bool] | None = None,
+) -> None:
     """One sample; `age` of the latest is how old it is, and whether it is older than its policy allows."""
     record = reading_json(label, unit, reading)
     age_us, stale = age or (0, False)
@@ -117,10 +135,17 @@ def _tell(call: Call, label: str, unit: str, reading: Reading, age: tuple[int, b
         return
     old: Shown = styled(f"  {print_span(age_us)} old", "red") if stale else ""
     when = styled(clock_time(reading.valid_us), "dim")
-    call.out.show(styled(unit, "bold"), "  ", when, "  ", value_text(record["value"]), old)
+    call.out.show(styled(unit, "bold"), "  ", when, "  ", value_text(record["value"], meaning), old)
 
 
-def _tell_one(call: Call, label: str, found: list[tuple[str, Reading]], select: str | None, merge: str | None) -> None:
+def _tell_one(
+    call: Call,
+    meaning: SemanticLabel | None,
+    label: str,
+    found: list[tuple[str, Reading]],
+    select: str | None,
+    merge: str | None,
+) -> None:
     """The one reading that was selected, or made of all."""
     readings = [reading for _, reading in found]
     chosen = SELECT[select](readings) if select else MERGE[str(merge)](readings)
@@ -128,10 +153,10 @@ def _tell_one(call: Call, label: str, found: list[tuple[str, Reading]], select: 
         raise NothingFound(f"the answers state no variance to weigh {label} by; use --merge mean, or --select newest.")
     unit = next((unit for unit, reading in found if reading is chosen), None)
     if unit is not None:
-        _tell(call, label, unit, chosen)
+        _tell(call, meaning, label, unit, chosen)
     elif call.out.json_lines:
         units = sorted({unit_json(unit) for unit, _ in found}, key=str)
         call.out.line(reading_json(label, "", chosen) | {"unit": None, "units": units, "merge": merge})
     else:
         whose, when = styled(f"{merge} of {len(readings)}", "bold"), styled(clock_time(chosen.valid_us), "dim")
-        call.out.show(whose, "  ", when, "  ", value_text(reading_json(label, "", chosen)["value"]))
+        call.out.show(whose, "  ", when, "  ", value_text(reading_json(label, "", chosen)["value"], meaning))

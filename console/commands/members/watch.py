@@ -21,9 +21,9 @@ from federation.messages.contents import Query, Samples
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
-from runtime.library.jobs import SET_UP_S, request_streams
+from runtime.library.jobs import SET_UP_S, agreeing, request_streams
+from runtime.library.meanings import differing, meaning_to, record_of
 from runtime.library.questions import check_label
-from runtime.library.results import fields_of
 
 SILENT_US = 2_000_000
 """After this long, or two periods, without a sample the reason is printed."""
@@ -63,7 +63,7 @@ def watch(
                     for other, phase_us in _tell_silence(call, client, label, silent, every_us, delay_us):
                         tasks += _on_own_grid(client, label, other, every_us, delay_us, phase_us)
                 for record in came[: None if count is None else count - seen]:
-                    _tell(call, record)
+                    _tell(call, client, record)
                     seen += 1
                 came.clear()
                 if all(task.over for task in tasks):
@@ -77,12 +77,18 @@ def watch(
 def _set_up(call: Call, client: Client, label: str, unit: str | None, every_us: int, delay_us: int) -> list[Any]:
     """Have the platforms export the stream to us; those that refuse are named."""
     with call.out.waiting(f"asking for a stream of {label}"):
-        asked = client.run(request_streams(client, label, client.chosen(unit), every_us / 1e6, delay_us / 1e6))
+        chosen = client.chosen(unit)
+        units = agreeing(client, label, chosen, lambda name, why: call.out.note(f"platform {name}: {why}"))
+        if not units:
+            raise FederationFailed(f"no platform means by {label} what {call.settings.ontology} says.")
+        asked = client.run(request_streams(client, label, units, every_us / 1e6, delay_us / 1e6))
     tasks = [task for task in asked if task.results]
     check_label(client, label, answered=bool(tasks))
     for task in asked:
         if task not in tasks:
             call.out.note(f"platform {task.unit}: {task.trouble or 'no answer'}")
+    if said := differing(client, label, [task.unit for task in tasks]):
+        call.out.note(f"{said}.")
     if not tasks:
         raise FederationFailed(f"no platform streams {label}; dyknow ls shows which labels there are.")
     return tasks
@@ -128,7 +134,7 @@ def _tell_silence(
 
 
 def _record(client: Client, owner: str, label: str, sample: WireSample, at_us: int) -> dict[str, Any]:
-    value = None if sample.value is NO_VALUE else fields_of(client.ontology, label, sample.value)
+    value = None if sample.value is NO_VALUE else record_of(client, owner, label, sample.value)
     return {
         "unit": unit_json(owner),
         "label": label,
@@ -138,10 +144,11 @@ def _record(client: Client, owner: str, label: str, sample: WireSample, at_us: i
     }
 
 
-def _tell(call: Call, record: dict[str, Any]) -> None:
+def _tell(call: Call, client: Client, record: dict[str, Any]) -> None:
     if call.out.json_lines:
         call.out.line(record)
         return
     delay = print_span(record["available_us"] - record["valid_us"])
     when = styled(f"{clock_time(record['valid_us'])} + {delay}", "dim")
-    call.out.show(styled(record["unit"], "bold"), "  ", when, "  ", value_text(record["value"]))
+    meaning = meaning_to(client, str(record["unit"]), record["label"])
+    call.out.show(styled(record["unit"], "bold"), "  ", when, "  ", value_text(record["value"], meaning))

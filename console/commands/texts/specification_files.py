@@ -47,16 +47,22 @@ def read_samples(path: Path) -> "list[FedSample]":
 
 
 def instance_of(
-    network: "Network", hooks: "Hooks", modules: Iterable[str], unit: str, *, reads: bool = True
+    network: "Network",
+    hooks: "Hooks",
+    modules: Iterable[str],
+    unit: str,
+    *,
+    reads: bool = True,
+    labels: Path | None = None,
 ) -> "Instance":
     """An empty instance that finds units in modules, the library and installed distributions.
 
-    With `reads` false sources are not read: their samples are pushed.
+    With `reads` false sources are not read: their samples are pushed. `labels` is a file of semantic labels.
     """
     from compunits import catalogue
     from federation.keys import unit as unit_name
-    from federation.sharing.ontology import default_ontology
     from kpl import Instance
+    from runtime.configuration.ontologies import ontology_of
 
     there = catalogue(modules)
 
@@ -70,12 +76,12 @@ def instance_of(
             return replace(prototype, read=None)
         return prototype
 
-    ontology = default_ontology()
+    ontology = ontology_of(file=labels)
     return Instance(
         network,
         unit=unit_name(unit),
-        sorts={ontology[name].sort.name: ontology[name].sort for name in ontology},
-        semantic={name: ontology[name].sort.name for name in ontology},
+        sorts=ontology.sorts(),
+        semantic={label.name: label for label in ontology.definitions()},
         catalogue=found,
         offered=there.names,
         hooks=hooks,

@@ -58,7 +58,7 @@ class Run:
         self.network = Network()
         self.network.on_fault = FaultLog(lambda said: call.out.note(f"note: {said}")).on_fault
         hooks = Hooks(self._on_sample, self._on_link, self._on_alarm)
-        self.instance = instance_of(self.network, hooks, modules, unit)
+        self.instance = instance_of(self.network, hooks, modules, unit, labels=call.settings.ontology)
         self._governor: Governor | None = None
         self._waited_us = 0
         self._record: IO[str] | None = None

@@ -45,7 +45,9 @@ def check(
         specification, errors, unread = (), [wrong], frozenset()
     network, units = Network(), modules or ()
     speaks(network)
-    findings = instance_of(network, Hooks(), units, "0").findings(specification, (), text, unread)
+    findings = instance_of(network, Hooks(), units, "0", labels=call.settings.ontology).findings(
+        specification, (), text, unread
+    )
     code = _report(call, len(specification), [*errors, *findings.errors], findings.warnings)
     _tell_library(call, specification, units)
     return code
@@ -114,7 +116,7 @@ def graph(
     specification, network = parse_specification(text, beside(file)), Network()
     if listens(specification):
         speaks(network)
-    instance = instance_of(network, Hooks(), modules or (), unit or "0")
+    instance = instance_of(network, Hooks(), modules or (), unit or "0", labels=call.settings.ontology)
     instance.add(specification, 0, text)
     show_graph(call, instance, form)
     return DONE

@@ -48,7 +48,8 @@ def verify(
             (labels if each.kind == "label" else streams).setdefault(each.name, []).append(each.sample)
 
         def make(network: "Network", hooks: "Hooks") -> "Instance":
-            return instance_of(network, hooks, units, str(about.get("unit", "0")), reads=False)
+            unit, labels = str(about.get("unit", "0")), call.settings.ontology
+            return instance_of(network, hooks, units, unit, reads=False, labels=labels)
 
         found = violations_of(specification, labels, streams, make)
     for violation in found:

@@ -4,7 +4,8 @@ import pytest
 
 from federation.messages.acts import Performative
 from federation.messages.contents import Query, Samples
-from federation.sharing.ontology import Translation, default_ontology
+from federation.sharing.ontology import default_ontology
+from federation.sharing.translation import Translation
 from navigation.geodesy import metres_per_degree
 from runtime.library.results import sample_of_reading, variances_in
 from tests.box import Box, Vehicle

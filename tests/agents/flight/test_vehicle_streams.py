@@ -4,7 +4,8 @@ import pytest
 
 from agents.flight.vehicle_streams import VehicleStreams
 from dyknow import Network, Policy
-from federation.sharing.ontology import Translation, default_ontology
+from federation.sharing.ontology import default_ontology
+from federation.sharing.translation import Translation
 from navigation.vehicle import BatteryReport, HomeReport
 from tests.navigation.flights import START_US, position_at, straight
 

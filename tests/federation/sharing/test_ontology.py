@@ -9,7 +9,8 @@ from dyknow.model.labels import Label
 from dyknow.model.sample import Quality, Sample
 from dyknow.model.values import NO_VALUE, Field, Sort
 from federation import keys
-from federation.sharing.ontology import Ontology, Translation, convert_units, default_ontology
+from federation.sharing.ontology import Ontology, default_ontology
+from federation.sharing.translation import Translation, convert_units
 
 FEET = """
 [heli-altitude]
@@ -56,10 +57,11 @@ def test_a_file_adds_labels_and_changes_none() -> None:
     added["max-speed"].check((30.0,))
     with pytest.raises(SortError):
         added["max-speed"].check((30.0, 1.0))
-    again = added.extended('[max-speed]\nsort = "speed"\nmeaning = "in other words"\nfields = { speed_m_s = "m/s" }\n')
-    assert again["max-speed"].type_hash == added["max-speed"].type_hash
-    with pytest.raises(TextError, match="already"):
-        added.extended('[max-speed]\nsort = "speed"\nmeaning = "at most"\nfields = { speed_km_h = "km/h" }\n')
+    again = added.extended('[max-speed]\nsort = "speed"\nmeaning = "at most"\nfields = { speed_m_s = "m/s" }\n', "b")
+    assert again["max-speed"] == added["max-speed"]
+    for other in ('meaning = "at least"\nfields = { speed_m_s = "m/s" }', 'meaning = "at most"\nunit = "km/h"'):
+        with pytest.raises(TextError, match="already"):
+            added.extended(f'[max-speed]\nsort = "speed"\n{other}\n')
 
 
 @pytest.mark.parametrize(
@@ -69,10 +71,10 @@ def test_a_file_adds_labels_and_changes_none() -> None:
         ('\n[Wings]\nsort = "s"\nmeaning = "m"\nfields = { a = "m" }', 2),
         ('\n["a/*"]\nsort = "s"\nmeaning = "m"\nfields = { a = "m" }', 2),
         ('[a]\nsort = "s"\nmeaning = "m"', 1),
-        ('[a]\nsort = "s"\nmeaning = "m"\nfields = {}', 1),
-        ('[a]\nsort = "s"\nmeaning = "m"\nfields = { a = 5 }', 1),
+        ('[a]\nsort = "s"\nmeaning = "m"\nfields = {}', 4),
+        ('[a]\nsort = "s"\nmeaning = "m"\nfields = { a = 5 }', 4),
         ('[a]\nsort = "s"\nmeaning = "m"\nfields = { A = "m" }', 1),
-        ('[a]\nsort = "s"\nmeaning = "m"\nfields = { a = "m" }\ncolour = "red"', 1),
+        ('[a]\nsort = "s"\nmeaning = "m"\nfields = { a = "m" }\ncolour = "red"', 5),
     ],
 )
 def test_a_wrong_ontology_says_where(text: str, line: int) -> None:

@@ -5,6 +5,8 @@ from hypothesis import given
 
 from dyknow.model.errors import SourceText
 from dyknow.model.labels import Label
+from dyknow.model.semantic_labels import SemanticLabel
+from dyknow.model.values import Sort
 from kpl import Findings, Known, check_specification, parse_specification
 from tests.kpl.specifications import specifications
 from tests.kpl.syntax.test_statements import CARS
@@ -12,7 +14,7 @@ from tests.kpl.syntax.test_statements import CARS
 KNOWN = Known(
     sorts={"pos", "speed", "object"},
     labels={Label("car_ids"): "object", Label("battery", ("uav1",)): "fraction"},
-    semantic={"heli-position": "pos"},
+    semantic={"heli-position": SemanticLabel("heli-position", Sort("pos", unit="m"), "where it is")},
 )
 BASE = """\
 source pos gps

@@ -4,7 +4,8 @@ import pytest
 
 from federation.messages.acts import Performative
 from federation.messages.contents import Answers, MonitorProximity, Query
-from federation.sharing.ontology import Translation, default_ontology
+from federation.sharing.ontology import default_ontology
+from federation.sharing.translation import Translation
 from navigation.vehicle import Command, GoToOrder
 from tests.sim_uavs.worlds import (
     PLAN_US,

@@ -27,7 +27,8 @@ from federation.messages.contents import (
     Stream,
     read,
 )
-from federation.sharing.ontology import Translation, default_ontology
+from federation.sharing.ontology import default_ontology
+from federation.sharing.translation import Translation
 from federation.transport import Put
 from tests.box import EPOCH, Box, Question, Vehicle
 from tests.federation.expressions import parse_expr

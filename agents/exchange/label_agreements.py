@@ -1,0 +1,137 @@
+"""Semantic labels that other platforms mean otherwise: each is refused between the two, and reported; others are shared.
+
+Both sides find out from what the other says of itself, and neither asks or answers for such a label. Times are the node
+clock.
+"""
+
+from collections.abc import Callable, Iterable
+
+from agents.actions import Role
+from agents.part import Part, PeerChange
+from dyknow.model.errors import Refused
+from dyknow.model.instants import US_PER_S
+from dyknow.model.semantic_labels import SemanticLabel
+from federation.members.directory import DirectoryFacilitator
+from federation.members.liveness import PlatformGone
+from federation.members.offers import DefinitionsChanged, LabelAppeared
+from federation.messages.descriptions import ConditionEntry
+from federation.sharing.agreement import disagreement
+from federation.sharing.ontology import Ontology
+
+COMMAND_CENTRE = "cc"
+"""How command centres are called, with a number after it."""
+NOTED = 64
+"""Conflicts that are noted, each once."""
+LISTED, MAX_TEXT = 4, 200
+"""Conflicts that are listed as conditions, and characters of each."""
+BETWEEN_US = US_PER_S
+"""Conditions are announced at most so often: a platform may change its mind without end."""
+
+
+class LabelAgreements(Part):
+    """What this platform and each other one mean by the labels of both.
+
+    Args:
+        role_of: what a unit may ask for.
+        ontology: what labels mean here.
+        offer: tells the others that conditions have changed, at a time.
+        note: takes words for users.
+    """
+
+    def __init__(
+        self,
+        ontology: Ontology,
+        directory: DirectoryFacilitator,
+        offer: Callable[[int], None],
+        role_of: Callable[[str], Role],
+        note: Callable[[str], None],
+    ) -> None:
+        self._role_of, self._restricted = role_of, dict[str, tuple[str, tuple[str, ...]]]()
+        self._ontology, self._directory, self._offer, self._note = ontology, directory, offer, note
+        self._conflicts: dict[tuple[str, str], ConditionEntry] = {}
+        self._noted = set[str]()
+        self._due_us: int | None = None
+        self._told_us = -BETWEEN_US
+
+    def disagreement(self, unit: str, label: str) -> str:
+        """Why a label is not shared with a unit; empty if it can be."""
+        entry = self._directory.entry(unit)
+        if entry is None:
+            return ""
+        offered = next((each.type_hash for each in entry.labels if each.label == label), None)
+        return disagreement(self._ontology.get(label), entry.definitions.get(label), offered)
+
+    def restrict(self, label: str, visibility: str = "public", receivers: tuple[str, ...] = ()) -> None:
+        """Set the visibility of a label of this platform, and the only units that it goes to, if any."""
+        self._restricted[label] = visibility, receivers
+
+    def check(self, unit: str, label: str) -> None:
+        """Raises Refused if `unit` may not ask for a label here, or means something else by it: both definitions."""
+        here = self._directory.unit
+        if unit == here:
+            return
+        visibility, receivers = self._restricted.get(label, ("public", ()))
+        if visibility == "private":
+            raise Refused(f"{label} is private on {here}", "private")
+        if receivers:
+            names = {unit, COMMAND_CENTRE} if unit.startswith(f"{COMMAND_CENTRE}-") else {unit}
+            if names.isdisjoint(receivers):
+                raise Refused(f"{here} exports {label} to {', '.join(receivers)}, and to no other", "no-receiver")
+        elif visibility == "protected" and self._role_of(unit) < Role.DELEGATE:
+            raise Refused(f"{label} is protected on {here}: an observer may not ask for it", "protected")
+        why = self.disagreement(unit, label)
+        if why:
+            raise Refused(f"{label} is not shared between {here} and {unit}: {why}", "label-conflict")
+
+    def define(self, label: SemanticLabel, now_us: int) -> bool:
+        """Add a label of this platform; False if it was there; raises Refused."""
+        is_new = self._ontology.define(label)
+        if is_new:
+            self._offer(now_us)
+            self._look_at_all(now_us)
+        return is_new
+
+    def withdraw(self, label: str, now_us: int) -> None:
+        """It is defined here no longer."""
+        self._ontology.withdraw(label)
+        self._offer(now_us)
+        self._look_at_all(now_us)
+
+    def on_peer(self, change: PeerChange, now_us: int) -> None:
+        """Compare what a platform means with what is meant here."""
+        if isinstance(change, DefinitionsChanged | LabelAppeared | PlatformGone):
+            self._look(change.unit, now_us)
+
+    def _look_at_all(self, now_us: int) -> None:
+        for entry in self._directory.entries():
+            self._look(entry.unit, now_us)
+
+    def _look(self, unit: str, now_us: int) -> None:
+        entry = self._directory.entry(unit) if self._directory.is_present(unit) else None
+        labels = () if entry is None else {**entry.definitions, **{each.label: None for each in entry.labels}}
+        before = {key for key in self._conflicts if key[0] == unit}
+        found = {(unit, label): why for label in labels if (why := self.disagreement(unit, label))}
+        for key in before - found.keys():
+            del self._conflicts[key]
+        for (_, label), why in found.items():
+            text = f"label {label} is not shared with {unit}: {why}"
+            if text not in self._noted and len(self._noted) < NOTED:
+                self._noted.add(text)
+                self._note(text)
+            known = self._conflicts.get((unit, label))
+            if known is None or known.text != text[:MAX_TEXT]:
+                self._conflicts[unit, label] = ConditionEntry(text=text[:MAX_TEXT], since_us=now_us)
+        if before or found:
+            self._due_us = max(now_us, self._told_us + BETWEEN_US)
+
+    def conditions(self) -> Iterable[ConditionEntry]:
+        return tuple(self._conflicts.values())[:LISTED]
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._due_us
+
+    def on_time(self, now_us: int) -> None:
+        if self._due_us is not None and now_us >= self._due_us:
+            self._due_us, self._told_us = None, now_us
+            self._offer(now_us)

@@ -1,0 +1,23 @@
+"""Whether two members mean the same by a semantic label (thesis 9.3.3)."""
+
+from dyknow.model.semantic_labels import SemanticLabel
+
+UNTOLD = "another definition, which it does not give"
+
+
+def disagreement(ours: SemanticLabel | None, theirs: SemanticLabel | None, offered_hash: str | None) -> str:
+    """Why a label is not shared with another member, in words with the place of our definition; empty if it can be.
+
+    Args:
+        ours: what the label means here; None: nothing.
+        theirs: what the other says that it means; None: nothing, or what every member has.
+        offered_hash: that of the definition under which the other offers a stream; None: it offers none.
+    """
+    if theirs is not None and offered_hash is not None and theirs.type_hash != offered_hash:
+        return f"it offers a stream of {UNTOLD}, not of {theirs}"
+    if ours is None or ours == theirs:
+        return ""
+    if theirs is None and offered_hash in {None, ours.type_hash}:
+        return ""
+    place = f" ({ours.place})" if ours.place else ""
+    return f"here it is {ours}{place}; there it is {UNTOLD if theirs is None else theirs}"

@@ -1,0 +1,33 @@
+"""The semantic labels of a process: those that every member has, those of its extensions, those of a file."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from dyknow.model.errors import WrongCall
+from federation.sharing.ontology import MAX_FILE, Ontology, default_ontology
+
+
+def ontology_of(extensions: Iterable[str] = (), file: Path | None = None) -> Ontology:
+    """All of them.
+
+    Raises:
+        UnitError: an extension does not load.
+        TextErrors: the labels of an extension or of the file are wrong, and where.
+        WrongCall: the file cannot be read.
+    """
+    ontology = default_ontology()
+    if extensions:
+        from agents.extensions import labels_of
+
+        ontology = labels_of(extensions)
+    return ontology if file is None else ontology.extended(read_ontology(file), str(file))
+
+
+def read_ontology(path: Path) -> str:
+    """The text of a file of labels; raises WrongCall."""
+    try:
+        if path.stat().st_size > 4 * MAX_FILE:
+            raise WrongCall(f"--ontology: {path} is larger than {MAX_FILE >> 10} kB, the most that is read; split it.")
+        return path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise WrongCall(f"--ontology: {path} cannot be read ({error}); an ontology is a TOML file.") from None
