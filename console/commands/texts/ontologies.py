@@ -33,6 +33,7 @@ def show(
         return DONE
     with connected(call) as client:
         client.settle()
+        client.pick(None)
         found = meanings(client)
         for name in sorted(found):
             for label, units in found[name].items():
