@@ -26,6 +26,7 @@ _LONGEST_SILENCE_US = 5_000_000
 _SAME_MESSAGE_US = 300_000
 _DRIFT_M_S = 0.5
 """How fast a position is assumed to go wrong without satellites. ArduCopter 3.3 was 3 m off after 16 s of hovering."""
+_LARGEST_SD = 1e6
 _SETTLES_US = 10_000_000
 """How long an autopilot may take to bring its position back to the satellites' once it has a fix again."""
 
@@ -268,8 +269,8 @@ class PositionFilter:
         frame = self._frame
         assert frame is not None  # noqa: S101 - set together with the motion
         unstated = self._accuracy.position_m
-        level = max(report.horizontal_sd_m or unstated, 0.01) ** 2
-        steep = max(report.vertical_sd_m or unstated, 0.01) ** 2
+        level = _variance(report.horizontal_sd_m or unstated)
+        steep = _variance(report.vertical_sd_m or unstated)
         altitude_m = frame.altitude_m if report.altitude_m is None else report.altitude_m
         north, east, down = frame.to_ned(report.latitude_deg, report.longitude_deg, altitude_m)
         if report.altitude_m is None:
@@ -338,7 +339,7 @@ class PositionFilter:
             self.rejected[reason] += 1
             return
         stated = report.sd_m_s if isinstance(report, vehicle.VelocityReport) else None
-        variance = max(stated or self._accuracy.velocity_m_s, 0.01) ** 2
+        variance = _variance(stated or self._accuracy.velocity_m_s)
         level = (report.north_m_s, report.east_m_s)
         values = level if report.down_m_s is None else (*level, report.down_m_s)
         kind = "velocity" if len(values) == 3 else "level velocity"
@@ -375,3 +376,8 @@ class PositionFilter:
         north, east, down = motion.latest.mean[:3].tolist()
         self._frame = LocalFrame(*frame.from_ned(north, east, down))
         motion.move_origin((north, east, down))
+
+
+def _variance(sd: float) -> float:
+    """Of a standard deviation that a report may state in any size."""
+    return min(max(sd, 0.01), _LARGEST_SD) ** 2

@@ -8,7 +8,7 @@ import pytest
 from tests.console.conftest import Run
 
 RIGHT = """\
-source pos gps   # a comment goes
+source position gps   # a comment goes
 strmgen pos[self] = gps
 export heli-position = pos[self] with sample every 100ms
 """
@@ -36,7 +36,7 @@ def test_a_right_specification_is_done_and_shown_as_it_is_understood(dyknow: Run
     assert (checked.returncode, shown.returncode) == (0, 0)
     assert checked.stdout.strip() == "3 declarations, 0 errors, 0 warnings"
     assert shown.stdout.splitlines() == [
-        "source pos gps",
+        "source position gps",
         "strmgen pos[self] = gps",
         "export heli-position = pos[self] with sample every 100",
     ]
