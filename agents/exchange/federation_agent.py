@@ -21,7 +21,7 @@ from dyknow.model.errors import DyknowError, Refused
 from federation import keys
 from federation.members.directory import DirectoryFacilitator
 from federation.members.liveness import PlatformAppeared, PlatformGone, PlatformReturned
-from federation.members.offers import DefinitionsChanged
+from federation.members.offers import DefinitionsChanged, LabelAppeared, LabelGone
 from federation.messages import contents
 from federation.messages.acts import Act
 from federation.sharing.exports import ContractEnded, EndReason, ExportEvent
@@ -117,7 +117,7 @@ class FederationAgent(Part):
         """
         policy = stream_policy(content.sample_period_s, content.delay_s, content.from_us, content.to_us)
         labels = tuple(dict.fromkeys(content.semantic_labels))
-        receivers = self._allowed(labels, content.to_units)
+        receivers = self._agreements.receiving([unit for unit in content.to_units if unit != self._unit], labels)
         contracts = [f"{owner}.{label}.{policy.content_hash()}" for label in labels]
         try:
             for label, contract in zip(labels, contracts, strict=True):
@@ -132,20 +132,6 @@ class FederationAgent(Part):
         for unit in receivers:
             self._agent.tell(unit, announced, now_us)
         return contracts
-
-    def _allowed(self, labels: Iterable[str], units: Iterable[str]) -> list[str]:
-        """The units that may have all of the labels; raises Refused if there is none."""
-        allowed, others, refused = list[str](), [unit for unit in units if unit != self._unit], list[Refused]()
-        for unit in others:
-            try:
-                for label in labels:
-                    self._agreements.check(unit, label)
-                allowed.append(unit)
-            except Refused as why:
-                refused.append(why)
-        if others and not allowed:
-            raise refused[0]
-        return allowed
 
     def end_exports(self, contracts: Iterable[str], now_us: int) -> None:
         """These contracts are needed no more."""
@@ -174,11 +160,8 @@ class FederationAgent(Part):
     def _run_out(self, contract: ContractEnded, now_us: int) -> None:
         """One stream of a task is over without having been cancelled: the task is, when its last one is."""
         task = self._tasks.get(contract.contract.removesuffix(f".{contract.label}.{contract.policy_hash}"))
-        if task is None or task.contracts.pop(contract.contract, None) is None:
-            return
-        if not task.contracts:
-            self._tasks.forget(task.conversation)
-            self._agent.end(task.conversation, task.initiator, contract.why, now_us)
+        if task is not None:
+            self._end_without_contract(task, contract.contract, contract.why, now_us)
 
     # -- peers, time, recovery ---------------------------------------------------------------------------------
 
@@ -204,15 +187,30 @@ class FederationAgent(Part):
                 self._on_exports(self._exports.receiver_restarted(change.unit, now_us), now_us)
             case PlatformGone():
                 self._exports.receiver_gone(change.unit, now_us, change.boot)
+            case DefinitionsChanged() | LabelAppeared() | LabelGone() if change.unit == self._unit:
+                self._end_refused(None, now_us)
             case DefinitionsChanged():
-                self._end_disputed(change.unit, now_us)
+                self._end_refused(change.unit, now_us)
 
-    def _end_disputed(self, unit: str, now_us: int) -> None:
-        """The streams that a unit gets of labels by which it means something else now."""
+    def _end_refused(self, unit: str | None, now_us: int) -> None:
+        """End the streams that a unit, or any, may have no longer: it is not meant, or means something else."""
         for task in self._tasks.all():
-            for contract, label in task.contracts.items():
-                if self._agreements.disagreement(unit, label):
-                    self._stop(contract, now_us, (unit,))
+            for contract, label in list(task.contracts.items()):
+                having = self._exports.receivers(label, contract.rpartition(".")[2])
+                reasons = {each: self._agreements.refusal(each, label) for each in having if unit in {each, None}}
+                refused = {each: str(why) for each, why in reasons.items() if why is not None}
+                if refused:
+                    self._stop(contract, now_us, refused)
+                    self._end_without_contract(task, contract, next(iter(refused.values())), now_us)
+
+    def _end_without_contract(self, task: Task, contract: str, why: str, now_us: int) -> None:
+        """The stream of a task may be over; the task is, when its last one is."""
+        if contract not in task.contracts or self._exports.has(contract):
+            return
+        del task.contracts[contract]
+        if not task.contracts:
+            self._tasks.forget(task.conversation)
+            self._agent.end(task.conversation, task.initiator, why, now_us)
 
     @property
     def is_owing(self) -> bool:

@@ -4,11 +4,11 @@ Both sides find out from what the other says of itself, and neither asks or answ
 clock.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from agents.actions import Role
+from agents.admission.admission import Denied
 from agents.part import Part, PeerChange
-from dyknow.model.errors import Refused
 from dyknow.model.instants import US_PER_S
 from dyknow.model.semantic_labels import SemanticLabel
 from federation.members.directory import DirectoryFacilitator
@@ -65,26 +65,41 @@ class LabelAgreements(Part):
         """Set the visibility of a label of this platform, and the only units that it goes to, if any."""
         self._restricted[label] = visibility, receivers
 
+    def receiving(self, units: Iterable[str], labels: Sequence[str]) -> list[str]:
+        """The units that may have all of the labels; why others may not is noted. Raises Denied if there is none."""
+        reasons = {unit: next(filter(None, (self.refusal(unit, label) for label in labels)), None) for unit in units}
+        allowed = [unit for unit, why in reasons.items() if why is None]
+        for unit, why in reasons.items():
+            if why is not None and not allowed:
+                raise why
+            if why is not None:
+                self._note_once(f"not exported to {unit}: {why}")
+        return allowed
+
     def check(self, unit: str, label: str) -> None:
-        """Raises Refused if `unit` may not ask for a label here, or means something else by it: both definitions."""
+        """Raises Denied if `unit` may not ask for a label here, or means something else by it: both definitions."""
+        why = self.refusal(unit, label)
+        if why is not None:
+            raise why
+
+    def refusal(self, unit: str, label: str) -> Denied | None:
+        """What `check` raises."""
         here = self._directory.unit
         if unit == here:
-            return
+            return None
         visibility, receivers = self._restricted.get(label, ("public", ()))
         if visibility == "private":
-            raise Refused(f"{label} is private on {here}", "private")
-        if receivers:
-            names = {unit, COMMAND_CENTRE} if unit.startswith(f"{COMMAND_CENTRE}-") else {unit}
-            if names.isdisjoint(receivers):
-                raise Refused(f"{here} exports {label} to {', '.join(receivers)}, and to no other", "no-receiver")
-        elif visibility == "protected" and self._role_of(unit) < Role.DELEGATE:
-            raise Refused(f"{label} is protected on {here}: an observer may not ask for it", "protected")
+            return Denied(f"{label} is private on {here}", "private")
+        names = {unit, COMMAND_CENTRE} if unit.startswith(f"{COMMAND_CENTRE}-") else {unit}
+        if receivers and names.isdisjoint(receivers):
+            return Denied(f"{here} exports {label} to {', '.join(receivers)}, and to no other", "no-receiver")
+        if visibility == "protected" and self._role_of(unit) < Role.DELEGATE:
+            return Denied(f"{label} is protected on {here}: an observer may not ask for it", "protected")
         why = self.disagreement(unit, label)
-        if why:
-            raise Refused(f"{label} is not shared between {here} and {unit}: {why}", "label-conflict")
+        return Denied(f"{label} is not shared between {here} and {unit}: {why}", "label-conflict") if why else None
 
     def define(self, label: SemanticLabel, now_us: int) -> bool:
-        """Add a label of this platform; False if it was there; raises Refused."""
+        """Add a label of this platform; False if it was there; raises Refused if it means something else here."""
         is_new = self._ontology.define(label)
         if is_new:
             self._offer(now_us)
@@ -115,14 +130,17 @@ class LabelAgreements(Part):
             del self._conflicts[key]
         for (_, label), why in found.items():
             text = f"label {label} is not shared with {unit}: {why}"
-            if text not in self._noted and len(self._noted) < NOTED:
-                self._noted.add(text)
-                self._note(text)
+            self._note_once(text)
             known = self._conflicts.get((unit, label))
             if known is None or known.text != text[:MAX_TEXT]:
                 self._conflicts[unit, label] = ConditionEntry(text=text[:MAX_TEXT], since_us=now_us)
         if before or found:
             self._due_us = max(now_us, self._told_us + BETWEEN_US)
+
+    def _note_once(self, text: str) -> None:
+        if text not in self._noted and len(self._noted) < NOTED:
+            self._noted.add(text)
+            self._note(text)
 
     def conditions(self) -> Iterable[ConditionEntry]:
         return tuple(self._conflicts.values())[:LISTED]

@@ -81,6 +81,8 @@ def sort_errors(sort: Sort) -> Iterator[tuple[str, str]]:
     """The same of a sort that is to be shared."""
     if not LABEL_NAME.fullmatch(sort.name):
         yield f"{_cut(sort.name)} is no name of a sort", "lower-case words with hyphens, at most 64 characters: gas"
+    if sort.fields and sort.unit:
+        yield f"{_cut(sort.name)} has both a unit and fields", "a unit for each field, and none for all"
     if len(sort.fields) > MAX_FIELDS:
         yield f"{len(sort.fields)} fields are too many", f"at most {MAX_FIELDS}"
     names = [part.name for part in sort.fields]

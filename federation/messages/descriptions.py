@@ -135,6 +135,12 @@ class Description(DescriptionModel):
     conditions: Annotated[tuple[ConditionEntry, ...], Field(max_length=16)] = ()
     definitions: Annotated[tuple[DefinitionEntry, ...], Field(max_length=MAX_DEFINITIONS)] = ()
 
+    @model_validator(mode="after")
+    def _defines_once(self) -> Self:
+        if len({each.label for each in self.definitions}) < len(self.definitions):
+            raise ValueError("two definitions of one label")
+        return self
+
     @model_serializer(mode="wrap")
     def _without_empty(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Empty fields are left out that members of earlier versions do not have."""

@@ -13,11 +13,10 @@ def disagreement(ours: SemanticLabel | None, theirs: SemanticLabel | None, offer
         theirs: what the other says that it means; None: nothing, or what every member has.
         offered_hash: that of the definition under which the other offers a stream; None: it offers none.
     """
-    if theirs is not None and offered_hash is not None and theirs.type_hash != offered_hash:
+    is_same = ours is None or ours == theirs or (theirs is None and offered_hash in {None, ours.type_hash})
+    if is_same and theirs is not None and offered_hash not in {None, theirs.type_hash}:
         return f"it offers a stream of {UNTOLD}, not of {theirs}"
-    if ours is None or ours == theirs:
-        return ""
-    if theirs is None and offered_hash in {None, ours.type_hash}:
+    if ours is None or is_same:
         return ""
     place = f" ({ours.place})" if ours.place else ""
     return f"here it is {ours}{place}; there it is {UNTOLD if theirs is None else theirs}"

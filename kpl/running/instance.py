@@ -266,7 +266,7 @@ class Instance:
         remade: list[spec.Declaration] = []
         try:
             self._begin_in_past(change)
-            other = (*redefined, *self._affected((*gone, *new)))
+            other = dict.fromkeys((*redefined, *self._affected((*gone, *new))))
             remade = [each for each in other if each in self._undo and each not in gone]
             rest = [each for each in new if each not in self._undo]
             self._become([*gone, *remade], sorted([*rest, *remade], key=rank))
