@@ -38,7 +38,7 @@ from federation.messages.descriptions import LabelEntry
 from federation.sharing.translation import Translation
 from kpl import Hooks, Instance, Specification, parse_specification, print_specification
 from kpl.checking.symbols import domains_of
-from kpl.checking.warnings import grid_warnings
+from kpl.checking.warnings import run_warnings
 from kpl.introspection.governor import Governor
 from kpl.introspection.graph import drawn, graph_of, maker_of, origins_of
 from kpl.introspection.records import FaultLog, alarm_record, sample_record
@@ -174,9 +174,8 @@ class SpecificationPart(Part):
             said = {"file": text.file, "said": wrong.drawn(), "runs": runs, "awaits": awaits}
             self._tell({"event": "not-specified", **said})
             until = f" until a host offers {', '.join(awaits[:8])} (dyknow host MODULE --unit {self._unit})"
-            self._note(
-                f"specification rejected{until if awaits else ''}; the previous one keeps running:\n{wrong.drawn()}"
-            )
+            before = "the previous one keeps running" if runs else "none runs"
+            self._note(f"specification rejected{until if awaits else ''}; {before}:\n{wrong.drawn()}")
             return
         imports = [[each.semantic, each.unit] for each in self.instance.specification if isinstance(each, Import)]
         declarations, exports = len(self.instance.specification), sorted(self._exported)
@@ -189,7 +188,7 @@ class SpecificationPart(Part):
                 "imports": imports,
             }
         )
-        for warning in grid_warnings(self.instance.specification, text):
+        for warning in run_warnings(self.instance.specification, self.instance.current_symbols(), text):
             self._note(warning.drawn())
         for name, labels in self.instance.lacking.items():
             self._note(f"no host offers {name} yet; {', '.join(map(str, labels[:8]))} start when one does")

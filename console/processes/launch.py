@@ -13,7 +13,7 @@ from console.command import Call
 from dyknow.model.errors import TextError, WrongCall, did_you_mean
 from federation.keys import unit as unit_name
 from runtime.configuration import config
-from runtime.configuration.instants import duration_us, instant_us
+from runtime.configuration.instants import SHORTEST_US, duration_us, instant_us
 from runtime.configuration.reach import trust_files, wire_of
 from runtime.configuration.run_directory import run_directory
 from runtime.configuration.settings import Persona, Settings, UnitFile
@@ -33,6 +33,7 @@ class FleetPlan(NamedTuple):
         only: start only these platforms here.
         duration_us: after this long they end by themselves.
         start_us: federation time at which routes begin; None: when the process starts.
+        each: the specification of each platform, but of those for which the federation's file has one.
     """
 
     units: int
@@ -45,6 +46,7 @@ class FleetPlan(NamedTuple):
     only: tuple[str, ...] = ()
     duration_us: int | None = None
     start_us: int | None = None
+    each: UnitFile = _NOTHING
 
 
 def _meshed(call: Call, names: Sequence[str], special: Mapping[str, UnitFile]) -> Mapping[str, UnitFile]:
@@ -103,6 +105,11 @@ def journal_of(journal: Path | None, unit: str, vehicle: Any) -> Path | None:
     return found
 
 
+def _absolute(path: Path | None) -> Path | None:
+    """The platform is a process of its own, wherever that runs."""
+    return None if path is None else path.absolute()
+
+
 def _found_anywhere(module: str) -> str:
     """A module that is named as a file is found from any working directory."""
     return str(Path(module).absolute()) if module.endswith(".py") else module
@@ -133,6 +140,11 @@ def platform_config(
         "translation": own.translation,
         "profiles": own.profiles,
         "hosts": hosts_of(call, unit),
+        "spec": _absolute(own.spec),
+        "units": [_found_anywhere(name) for name in own.modules],
+        "feed": _absolute(own.feed),
+        "admit": own.admit or "refuse",
+        "govern_ms": duration_us(own.govern, option="govern", least_us=SHORTEST_US) / 1e3 if own.govern else None,
         **{name: value for name in _LIMITS if (value := getattr(own, name)) is not None},
         "extensions": [_found_anywhere(name) for name in call.settings.extensions],
         **more,
@@ -149,14 +161,15 @@ def fleet_of(call: Call, plan: FleetPlan, now_us: int) -> list[config.NodeConfig
     special = dict(call.settings.by_unit)
     names = [str(number) for number in range(plan.units)]
     names += [name for name in special if name not in names]
-    special = dict(_meshed(call, names, special))
+    special = {name: specified(own, plan.each) for name, own in _meshed(call, names, special).items()}
+    nothing = specified(_NOTHING, plan.each)
     simulated = [name for name in names if not (s := special.get(name, _NOTHING)).mavlink and not s.replay]
     clock = clock_of(call.settings, plan.speed, now_us)
     return [
         platform_config(
             call,
             name,
-            _vehicle(name, own := special.get(name, _NOTHING), simulated, plan, now_us),
+            _vehicle(name, own := special.get(name, nothing), simulated, plan, now_us),
             clock,
             own,
             avoidance=plan.avoidance if own.avoidance is None else own.avoidance,
@@ -164,6 +177,12 @@ def fleet_of(call: Call, plan: FleetPlan, now_us: int) -> list[config.NodeConfig
         )
         for name in only_these(names, plan.only)
     ]
+
+
+def specified(own: UnitFile, each: UnitFile) -> UnitFile:
+    """A platform with what each has to run, unless the file says what it runs."""
+    names = ("spec", "modules", "feed", "govern", "admit")
+    return own.model_copy(update={name: getattr(own, name) or getattr(each, name) for name in names})
 
 
 def hosts_of(call: Call, unit: str) -> Path:

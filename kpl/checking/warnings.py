@@ -46,9 +46,11 @@ def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors:
     return [*found, *stray_grids(every, errors)]
 
 
-def grid_warnings(specification: Iterable[spec.Declaration], text: str) -> list[TextError]:
-    """The warnings that also matter when a specification is only run."""
-    return list(stray_grids(specification, DeclarationErrors(text)))
+def run_warnings(specification: Iterable[spec.Declaration], symbols: SymbolTable, text: str) -> list[TextError]:
+    """The warnings that also matter when a specification is only run: stray grids, features without a producer."""
+    every, errors, makers = list(specification), DeclarationErrors(text), Makers(symbols, FEATURES)
+    formulas = (each.formula for each in every if isinstance(each, spec.Define | spec.MonitorDeclaration))
+    return [*(one for formula in formulas for one in makers.unread(formula, errors)), *stray_grids(every, errors)]
 
 
 def stray_grids(every: Iterable[spec.Declaration], errors: DeclarationErrors) -> Iterator[TextError]:
@@ -101,14 +103,16 @@ class Makers:
         for node in walk(formula):
             if not isinstance(node, Feature) or not node.objects:
                 continue
-            if node.name not in self._features:
+            if node.name.partition(".")[0] not in self._features:
                 name, names = node.name, [*self._features]
             elif not self._make(node):
                 name, names = str(node.label), [*map(str, self._symbols.labels())]
             else:
                 continue
             said = f"nothing here makes {name}, so that its value stays unknown"
-            yield errors.located(said, node, errors.closest(name, names))
+            repair = errors.closest(name, names)
+            objects = f"[{', '.join(map(str, node.objects))}]" if repair and name == node.name else ""
+            yield errors.located(said, node, f"{repair}{objects}")
 
     def _make(self, feature: Feature) -> bool:
         if feature.name in self._by_name or any(
@@ -118,4 +122,7 @@ class Makers:
         label = Label(feature.name, tuple(map(str, feature.objects)))
         if label.feature == spec.RECOGNISED:
             return self._symbols.named(CHRONICLE, label.objects[0]) is not None
-        return label in self._symbols.known.labels or any(True for _ in self._symbols.makers(label))
+        whole, known = Label(feature.name.partition(".")[0], label.objects), self._symbols.known.labels
+        if "self" in label.objects and any(one.feature == whole.feature for one in known):
+            return True  # of the own vehicle, whatever its platform is called
+        return whole in known or any(True for _ in self._symbols.makers(label))

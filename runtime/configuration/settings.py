@@ -66,6 +66,13 @@ class UnitFile(Strict):
     connect: tuple[str, ...] | None = None
     translation: Path | None = None
     profiles: Path | None = None
+    spec: Path | None = None
+    """A specification, taken in again whenever the file changes."""
+    modules: tuple[str, ...] = Field(default=(), alias="units")
+    """Modules, or files that end with .py, with sources and computational units of the specification."""
+    feed: Path | None = None
+    govern: str | None = None
+    admit: Literal["refuse", "longer"] | None = None
 
 
 class Settings(Strict):
@@ -104,6 +111,7 @@ class FederationFile(Settings):
 
 
 _TABLES = ("clock", "unit")
+_UNIT_PATHS = ("replay", "translation", "profiles", "signing_key", "spec", "feed")
 OPTION_KEYS = tuple(field.alias or name for name, field in Settings.model_fields.items())
 """The keys of a configuration file; those but the tables are, upper case after `DYKNOW_`, the variables."""
 VARIABLES = {key: f"DYKNOW_{key.upper()}" for key in OPTION_KEYS if key not in _TABLES}
@@ -155,9 +163,9 @@ def read_federation(path: Path) -> dict[str, Any]:
     for unit, own in settings.get("unit", {}).items():
         if own.get("mavlink") and own.get("replay"):
             raise WrongCall(f"{path}: [unit.{unit}] has both mavlink and replay; a platform has one vehicle: keep one.")
-        own.update(
-            {key: base / own[key] for key in ("replay", "translation", "profiles", "signing_key") if own.get(key)}
-        )
+        own.update({key: base / own[key] for key in _UNIT_PATHS if own.get(key)})
+        if named := own.get("units"):
+            own["units"] = tuple(str(base / name) if name.endswith(".py") else name for name in named)
     settings.update({key: base / settings[key] for key in ("roster", "journal", "ontology") if settings.get(key)})
     if named := settings.get("extensions"):
         settings["extensions"] = [str(base / name) if name.endswith(".py") else name for name in named]

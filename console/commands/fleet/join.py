@@ -13,7 +13,7 @@ from console.centre.client import connected
 from console.command import Call, command
 from console.commands.fleet.up import READY_S, FleetStart, tell_notes
 from console.commands.texts.run_output import tell_record
-from console.commands.texts.specification_files import read_text
+from console.commands.texts.specification_files import check_specified
 from console.errors import DONE, INTERRUPTED
 from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Speed, UnitModules
 from console.output.output import unit_json
@@ -21,7 +21,6 @@ from console.output.shown import line, styled
 from console.processes.launch import clock_of, mavlink_vehicle, platform_config, replayed, together
 from console.processes.supervision import Fleet, interruptible, outlasting, uninterrupted
 from dyknow.model.errors import FederationFailed, WrongCall
-from proxies.recordings.named_files import beside
 from runtime.configuration.config import ClockConfig, MavlinkVehicle, NodeConfig, NoVehicle, Vehicle
 from runtime.configuration.instants import SHORTEST_US, duration_us, instant_us
 from runtime.configuration.run_directory import JOINED, ProcessState, run_directory, this_process, write_state
@@ -98,9 +97,10 @@ def join(
             mavlink=mavlink, sysid=sysids[at] if sysids else None, compid=compid, control="auto" if control == "auto" else control is not None,
             floor_m=floor, ceiling_m=ceiling, range_m=range_,
             signing_key=signing_key, unsigned=unsigned, replay=replay, from_=from_, epoch=epoch, translation=translation,
+            spec=spec, modules=tuple(modules or ()), feed=feed, govern=govern, admit=admit,
         )  # fmt: skip
         if at == 0:
-            _check_sources(own, spec, feed)
+            _check_sources(own)
         vehicle, clock = _vehicle(call, own, speed or 1.0)
         config = platform_config(
             call,
@@ -109,11 +109,6 @@ def join(
             clock,
             own,
             avoidance=avoidance,
-            spec=_absolute(spec),
-            units=[str(Path(name).absolute()) if name.endswith(".py") else name for name in modules or ()],
-            feed=_absolute(feed),
-            admit=admit,
-            govern_ms=duration_us(govern, option="--govern", least_us=SHORTEST_US) / 1e3 if govern else None,
             duration_s=duration_us(duration, option="--duration", least_us=SHORTEST_US) / 1e6 if duration else None,
         )
         configs.append(config)
@@ -200,29 +195,16 @@ def _check_specified(heard: list[dict[str, Any]], *, needed: bool) -> None:
             raise WrongCall(str(said["said"]))
 
 
-def _check_sources(own: UnitFile, spec: Path | None, feed: Path | None) -> None:
+def _check_sources(own: UnitFile) -> None:
     """Whether there is something to run, and the files can be read; raises WrongCall and TextErrors."""
-    from console.commands.texts.specification_files import read_samples
-    from kpl import parse_specification
-
     if own.mavlink is not None and own.replay is not None:
         raise WrongCall("a platform has one vehicle: give --mavlink or --replay, not both.")
-    if own.mavlink is None and own.replay is None and spec is None:
+    if own.mavlink is None and own.replay is None and own.spec is None:
         raise WrongCall(
             "give the platform a vehicle, --mavlink udpin:127.0.0.1:14550 or --replay FILE for a recorded flight, "
             "or a specification of what it knows, --spec FILE.kpl."
         )
-    if spec is not None:
-        parse_specification(read_text(spec), beside(spec))
-    elif feed is not None:
-        raise WrongCall("--feed: samples are for the sources of a specification; give it with --spec FILE.kpl.")
-    if feed is not None:
-        read_samples(feed)
-
-
-def _absolute(path: Path | None) -> Path | None:
-    """The platform is a process of its own, wherever that runs."""
-    return None if path is None else path.absolute()
+    check_specified(own)
 
 
 def _fits_in(call: Call, configs: list[NodeConfig]) -> None:

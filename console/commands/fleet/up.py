@@ -2,17 +2,19 @@
 
 import time
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from console.command import Call, command
 from console.commands.members.ls import ls
+from console.commands.texts.specification_files import check_specified
 from console.errors import DONE, FAILED, INTERRUPTED, NO
-from console.options.arguments import Avoidance, Duration, Speed
+from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Speed, UnitModules
 from console.output.output import unit_json
 from console.output.shown import line, styled
-from console.processes.launch import FleetPlan, clock_of, fleet_of, together
+from console.processes.launch import FleetPlan, clock_of, fleet_of, specified, together
 from console.processes.standing import forget, missing, note_state, running_units, started_units
 from console.processes.supervision import GRACE_S, Fleet, end, interruptible, outlasting, uninterrupted
 from dyknow.model.errors import FederationFailed, TextError, WrongCall, did_you_mean
@@ -21,7 +23,7 @@ from federation.members.directory import unit_order
 from runtime.configuration import run_directory
 from runtime.configuration.config import NodeConfig, SimulatedVehicleConfig
 from runtime.configuration.instants import SHORTEST_US, duration_us
-from runtime.configuration.settings import Persona
+from runtime.configuration.settings import Persona, UnitFile
 
 READY_S = 60.0
 _LEAD_US = 3_000_000
@@ -99,12 +101,22 @@ def up(
         list[str] | None,
         typer.Option(metavar="U", help="Start only this one here; the others run elsewhere (repeatable)."),
     ] = None,
+    spec: Annotated[
+        Path | None, typer.Option(metavar="FILE.kpl", help="What each platform derives, exports, imports and monitors.")
+    ] = None,
+    modules: UnitModules = None,
+    feed: Feed = None,
+    govern: Govern = None,
+    admit: Admit = "refuse",
 ) -> int:
     """Start simulated UAVs, one process each, and wait until they have found each other.
 
     Where some of them run already, those that are missing are started, one that has died as it was before.
     """
-    plan = FleetPlan(units, scenario, seed, persona, gcs, avoidance, speed, tuple(only or ()))
+    each = UnitFile(spec=spec, modules=tuple(modules or ()), feed=feed, govern=govern, admit=admit)
+    for own in (each, *call.settings.by_unit.values()):
+        check_specified(specified(own, each))
+    plan = FleetPlan(units, scenario, seed, persona, gcs, avoidance, speed, tuple(only or ()), each=each)
     directory = run_directory.run_directory(call.settings.federation)
     present = sorted(running_units(directory), key=unit_order)
     configs = missing(directory, planned(call, plan, duration))

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from dyknow import Network, Prototype
     from kpl import Hooks, Instance
     from proxies.recordings.sample_file import FedSample
+    from runtime.configuration.settings import UnitFile
 
 Read = TypeVar("Read")
 LONGEST_FILE = 1 << 20
@@ -44,6 +45,19 @@ def read_samples(path: Path) -> "list[FedSample]":
     from proxies.recordings.sample_file import read_feed
 
     return read_lines(path, read_feed, "--feed", "a feed is a text of JSON lines")
+
+
+def check_specified(own: "UnitFile") -> None:
+    """Whether what a platform is to run can be read; raises WrongCall and TextErrors."""
+    if own.spec is not None:
+        from kpl import parse_specification
+        from proxies.recordings.named_files import beside
+
+        parse_specification(read_text(own.spec), beside(own.spec))
+    elif own.feed is not None:
+        raise WrongCall("--feed: samples are for the sources of a specification; give it with --spec FILE.kpl.")
+    if own.feed is not None:
+        read_samples(own.feed)
 
 
 def instance_of(

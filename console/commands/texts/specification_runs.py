@@ -93,7 +93,7 @@ class Run:
     def specify(self, text: str) -> None:
         """Run this text from now on; raises TextErrors, and keeps the previous one running."""
         from kpl import parse_specification
-        from kpl.checking.warnings import grid_warnings
+        from kpl.checking.warnings import run_warnings
         from kpl.introspection.governor import listens
 
         specification = parse_specification(text, self.read_named)
@@ -102,7 +102,7 @@ class Run:
                 f"{self._path} takes `refinements`, which a governor tells: give --govern TIME, e.g. 100ms."
             )
         self.instance.change(specification, self.now_us, text)
-        for warning in grid_warnings(specification, text):
+        for warning in run_warnings(specification, self.instance.current_symbols(), text):
             self._call.out.note(f"note: {warning.drawn()}")
         for name, labels in self.instance.lacking.items():
             waiting = ", ".join(map(str, labels[:4]))

@@ -144,6 +144,15 @@ def test_what_is_taken_back_is_offered_asked_for_and_monitored_no_more(pair):
     assert len(pair.told("0", "sample")) - before >= 8
 
 
+def test_a_feature_that_nothing_makes_is_told_with_what_may_be_meant(pair):
+    added = "monitor near = always (dst[uav1] < 9 or pos.latitude_deg[self] < 9 or xy_dist[self, uav1] < 9)\n"
+    pair.specify("0", text_of("uav0.kpl") + added)
+    told = [note for note in pair.notes("0") if "nothing here makes" in note]
+    assert len(told) == 1
+    assert "nothing here makes dst" in told[0]
+    assert "write: dist[uav1]" in told[0]
+
+
 def test_a_wrong_change_is_told_and_what_ran_goes_on(pair):
     pair.world.run_for(2)
     pair.specify("0", text_of("uav0.kpl") + "strmgen x = Nobody(pos[nobody])\n")

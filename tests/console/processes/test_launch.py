@@ -12,7 +12,7 @@ from console.processes.launch import FleetPlan, fleet_of, free_ports, together
 from dyknow.model.errors import WrongCall
 from runtime.configuration.config import MavlinkVehicle, ReplayedVehicle, SimulatedVehicleConfig
 from runtime.configuration.reach import wire_of
-from runtime.configuration.settings import Settings, load
+from runtime.configuration.settings import Settings, UnitFile, load
 from tests.proxies import logs
 
 COMPOSE = sorted((Path(__file__).resolve().parents[3] / "compose").glob("*.toml"))
@@ -220,3 +220,14 @@ def test_what_no_session_opens_with_is_a_wrong_call(wrong: dict[str, Any]) -> No
 @pytest.mark.parametrize("endpoint", ["tcp/[::1]:7447", "udp/router:7447", "ws/10.0.0.1:80", "unixsock-stream//tmp/x"])
 def test_endpoints_of_every_kind_are_taken(endpoint: str) -> None:
     assert wire_of(_settings(connect=(endpoint,)), "0").connect == (endpoint,)
+
+
+def test_each_platform_runs_the_specification_of_the_command_unless_the_file_has_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "federation.toml"
+    path.write_text('name = "f"\n[unit.1]\nspec = "own.kpl"\nunits = ["gps.py"]\nfeed = "f.jsonl"\ngovern = "50ms"\n')
+    each = UnitFile(spec=Path("/all.kpl"), admit="longer")
+    call = Call(load({"federation": str(path)}, None), Output(json_lines=True))
+    first, second = fleet_of(call, PLAN._replace(each=each), NOW_US)
+    assert (first.spec, first.units, first.feed, first.govern_ms, first.admit) == (each.spec, (), None, None, "longer")
+    assert (second.spec, second.feed) == (tmp_path / "own.kpl", tmp_path / "f.jsonl")
+    assert (second.units, second.govern_ms, second.admit) == ((str(tmp_path / "gps.py"),), 50.0, "longer")
