@@ -46,23 +46,23 @@ def column(rounds: Sequence[Figures], metric: str) -> list[float]:
 
 
 def judge(bar: Bar, found: Mapping[str, Sequence[Figures]], seed: int = 1) -> Judged | None:
-    """Bars are met when the interval's better end reaches them; None when a side was not measured."""
+    """Bars are met when the median meets them; None when a side was not measured."""
     ours = column(found.get(bar.ours, ()), bar.metric)
     if isinstance(bar, Limit):
         low, high = _interval([ours], lambda samples: median(samples[0]), seed) if ours else (0.0, 0.0)
         what = f"{bar.metric} {bar.ours} <= {bar.bar:g}"
-        return Judged(what, median(ours), low, high, low <= bar.bar) if ours else None
+        return Judged(what, median(ours), low, high, median(ours) <= bar.bar) if ours else None
     peer = column(found.get(bar.peer, ()), bar.metric)
     if not ours or not peer:
         return None
     if isinstance(bar, Above):
         value = median(ours) - median(peer)
         low, high = _interval([ours, peer], lambda both: median(both[0]) - median(both[1]), seed)
-        return Judged(f"{bar.metric} {bar.ours} - {bar.peer} <= {bar.bar:g}", value, low, high, low <= bar.bar)
+        return Judged(f"{bar.metric} {bar.ours} - {bar.peer} <= {bar.bar:g}", value, low, high, value <= bar.bar)
     value = _ratio(ours, peer)
     low, high = _interval([ours, peer], lambda both: _ratio(both[0], both[1]), seed)
     sign = ">=" if bar.at_least else "<="
-    met = high >= bar.bar if bar.at_least else low <= bar.bar
+    met = value >= bar.bar if bar.at_least else value <= bar.bar
     return Judged(f"{bar.metric} {bar.ours} / {bar.peer} {sign} {bar.bar:g}", value, low, high, met)
 
 

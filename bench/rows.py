@@ -14,7 +14,7 @@ Side = Callable[[], Figures]
 
 @dataclass(frozen=True, slots=True)
 class Ratio:
-    """ours / peer, medians over the rounds. Met if the interval's end on the good side reaches the bar."""
+    """ours / peer, medians over the rounds."""
 
     metric: str
     bar: float

@@ -24,7 +24,7 @@ from federation.messages.contents import MonitorProximity
 from reasoning import AlarmEvent
 
 TITLE = "16 platforms, position and altitude all to all at 10 Hz, every one monitors proximity to all"
-BARS = (Ratio("cpu_percent", 4.0), Limit("gaps", 0.0), Limit("alarms_missed", 0.0), Limit("alarm_p99_ms", 100.0))
+BARS = (Ratio("cpu_percent", 2.5), Limit("gaps", 0.0), Limit("alarms_missed", 0.0), Limit("alarm_p99_ms", 100.0))
 PLATFORMS = 16
 SECONDS = 4.0
 """Of one round: 15 of them are the minute."""

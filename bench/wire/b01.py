@@ -7,7 +7,7 @@ from bench.rows import Options, Ratio, Side
 from bench.wire.pairs import EDGE, OURS, RAW, pairs
 
 TITLE = "one federated sample, 1 kHz, 100 B (`edge`: without codec, streams and policies)"
-BARS = (Ratio("p50_us", 1.3), Ratio("p99_us", 2.0))
+BARS = (Ratio("p50_us", 1.2), Ratio("p99_us", 2.0))
 
 
 @contextmanager

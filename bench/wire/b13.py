@@ -15,7 +15,7 @@ from bench.wire.raw import PATIENCE_S
 
 TITLE = "discovery: n opened at once, until every one holds the tokens (raw, edge) or the whole entries (ours) of all"
 SIZES = (2, 8, 16)
-BARS = tuple(Above(f"n{size}_ms", 50.0) for size in SIZES)
+BARS = tuple(Above(f"n{size}_ms", 200.0 if size > 8 else 50.0) for size in SIZES)
 KINDS = {
     "raw": "bench.wire.meshes:RawNewcomer",
     "edge": "bench.wire.meshes:EdgeNewcomer",
