@@ -1,0 +1,81 @@
+"""A label of one's own on running processes: from KPL on one platform, from a file on another, refused by a third."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.live.command_line.command import Dyknow, lines
+
+pytestmark = pytest.mark.live
+EXAMPLES = Path(__file__).parents[3] / "examples" / "labels"
+PERIOD_US = 500_000
+IN_PERCENT = """\
+# The same word, and something else is meant.
+[gas-level]
+sort = "gas"
+unit = "percent"
+meaning = "gas in the air around the platform"
+"""
+
+
+def noted(platform: "subprocess.Popen[str]", said: str) -> str:
+    """The note of a platform that says this."""
+    return next(line["text"] for line in lines(platform) if line["event"] == "note" and said in line["text"])
+
+
+def test_a_label_of_ones_own_is_shared_by_who_means_the_same_and_refused_to_who_does_not(
+    dyknow: Dyknow, tmp_path: Path
+) -> None:
+    other = tmp_path / "other.toml"
+    other.write_text(IN_PERCENT, encoding="utf-8")
+    gas, spec, watcher = str(EXAMPLES / "gas.toml"), str(EXAMPLES / "gas.kpl"), str(EXAMPLES / "watcher.kpl")
+    sensor = dyknow.start("join", "--unit", "7", "--spec", spec, "--units", str(EXAMPLES / "sniffer.py"), "--json")
+    specified = next(line for line in lines(sensor) if line["event"] == "specified")
+    assert specified["exports"] == ["gas-level"]
+
+    # queried without a file: the meaning comes with what platform 7 says of itself
+    [latest] = dyknow.run("query", "gas-level")
+    assert (latest["unit"], latest["label"]) == (7, "gas-level")
+    assert 15.0 <= latest["value"]["value"] <= 65.0
+    assert "ppm" in dyknow.raw("query", "gas-level")[0]
+    watched = dyknow.run("watch", "gas-level", "--every", "500ms", "--count", "5")
+    assert [each["valid_us"] - watched[0]["valid_us"] for each in watched] == [PERIOD_US * n for n in range(5)]
+    assert all(15.0 <= each["value"]["value"] <= 65.0 for each in watched)
+    by_time = {each["valid_us"]: each["value"]["value"] for each in watched}
+
+    # imported and monitored on a platform that has the label from its file
+    receiver = dyknow.start("join", "--unit", "8", "--spec", watcher, "--ontology", gas, "--json")
+    seen: dict[int, float] = {}
+    for line in lines(receiver):
+        if line.get("stream") == "seen" and line["event"] == "sample" and line["value"] is not None:
+            seen[line["valid_us"]] = line["value"]
+        if line["event"] == "alarm-opened" and len(seen) >= 3:
+            assert line["monitor"] == "clean"
+            break
+    spans = dyknow.run("query", "gas-level", "--between", "-3s", "-1s", "--unit", "7")
+    assert len(spans) >= 4
+    assert all(by_time.get(each["valid_us"], each["value"]["value"]) == each["value"]["value"] for each in spans)
+    assert all(seen.get(each["valid_us"], each["value"]["value"]) == each["value"]["value"] for each in spans)
+    [before] = dyknow.run("query", "gas-level", "--at", "-1s", "--unit", "7")
+    assert before["valid_us"] % PERIOD_US == 0
+    [graph] = dyknow.run("kpl", "graph", "--unit", "8")
+    assert {"gas[uav7]", "seen", "clean"} <= {node["name"] for node in graph["nodes"]}
+    [graph] = dyknow.run("kpl", "graph", "--unit", "7")
+    assert "gas-level" in str(graph)
+    shown = [each for each in dyknow.run("ontology", "show") if each["label"] == "gas-level"]
+    assert [(each["units"], each["offered_by"], each["unit_of_measurement"]) for each in shown] == [
+        ([7, 8], [7], "ppm")
+    ]
+
+    # refused to a platform that means something else: both say so, each with its own line
+    third = dyknow.start("join", "--unit", "9", "--spec", watcher, "--ontology", str(other), "--json")
+    told = noted(third, "label gas-level is not shared with 7: here it is gas in percent")
+    assert "other.toml:2" in told
+    told = noted(sensor, "label gas-level is not shared with 9: here it is gas in ppm")
+    assert "gas.kpl:2" in told
+    shown = [each for each in dyknow.run("ontology", "show", code=1) if each["label"] == "gas-level"]
+    assert {each["unit_of_measurement"]: each["units"] for each in shown} == {"ppm": [7, 8], "percent": [9]}
+    [refused] = dyknow.run("query", "gas-level", "--unit", "7", "--ontology", str(other), code=1)
+    assert "other.toml:2" in str(refused)
+    assert dyknow.run("query", "gas-level", "--unit", "7", "--ontology", gas)
