@@ -49,7 +49,8 @@ class SilentImports(Part):
 
     def on_time(self, now_us: int) -> None:
         """Ask about streams without a sample; forget those that come, and those that ended."""
-        if now_us < self._look_us:
+        due_us = self.deadline_us
+        if due_us is None or now_us < due_us:
             return
         self._look_us, self._changes = now_us + LOOK_US, self._importer.imports.changes
         streams = self._importer.imports.streams

@@ -5,9 +5,9 @@ from typing import Any
 from agents.flight.pilot import Pilot
 from dyknow import Sample
 from navigation.vehicle import Command, GoToOrder, PositionReport, Report, VelocityReport
-from sim_uavs.autopilot.wired import WiredVehicle
 from sim_uavs.dynamics.faults import parse_fault
 from sim_uavs.dynamics.settings import HomePlace, PersonaName, VehicleConfig
+from tests.sim_uavs.wired import WiredVehicle
 
 START_US = 1_700_000_000_000_000
 HOME = HomePlace(58.0, 15.0, 50.0)

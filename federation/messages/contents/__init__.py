@@ -21,7 +21,7 @@ from federation.messages.contents.monitors import (
     RemoveMonitor,
     Verdict,
 )
-from federation.messages.contents.parts import MAX_LIST, Content, ContentPart, heads, prepare, read
+from federation.messages.contents.parts import MAX_LIST, Content, ContentPart, prepare, read
 from federation.messages.contents.platform import (
     ActList,
     ActLog,
@@ -116,7 +116,6 @@ __all__ = [
     "TaskList",
     "Tasks",
     "Verdict",
-    "heads",
     "prepare",
     "read",
 ]

@@ -181,11 +181,6 @@ def prepare() -> None:
         kind.model_rebuild()
 
 
-def heads() -> tuple[str, ...]:
-    """Every head that `read` understands."""
-    return tuple(_CONTENTS)
-
-
 def read(expr: Expr) -> Content:
     """What an expression says.
 

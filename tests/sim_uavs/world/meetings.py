@@ -12,7 +12,6 @@ from agents.flight.places import FlightPlan, Waypoint
 from federation.messages.contents import MonitorProximity
 from federation.messages.dialogue import Dialogue
 from navigation.geodesy import LocalFrame
-from sim_uavs.autopilot.wired import WiredVehicle
 from sim_uavs.dynamics.faults import parse_fault
 from sim_uavs.dynamics.flight import Mode
 from sim_uavs.dynamics.missions import Item, MissionAction
@@ -20,6 +19,7 @@ from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector
 from sim_uavs.dynamics.scenarios import ORIGIN
 from sim_uavs.dynamics.settings import HomePlace, PersonaName, VehicleConfig, VehicleSettings
 from sim_uavs.world.world import World
+from tests.sim_uavs.wired import WiredVehicle
 from tests.sim_uavs.worlds import FRAME, place
 
 S: Final = 1_000_000
