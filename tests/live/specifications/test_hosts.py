@@ -13,7 +13,7 @@ from federation.hosts.codec import encode
 from federation.hosts.messages import Register, UnitOffer
 from proxies.hosts.connection import connect
 from tests.live.command_line.command import Dyknow, lines
-from tests.live.command_line.hosting import UNITS, Node
+from tests.live.specifications.hosting import UNITS, Node
 
 pytestmark = pytest.mark.live
 SIZES = [pytest.param(10, id="tenth"), pytest.param(100, id="bar", marks=pytest.mark.full)]
