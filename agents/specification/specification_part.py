@@ -188,7 +188,7 @@ class SpecificationPart(Part):
                 "imports": imports,
             }
         )
-        for warning in run_warnings(self.instance.specification, self.instance.current_symbols(), text):
+        for warning in run_warnings(self.instance.specification, self.instance.current_symbols(), text, now_us):
             self._note(warning.drawn())
         for name, labels in self.instance.lacking.items():
             self._note(f"no host offers {name} yet; {', '.join(map(str, labels[:8]))} start when one does")

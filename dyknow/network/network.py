@@ -110,7 +110,7 @@ class Network:
             UnknownLabel: no generator carries `label`.
             TextError, PolicyError: the text is no label, or no policy.
         """
-        return self.watch(self.generator(label).subscribe(Policy.of(policy), consumer, on_end))
+        return self.watch(self.generator(label).subscribe(Policy.of(policy).at(self.now_us), consumer, on_end))
 
     def connect(
         self,
@@ -134,7 +134,7 @@ class Network:
         """
         self._ranks = {}
         label = Label.of(label)
-        proxy = StreamProxy(self, label, Policy.of(policy), consumer, on_link, current=current)
+        proxy = StreamProxy(self, label, Policy.of(policy).at(self.now_us), consumer, on_link, current=current)
         generator = self.find(label)
         if generator is None:
             self.wait(proxy)

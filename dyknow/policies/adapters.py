@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 from dyknow.model.errors import PolicyError
-from dyknow.model.instants import print_duration
+from dyknow.model.instants import RelativeInstant, print_instant
 from dyknow.model.sample import Sample
 
 Accept: TypeAlias = Callable[[Sample, Sample | None], bool]
@@ -55,14 +55,15 @@ def max_delay(limit_us: int) -> Accept:
 
 
 def duration(from_us: int | None, to_us: int | None) -> Accept:
-    """Accept samples valid in [from_us, to_us], both inclusive; None is no bound (Def. 4.4.11).
+    """Accept samples valid in [from_us, to_us], both inclusive; None is no bound (Def. 4.4.11). An offset is not known yet.
 
     Raises:
         PolicyError: if the duration ends before it starts.
     """
-    if from_us is not None and to_us is not None and to_us < from_us:
+    comparable = isinstance(from_us, RelativeInstant) == isinstance(to_us, RelativeInstant)
+    if from_us is not None and to_us is not None and comparable and to_us < from_us:
         raise PolicyError(
-            f"`from {print_duration(from_us)}` and `to {print_duration(to_us)}` collide: a duration cannot end before it starts",
+            f"`from {print_instant(from_us)}` and `to {print_instant(to_us)}` collide: a duration cannot end before it starts",
             "from 300 to 400",
         )
     return lambda sample, _last: (

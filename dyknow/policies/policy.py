@@ -7,7 +7,15 @@ from math import inf
 from typing import Any, Final, Literal, NamedTuple, NoReturn, TypeAlias, get_args
 
 from dyknow.model.errors import PolicyError, TextError
-from dyknow.model.instants import MAX_DURATION_US, US_PER_MS, parse_duration, print_duration
+from dyknow.model.instants import (
+    MAX_DURATION_US,
+    US_PER_MS,
+    RelativeInstant,
+    parse_duration,
+    parse_instant,
+    print_duration,
+    print_instant,
+)
 from dyknow.policies import adapters
 
 Change: TypeAlias = Literal["any update", "any change", "sample"]
@@ -16,15 +24,15 @@ Approximation: TypeAlias = Literal["none", "most recent", "linear"]
 
 MAX_POLICY: Final = 1024
 """Longest policy in characters."""
-_TOKEN = re.compile(r"\s*(?:([A-Za-z][A-Za-z0-9_]*|[0-9][0-9A-Za-z.+-]*|,)|(\S))")
+_TOKEN = re.compile(r'\s*(?:([A-Za-z][A-Za-z0-9_]*|[+-]?\s*[0-9][0-9A-Za-z.+-]*|"[^"\n]*"|,)|(\S))')
 _QUANTITY = re.compile(r"[0-9]{1,40}(?:\.[0-9]{1,40})?(?:[eE][+-]?[0-9]{1,3})?")
 _CONSTRAINTS: Final = (
     ("any update", "change", "any update"),
     ("any change", "change", "any change"),
     ("sample every", "sample_us", "$time"),
     ("max delay", "max_delay_us", "$time_or_oo"),
-    ("from", "from_us", "$time"),
-    ("to", "to_us", "$time_or_oo"),
+    ("from", "from_us", "$instant"),
+    ("to", "to_us", "$instant_or_oo"),
     ("any order", "order", "any"),
     ("monotone order", "order", "monotone"),
     ("strict order", "order", "strict"),
@@ -54,7 +62,8 @@ class Policy:
         change: which samples count as news; `sample` keeps to a grid of valid times and implies strict order.
         sample_us: the grid's period. The grid is anchored on `from_us`, else on the first sample delivered.
         max_delay_us: available time may exceed valid time by so much; None is no limit.
-        from_us: first valid time of interest, `to_us` the last, both inclusive; None is no bound.
+        from_us: first valid time of interest, `to_us` the last, both inclusive; None is no bound. Either may be an
+            `RelativeInstant` from the moment of declaration until `at` has been told when that was.
         order: relation of valid times of successive samples.
         approximation: what may stand in for a missing sample. `most recent` needs `sample`, `from_us` and
             `max_delay_us`, so that it is known what is missing, and when; `linear` needs `sample`.
@@ -106,8 +115,36 @@ class Policy:
             object.__setattr__(self, "order", "strict")
 
     def content_hash(self) -> str:
-        """8 hexadecimal digits of the canonical text, without what does not affect samples: equal streams, equal keys."""
+        """8 hexadecimal digits of the canonical text, without what does not affect samples: equal streams, equal keys.
+
+        Raises:
+            PolicyError: it has a time relative to its declaration, which means another stream at another time.
+        """
+        if self.is_relative:
+            raise PolicyError(f"`{self}` is relative to when it is declared", "times since 1970")
         return sha256(str(replace(self, importance=1.0, exact=False)).encode()).hexdigest()[:8]
+
+    @property
+    def is_relative(self) -> bool:
+        """Whether a bound is relative to the moment of declaration."""
+        return isinstance(self.from_us, RelativeInstant) or isinstance(self.to_us, RelativeInstant)
+
+    def at(self, now_us: int) -> "Policy":
+        """The policy, declared at `now_us`: relative bounds become instants.
+
+        A relative `from` is the next multiple of the sample period, if there is one: so it meets the grid of the epoch.
+
+        Raises:
+            PolicyError: the duration ends before it starts.
+        """
+        if not self.is_relative:
+            return self
+        from_us, to_us = (
+            each.at(now_us) if isinstance(each, RelativeInstant) else each for each in (self.from_us, self.to_us)
+        )
+        if self.sample_us is not None and from_us is not None and isinstance(self.from_us, RelativeInstant):
+            from_us += -from_us % self.sample_us
+        return replace(self, from_us=from_us, to_us=to_us)
 
     @classmethod
     def of(cls, policy: "Policy | str") -> "Policy":
@@ -117,6 +154,8 @@ class Policy:
     @classmethod
     def parse(cls, text: str) -> "Policy":
         """Read `sample every 100, max delay 1s, from 0 to oo, use most recent`; the empty text is `Policy()`.
+
+        Bounds of a duration are read by `parse_instant`.
 
         Raises:
             TextError: it is not a policy; the error says where and what to write.
@@ -158,8 +197,8 @@ class Policy:
         if self.max_delay_us is not None:
             found.append((f"max delay {print_duration(self.max_delay_us)}", adapters.max_delay(self.max_delay_us)))
         if self.from_us is not None or self.to_us is not None:
-            begins = "" if self.from_us is None else f"from {print_duration(self.from_us)} "
-            ends = "oo" if self.to_us is None else print_duration(self.to_us)
+            begins = "" if self.from_us is None else f"from {print_instant(self.from_us)} "
+            ends = "oo" if self.to_us is None else print_instant(self.to_us)
             found.append((f"{begins}to {ends}", adapters.duration(self.from_us, self.to_us)))
         if self.order != "any":
             order = adapters.strict_order if self.order == "strict" else adapters.monotone_order
@@ -178,7 +217,8 @@ class Policy:
     def _check_times(self) -> None:
         for name in ("sample_us", "max_delay_us", "from_us", "to_us", "delay_before_us"):
             time_us = getattr(self, name)
-            if time_us is not None and not 0 <= time_us <= MAX_DURATION_US:
+            least_us = -MAX_DURATION_US if isinstance(time_us, RelativeInstant) else 0
+            if time_us is not None and not least_us <= int(time_us) <= MAX_DURATION_US:
                 raise PolicyError(f"{name} must be a time from 0 to {MAX_DURATION_US} us, got {time_us}")
 
 
@@ -225,7 +265,7 @@ class _Reader:
     def end_of_duration(self, start: _Token) -> None:
         """`from T` may be followed by `to T`."""
         if self.words("to"):
-            self.put("to_us", self.read_time_or_oo(), start)
+            self.put("to_us", self.read_instant_or_oo(), start)
         elif self.peek().text == "until":
             begin = self.tokens[self.next - 1].text
             self.fail("a duration ends with `to`, not `until`", self.peek(), f"from {begin} to ...")
@@ -261,6 +301,16 @@ class _Reader:
     def read_time_or_oo(self) -> int | None:
         return None if self.words("oo") else self.read_time()
 
+    def read_instant(self) -> int:
+        token = self.take()
+        try:
+            return parse_instant("".join(token.text.split()) if token.text[0] in "+-" else token.text)
+        except TextError as wrong:
+            self.fail(wrong.message, token, wrong.repair)
+
+    def read_instant_or_oo(self) -> int | None:
+        return None if self.words("oo") else self.read_instant()
+
     def read_number(self) -> float:
         token = self.take()
         if not _QUANTITY.fullmatch(token.text):
@@ -293,8 +343,8 @@ def _number(words: str, number: float | None) -> str:
 
 def _duration(from_us: int | None, to_us: int | None) -> str:
     if from_us is None:
-        return _timed("to", to_us)
-    return f"from {_time(from_us)} to {'oo' if to_us is None else _time(to_us)}"
+        return "" if to_us is None else f"to {print_instant(to_us)}"
+    return f"from {print_instant(from_us)} to {'oo' if to_us is None else print_instant(to_us)}"
 
 
 def _time(time_us: int) -> str:

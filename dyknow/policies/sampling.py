@@ -63,6 +63,7 @@ class PolicyAdapter:
     _take: Callable[[Sample, int], list[Sample]]
 
     def __init__(self, policy: Policy) -> None:
+        assert not policy.is_relative, "`Policy.at` says when it was declared"  # noqa: S101
         self.policy, self._is_unrestricted = policy, policy == _UNRESTRICTED
         self.gaps = self._late = self._out_of_order = self._outside = self._no_change = self._off_grid = 0
         self._period_us = policy.sample_us or 0

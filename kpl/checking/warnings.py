@@ -1,9 +1,10 @@
 """Warnings about a specification: streams without a subscriber or a producer, grids that need not meet."""
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from datetime import UTC, datetime
 
 from dyknow.model.errors import ChronicleError, TextError
-from dyknow.model.instants import print_duration
+from dyknow.model.instants import US_PER_S, print_duration, print_instant, print_span
 from dyknow.model.labels import Label
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.lint import remarks
@@ -46,11 +47,29 @@ def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors:
     return [*found, *stray_grids(every, errors)]
 
 
-def run_warnings(specification: Iterable[spec.Declaration], symbols: SymbolTable, text: str) -> list[TextError]:
-    """The warnings that also matter when a specification is only run: stray grids, features without a producer."""
+def run_warnings(
+    specification: Iterable[spec.Declaration], symbols: SymbolTable, text: str, now_us: int
+) -> list[TextError]:
+    """The warnings that also matter when a specification is only run, from now on: stray grids, features without a
+    producer, durations that are over.
+    """
     every, errors, makers = list(specification), DeclarationErrors(text), Makers(symbols, FEATURES)
     formulas = (each.formula for each in every if isinstance(each, spec.Define | spec.MonitorDeclaration))
-    return [*(one for formula in formulas for one in makers.unread(formula, errors)), *stray_grids(every, errors)]
+    unread = (one for formula in formulas for one in makers.unread(formula, errors))
+    return [*unread, *stray_grids(every, errors), *past_durations(every, errors, now_us)]
+
+
+def past_durations(every: Iterable[spec.Declaration], errors: DeclarationErrors, now_us: int) -> Iterator[TextError]:
+    """Durations that were over before they were declared: no sample that is yet to be valid lies in one."""
+    for each in every:
+        for node, policy in spec.policies_of(each):
+            if policy.to_us is not None and policy.to_us < now_us:
+                ended = datetime.fromtimestamp(policy.to_us // US_PER_S, UTC)
+                said = (
+                    f"`to {print_instant(policy.to_us)}` was {print_span(now_us - policy.to_us)} ago ({ended:%Y-%m-%d %H:%M:%S} "
+                    "UTC; a number is ms since 1970): no new sample is valid before that, only what is remembered comes"
+                )
+                yield errors.located(said, node, "from now to +10s")
 
 
 def stray_grids(every: Iterable[spec.Declaration], errors: DeclarationErrors) -> Iterator[TextError]:

@@ -1,15 +1,24 @@
 """In which order declarations are taken in, and how errors are reported."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import fields, replace
+from operator import is_
+from typing import Any, NamedTuple
 
-from dyknow.model.errors import TextError, TextErrors, TooEarly, file_of
+from dyknow.model.errors import PolicyError, TextError, TextErrors, TooEarly, file_of
 from dyknow.model.instants import US_PER_MS, print_span
+from dyknow.policies.policy import Policy
 from kpl.checking.definitions import Definitions
 from kpl.checking.symbols import SymbolTable
 from kpl.syntax import specification as spec
+from kpl.syntax.parsing import raise_all
 from reasoning.formulas.tree import Formula
+
+_CONSTRAINED = (
+    spec.StreamTerm, spec.Refinement, spec.StateStream, spec.Select, spec.Merge, spec.GeneratorDeclaration,
+    spec.ForEach, spec.StreamDeclaration, spec.Export, spec.Import, spec.MonitorDeclaration,
+)  # fmt: skip
+"""What has a policy, or holds something that has."""
 
 
 class SpecificationChange(NamedTuple):
@@ -46,6 +55,69 @@ def difference(before: spec.Specification, wanted: Iterable[spec.Declaration]) -
             staying.add(id(same))
             after[at] = same
     return SpecificationChange([each for each in before if id(each) not in staying], new, tuple(after))
+
+
+def resolved(node: Any, now_us: int) -> Any:
+    """A declaration, or a part of one, with instants for times relative to its declaration, which is now.
+
+    Raises:
+        TextError: a duration ends before it starts.
+    """
+    if isinstance(node, Policy):
+        return node.at(now_us)
+    if type(node) is tuple:
+        parts = tuple(resolved(each, now_us) for each in node)
+        return node if all(map(is_, parts, node)) else parts
+    if not isinstance(node, _CONSTRAINED):
+        return node
+    try:
+        every = {
+            each.name: (getattr(node, each.name), resolved(getattr(node, each.name), now_us)) for each in fields(node)
+        }
+    except PolicyError as wrong:
+        raise TextError.at(node.place, str(wrong), repair=wrong.repair) from None
+    other = {name: new for name, (old, new) in every.items() if new is not old}
+    return replace(node, **other) if other else node
+
+
+class DeclaredTimes:
+    """Times relative to the moment of declaration: resolved once, however often the same text is read again."""
+
+    def __init__(self) -> None:
+        self._resolved: dict[spec.Declaration, spec.Declaration] = {}
+        self._tried: dict[spec.Declaration, spec.Declaration] = {}
+
+    def change(
+        self, before: spec.Specification, wanted: spec.Specification, now_us: int, text: str
+    ) -> SpecificationChange:
+        """The `difference`, with instants for offsets: of what is declared already, those of then.
+
+        Raises:
+            TextErrors: durations end before they start.
+        """
+        change, errors = difference(before, wanted), list[TextError]()
+        self._tried = {}
+        for each in change.new:
+            try:
+                if (meant := resolved(self.declared(each), now_us)) is not each:
+                    self._tried[each] = meant
+            except TextError as wrong:
+                errors.append(in_text(wrong, text))
+        raise_all(errors)
+        if not self._tried:
+            return change
+        new = {id(each): self._tried.get(each, each) for each in change.new}
+        return difference(before, [new.get(id(each), each) for each in change.wanted])
+
+    def declared(self, written: spec.Declaration) -> spec.Declaration:
+        """What is declared of this text already, with its instants; else the same."""
+        return self._resolved.get(written, written) if self._resolved else written
+
+    def settle(self, wanted: spec.Specification) -> None:
+        """The change has been made: what it declares is declared."""
+        if every := {**self._resolved, **self._tried}:
+            held = set(wanted)
+            self._resolved = {written: meant for written, meant in every.items() if meant in held}
 
 
 def formulas(

@@ -93,7 +93,7 @@ class Compiler:
 
     def sources(self, declaration: spec.GeneratorDeclaration, members: Members | None = None) -> tuple[Label, ...]:
         """The generators it is made from."""
-        return tuple(self.label(term.label, members) for term in _terms(declaration.made))
+        return tuple(self.label(term.label, members) for term in spec.terms_of(declaration.made))
 
     def making(self, declaration: spec.GeneratorDeclaration, members: Members | None = None) -> CompiledGenerator:
         """The process of a generator, not yet attached.
@@ -216,7 +216,7 @@ class Compiler:
         made = declaration.made
         if isinstance(made, spec.StateStream):
             self._check_policy(made, made.policy, of_states=True)
-        for term in _terms(made):
+        for term in spec.terms_of(made):
             self._check_policy(term, term.policy)
 
     def _check_policy(self, node: Node, policy: Policy, *, of_states: bool = False) -> None:
@@ -288,17 +288,6 @@ def check_offer(prototype: Prototype, symbols: SymbolTable) -> None:
     if not fits:
         said = print_declaration(declared)
         raise SortError(f"{prototype.name} is declared as `{said}`, which what is offered is not")
-
-
-def _terms(made: spec.Making) -> tuple[spec.StreamTerm, ...]:
-    match made:
-        case spec.Refinement(_, terms) | spec.StateStream(terms):
-            return terms
-        case spec.Select(term, _, domain) | spec.Merge(term, _, domain):
-            return (term, domain)
-        case spec.Link(source):
-            return (spec.StreamTerm(source),)
-    return ()
 
 
 def located(node: Node, message: str, repair: str = "") -> TextError:

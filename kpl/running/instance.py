@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
 from dyknow import SURE, Label, Network, Quality, Sample, Sort, Value
-from dyknow.model.errors import DyknowError, Refused, TextError, TooEarly, file_of
+from dyknow.model.errors import DyknowError, Refused, TextError, TextErrors, TooEarly, file_of
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.network.factory import Prototypes
 from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
@@ -13,7 +13,7 @@ from dyknow.network.stream_proxy import StreamProxy
 from kpl.checking.definitions import Definitions
 from kpl.checking.specifications import Findings, check_change, check_symbols
 from kpl.checking.symbols import MARGIN, Known, SymbolTable, symbol_of
-from kpl.running.changes import SpecificationChange, as_text_errors, difference, formulas, rank, together, too_early
+from kpl.running.changes import DeclaredTimes, SpecificationChange, as_text_errors, formulas, rank, together, too_early
 from kpl.running.chronicle_streams import ChronicleStreams, recognitions
 from kpl.running.compiling import MAX_DECLARATIONS, Compiler, located, too_many
 from kpl.running.figures import MEANINGS, InstanceFigures
@@ -83,6 +83,7 @@ class Instance:
         self._backlog: list[tuple[str, Sample]] = []
         self._file = "a specification"
         self._is_going_back = False
+        self._times = DeclaredTimes()
         self.symbols = SymbolTable()
         self.compiler = Compiler(unit, self.prototypes, self.symbols, self.sort, admission)
         self.parts = Parts(network, self.prototypes, self.compiler)
@@ -108,7 +109,7 @@ class Instance:
         Raises:
             TextErrors: what stays needs them; the instance is as it was.
         """
-        gone = {id(self.symbols.find(each)) for each in declarations}
+        gone = {id(self.symbols.find(self._times.declared(each))) for each in declarations}
         self.change([each for each in self.specification if id(each) not in gone], now_us)
 
     def change(self, specification: Iterable[spec.Declaration], now_us: int, text: str = "") -> None:
@@ -123,7 +124,7 @@ class Instance:
         every = tuple(specification)
         if len(every) > MAX_DECLARATIONS:
             raise_all([too_many(len(every), text)])
-        change = difference(before, every)
+        change = self._times.change(before, every, now_us, text)
         meant = dict(formulas(self.symbols, change, self.unit))
         self.network.now_us = max(self.network.now_us, now_us)
         self._declare(change.gone, change.new)
@@ -141,6 +142,7 @@ class Instance:
         change.new.sort(key=rank)
         self._take_over(change, redefined, text)
         self.specification = change.wanted
+        self._times.settle(change.wanted)
         self.network.sweep()
         if self.governor is not None and self.governor.full:
             self.governor.hold_back(known, self.network.now_us)
@@ -245,6 +247,10 @@ class Instance:
     ) -> Findings:
         """All findings before it runs; `running` does already, nothing called like a word of `unread` is missing."""
         self._look_up(wanted)
+        try:
+            wanted = DeclaredTimes().change((), wanted, self.network.now_us, text).wanted
+        except TextErrors as wrong:
+            return Findings(wrong.errors, ())
         symbols = SymbolTable(wanted, self.known(running, unread))
         found = check_symbols(symbols, wanted, text)
         more = self.compiler.over(symbols).check(wanted, wanted, text)

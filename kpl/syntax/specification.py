@@ -4,6 +4,7 @@ A specification is a sequence of declarations. Equal declarations are equal what
 where each stood.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -215,6 +216,34 @@ Declaration: TypeAlias = (
     | ChronicleDeclaration
 )
 Specification: TypeAlias = tuple[Declaration, ...]
+
+
+def policies_of(declaration: Declaration) -> Iterator[tuple[Node, Policy]]:
+    """Every policy of a declaration, with what it constrains."""
+    match declaration:
+        case ForEach(_, domain, body):
+            yield domain, domain.policy
+            yield from policies_of(body)
+        case GeneratorDeclaration(_, made):
+            yield from ((term, term.policy) for term in terms_of(made))
+            if isinstance(made, StateStream):
+                yield made, made.policy
+        case StreamDeclaration(_, term) | Export(_, term) | Import(_, _, term):
+            yield term, term.policy
+        case MonitorDeclaration() | ChronicleDeclaration():
+            yield declaration, declaration.policy
+
+
+def terms_of(made: Making) -> tuple[StreamTerm, ...]:
+    """The streams that a generator is made of."""
+    match made:
+        case Refinement(_, terms) | StateStream(terms):
+            return terms
+        case Select(term, _, domain) | Merge(term, _, domain):
+            return (term, domain)
+        case Link(source):
+            return (StreamTerm(source),)
+    return ()
 
 
 def making_of(declaration: Declaration) -> Making | None:

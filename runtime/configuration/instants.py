@@ -1,15 +1,14 @@
 """Instants and durations as users type them, and as they read them."""
 
 import re
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 
 from dyknow.model.errors import WrongCall
-from dyknow.model.instants import US_PER_UNIT, print_span
+from dyknow.model.instants import EPOCH, US_PER_UNIT, iso_instant, print_span
 
 _DURATION = re.compile(r"(?P<number>[0-9]+(?:\.[0-9]+)?)(?P<unit>us|ms|s|min|h)?")
 SHORTEST_US = 1_000
 """The least that a period or a limit on the command line may be."""
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def duration_us(text: str, *, option: str, least_us: int = 0) -> int:
@@ -51,17 +50,14 @@ def instant_us(text: str, now_us: int, *, option: str) -> int:
     if (found := _DURATION.fullmatch(given)) is not None and float(found["number"]) == 0:
         return now_us
     try:
-        when = datetime.fromisoformat(given)
-    except ValueError:
+        return iso_instant(given)
+    except (ValueError, OverflowError):
         raise WrongCall(
             f"{option}: {text!r} is not an instant; write -10s (ten seconds ago), an ISO 8601 time such as "
             "2026-05-01T12:00:00Z, or microseconds since 1970-01-01."
         ) from None
-    if when.tzinfo is None:
-        when = when.replace(tzinfo=UTC)
-    return (when - _EPOCH) // timedelta(microseconds=1)
 
 
 def clock_time(instant: int) -> str:
     """The time of day of an instant, UTC, to the millisecond: `12:00:01.250`."""
-    return (_EPOCH + timedelta(microseconds=instant)).strftime("%H:%M:%S.%f")[:-3]
+    return (EPOCH + timedelta(microseconds=instant)).strftime("%H:%M:%S.%f")[:-3]

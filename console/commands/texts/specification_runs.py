@@ -102,7 +102,7 @@ class Run:
                 f"{self._path} takes `refinements`, which a governor tells: give --govern TIME, e.g. 100ms."
             )
         self.instance.change(specification, self.now_us, text)
-        for warning in run_warnings(specification, self.instance.current_symbols(), text):
+        for warning in run_warnings(self.instance.specification, self.instance.current_symbols(), text, self.now_us):
             self._call.out.note(f"note: {warning.drawn()}")
         for name, labels in self.instance.lacking.items():
             waiting = ", ".join(map(str, labels[:4]))
@@ -119,7 +119,12 @@ class Run:
 
     def record(self, out: IO[str], text: str) -> None:
         """Write every sample of every generator and stream; what is recorded is computed."""
-        out.write(json.dumps({"specification": text, "file": str(self._path), "unit": self.instance.unit}) + "\n")
+        out.write(
+            json.dumps(
+                {"specification": text, "file": str(self._path), "unit": self.instance.unit, "declared_us": self.now_us}
+            )
+            + "\n"
+        )
         self._record = out
         self._watch()
 

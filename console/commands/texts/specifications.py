@@ -1,5 +1,6 @@
 """`dyknow kpl`: specifications, and files of chronicles, checked and printed back."""
 
+import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -45,6 +46,7 @@ def check(
         specification, errors, unread = (), [wrong], frozenset()
     network, units = Network(), modules or ()
     speaks(network)
+    network.now_us = time.time_ns() // 1000
     findings = instance_of(network, Hooks(), units, "0", labels=call.settings.ontology).findings(
         specification, (), text, unread
     )

@@ -33,6 +33,8 @@ def verify(
     from kpl import parse_specification
     from kpl.introspection.verification import broken_streams
     from kpl.introspection.verification import verify as violations_of
+    from kpl.running.changes import resolved
+    from kpl.syntax.specification import policies_of
     from proxies.recordings.sample_file import read_record
 
     path, units = file, modules or ()
@@ -40,10 +42,16 @@ def verify(
     labels: dict[str, list[Sample]] = {}
     streams: dict[str, list[Sample]] = {}
     if journal.suffix == ".mcap":
+        if any(policy.is_relative for each in specification for _, policy in policies_of(each)):
+            raise WrongCall(
+                f"{path} has times relative to its declaration, which a journal does not tell; write instants."
+            )
         streams = _of_platform(journal, units)
         found = broken_streams(specification, streams)
     else:
         about, recorded = read_lines(journal, read_record, "--journal", "`kpl run --record FILE` makes one")
+        declared_us = int(about.get("declared_us", 0))
+        specification = tuple(resolved(each, declared_us) for each in specification)
         for each in recorded:
             (labels if each.kind == "label" else streams).setdefault(each.name, []).append(each.sample)
 

@@ -507,3 +507,12 @@ def test_a_query_of_what_brings_nothing_is_told_so():
     pair.world.run_for(2)
     said = asks(pair)
     assert "brought nothing" in said.text or "no value" in said.text
+
+
+def test_a_duration_that_is_over_is_told_on_a_platform_and_one_from_now_on_has_samples():
+    text = "source number gps\nstrmgen pos[uav] = gps\n"
+    pair = Pair(f"{text}stream old = pos[uav] with from 300 to 400\nstream some = pos[uav] with from now to +1s\n")
+    assert [note.splitlines()[0] for note in pair.notes("0") if "`to 400` was" in note]
+    begins_us = pair.declared("0").instance.streams["some"].policy.from_us
+    assert begins_us is not None
+    assert 0 <= pair.world.now_us - begins_us <= 1_000
