@@ -52,6 +52,8 @@ def command(*, example: str) -> Callable[[F], F]:
     return declare
 
 
+USAGE: Any = typer.BadParameter.__mro__[1]
+"""What a call that cannot be parsed raises: click's UsageError, which typer has of its own."""
 BARE: Mapping[str, str] = {"--control": "guided"}
 """Options that may stand without a value, and the value that they then have."""
 
@@ -64,8 +66,15 @@ class OwnCommand(TyperCommand):
             f"{given}={BARE[given]}" if given in BARE and after.startswith("-") else given
             for given, after in zip_longest(args, args[1:], fillvalue="-")
         ]
-        self._check_once(ctx, whole)
-        return super().parse_args(ctx, whole)
+        try:
+            self._check_once(ctx, whole)
+            return super().parse_args(ctx, whole)
+        except USAGE as error:
+            name = getattr(error, "option_name", None)
+            known = next((each for each in self.params if name in each.opts), None)
+            if isinstance(known, TyperOption) and known.help:
+                error.message += f" {name}: {known.help}"
+            raise
 
     def _check_once(self, ctx: Any, args: list[str]) -> None:
         """Refuse an option that is given again where only its last value would count."""

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from console.command import CommandGroup, CommandTable
+from console.command import USAGE, CommandGroup, CommandTable
 
 _FLEET, _MEMBERS, _TEXTS = (f"console.commands.{drawer}" for drawer in ("fleet", "members", "texts"))
 
@@ -76,6 +76,15 @@ class _Dyknow(CommandGroup):
         if os.environ.get("DYKNOW_EXTENSIONS"):
             self._extend(ctx, ())
         return super().list_commands(ctx)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Options of commands stand after the command."""
+        try:
+            return super().parse_args(ctx, args)
+        except USAGE as error:
+            if name := getattr(error, "option_name", None):
+                error.message = f"No such option: {name}. Options stand after the command, as in: dyknow ls --json"
+            raise
 
     def _extend(self, ctx: Any, args: Sequence[str]) -> None:
         from console.extensions import extension_commands

@@ -164,7 +164,7 @@ def __getattr__(name: str) -> typing.Any:
     if name == "__version__":
         from importlib.metadata import version
 
-        return version("dyknow")
+        return version("dyknow-federation")
     from dyknow.library import loaded
 
     return loaded(name)

@@ -93,7 +93,7 @@ class Pressure:
         self.part = 0.0
 
     def pause_s(self, now_us: int) -> float:
-        """How long to wait for more after an event; looks anew twice a second."""
+        """Return how long to wait for further events after one, in seconds; the load is measured twice a second."""
         if self._looked_us is None or now_us >= self._looked_us + _LOOK_US:
             self._look(now_us)
         return _LONGEST_PAUSE_S * min(1.0, max(0.0, (self.part - _TOLERATED) / (_CROWDED - _TOLERATED)))

@@ -244,7 +244,7 @@ class Errand:
         north_m = (latitude_deg - fix.latitude_deg) * _M_PER_DEG
         east_m = (longitude_deg - fix.longitude_deg) * _M_PER_DEG * cos(radians(fix.latitude_deg))
         away_m = hypot(north_m, east_m)
-        # Nearly all of the way is up or down: what is left of it aside is flown as slowly.
+        # On a steep path the horizontal part is short, and flown slowly: its speed proves nothing then.
         nears = (
             away_m <= max(LEVEL_M, STEEP * abs(up_m))
             or (fix.north_m_s * north_m + fix.east_m_s * east_m) > 0.5 * away_m

@@ -27,3 +27,14 @@ def connected(call: Call) -> Iterator[Client]:
 
 def _surroundings(call: Call) -> Surroundings:
     return surroundings(client_wire(call.settings))
+
+
+def note_unreached(call: Call, client: Client) -> None:
+    """Name platforms that only others hear: where endpoints are named and nothing is found by itself, all are needed."""
+    if not call.settings.connect:
+        return
+    unreached = [seen.unit for seen in client.centre.platforms() if seen.state == "suspect" and not seen.services]
+    if unreached:
+        call.out.note(
+            f"platform {', '.join(unreached)} is heard by others, not from here: name its endpoint as well (--connect)."
+        )

@@ -1,11 +1,38 @@
 """How far two platforms are from each other, from their federated streams."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import combinations
+from typing import Any
 
+from federation.messages.contents import Query, Samples
 from navigation.geodesy import distance_m
+from runtime.client import Client
+from runtime.library.jobs import lists
 
 POSITION, ALTITUDE = "heli-position", "heli-altitude"
 _KEPT = 200
+
+
+def closest(client: Client) -> tuple[str, str, float] | None:
+    """The two platforms that are nearest to each other by their newest positions, and their distance in metres."""
+    places: dict[str, tuple[float, float, float]] = {}
+    values: dict[tuple[str, str], Mapping[str, Any]] = {}
+    units = [seen.unit for seen in client.centre.platforms()]
+    for label in (POSITION, ALTITUDE):
+        for unit, said in client.run(lists(client, units, Query(semantic_label=label), Samples)):
+            for each in said.samples:
+                if isinstance(each.value, dict):
+                    values[unit, label] = each.value
+    for unit in units:
+        where, height = values.get((unit, POSITION)), values.get((unit, ALTITUDE))
+        if where and height:
+            places[unit] = float(where["latitude_deg"]), float(where["longitude_deg"]), float(height["altitude_m"])
+    pairs = (
+        (one, other, distance_m(*here[:2], *there[:2], here[2] - there[2]))
+        for (one, here), (other, there) in combinations(places.items(), 2)
+    )
+    return min(pairs, key=lambda pair: pair[2], default=None)
 
 
 @dataclass(slots=True)

@@ -129,6 +129,9 @@ def platform_config(
         more: further fields of NodeConfig.
     """
     unit_name(unit)
+    for option, file in (("translation", own.translation), ("profiles", own.profiles)):
+        if file is not None and not os.access(file, os.R_OK):
+            raise WrongCall(f"{option}: {file} cannot be read; check the path.")
     fields = {
         "unit": unit,
         "wire": wire_of(call.settings, unit, own),

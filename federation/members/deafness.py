@@ -11,12 +11,13 @@ the two do not reopen in step:
 * a peer is heard again, but its withdrawn token is not announced again for 2 s: we gave up the link to it and have a
   new one, which it has added to the old, as Zenoh does when both sides dial and only one lease was over. So it
   declares nothing again, and on that link questions, acts and samples go astray for good;
-* this process stood still for the length of a lease, so that the others have given up their links to it, and 3 s
-  after it goes on most of them do not hear it, or are not heard, or their tokens are not told;
+* this process was suspended for the length of a lease, so that the others have closed their links to it, and 3 s
+  after it resumes most links are not back: the peer does not hear us, we do not hear it, or its token is missing;
 * we no longer hear any peer: after 4 s if there are tokens of peers, else after 6 s.
 
-Reopening that does not help is repeated ever more rarely: it disturbs peers that hear each other. Who is late itself,
-on a busy machine, judges nobody: a new session would be more work for all, and what it has not heard may be waiting.
+Reopening that does not help is repeated with growing intervals: it disturbs peers that hear each other. While this
+process is late itself, on a busy machine, it reopens nothing: a new session would add load, and messages that seem
+missing may be waiting in its own queue.
 """
 
 from collections.abc import Collection, Mapping, Sequence

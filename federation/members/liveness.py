@@ -227,7 +227,11 @@ class Liveness:
             peer.token_gone_us = peer.untold_us = None
 
     def on_time(self, now_us: int) -> list[LivenessEvent]:
-        """Judge silence. A node that stood still itself hears first what came meanwhile, and nobody is gone while links are made."""
+        """Suspect peers that are silent, and declare them gone.
+
+        A process that was suspended takes in what has come meanwhile first. While links are being made no peer is
+        declared gone.
+        """
         if self._check_us is None or now_us < self._check_us:
             return []
         if now_us > self._check_us + STALL_US:

@@ -563,6 +563,21 @@ def test_followers_of_alarms_are_told_when_monitoring_is_lost_and_when_it_is_bac
         assert len(back) == (len(lost) if "known" in events else 0)
 
 
+def test_who_follows_alarms_is_told_that_none_is_open_and_who_is_nearest(
+    world: Box, call: Call, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from console.centre.separation import closest
+    from console.commands.members.alarms import _note_calm
+
+    with client.connected(call) as connection:
+        connection.settle()
+        pair = closest(connection)
+        assert pair is not None
+        assert pair[2] == pytest.approx(200.0, abs=5.0), "they fly in a row, 200 m apart"
+        _note_calm(Call(call.settings, Output(json_lines=False)), connection)
+    assert "no alarm is open now; the nearest two are" in " ".join(capsys.readouterr().err.split())
+
+
 def test_alarms_and_monitors_end_with_how_many_monitors_are_unknown(
     world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:

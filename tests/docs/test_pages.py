@@ -16,7 +16,7 @@ from tests.docs.pages import DOCS, PAGES, ROOT, commands, fences, folder, librar
 NAMES = [page.name for page in PAGES]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, "../README.md"])
 def test_included_files_are_verbatim(name: str) -> None:
     for fence in fences(DOCS / name):
         if fence.about and fence.language != "console":
@@ -88,7 +88,7 @@ def test_the_ready_units_are_all_listed() -> None:
 
 
 def test_every_example_is_shown_on_a_page() -> None:
-    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    text = "".join(page.read_text(encoding="utf-8") for page in (*PAGES, ROOT / "README.md"))
     shown = {
         path.relative_to(ROOT).as_posix()
         for path in (ROOT / "examples").rglob("*.*")

@@ -50,6 +50,8 @@ def alarms(call: Call, *, follow: Follow = False, count: Count = None) -> int:
         is_open.update({alarm.id for alarm in known} - {alarm.id for alarm in known if alarm.event == "closed"})
         enough = tell([*known[-count:]] if count is not None and not follow else [*known])
         if follow and not enough:
+            if not is_open and not call.out.json_lines:
+                _note_calm(call, client)
             is_open.clear()
             news = AlarmNews(client)
             while not tell(client.run(news.next(_STEP_S))):
@@ -60,6 +62,15 @@ def alarms(call: Call, *, follow: Follow = False, count: Count = None) -> int:
                 call.out.note("no alarm; dyknow monitors shows what is watched.")
             tell_unknown(call, client, found)
     return DONE if told else NO
+
+
+def _note_calm(call: Call, client: Client) -> None:
+    """That no alarm is open, and how far the two nearest platforms are from each other."""
+    from console.centre.separation import closest
+
+    pair = closest(client)
+    more = "" if pair is None else f"; the nearest two are {pair[0]} and {pair[1]}, {pair[2]:.0f} m from each other"
+    call.out.note(f"no alarm is open now{more}. Ctrl-C ends this.")
 
 
 def _there(client: Client, *, follow: bool) -> list[str]:

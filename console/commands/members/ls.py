@@ -5,7 +5,7 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from console.centre.client import connected
+from console.centre.client import connected, note_unreached
 from console.command import Call, command
 from console.commands.members.ended_tasks import warn_of_ended
 from console.errors import DONE, NO
@@ -66,6 +66,7 @@ def _list(call: Call, client: Client, *, all_kinds: bool, long: bool, clears: bo
         show(call, records, client.now_us())
     else:
         _show_short(call, records, newest, client.now_us())
+    note_unreached(call, client)
     return DONE if any(seen.state in {"alive", "suspect"} for seen in there) else NO
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from agents.exchange.readings import merge_inverse_variance, merge_mean, select_best, select_newest
-from console.centre.client import connected
+from console.centre.client import connected, note_unreached
 from console.command import Call, command
 from console.errors import DONE, NO
 from console.options.arguments import Label, Unit
@@ -38,7 +38,8 @@ def query(
         str | None, typer.Option(metavar="T", help="The value at a time: -10s, ISO 8601, microseconds.")
     ] = None,
     between: Annotated[
-        tuple[str, str] | None, typer.Option(metavar="T1 T2", help="All values between two times, inclusive.")
+        tuple[str, str] | None,
+        typer.Option(metavar="T1 T2", help="All values between two times, e.g. --between -10s -5s."),
     ] = None,
     timeout: Annotated[str, typer.Option(metavar="TIME", help="How long to wait for answers.")] = "2s",
     select: Annotated[Literal["newest", "best"] | None, typer.Option(help="One of the platforms' values.")] = None,
@@ -74,6 +75,7 @@ def query(
             raise NothingFound(f"{said}; ask one of them: --unit {found[0][0]}.")
         if said:
             call.out.note(f"{said}.")
+        note_unreached(call, client)
         if one_of_all and found:
             _tell_one(call, meaning_to(client, found[0][0], label), label, found, select, merge)
     return DONE if found else NO

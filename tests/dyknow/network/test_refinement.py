@@ -203,7 +203,7 @@ def pass_time(network, until_us):
 
 
 class Bench:
-    """Workers that do what they were given when they are told to."""
+    """Workers that carry out a computation when `do` is called."""
 
     def __init__(self, network):
         self.network, self.us, self.given = network, 0, deque()
