@@ -44,6 +44,7 @@ from agents.monitoring.monitors import Needs, UnitMonitors
 from agents.monitoring.recognitions import Recognitions
 from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.part import Part, PeerChange
+from agents.specification.declared_streams import DeclaredStreams
 from agents.specification.specification_part import SpecificationPart
 from agents.tasks.life import TaskLife
 from dyknow import Label, Network
@@ -201,6 +202,12 @@ class Ports:
     @property
     def disagreement(self) -> Callable[[str, str], str]:
         return self.part(LabelAgreements).disagreement
+
+    @property
+    def declared(self) -> Callable[[str, str], Label]:
+        """(unit, label as text) -> the stream of the instance that the unit may ask for."""
+        agreements = self.part(LabelAgreements)
+        return DeclaredStreams(self.unit, self.network, self.translation, agreements, self.instance).find
 
     @property
     def fed(self) -> tuple[Part, ...]:

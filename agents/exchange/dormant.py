@@ -6,15 +6,19 @@ it, as of a camera that is read on demand, a query would otherwise never be answ
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from agents.exchange.gateway import Gateway
 from agents.interface import InterfaceAgent
-from dyknow import US_PER_S, Policy, Sample, Subscription
+from dyknow import US_PER_S, Label, Policy, Sample, Subscription
 from dyknow.model.errors import DyknowError
 from federation.members.clock import FederationClock
 from federation.members.deadlines import Deadlines
 from federation.messages.acts import Act, Performative
-from federation.messages.contents import Query, Reason
+from federation.messages.contents import Query, QueryStream, Reason
+
+StreamQuery: TypeAlias = Query | QueryStream
+"""By a semantic label, or by the label that the instance has for the stream."""
 
 AWAKE_US = 30 * US_PER_S
 """How long after the last query a stream is kept, so that the next one finds its past, too."""
@@ -27,7 +31,7 @@ class ActivatedStream:
     """One stream that is kept for queries, and the queries that its first sample answers."""
 
     subscription: Subscription
-    asked: list[tuple[Act, Query]] = field(default_factory=list)
+    asked: list[tuple[Act, StreamQuery]] = field(default_factory=list)
     due_us: int = 0
 
 
@@ -42,19 +46,18 @@ class DormantStreams:
         clock: FederationClock,
         agent: InterfaceAgent,
         gateway: Gateway,
-        respond: Callable[[Act, Query, int], None],
+        respond: Callable[[Act, StreamQuery, int], None],
     ) -> None:
         self._clock, self._agent, self._gateway, self._respond = clock, agent, gateway, respond
-        self._kept: dict[str, ActivatedStream] = {}
-        self._due: Deadlines[str] = Deadlines()
+        self._kept: dict[str | Label, ActivatedStream] = {}
+        self._due: Deadlines[str | Label] = Deadlines()
 
     @property
     def deadline_us(self) -> int | None:
         return self._due.next_us
 
-    def activate(self, act: Act, query: Query, now_us: int) -> bool:
+    def activate(self, act: Act, query: StreamQuery, label: str | Label, now_us: int) -> bool:
         """Keep the stream from now on, if it is dormant; whether the query will be answered by what comes."""
-        label = query.semantic_label
         kept = self._kept.get(label)
         if kept is None or not kept.subscription.active:
             generator = self._gateway.network.find(self._gateway.local(label))
@@ -86,7 +89,7 @@ class DormantStreams:
             else:
                 self._due.set(label, kept.due_us)
 
-    def _take(self, label: str, sample: Sample) -> None:
+    def _take(self, label: str | Label, sample: Sample) -> None:
         kept = self._kept[label]
         if not kept.asked:
             return

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.import_proxy import ImportProxy
-from dyknow import US_PER_S, Label, Network, Policy, Sample, print_span
+from dyknow import US_PER_S, Label, Network, Policy, Sample, Sort, print_span
 from dyknow.model.errors import Refused, UnknownLabel, ValueNotAvailable
 from federation.sharing.ontology import Ontology
 from federation.sharing.translation import Translation
@@ -29,7 +29,7 @@ def stream_policy(period_s: float, delay_s: float, from_us: int | None = None, t
     )
 
 
-def _too_early(semantic_label: str, start_us: int, at_us: int, now_us: int) -> ValueNotAvailable:
+def _too_early(semantic_label: str | Label, start_us: int, at_us: int, now_us: int) -> ValueNotAvailable:
     """For users: how long before, and how long ago (to be asked for again), say more than instants."""
     before, ago_s = print_span(start_us - at_us), (now_us - start_us) / US_PER_S
     return ValueNotAvailable(f"{before} before the first {semantic_label} that is held, {ago_s:.1f} s ago")
@@ -50,12 +50,14 @@ class Gateway:
         self.unit, self.network, self.ontology, self.translation = unit, network, ontology, translation
         self.exporter, self.importer = exporter, importer
 
-    def local(self, semantic_label: str, unit: str | None = None) -> Label:
-        """What this instance calls the label of a unit (its own by default).
+    def local(self, semantic_label: str | Label, unit: str | None = None) -> Label:
+        """What this instance calls the label of a unit (its own by default); a stream's own label is what it is.
 
         Raises:
             UnknownLabel: the ontology does not know the label, or it has no producer here.
         """
+        if isinstance(semantic_label, Label):
+            return semantic_label
         label = self.translation.local_label(semantic_label, unit or self.unit)
         if label not in self.network.labels():
             raise UnknownLabel(semantic_label, self.offered())
@@ -76,7 +78,7 @@ class Gateway:
         """
         return self.exporter.start_exporting(self.local(semantic_label), semantic_label, receivers, policy, contract)
 
-    def latest(self, semantic_label: str, unit: str | None = None) -> Sample:
+    def latest(self, semantic_label: str | Label, unit: str | None = None) -> Sample:
         """The sample with the highest valid time, in semantic units.
 
         Raises:
@@ -85,7 +87,7 @@ class Gateway:
         found = self.network.snapshot(self.local(semantic_label, unit)).get_latest_vtime()
         return self._semantic(semantic_label, found)
 
-    def at(self, semantic_label: str, at_us: int, now_us: int, unit: str | None = None) -> Sample:
+    def at(self, semantic_label: str | Label, at_us: int, now_us: int, unit: str | None = None) -> Sample:
         """The sample most recent at a time, of those available now (Def. 4.3.11), in semantic units.
 
         Raises:
@@ -109,7 +111,7 @@ class Gateway:
         return self._semantic(semantic_label, found)
 
     def between(
-        self, semantic_label: str, from_us: int, to_us: int, now_us: int, unit: str | None = None
+        self, semantic_label: str | Label, from_us: int, to_us: int, now_us: int, unit: str | None = None
     ) -> list[Sample]:
         """All samples valid in [from, to], ordered by (valid, available), corrections included."""
         if from_us > to_us:
@@ -120,5 +122,13 @@ class Gateway:
             raise _too_early(semantic_label, start_us, from_us, now_us)
         return [self._semantic(semantic_label, sample) for sample in history.get_between(from_us, to_us)]
 
-    def _semantic(self, semantic_label: str, sample: Sample) -> Sample:
+    def sort(self, semantic_label: str | Label) -> Sort:
+        """Of its values, as they are reported."""
+        if isinstance(semantic_label, Label):
+            return self.network.generator(semantic_label).sort
+        return self.ontology[semantic_label].sort
+
+    def _semantic(self, semantic_label: str | Label, sample: Sample) -> Sample:
+        if isinstance(semantic_label, Label):
+            return sample
         return self.translation.to_semantic(semantic_label).sample(sample)

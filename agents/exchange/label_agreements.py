@@ -5,11 +5,13 @@ clock.
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
 
 from agents.actions import Role
 from agents.admission.admission import Denied
 from agents.part import Part, PeerChange
 from dyknow.model.instants import US_PER_S
+from dyknow.model.labels import Label
 from dyknow.model.semantic_labels import SemanticLabel
 from federation.members.directory import DirectoryFacilitator
 from federation.members.liveness import PlatformGone
@@ -26,6 +28,17 @@ LISTED, MAX_TEXT = 4, 200
 """Conflicts that are listed as conditions, and characters of each."""
 BETWEEN_US = US_PER_S
 """Conditions are announced at most so often: a platform may change its mind without end."""
+
+
+class Restriction(NamedTuple):
+    """For whom an export is: its visibility, the only units that it goes to, if any, and the stream that is exported."""
+
+    visibility: str
+    receivers: tuple[str, ...]
+    stream: Label
+
+
+UNRESTRICTED = Restriction("public", (), Label("none"))
 
 
 class LabelAgreements(Part):
@@ -46,7 +59,7 @@ class LabelAgreements(Part):
         role_of: Callable[[str], Role],
         note: Callable[[str], None],
     ) -> None:
-        self._role_of, self._restricted = role_of, dict[str, tuple[str, tuple[str, ...]]]()
+        self._role_of, self._restricted = role_of, dict[str, Restriction]()
         self._ontology, self._directory, self._offer, self._note = ontology, directory, offer, note
         self._conflicts: dict[tuple[str, str], ConditionEntry] = {}
         self._noted = set[str]()
@@ -61,9 +74,18 @@ class LabelAgreements(Part):
         offered = next((each.type_hash for each in entry.labels if each.label == label), None)
         return disagreement(self._ontology.get(label), entry.definitions.get(label), offered)
 
-    def restrict(self, label: str, visibility: str = "public", receivers: tuple[str, ...] = ()) -> None:
-        """Set the visibility of a label of this platform, and the only units that it goes to, if any."""
-        self._restricted[label] = visibility, receivers
+    def restrict(self, label: str, to: "Restriction | None") -> None:
+        """Set the visibility of a label of this platform; None: it is not exported."""
+        if to is None:
+            self._restricted.pop(label, None)
+        else:
+            self._restricted[label] = to
+
+    def check_stream(self, unit: str, stream: Label) -> None:
+        """Raises Denied if the stream is exported, and under no label that `unit` may ask for."""
+        reasons = [self.refusal(unit, label) for label, to in self._restricted.items() if to.stream == stream]
+        if reasons and all(reasons):
+            raise next(filter(None, reasons))
 
     def receiving(self, units: Iterable[str], labels: Sequence[str]) -> list[str]:
         """The units that may have all of the labels; why others may not is noted. Raises Denied if there is none."""
@@ -87,7 +109,7 @@ class LabelAgreements(Part):
         here = self._directory.unit
         if unit == here:
             return None
-        visibility, receivers = self._restricted.get(label, ("public", ()))
+        visibility, receivers, _ = self._restricted.get(label, UNRESTRICTED)
         if visibility == "private":
             return Denied(f"{label} is private on {here}", "private")
         names = {unit, COMMAND_CENTRE} if unit.startswith(f"{COMMAND_CENTRE}-") else {unit}

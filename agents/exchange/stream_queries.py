@@ -3,22 +3,34 @@
 Times are the node clock, but for valid and available times.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 from agents.actions import FEDERATION, QUERIED, Action, Offer, Role
 from agents.exchange import readings
-from agents.exchange.dormant import DormantStreams
+from agents.exchange.dormant import DormantStreams, StreamQuery
 from agents.exchange.gateway import PAGE, Gateway
 from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.part import Part
-from dyknow import NO_VALUE, Sample
+from dyknow import NO_VALUE, Label, Sample, Sort
 from dyknow.model.errors import DyknowError, Refused, ValueNotAvailable
 from federation.members.clock import FederationClock
 from federation.members.directory import DirectoryFacilitator
 from federation.messages.acts import Act, Performative
-from federation.messages.contents import MAX_LIST, Answers, Content, Missing, Query, Reading, Reason, Samples
+from federation.messages.contents import (
+    MAX_LIST,
+    Answers,
+    Content,
+    Missing,
+    Query,
+    QueryStream,
+    Reading,
+    Reason,
+    Samples,
+    StreamSamples,
+)
 
 GLOBAL_WITHIN_US = 1_500_000
 
@@ -35,10 +47,19 @@ class Gathering:
 
 
 class StreamQueries(Part):
-    """Answers queries from what is held; one on a dormant stream activates it."""
+    """Answers queries from what is held; one on a dormant stream activates it.
 
-    offers = (Offer(FEDERATION, (Action(Query, "on_query", QUERIED, Role.OBSERVER),)),)
-    answers = (Samples, Answers)
+    Args:
+        declared: (unit, label as text) -> the stream of the instance that the unit may ask for; raises what is wrong.
+    """
+
+    offers = (
+        Offer(
+            FEDERATION,
+            (Action(Query, "on_query", QUERIED, Role.OBSERVER), Action(QueryStream, "on_query_stream", QUERIED)),
+        ),
+    )
+    answers = (Samples, StreamSamples, Answers)
 
     def __init__(
         self,
@@ -48,8 +69,9 @@ class StreamQueries(Part):
         directory: DirectoryFacilitator,
         gateway: Gateway,
         agreements: LabelAgreements,
+        declared: Callable[[str, str], Label],
     ) -> None:
-        self._agreements = agreements
+        self._agreements, self._declared = agreements, declared
         self._unit, self._clock, self._agent, self._directory, self._gateway = unit, clock, agent, directory, gateway
         self._dormant = DormantStreams(clock, agent, gateway, self._respond)
 
@@ -70,43 +92,43 @@ class StreamQueries(Part):
         if query.scope == "global":
             self._ask_everybody(act, query, now_us)
             return
+        self._answer(act, query, query.semantic_label, now_us)
+
+    def on_query_stream(self, act: Act, query: QueryStream, now_us: int) -> None:
+        """`(query-stream stream: "speed[self]")`: the same of a stream by its own label, whether exported or not.
+
+        Raises:
+            TextError, UnknownLabel, Refused, ValueNotAvailable
+        """
+        self._answer(act, query, self._declared(act.sender.unit, query.stream), now_us)
+
+    def _answer(self, act: Act, query: StreamQuery, label: str | Label, now_us: int) -> None:
         try:
             self._respond(act, query, now_us)
         except ValueNotAvailable:
-            if not self._dormant.activate(act, query, now_us):
+            if not self._dormant.activate(act, query, label, now_us):
                 raise
 
-    def _respond(self, act: Act, query: Query, now_us: int) -> None:
-        def page(found: tuple[Reading, ...], more: bool) -> Samples:
-            return Samples(unit=self._unit, semantic_label=query.semantic_label, samples=found, more=more)
+    def _respond(self, act: Act, query: StreamQuery, now_us: int) -> None:
+        label = query.semantic_label if isinstance(query, Query) else self._declared(act.sender.unit, query.stream)
 
-        self._agent.answer_pages(act, self._local(query, now_us), PAGE, page, now_us)
+        def page(found: tuple[Reading, ...], more: bool) -> Content:
+            if isinstance(query, Query):
+                return Samples(unit=self._unit, semantic_label=query.semantic_label, samples=found, more=more)
+            return StreamSamples(unit=self._unit, stream=query.stream, samples=found, more=more)
 
-    def _local(self, query: Query, now_us: int) -> list[Reading]:
+        self._agent.answer_pages(act, self._local(query, label, now_us), PAGE, page, now_us)
+
+    def _local(self, query: StreamQuery, label: str | Label, now_us: int) -> list[Reading]:
         gateway, federation_us = self._gateway, self._clock.federation_us(now_us)
-        label = query.semantic_label
+        sort = gateway.sort(label)
         if query.op == "latest":
             found = [gateway.latest(label)]
         elif query.op == "at":
             found = [gateway.at(label, query.at_us or 0, federation_us)]
         else:
             found = gateway.between(label, query.from_us or 0, query.to_us or 0, federation_us)
-        return [self._reading(label, sample) for sample in found]
-
-    def _reading(self, label: str, sample: Sample) -> Reading:
-        sort = self._gateway.ontology[label].sort
-        if sample.value is NO_VALUE:
-            return Reading(valid_us=sample.valid_us, available_us=sample.available_us, value=NO_VALUE)
-        rows = sample.quality.covariance
-        stated: dict[str, Any] | None = None
-        if len(rows) == len(sort.fields):
-            stated = {field.name: rows[at][at] for at, field in enumerate(sort.fields)}
-        return Reading(
-            valid_us=sample.valid_us,
-            available_us=sample.available_us,
-            value=sort.as_record(sample.value),
-            variance=stated,
-        )
+        return [_reading(sort, sample) for sample in found]
 
     def _ask_everybody(self, act: Act, query: Query, now_us: int) -> None:
         local = query.model_copy(update={"scope": "local", "select": None, "merge": None})
@@ -114,7 +136,7 @@ class StreamQueries(Part):
         others = [entry.unit for entry in offering if entry.unit != self._unit]
         gathering = Gathering(act, query, set(others))
         try:
-            gathering.answers[self._unit] = self._local(query, now_us)
+            gathering.answers[self._unit] = self._local(query, query.semantic_label, now_us)
         except (Refused, ValueNotAvailable, DyknowError) as refused:
             gathering.missing[self._unit] = str(refused)
         for unit in others:
@@ -162,6 +184,21 @@ class StreamQueries(Part):
             semantic_label=query.semantic_label, answers=pages[-1], missing=missing[:MAX_LIST], merged=merged
         )
         self._agent.answer(gathering.act, Performative.INFORM, content, now_us)
+
+
+def _reading(sort: Sort, sample: Sample) -> Reading:
+    if sample.value is NO_VALUE:
+        return Reading(valid_us=sample.valid_us, available_us=sample.available_us, value=NO_VALUE)
+    rows = sample.quality.covariance
+    stated: dict[str, Any] | None = None
+    if len(rows) == len(sort.fields):
+        stated = {field.name: rows[at][at] for at, field in enumerate(sort.fields)}
+    return Reading(
+        valid_us=sample.valid_us,
+        available_us=sample.available_us,
+        value=sort.as_record(sample.value),
+        variance=stated,
+    )
 
 
 def _answer_pages(label: str, answers: dict[str, list[Reading]]) -> list[tuple[Samples, ...]]:

@@ -13,7 +13,7 @@ from agents.actions import QUERIED, Action, Offer, Role
 from agents.config import PlatformConfig
 from agents.effects import Effect, Fed, HostCame, HostEvent, HostLeft, HostSaid, Specify, Tell, Waited
 from agents.exchange.import_proxy import ImportProxy
-from agents.exchange.label_agreements import LabelAgreements
+from agents.exchange.label_agreements import LabelAgreements, Restriction
 from agents.exchange.local_instance import LocalInstance
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.hosts.host_desk import HostDesk
@@ -308,7 +308,7 @@ class SpecificationPart(Part):
         network, translation, semantic = self._network, self._translation, declaration.semantic
         local = translation.local_label(semantic, self._unit)
         entry = self._ontology[semantic]
-        self._agreements.restrict(semantic, declaration.visibility, declaration.receivers)
+        self._agreements.restrict(semantic, Restriction(declaration.visibility, declaration.receivers, term.label))
         if declaration.visibility != "private":
             self._exported[semantic] = LabelEntry(
                 label=semantic,
@@ -322,7 +322,7 @@ class SpecificationPart(Part):
             return partial(self._withdraw, semantic)
         if network.has(local):
             self._exported.pop(semantic, None)
-            self._agreements.restrict(semantic)
+            self._agreements.restrict(semantic, None)
             raise Refused(f"{semantic} is the stream {local} here already, made by another; export that one")
         unit = converting(entry.sort.name, translation.to_local(semantic))
         network.add_process(
@@ -380,7 +380,7 @@ class SpecificationPart(Part):
 
     def _withdraw(self, semantic: str) -> None:
         self._exported.pop(semantic, None)
-        self._agreements.restrict(semantic)
+        self._agreements.restrict(semantic, None)
         self._offer(self._now_us())
 
     def _on_feature_input(self, needed: FeatureInput, wanted: bool) -> None:

@@ -18,6 +18,9 @@ Avoidance: TypeAlias = Annotated[
     bool, typer.Option("--avoidance/--no-avoidance", help="Whether UAVs may give way to each other.")
 ]
 Label: TypeAlias = Annotated[str, typer.Argument(metavar="LABEL", help="A semantic label, e.g. heli-position.")]
+StreamLabel: TypeAlias = Annotated[
+    str, typer.Argument(metavar="LABEL", help="A semantic label, or a platform's own for a stream: 'speed[self]'.")
+]
 UnitModules: TypeAlias = Annotated[
     list[str] | None,
     typer.Option(

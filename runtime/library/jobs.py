@@ -22,6 +22,7 @@ from federation.messages.contents import (
     Monitors,
     Reading,
     Samples,
+    StreamSamples,
     TaskEntry,
     TaskList,
     Tasks,
@@ -70,7 +71,6 @@ def query(
     client: Client, label: str, unit: str | None, at: str | int | None, between: Any, within: str
 ) -> Job[QueryResult]:
     """Ask, and wait for all answers."""
-    label_name(label)
     within_s = duration_us(within, option="within", least_us=SHORTEST_US) / 1e6
     query_of(label, at, between, client.federation_us())
     samples, missing = list[UnitSample](), dict[str, str]()
@@ -109,7 +109,7 @@ def readings_of(
 
     def take_answer(dialogue: Dialogue) -> None:
         nonlocal answered
-        pages = [said for said in dialogue.results if isinstance(said, Samples)]
+        pages = [said for said in dialogue.results if isinstance(said, Samples | StreamSamples)]
         why = dialogue.trouble or ("" if pages else "no answer")
         readings = [] if why else [reading for page in pages for reading in page.samples]
         answered = answered or bool(readings)

@@ -1,13 +1,16 @@
 """Questions to a federation and how its answers are read, for commands and programs alike."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from functools import partial
 
 from dyknow.model.errors import NothingFound, WrongCall, did_you_mean
 from dyknow.model.instants import US_PER_S, print_span
+from dyknow.model.labels import Label
+from federation.keys import label as label_name
 from federation.keys import unit as unit_name
 from federation.members.directory import unit_order
 from federation.messages.acts import Performative
-from federation.messages.contents import Content, Found, MonitorProximity, Query, Rejoin, Search
+from federation.messages.contents import Content, Found, MonitorProximity, Query, QueryStream, Rejoin, Search
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client, Job, Wait
 from runtime.configuration.instants import instant_us
@@ -17,23 +20,39 @@ GRACE_S = 0.2
 """For those that answer later than the first."""
 
 
-def query_of(label: str, at: str | int | None, between: Sequence[str | int] | None, now_us: int) -> Query:
+def query_of(label: str, at: str | int | None, between: Sequence[str | int] | None, now_us: int) -> Query | QueryStream:
     """The newest value of a label, its value at an instant, or all values between two; times are federation time.
+
+    A label with objects, `speed[self]`, is the platform's own for one of its streams.
 
     Raises:
         WrongCall: a text that is no instant, both given, or the later one first.
     """
     if at is not None and between is not None:
         raise WrongCall("--at asks for one instant, --between for a span: give one of them.")
+    if is_own_label(label):
+        ask: Callable[..., Query | QueryStream] = partial(QueryStream, stream=str(Label.parse(label)))
+    else:
+        ask = partial(Query, semantic_label=label_name(label))
     if at is not None:
-        return Query(semantic_label=label, op="at", at_us=instant_us(str(at), now_us, option="--at"))
+        return ask(op="at", at_us=instant_us(str(at), now_us, option="--at"))
     if between is not None:
         first, last = between
         from_us, to_us = (instant_us(str(text), now_us, option="--between") for text in (first, last))
         if from_us > to_us:
             raise WrongCall(f"--between: {first} is later than {last}; write the earlier time first.")
-        return Query(semantic_label=label, op="between", from_us=from_us, to_us=to_us)
-    return Query(semantic_label=label)
+        return ask(op="between", from_us=from_us, to_us=to_us)
+    return ask()
+
+
+def check_name(label: str) -> None:
+    """Raises TextError, NameRefused: it is no label that can be asked for."""
+    Label.parse(label) if is_own_label(label) else label_name(label)
+
+
+def is_own_label(label: str) -> bool:
+    """Whether this is how a platform's own instance calls a stream, `speed[self]`, and no semantic label."""
+    return "[" in label
 
 
 def ask_who_is_missing(client: Client, units: Iterable[str]) -> list[Dialogue]:
@@ -84,6 +103,8 @@ def is_stale(client: Client, age_us: int, period_us: int) -> bool:
 
 def check_label(client: Client, label: str, *, answered: bool) -> None:
     """Raises NothingFound, with the labels there are, if no platform answered because none has the label."""
+    if is_own_label(label):
+        return
     known = sorted({name for view in client.centre.platforms() for name in view.labels})
     if not answered and known and label not in known:
         raise NothingFound(f"no platform offers {label!r}.{did_you_mean(label, known)}")

@@ -9,19 +9,18 @@ from agents.exchange.readings import merge_inverse_variance, merge_mean, select_
 from console.centre.client import connected, note_unreached
 from console.command import Call, command
 from console.errors import DONE, NO
-from console.options.arguments import Label, Unit
+from console.options.arguments import StreamLabel, Unit
 from console.output.output import unit_json
 from console.output.shown import Shown, styled
 from dyknow.model.errors import NothingFound, WrongCall
 from dyknow.model.instants import print_span
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import NoValue
-from federation.keys import label as label_name
 from federation.messages.contents import Reading
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 from runtime.library.jobs import readings_of
 from runtime.library.meanings import differing, meaning_to
-from runtime.library.questions import age_of
+from runtime.library.questions import age_of, check_name
 from runtime.library.results import variances_in
 
 SELECT = {"newest": select_newest, "best": select_best}
@@ -31,7 +30,7 @@ MERGE = {"mean": merge_mean, "inverse-variance": merge_inverse_variance}
 @command(example="dyknow query heli-position --at -10s")
 def query(
     call: Call,
-    label: Label,
+    label: StreamLabel,
     *,
     unit: Unit = None,
     at: Annotated[
@@ -46,7 +45,7 @@ def query(
     merge: Annotated[Literal["mean", "inverse-variance"] | None, typer.Option(help="One value made of all.")] = None,
 ) -> int:
     """The latest value of a label, its value at a time, or all between two times; exit 1 if no platform has any."""
-    label_name(label)
+    check_name(label)
     if select and merge:
         raise WrongCall("--select takes one of the values, --merge makes one of all: give one of them.")
     if at is not None and between is not None:

@@ -49,10 +49,12 @@ from federation.messages.contents.streams import (
     ImportList,
     Missing,
     Query,
+    QueryStream,
     Reading,
     Samples,
     StopMulticast,
     Stream,
+    StreamSamples,
 )
 
 __all__ = [
@@ -97,6 +99,7 @@ __all__ = [
     "Monitors",
     "Progress",
     "Query",
+    "QueryStream",
     "Reading",
     "Reason",
     "Recognise",
@@ -112,6 +115,7 @@ __all__ = [
     "SpecificationText",
     "StopMulticast",
     "Stream",
+    "StreamSamples",
     "TaskEntry",
     "TaskList",
     "Tasks",

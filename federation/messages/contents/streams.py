@@ -71,16 +71,35 @@ class Query(parts.Content):
     merge: Literal["mean", "inverse-variance"] | None = None
 
     @model_validator(mode="after")
-    def _instants_fit(self) -> Self:
-        given = {name for name in ("at", "from", "to") if getattr(self, f"{name}_us") is not None}
-        needed = {"latest": set[str](), "at": {"at"}, "between": {"from", "to"}}[self.op]
-        if given != needed:
-            raise ValueError(f"op {self.op} needs {' and '.join(sorted(needed)) or 'no instant'}, and nothing else")
-        if self.from_us is not None and self.to_us is not None and self.from_us > self.to_us:
-            raise ValueError("from lies after to")
+    def _is_one_question(self) -> Self:
+        _check_instants(self)
         if self.select and self.merge:
             raise ValueError("select one value, or merge all: not both")
         return self
+
+
+class QueryStream(parts.Content):
+    """The same of a stream that need not be exported, by the label that the platform's own instance has for it."""
+
+    stream: parts.Formula
+    op: Literal["latest", "at", "between"] = "latest"
+    at_us: parts.Instant | None = None
+    from_us: parts.Instant | None = None
+    to_us: parts.Instant | None = None
+
+    @model_validator(mode="after")
+    def _is_one_question(self) -> Self:
+        _check_instants(self)
+        return self
+
+
+def _check_instants(query: Query | QueryStream) -> None:
+    given = {name for name in ("at", "from", "to") if getattr(query, f"{name}_us") is not None}
+    needed = {"latest": set[str](), "at": {"at"}, "between": {"from", "to"}}[query.op]
+    if given != needed:
+        raise ValueError(f"op {query.op} needs {' and '.join(sorted(needed)) or 'no instant'}, and nothing else")
+    if query.from_us is not None and query.to_us is not None and query.from_us > query.to_us:
+        raise ValueError("from lies after to")
 
 
 class Reading(parts.ContentPart):
@@ -104,6 +123,15 @@ class Samples(parts.Content):
 
     unit: parts.Unit
     semantic_label: SemanticLabel
+    samples: Annotated[tuple[Reading, ...], Field(max_length=parts.MAX_LIST)]
+    more: bool = False
+
+
+class StreamSamples(parts.Content):
+    """The answer to a query for a stream by its own label; `more`: the rest follows in further acts."""
+
+    unit: parts.Unit
+    stream: parts.Formula
     samples: Annotated[tuple[Reading, ...], Field(max_length=parts.MAX_LIST)]
     more: bool = False
 

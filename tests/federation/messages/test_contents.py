@@ -40,6 +40,8 @@ TEXTS = [
     "(query semantic-label: heli-position op: at at: 5 scope: global select: best)",
     "(query semantic-label: heli-position op: between from: 5 to: 6 merge: inverse-variance)",
     "(samples unit: 1 semantic-label: battery samples: (sequence (reading valid: 1 available: 2 value: (record fraction: 0.5))) more: true)",
+    '(query-stream stream: "speed[self]" op: at at: 5)',
+    '(stream-samples unit: 1 stream: "speed[self]" samples: (sequence (reading valid: 1 available: 2 value: (record value: 3.1))))',
     '(answers semantic-label: battery answers: (sequence (samples unit: 1 semantic-label: battery samples: (sequence))) missing: (sequence (missing unit: 2 reason: "no answer")))',
     "(monitor-proximity)",
     "(monitor-proximity profile: proximity-warn avoidance: false sample-period: 0.2 delay: 1.0)",

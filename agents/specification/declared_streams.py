@@ -1,0 +1,50 @@
+"""Streams of the instance that others ask for by its own labels, whether they are exported or not."""
+
+from agents.exchange.label_agreements import LabelAgreements
+from dyknow import Label, Network
+from dyknow.model.errors import Refused, UnknownLabel
+from federation.sharing.translation import Translation
+from kpl import Instance
+from kpl.syntax.specification import Import
+
+
+class DeclaredStreams:
+    """The streams that a specification makes, those derived on demand, and those of the vehicle.
+
+    What is exported to some only, or to none, is for these under its own label, too. What is imported, its owner has.
+    """
+
+    def __init__(
+        self, unit: str, network: Network, translation: Translation, agreements: LabelAgreements, instance: Instance
+    ) -> None:
+        self._unit, self._network, self._translation = unit, network, translation
+        self._agreements, self._held = agreements, instance.parts.held
+
+    def find(self, unit: str, text: str) -> Label:
+        """The label of the stream, `self` put in, if `unit` may ask for it.
+
+        Raises:
+            TextError: the text is no label.
+            UnknownLabel: there is no such stream.
+            Refused: it is exported, and not to that unit; or it is another platform's.
+        """
+        named = Label.parse(text)
+        label = named._replace(objects=tuple(self._unit if each == "self" else each for each in named.objects))
+        stream = self._network.behind(label)
+        carrier = label if stream is None else stream.label
+        if self._network.find(label) is None:
+            raise self._unknown(text)
+        held = self._held.get(carrier)
+        if held is not None and isinstance(held.declaration, Import):
+            owner = held.declaration.unit
+            raise Refused(f"{text} is imported from {owner}: ask {owner} for {held.declaration.semantic}")
+        self._agreements.check_stream(unit, carrier)
+        semantic = self._translation.semantic_label(carrier, self._unit)
+        if semantic is not None:
+            self._agreements.check(unit, semantic)
+        elif held is None and not self._network.is_implicit(carrier):
+            raise self._unknown(text)
+        return label
+
+    def _unknown(self, text: str) -> UnknownLabel:
+        return UnknownLabel(text, tuple(map(str, self._held)))
