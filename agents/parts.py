@@ -45,6 +45,7 @@ from agents.monitoring.recognitions import Recognitions
 from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.part import Part, PeerChange
 from agents.specification.declared_streams import DeclaredStreams
+from agents.specification.remote_changes import SpecificationChanges
 from agents.specification.specification_part import SpecificationPart
 from agents.tasks.life import TaskLife
 from dyknow import Label, Network
@@ -68,7 +69,7 @@ PARTS: tuple[type[Part], ...] = (
     FlightAgent, Faults, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports,
     Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
-    MessageLog, DirectoryAgent,
+    SpecificationChanges, MessageLog, DirectoryAgent,
 )  # fmt: skip
 """The classes of all parts there are, in their order; which of them a platform has, `Ports.kinds` decides."""
 

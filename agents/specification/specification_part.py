@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache, partial
 from typing import Any, Final
 
-from agents.actions import QUERIED, Action, Offer, Role
 from agents.config import PlatformConfig
 from agents.effects import Effect, Fed, HostCame, HostEvent, HostLeft, HostSaid, Specify, Tell, Waited
 from agents.exchange.import_proxy import ImportProxy
@@ -31,16 +30,13 @@ from dyknow.network.process import Input
 from dyknow.network.refinement import RefinementProcess
 from federation.members.liveness import PlatformAppeared, PlatformGone
 from federation.members.offers import Service
-from federation.messages import contents
-from federation.messages.acts import Act
-from federation.messages.contents.parts import uncontrolled
 from federation.messages.descriptions import LabelEntry
 from federation.sharing.translation import Translation
-from kpl import Hooks, Instance, Specification, parse_specification, print_specification
+from kpl import Hooks, Instance, Specification, parse_specification, print_declaration
 from kpl.checking.symbols import domains_of
 from kpl.checking.warnings import run_warnings
 from kpl.introspection.governor import Governor
-from kpl.introspection.graph import drawn, graph_of, maker_of, origins_of
+from kpl.introspection.graph import maker_of, origins_of
 from kpl.introspection.records import FaultLog, alarm_record, sample_record
 from kpl.running.asking import features_of
 from kpl.running.ports import Undo, nothing
@@ -56,8 +52,6 @@ PERIOD_US = 100_000
 MAX_DELAY_US = 1_000_000
 LONGEST_NAME = 64
 """Of a monitor, which other platforms see."""
-PAGE = 4000
-"""Characters of a specification in one answer."""
 
 
 @lru_cache(maxsize=4)
@@ -90,18 +84,9 @@ class SpecificationPart(Part):
     Attributes:
         instance: what runs; it prints back what it was given.
         desk: the operating system processes that offer to make some of it.
+        not_taken: what the operator gave last, if it was wrong: a host may yet offer what it lacks.
     """
 
-    offers = (
-        Offer(
-            SPECIFICATION,
-            (
-                Action(contents.Specification, "on_asked", QUERIED),
-                Action(contents.RestoreSpecification, "on_restore", role=Role.COMMAND_CENTRE),
-            ),
-        ),
-    )
-    answers = (contents.SpecificationText,)
     takes = {  # noqa: RUF012  (a declaration)
         Specify: "on_specify", Fed: "on_fed", Waited: "on_waited",
         HostCame: "on_host", HostSaid: "on_host", HostLeft: "on_host",
@@ -148,7 +133,8 @@ class SpecificationPart(Part):
         self.desk = HostDesk(self.instance, config.clock, note, config.monotonic_offset_us)
         self._waited_us = 0
         self._governor: Governor | None = None
-        self._not_taken: Specify | None = None
+        self.not_taken: Specify | None = None
+        self._given: Specification = ()
         self._met, self._absent = set[str](), set[str]()
 
     def on_specify(self, event: Specify, now_us: int) -> None:
@@ -164,12 +150,12 @@ class SpecificationPart(Part):
         """Become this specification; if it is wrong, report that and keep the previous one. Federation time."""
         self._faults.clear()
         self._govern(now_us)
-        self._not_taken = None
-        text = SourceText(given.text, given.file)
+        self.not_taken = None
+        text, others = SourceText(given.text, given.file), set(self.instance.specification).difference(self._given)
         try:
             self.instance.change(read(text, given.named), now_us, text)
         except TextError as wrong:
-            self._not_taken = given
+            self.not_taken = given
             runs, awaits = bool(self.instance.specification), _awaited(wrong)
             said = {"file": text.file, "said": wrong.drawn(), "runs": runs, "awaits": awaits}
             self._tell({"event": "not-specified", **said})
@@ -188,10 +174,20 @@ class SpecificationPart(Part):
                 "imports": imports,
             }
         )
-        for warning in run_warnings(self.instance.specification, self.instance.current_symbols(), text, now_us):
+        self._given = self.instance.specification
+        lost = [print_declaration(each) for each in others.difference(self._given)]
+        if lost:
+            self._note(
+                f"{text.file or 'this specification'} replaces what other members had added: {'; '.join(sorted(lost)[:8])}"
+            )
+        for warning in self.warn(text, now_us):
             self._note(warning.drawn())
         for name, labels in self.instance.lacking.items():
             self._note(f"no host offers {name} yet; {', '.join(map(str, labels[:8]))} start when one does")
+
+    def warn(self, text: str, now_us: int) -> list[TextError]:
+        """What a person should know of what runs; `text` is what came last of it. Federation time."""
+        return run_warnings(self.instance.specification, self.instance.current_symbols(), text, now_us)
 
     def _govern(self, now_us: int) -> None:
         """A governor, if there is to be one: before the first specification, which may name what it tells."""
@@ -207,49 +203,12 @@ class SpecificationPart(Part):
         if self._governor is not None:
             self._governor.on_time(federation_us)
 
-    def on_restore(self, act: Act, content: contents.RestoreSpecification, now_us: int) -> None:
-        """`(restore-specification number: 0)`: hold again what was held then, checked as if it were new. Node clock.
-
-        Raises:
-            Refused: there is none of that number, or it is no longer possible.
-        """
-        number, held = content.number, self.instance.configurations
-        if number >= len(held):
-            raise Refused(f"there are {len(held)} configurations, counted from 0; there is none of number {number}")
-        try:
-            self.instance.restore(number, self._clock.federation_us(now_us))
-        except TextError as wrong:
-            raise Refused(str(wrong)) from None
-        self._agent.done(act, now_us, f"configuration {number} is held again")
-
-    def on_asked(self, act: Act, content: contents.Specification, now_us: int) -> None:
-        """Print back what is held, or was."""
-        held = self.instance.configurations
-        number = len(held) - 1 if content.number is None else content.number
-        if not 0 <= number < len(held):
-            raise Refused(
-                f"there is no configuration {number}; {len(held)} are kept, counted from 0" if held
-                else "this platform was given no specification"
-            )  # fmt: skip
-        if content.form == "kpl":
-            text = print_specification(held[number].specification)
-        else:
-            text = drawn(graph_of(self.instance), content.form)
-        at_us, last = held[number].at_us, len(held) - 1
-
-        def page(part: Iterable[str], more: bool) -> contents.SpecificationText:
-            return contents.SpecificationText(
-                text=uncontrolled("".join(part)), number=number, last=last, at_us=at_us, more=more
-            )
-
-        self._agent.answer_pages(act, text, PAGE, page, now_us)
-
     def on_host(self, event: HostEvent, now_us: int) -> Followed:
         """A host came, sent something or left. Node clock."""
         before = len(self.desk.hosts)
         self.desk.on_event(event, now_us)
-        if self._not_taken is not None and len(self.desk.hosts) > before:
-            self._specify(self._not_taken, self._clock.federation_us(now_us))  # it may have waited for this host
+        if self.not_taken is not None and len(self.desk.hosts) > before:
+            self._specify(self.not_taken, self._clock.federation_us(now_us))  # it may have waited for this host
         return self._followed
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:  # noqa: ARG002  (as every part)

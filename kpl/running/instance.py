@@ -147,7 +147,7 @@ class Instance:
         if self.governor is not None and self.governor.full:
             self.governor.hold_back(known, self.network.now_us)
         self.configurations.append(ConfigurationEntry(now_us, change.wanted))
-        del self.configurations[:-MAX_CONFIGURATIONS]
+        del self.configurations[1 : 1 - MAX_CONFIGURATIONS]  # the first one stays
 
     def restore(self, number: int, now_us: int) -> None:
         """Become configuration `number`, counted from 0, again.

@@ -19,6 +19,8 @@ from federation.messages.descriptions import Unit as UnitName
 from federation.messages.sexpr import Expr, ExprValue, QuotedText
 
 MAX_LIST = 512
+LONGEST_TEXT = 8192
+"""Characters of a formula or a specification in an act."""
 
 
 def _unit(value: Any) -> Any:
@@ -79,7 +81,7 @@ SemanticLabels = Annotated[tuple[SemanticLabel, ...], Field(min_length=1, max_le
 Word = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_shown)]
 Line = Annotated[str, Field(max_length=1024)]
 Prose = Annotated[str, Field(max_length=4096), AfterValidator(QuotedText)]
-Formula = Annotated[str, Field(max_length=8192), AfterValidator(_no_control), AfterValidator(QuotedText)]
+Formula = Annotated[str, Field(max_length=LONGEST_TEXT), AfterValidator(_no_control), AfterValidator(QuotedText)]
 Conversation = Annotated[str, AfterValidator(_conversation)]
 Agent = Annotated[str, AfterValidator(_speaker)]
 Truth = Annotated[Literal["true", "false", "undecided"], BeforeValidator(_truth)]

@@ -7,6 +7,11 @@ from pydantic import Field
 from federation.messages.contents import parts
 from federation.messages.descriptions import Count, SemanticLabel
 
+MAX_FILES = 4
+"""That a specification may name, where it comes as a speech act."""
+MAX_NAMES = 64
+"""Names or lines in one act about changes of specifications."""
+
 
 class Tasks(parts.Content):
     """Which delegated tasks are there?"""
@@ -118,6 +123,45 @@ class RestoreSpecification(parts.Content):
     """Hold again what you held in that configuration."""
 
     number: Count
+
+
+class NamedText(parts.ContentPart):
+    """A file that a specification names, by the path it is named with."""
+
+    path: parts.Line
+    text: parts.Formula
+
+
+class AddDeclarations(parts.Content):
+    """Declare more: `text` is KPL, `files` what it names, `file` where it is from."""
+
+    text: parts.Formula
+    files: Annotated[tuple[NamedText, ...], Field(max_length=MAX_FILES)] = ()
+    file: parts.Line = ""
+
+
+class LoadSpecification(parts.Content):
+    """Hold this in place of what you hold; as `AddDeclarations`."""
+
+    text: parts.Formula
+    files: Annotated[tuple[NamedText, ...], Field(max_length=MAX_FILES)] = ()
+    file: parts.Line = ""
+
+
+class RemoveDeclarations(parts.Content):
+    """Declare these no more: names of declarations; with the kind, `stream speed`, where several have the name."""
+
+    names: Annotated[tuple[parts.Line, ...], Field(min_length=1, max_length=MAX_NAMES)]
+
+
+class SpecificationChanged(parts.Content):
+    """Configuration `number` is held from now on: what came and what went of it; `more` such are not listed."""
+
+    number: Count
+    added: Annotated[tuple[parts.Line, ...], Field(max_length=MAX_NAMES)] = ()
+    removed: Annotated[tuple[parts.Line, ...], Field(max_length=MAX_NAMES)] = ()
+    more: Count = 0
+    warnings: Annotated[tuple[parts.Line, ...], Field(max_length=MAX_NAMES)] = ()
 
 
 class Leave(parts.Content):

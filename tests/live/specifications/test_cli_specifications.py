@@ -45,6 +45,28 @@ def test_a_file_is_taken_in_again_when_it_changes_and_what_was_held_is_restored(
     del out
 
 
+def test_simulated_uavs_run_a_specification_that_is_changed_from_elsewhere(dyknow: Dyknow, tmp_path: Path) -> None:
+    spec = tmp_path / "low.kpl"
+    spec.write_text("monitor low = always height[self] > -1000\n", encoding="utf-8")
+    dyknow.run("up", "2", "--scenario", "hover", "--spec", str(spec), "--detach")
+    for unit in ("0", "1"):
+        [held] = dyknow.run("kpl", "show", "--unit", unit)
+        assert held["specification"].startswith("monitor low = always height[self]")
+    _, err = dyknow.raw("kpl", "add", "stream h = heigt[self]", "--unit", "0", code=1)
+    assert "TEXT:1:12: nothing makes heigt[self]" in err
+    [said] = dyknow.run("kpl", "add", "stream h = height[self] with sample every 500", "--unit", "0")
+    assert (said["number"], said["added"]) == (1, ["stream h = height[self] with sample every 500"])
+    [graph] = dyknow.run("kpl", "graph", "--unit", "0")
+    assert "h" in {node["name"] for node in graph["nodes"]}
+    [said] = dyknow.run("kpl", "remove", "low", "stream h", "--unit", "0")
+    assert len(said["removed"]) == 2
+    dyknow.run("kpl", "show", "--unit", "0", "--restore", "0")
+    [held] = dyknow.run("kpl", "show", "--unit", "0")
+    assert held["specification"].startswith("monitor low = always height[self]")
+    log = dyknow.run("acts", "--unit", "0")
+    assert [each for each in log if "add-declarations" in (each["act"] or "") and each["outcome"] == "accepted"]
+
+
 CAR = '''
 from dyknow import source
 

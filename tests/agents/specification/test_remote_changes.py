@@ -1,0 +1,211 @@
+"""Declarations that come and go on a running platform because another member asks for it (thesis 5.2, 9.3.2)."""
+
+import pytest
+
+from agents.actions import Role
+from agents.config import PlatformConfig
+from agents.parts import PARTS
+from agents.specification.remote_changes import CHANGES_BURST
+from federation.messages.acts import Performative
+from federation.messages.contents import (
+    AddDeclarations,
+    LoadSpecification,
+    NamedText,
+    Reason,
+    RemoveDeclarations,
+    RestoreSpecification,
+    SpecificationChanged,
+)
+from federation.messages.contents.parts import ContentError, read
+from kpl import print_specification
+from tests.agents.specification.test_specification_part import Pair, text_of
+from tests.federation.expressions import parse_expr
+
+P = Performative
+
+
+class Changed(Pair):
+    """Two platforms and a command centre."""
+
+    def __init__(self, *texts):
+        super().__init__(*texts)
+        self.world.add_command_centre()
+        self.world.run_for(1)
+
+    def ask(self, content, unit="0", by="cc"):
+        dialogue = self.world.ask(by, unit, content)
+        self.world.run_for(1.5)
+        return dialogue
+
+    def changed(self, content, unit="0"):
+        (said,) = self.ask(content, unit).results
+        assert isinstance(said, SpecificationChanged), said
+        return said
+
+    def refused(self, content, unit="0"):
+        dialogue = self.ask(content, unit)
+        performative, reason = dialogue.refusal
+        assert performative is P.REFUSE
+        assert isinstance(reason, Reason)
+        return reason
+
+    def text(self, unit="0"):
+        return print_specification(self.declared(unit).instance.specification)
+
+
+@pytest.fixture
+def pair():
+    return Changed(text_of("uav0.kpl"), text_of("uav1.kpl"))
+
+
+def test_a_declaration_is_added_runs_and_is_removed_and_nothing_else_is_touched(pair):
+    monitor = pair.world.platform("0").ports.monitors.named["apart"]
+    before = pair.text()
+    said = pair.changed(AddDeclarations(text="stream far = dist[uav1] with sample every 1s\n"))
+    assert (said.number, said.added, said.removed) == (1, ("stream far = dist[uav1] with sample every 1000",), ())
+    pair.world.run_for(4)
+    assert len([each for each in pair.told("0", "sample") if each["stream"] == "far"]) >= 3
+    assert pair.changed(RemoveDeclarations(names=("far",))).removed == said.added
+    assert pair.text() == before
+    assert pair.world.platform("0").ports.monitors.named["apart"] is monitor
+    notes = [note for note in pair.notes("0") if note.startswith("cc changed the specification (")]
+    assert [note.split(": ", 1)[1] for note in notes] == [f"+ {said.added[0]}", f"- {said.added[0]}"]
+
+
+def test_every_change_is_in_the_audit_log_with_who_asked_and_what(pair):
+    pair.changed(AddDeclarations(text="stream far = dist[uav1]"))
+    log = pair.world.platform("0").ports.agent.audit_log.entries
+    (entry,) = [each for each in log if each.act and each.act.content and each.act.content.head == "add-declarations"]
+    assert (entry.direction, entry.peer, entry.outcome) == ("in", "cc", "accepted")
+    assert "stream far" in str(entry.act.content)
+
+
+def test_a_platform_without_a_specification_gets_one_and_can_have_none_again():
+    pair = Changed()
+    pair.world.add("0", PlatformConfig("0", 0))
+    pair.world.run_for(2)
+    assert pair.changed(LoadSpecification(text="stream high = altitude[self]\n")).number == 1
+    pair.changed(RestoreSpecification(number=0))
+    assert pair.text() == ""
+
+
+def test_what_is_loaded_replaces_what_is_held_and_is_restored(pair):
+    before = pair.text()
+    said = pair.changed(LoadSpecification(text=text_of("uav1.kpl")))
+    assert any(line.startswith("monitor apart") for line in said.removed)
+    assert pair.changed(RestoreSpecification(number=0)).number == 2
+    assert pair.text() == before
+
+
+def test_the_first_configuration_is_restored_however_many_changes_came_after_it(pair):
+    instance = pair.declared("0").instance
+    more = AddDeclarations(text="stream far = dist[uav1]")
+    for _ in range(150):
+        instance.add(pair.declared("0").instance.specification[:0], pair.world.now_us)
+    for _ in range(150):
+        instance.change((), pair.world.now_us)
+    assert len(instance.configurations) == 256
+    pair.changed(RestoreSpecification(number=0))
+    assert "monitor apart" in pair.text()
+    pair.changed(more)
+
+
+@pytest.mark.parametrize(
+    ("content", "code", "said"),
+    [
+        (
+            AddDeclarations(text="stream far = dst[uav1]", file="far.kpl"),
+            "text",
+            "far.kpl:1:14: nothing makes dst[uav1]",
+        ),
+        (AddDeclarations(text="stream far = "), "text", "declarations of cc:1:13: expected a name"),
+        (AddDeclarations(text="stream distance_m = dist[uav1]"), "text", "distance_m is a stream already"),
+        (AddDeclarations(text="strmgen x = Nobody(pos[self])"), "text", "Nobody is no computational unit"),
+        (AddDeclarations(text='chronicle file "/etc/passwd"'), "text", "does not come with the specification"),
+        (RemoveDeclarations(names=("alt[self]",)), "text", "nothing makes alt[self], which the running instance needs"),
+        (RemoveDeclarations(names=("distance",)), "unknown-name", "Did you mean 'distance_m'?"),
+        (RestoreSpecification(number=7), None, "there are 1 configurations, counted from 0"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_the_reason_and_changes_nothing(pair, content, code, said):
+    before = pair.text()
+    reason = pair.refused(content)
+    assert (reason.code, said in reason.text) == (code, True), reason.text
+    assert pair.text() == before
+    assert len(pair.declared("0").instance.configurations) == 1
+
+
+def test_a_name_of_several_kinds_is_removed_with_its_kind(pair):
+    pair.changed(AddDeclarations(text='label gas : gas in ppm "Gas."\n'))
+    pair.changed(AddDeclarations(text="stream apart = dist[uav1]\nstream gas = alt[self]"))
+    assert "write: 'monitor apart'" in pair.refused(RemoveDeclarations(names=("apart",))).text
+    reason = pair.refused(RemoveDeclarations(names=("gas",)))
+    assert reason.code == "ambiguous-name"
+    pair.changed(RemoveDeclarations(names=("stream  apart", "stream gas", "label gas")))
+    assert pair.text() == print_specification(pair.declared("0").instance.configurations[0].specification)
+
+
+def test_code_of_units_does_not_come_with_a_change_and_the_answer_says_what_to_do(pair):
+    said = pair.changed(AddDeclarations(text="compunit distance Twice(position)\nstrmgen twice = Twice(pos[self])\n"))
+    (warning,) = said.warnings
+    assert warning.startswith("nothing here offers Twice: the code of units is not sent; offer it with dyknow host")
+
+
+def test_a_file_that_the_text_names_comes_with_it(pair):
+    turns = "chronicle t[?u] { event(alt.altitude_m[?u]:(?a, ?b), t1) }"
+    pair.changed(
+        AddDeclarations(
+            text='chronicle file "t.chr" with max delay 100\nstream turned = chronicle[t]\n',
+            files=(NamedText(path="t.chr", text=turns),),
+        )
+    )
+    assert "stream turned" in pair.text()
+
+
+def test_a_monitor_that_a_task_needs_does_not_go(pair):
+    monitors = pair.world.platform("0").ports.monitors
+    monitors.create(monitors.named["apart"].plan, "1-2-3", pair.world.now_us)
+    other = text_of("uav0.kpl").replace("always forall", "eventually forall")
+    for content in (RemoveDeclarations(names=("apart",)), LoadSpecification(text=""), LoadSpecification(text=other)):
+        reason = pair.refused(content)
+        assert reason.code == "in-use"
+        assert "belongs to task 1-2-3, which would lose it; cancel that first (dyknow cancel 1-2-3)" in reason.text
+    monitors.remove("apart", "1-2-3")
+    pair.changed(RemoveDeclarations(names=("apart",)))
+    assert not monitors.named
+
+
+def test_a_flood_of_changes_is_refused_and_the_platform_lives(pair):
+    asked = [pair.world.ask("cc", "0", AddDeclarations(text=f"stream s{n} = dist[uav1]")) for n in range(20)]
+    pair.world.run_for(1.5)
+    refused = [each for each in asked if each.refusal is not None]
+    assert len(asked) - len(refused) in {int(CHANGES_BURST), int(CHANGES_BURST) + 1}
+    assert {each.refusal[1].code for each in refused} == {"too-many-changes"}
+    pair.world.run_for(2)
+    pair.changed(RemoveDeclarations(names=("s0",)))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f'(add-declarations text: "{"x" * 8193}")',
+        '(add-declarations text: "a\x9b")',
+        "(remove-declarations names: (sequence))",
+        f"(remove-declarations names: (sequence {' '.join('abc' for _ in range(65))}))",
+    ],
+)
+def test_what_is_too_long_or_empty_is_not_understood(text):
+    with pytest.raises(ContentError):
+        read(parse_expr(text))
+
+
+def test_a_file_that_changes_tells_what_it_replaces(pair):
+    pair.changed(AddDeclarations(text="stream far = dist[uav1]"))
+    pair.specify("0", text_of("uav0.kpl"))
+    assert pair.notes("0")[-1] == "0.kpl replaces what other members had added: stream far = dist[uav1]"
+
+
+def test_platforms_and_observers_may_not_change_a_specification():
+    actions = {each.head: each.role for part in PARTS for offer in part.offers for each in offer.actions}
+    for content in (AddDeclarations, RemoveDeclarations, LoadSpecification, RestoreSpecification):
+        assert actions[content.head] is Role.COMMAND_CENTRE
