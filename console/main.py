@@ -48,7 +48,7 @@ COMMANDS: CommandTable = {
     "kpl graph": (f"{_TEXTS}.specifications:graph", "The network of a specification, or of a running platform."),
     "kpl add": (f"{_TEXTS}.specification_changes:add", "Have running platforms declare more."),
     "kpl remove": (f"{_TEXTS}.specification_changes:remove", "Have running platforms declare something no more."),
-    "kpl load": (f"{_TEXTS}.specification_changes:load", "Give running platforms another specification."),
+    "kpl load": (f"{_TEXTS}.specification_changes:load", "Have running platforms hold another specification."),
     "kpl verify": (f"{_TEXTS}.verification:verify", "Whether a recorded run satisfies its specification."),
     "ontology": ("", "Semantic labels: what they mean, in a file or to the platforms that run."),
     "ontology show": (f"{_TEXTS}.ontologies:show", "What each semantic label means, to whom."),
