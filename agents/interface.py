@@ -1,4 +1,4 @@
-"""The Interface Agent: the only entrance of a platform, and the only exit (thesis 9.3.2).
+"""The Interface Agent: every act enters and leaves a platform here (thesis 9.3.2).
 
 It holds the platform's membership in the federation and speaks for the other agents: every act that leaves or arrives
 is entered into the audit log. Which requests are let in, `agents.admission.admission` decides. Times are the

@@ -1,4 +1,4 @@
-"""The audit log of a platform for users and agents: the acts that crossed the Interface Agent (thesis 9.3.2)."""
+"""Queries about the audit log of a platform, and subscriptions to it (thesis 9.3.2)."""
 
 from typing import Final
 

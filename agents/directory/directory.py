@@ -169,9 +169,9 @@ class DirectoryAgent(Part):
         match change:
             case liveness.NameConflict(unit, boot):
                 self._conflict(boot, f"another platform is called {unit} already", "choose another --unit", now_us)
-            case PlatformRefused(unit, boot, why):
+            case PlatformRefused(unit, boot, code, why):
                 entry = self.facilitator.entry(unit)
-                if "clock" in why and entry is not None and entry.kind == "uav":
+                if code == "clock" and entry is not None and entry.kind == "uav":
                     self._conflict(boot, f"{unit} is in this federation and {why}", "join with the same clock", now_us)
                 else:
                     self._note_once(f"{unit} cannot federate with this platform: {why}")
@@ -266,7 +266,9 @@ class DirectoryAgent(Part):
     def _note_missing(self, change: PeerChange) -> None:
         """A platform that timed out or crashed is missing until it returns, or says good-bye."""
         match change:
-            case liveness.PlatformSuspected(unit) | liveness.PlatformGone(unit) if change.why != "left":
+            case liveness.PlatformSuspected(unit) | liveness.PlatformGone(unit) if (
+                change.why != liveness.Departure.LEFT
+            ):
                 entry = self.facilitator.entry(unit)
                 if (
                     entry is not None

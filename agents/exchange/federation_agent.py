@@ -20,7 +20,7 @@ from dyknow import Policy
 from dyknow.model.errors import DyknowError, Refused
 from federation import keys
 from federation.members.directory import DirectoryFacilitator
-from federation.members.liveness import PlatformAppeared, PlatformGone, PlatformReturned
+from federation.members.liveness import Departure, PlatformAppeared, PlatformGone, PlatformReturned
 from federation.members.offers import DefinitionsChanged, LabelAppeared, LabelGone
 from federation.messages import contents
 from federation.messages.acts import Act
@@ -183,7 +183,7 @@ class FederationAgent(Part):
                 self._on_exports(self._exports.receiver_appeared(change.unit, change.boot, now_us), now_us)
             case PlatformReturned():
                 self._exports.receiver_back(change.unit)
-            case PlatformGone() if change.why == "restarted":
+            case PlatformGone() if change.why is Departure.RESTARTED:
                 self._on_exports(self._exports.receiver_restarted(change.unit, now_us), now_us)
             case PlatformGone():
                 self._exports.receiver_gone(change.unit, now_us, change.boot)

@@ -59,7 +59,7 @@ def level_among(encounters: Mapping[str, Encounter], known: Encounter) -> Manoeu
 
 
 def turn(encounters: Mapping[str, Encounter], known: Encounter) -> None:
-    """One that descends for the sake of another that climbs as well does so for the others, too."""
+    """Descend in the other encounters as well: one vehicle cannot climb for one partner and descend for another."""
     for each in encounters.values():
         if each is not known and each.role is CLIMB and each.keeps:
             each.role, each.altitude_m = DESCEND, room_m(DESCEND, each.start, each.other, SEPARATION_M)

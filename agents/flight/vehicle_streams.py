@@ -105,7 +105,7 @@ class VehicleStreams:
             self._battery = report
         found = self._push(self.filter.on_report(report, now_us), now_us)
         if isinstance(report, HomeReport | BatteryReport) and self.filter.health.state == "stale":
-            self._beside(report.valid_us - report.valid_us % self.period_us, None, now_us)
+            self._push_others(report.valid_us - report.valid_us % self.period_us, None, now_us)
         return found
 
     def on_time(self, now_us: int) -> Sequence[Sample]:
@@ -120,7 +120,7 @@ class VehicleStreams:
         self._note_health(now_us)
         for sample in samples:
             self._network.push(self.estimate, sample.valid_us, sample.value, now_us)
-            self._beside(sample.valid_us, sample.value, now_us)
+            self._push_others(sample.valid_us, sample.value, now_us)
         return samples
 
     def _note_health(self, now_us: int) -> None:
@@ -135,8 +135,8 @@ class VehicleStreams:
         self._on_health(text + (f" ({self._unnoted} changes before it were not noted)" if self._unnoted else ""))
         self._unnoted = 0
 
-    def _beside(self, valid_us: int, estimate: Estimate | None, now_us: int) -> None:
-        """What does not hang on the position, and the height, which does."""
+    def _push_others(self, valid_us: int, estimate: Estimate | None, now_us: int) -> None:
+        """Push home and battery, which are not estimated, and the height, which is that of the estimate above home."""
         home, battery = self._home, self._battery
         if home is not None and estimate is not None:
             height_m = estimate.altitude_m - home.altitude_m

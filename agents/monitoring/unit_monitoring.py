@@ -7,7 +7,7 @@ from dyknow import earlier
 from federation.members.clock import FederationClock, Standing
 from federation.members.deadlines import Deadlines
 from federation.members.directory import DirectoryFacilitator
-from federation.members.liveness import PlatformGone
+from federation.members.liveness import Departure, PlatformGone
 from federation.members.offers import ServiceAppeared
 from federation.members.offsets import ClockOffsets
 
@@ -74,7 +74,7 @@ class UnitMonitoring(Part):
 
     def _on_gone(self, change: PlatformGone, now_us: int) -> None:
         self._standing.pop(change.unit, None)
-        if change.why == "left":
+        if change.why is Departure.LEFT:
             self.monitors.leave(change.unit)
         else:
             self.monitors.doubt(change.unit, change.why, self._clock.federation_us(now_us))

@@ -28,7 +28,7 @@ from dyknow.model.errors import Refused, SourceText, TextError, TextErrors, Unma
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.network.process import Input
 from dyknow.network.refinement import RefinementProcess
-from federation.members.liveness import PlatformAppeared, PlatformGone
+from federation.members.liveness import Departure, PlatformAppeared, PlatformGone
 from federation.members.offers import Service
 from federation.messages.descriptions import LabelEntry
 from federation.sharing.translation import Translation
@@ -214,9 +214,9 @@ class SpecificationPart(Part):
     def on_peer(self, change: PeerChange, now_us: int) -> None:  # noqa: ARG002  (as every part)
         """Note that a platform goes that the specification lives on, and that it is back."""
         match change:
-            case PlatformGone(unit, _, why) if why != "restarted" and self._lives_on(unit):
+            case PlatformGone(unit, _, why) if why is not Departure.RESTARTED and self._lives_on(unit):
                 self._absent.add(unit)
-                self._note(f"platform {unit} has left" if why == "left" else f"platform {unit} is gone ({why})")
+                self._note(f"platform {unit} has left" if why is Departure.LEFT else f"platform {unit} is gone ({why})")
             case PlatformAppeared(unit, _, "uav"):
                 if unit in self._absent:
                     self._note(f"platform {unit} is back")

@@ -271,7 +271,7 @@ class DirectoryFacilitator:
         if self._peers[unit].present:
             outcome += changes(unit, before, replica.offers)
             if replica.refusal is not None and is_news:
-                outcome.append(PlatformRefused(unit, replica.boot, replica.refusal))
+                outcome.append(PlatformRefused(unit, replica.boot, *replica.refusal))
         return outcome
 
     def on_ask_ended(self, ended: transport.AskEnded) -> None:
@@ -376,7 +376,7 @@ class DirectoryFacilitator:
             peer.heard_us,
             peer.since_us,
             tuple(peer.hears),
-            replica.refusal if replica else None,
+            replica.refusal[1] if replica and replica.refusal else None,
             replica.found.conditions if replica and replica.found and replica.refusal is None else (),
             peer.left,
             offers.definitions,

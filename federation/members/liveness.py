@@ -11,7 +11,7 @@ as a new life (its clock was set back) only when the one that is known is silent
 
 from collections import deque
 from collections.abc import Sequence
-from enum import Enum
+from enum import Enum, StrEnum
 from typing import NamedTuple, TypeAlias
 
 from federation.messages.codec import Heartbeat
@@ -62,12 +62,21 @@ class PlatformReturned(NamedTuple):
     boot: int
 
 
+class Departure(StrEnum):
+    """Why a platform has gone, as people read it."""
+
+    LEFT = "left"
+    RESTARTED = "restarted"
+    WITHDRAWN = "token withdrawn"
+    SILENT = "no heartbeat for 2.5 s"
+
+
 class PlatformGone(NamedTuple):
-    """A platform has gone; if it is seen again it appears again. `why` is a phrase."""
+    """A platform has gone; if it is seen again it appears again."""
 
     unit: str
     boot: int
-    why: str
+    why: Departure
 
 
 class NameConflict(NamedTuple):
@@ -218,7 +227,7 @@ class Liveness:
         if peer is None or peer.boot != boot or seq <= peer.seq or not peer.present:
             return _NOTHING
         peer.seq, peer.left = seq, True
-        return [self._gone(peer, "left", at_us)]
+        return [self._gone(peer, Departure.LEFT, at_us)]
 
     def on_reopened(self) -> None:
         """Our session is a new one: tokens will be announced again, and their absence until then means nothing."""
@@ -267,13 +276,13 @@ class Liveness:
         until_us = self._linking_until_us
         is_linking = now_us < until_us and peer.heard_us < until_us - LINKING_US + BACKLOG_US
         if peer.token_gone_us is not None and now_us >= peer.token_gone_us + TOKEN_GONE_US and not is_linking:
-            return [self._gone(peer, "token withdrawn", now_us)]
+            return [self._gone(peer, Departure.WITHDRAWN, now_us)]
         silent_us = now_us - peer.heard_us
         if peer.state is PeerState.ALIVE and silent_us >= SUSPECT_US:
             peer.state, peer.since_us, peer.beats = PeerState.SUSPECT, now_us, 0
             events.append(PlatformSuspected(peer.unit, peer.boot, "no heartbeat for 1 s"))
         if silent_us >= GONE_US and not is_linking:
-            events.append(self._gone(peer, "no heartbeat for 2.5 s", now_us))
+            events.append(self._gone(peer, Departure.SILENT, now_us))
         return events
 
     def _meet(self, unit: str, now_us: int) -> Peer | None:
@@ -305,7 +314,7 @@ class Liveness:
             return _NOTHING
         events: list[LivenessEvent] = []
         if peer.present:
-            events.append(self._gone(peer, "restarted", at_us))
+            events.append(self._gone(peer, Departure.RESTARTED, at_us))
         if peer.seq >= 0:
             peer.tokens = {zid: since_us for zid, since_us in peer.tokens.items() if since_us > peer.heard_us}
         peer.boot, peer.seq, peer.version, peer.hears, peer.heard_us = boot, seq, version, hears, at_us
@@ -348,7 +357,7 @@ class Liveness:
         peer.state, peer.since_us = PeerState.SUSPECT, at_us
         return [PlatformSuspected(peer.unit, peer.boot, "token withdrawn")]
 
-    def _gone(self, peer: Peer, why: str, now_us: int) -> PlatformGone:
+    def _gone(self, peer: Peer, why: Departure, now_us: int) -> PlatformGone:
         peer.state, peer.since_us, peer.beats, peer.hears = PeerState.GONE, now_us, 0, ()
         return PlatformGone(peer.unit, peer.boot, why)
 

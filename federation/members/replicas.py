@@ -24,10 +24,14 @@ ASK_TIMEOUT_US = 1_000_000
 
 
 class PlatformRefused(NamedTuple):
-    """A platform is there with which this one cannot federate; its services and labels are not listed."""
+    """A platform is there with which this one cannot federate; its services and labels are not listed.
+
+    `code` is `clock` or `roster`, `why` the same as a phrase.
+    """
 
     unit: str
     boot: int
+    code: str
     why: str
 
 
@@ -41,7 +45,7 @@ class Replica:
         self.version = 0
         self.found: Description | None = None
         self.offers = NO_OFFERS
-        self.refusal: str | None = None
+        self.refusal: tuple[str, str] | None = None
         self.asked: int | None = None
         self.due_us = now_us
         self.backoff_us = RETRY_US
@@ -175,13 +179,16 @@ class Replicas:
         self._due.set(replica.unit, replica.due_us)
         return Ask(replica.asked, keys.describe(replica.unit), b"", ASK_TIMEOUT_US)
 
-    def _refusal(self, found: Description) -> str | None:
+    def _refusal(self, found: Description) -> tuple[str, str] | None:
         if not self._clock.agrees(found.clock_epoch_us, found.clock_speed):
-            return f"its federation clock runs at speed {found.clock_speed} from {found.clock_epoch_us}"
+            return "clock", f"its federation clock runs at speed {found.clock_speed} from {found.clock_epoch_us}"
         if found.roster != self._roster:
             if self._roster is None:
-                return "its federation has a roster: give it with --roster"
-            return f"it goes by {'another' if found.roster else 'no'} roster: start all with the same --roster"
+                return "roster", "its federation has a roster: give it with --roster"
+            return (
+                "roster",
+                f"it goes by {'another' if found.roster else 'no'} roster: start all with the same --roster",
+            )
         return None
 
 

@@ -6,6 +6,7 @@ from importlib import import_module
 import pytest
 
 from console.main import COMMANDS
+from dyknow import __version__ as version
 from tests.console.conftest import Run
 
 HEAVY = ("zenoh", "pymavlink", "numpy", "scipy", "filterpy", "pydantic", "cryptography")
@@ -22,6 +23,10 @@ def test_help_imports_nothing_heavy() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=True)
     assert done.stderr == ""
     assert "Usage: dyknow" in done.stdout
+
+
+def test_the_version_is_that_of_the_library(dyknow: Run) -> None:
+    assert dyknow("--version").stdout == f"dyknow {version}\n"
 
 
 def test_the_help_lists_the_commands_that_work_and_no_others(dyknow: Run) -> None:

@@ -1,4 +1,4 @@
-"""`dyknow up`, `dyknow join` and `dyknow down`: platform processes started, shown and ended."""
+"""`dyknow up` and `dyknow down`: platform processes started, shown and ended."""
 
 import time
 from collections.abc import Iterable

@@ -242,6 +242,7 @@ def test_a_platform_of_another_clock_or_roster_is_there_but_offers_nothing() -> 
         mine.on_heartbeat(Heartbeat(other.unit, 2, 1, 0, 1), 2)
         (event,) = mine.on_announced(other.unit, described(other), 4)
         assert isinstance(event, PlatformRefused)
+        assert event.code == ("clock" if number == 0 else "roster")
         assert [entry.unit for entry in mine.search(service="dyknow-federation")] == []
         assert len(mine.entries()) == number + 2
 

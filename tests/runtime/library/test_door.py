@@ -1,5 +1,6 @@
 """What `import dyknow` offers of the rooms above: every name, lazily, and typed as it is."""
 
+import pydoc
 import re
 import subprocess
 import sys
@@ -50,3 +51,9 @@ def test_help_has_what_a_reader_needs() -> None:
         assert "Raises:" in str(made.__doc__)
         assert "Args:" in str(made.__doc__)
     assert "dyknow.connect()" in str(dyknow.__doc__)
+
+
+def test_help_shows_every_name_and_the_version() -> None:
+    text = pydoc.plain(pydoc.render_doc(dyknow))
+    assert f"VERSION\n    {dyknow.__version__}" in text
+    assert [name for name in dyknow.__all__ if name not in text] == []
