@@ -75,7 +75,7 @@ class InterfaceAgent:
             if on_reply is not None:
                 on_reply(act, answer, at_us)
 
-        conversation = self.conversations.new_conversation()
+        conversation = self.conversations.new_conversation(unit)
         try:
             self.acts.ask(
                 unit,

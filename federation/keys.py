@@ -31,7 +31,7 @@ _MAX_KEY = 320  # the longest key the builders below can make is shorter
 _RESERVED = frozenset({"acl", "all", "df", "hb", "q", "time", "x"})  # the scheme's own words
 
 _UNIT = re.compile(r"(?=.{1,32}\Z)(0|[1-9][0-9]*|[a-z][a-z0-9_]*(-[a-z0-9_]+)*)")
-_CONVERSATION = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+_CONVERSATION = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,95}")
 _FEDERATION = re.compile(r"(?=.{1,64}\Z)[a-z0-9]+([_-][a-z0-9]+)*")
 _HASH = re.compile(r"[0-9a-f]{8}")
 _ZID = re.compile(r"[0-9a-f]{1,32}")
@@ -66,7 +66,7 @@ def agent(name: str) -> str:
 
 def conversation(name: str) -> str:
     """`name` if it can identify a conversation or a contract."""
-    return _matching(_CONVERSATION, name, "a conversation: letters, digits and _ . - inside, 64 characters")
+    return _matching(_CONVERSATION, name, "a conversation: letters, digits and _ . - inside, 96 characters")
 
 
 def namespace(federation: str) -> str:

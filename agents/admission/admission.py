@@ -104,7 +104,7 @@ class Admission(Part):
         """Agent `by` of this platform asks another; the answers that come at once. Nothing of it is in the audit log."""
         interface = self._interface
         sender, receiver = AgentName(by, self._unit), AgentName(agent, self._unit)
-        conversation = interface.conversations.new_conversation()
+        conversation = interface.conversations.new_conversation(interface.unit)
         answers = interface.own_answers = []
         self._consider(Act(P.REQUEST, sender, receiver, content.expr(), conversation_id=conversation), now_us)
         interface.own_answers = None

@@ -129,7 +129,8 @@ class TaskLife(Part):
         """Whether that platform may set up monitors of a task here, as its coordinator.
 
         Raises:
-            Refused: `cancelled`; `led-by` with the coordinator that stays; `delegator`: another one asked for the task.
+            Refused: `cancelled`; `led-by` with the coordinator that stays; `delegator`, `delegate`: the name of the task
+                says that another one asked for it, or was asked.
         """
         task, unit, delegator = claim.task, claim.unit, claim.delegator
         of_others = self._ended_by_others.get(task)
@@ -140,6 +141,8 @@ class TaskLife(Part):
             raise Refused(f"task {task} was not asked for by {delegator}: its name says by whom", "delegator")
         led = self.coordinated.get(task)
         if led is None:
+            if not task.endswith(f".{claim.delegate}") or (claim.generation == 1 and unit != claim.delegate):
+                raise Refused(f"{unit} was not asked to coordinate task {task}: its name says who was", "delegate")
             return
         if not self._may_follow(led, claim):
             text = f"led by {led.leader} in generation {led.generation}, which is here"
@@ -165,9 +168,12 @@ class TaskLife(Part):
     def follow(self, act: Act, told: CoordinatedTask, plan: TaskPlan, now_us: int) -> None:
         """Take part in a task: from now on the sender is its coordinator; `told` is the task in its words.
 
-        Its first coordinator stated what the task is: another one changes neither `avoidance` nor the delegator.
+        Its delegate states what the task is: a successor changes neither `avoidance` nor the delegator, and what one
+        that was heard first said of them goes by the delegate's word as soon as that is here.
         """
         led = self.coordinated.setdefault(told.task, told)
+        if told.generation == 1 and not led.is_stated:
+            led.is_stated, led.delegator, led.avoidance = True, told.delegator, told.avoidance
         self.lead_by(led, told.leader, told.leader_boot, told.generation, now_us)
         self._ended.pop(told.task, None)
         self._ended_by_others.pop(told.task, None)

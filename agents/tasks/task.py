@@ -57,6 +57,7 @@ class CoordinatedTask:
         leader: the coordinator; leader_boot: which life of it, since one that was restarted knows nothing of the task.
         generation: how often the coordination has passed to a successor, counted from 1.
         delegate: the platform it was delegated to, which coordinates it while it is there.
+        is_stated: whether the delegate itself has said here what the task is.
         members: the requests to each platform, as (unit, conversations); kept by the coordinator.
         former: the same, of a coordinator that stepped down: it goes when the task ends.
         own: by name, the act with which the coordinator requested a monitor of this platform.
@@ -72,6 +73,7 @@ class CoordinatedTask:
     generation: int
     leader_boot: int = 0
     delegate: str = ""
+    is_stated: bool = False
     members: dict[str, list[str]] = field(default_factory=dict)
     former: dict[str, list[str]] = field(default_factory=dict)
     own: dict[str, Act] = field(default_factory=dict)

@@ -122,7 +122,7 @@ class Correspondence:
             ContentError: the content cannot be encoded.
         """
         self._now_us = now_us
-        conversation = conversation or self.conversations.new_conversation()
+        conversation = conversation or self.conversations.new_conversation(unit)
         act, is_paged = self._act(performative, unit, content, conversation, now_us + within_us), _is_paged(content)
         self._pending[conversation] = _Pending(unit, on_reply, on_silence, is_paged)
         try:

@@ -30,7 +30,7 @@ MAX_ACKS: Final = 256
 Signature: TypeAlias = bytes
 """Ed25519 over the body of an act, 64 bytes."""
 
-_IDENTIFIER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+_IDENTIFIER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,95}")
 
 
 class StreamSample(NamedTuple):

@@ -57,10 +57,13 @@ class Conversations:
         self._dropped: dict[str, tuple[int | None, list[Act]]] = {}
         self._answered: dict[str, None] = {}
 
-    def new_conversation(self) -> str:
-        """An id that no other platform and no other life of this one uses."""
+    def new_conversation(self, receiver: str) -> str:
+        """An id that no other platform and no other life of this one uses; it names who asked whom.
+
+        A task has the id of the conversation in which it was delegated: who coordinates it at first is in its name.
+        """
         self._opened += 1
-        return f"{self._prefix}{self._opened}"
+        return f"{self._prefix}{self._opened}.{receiver}"
 
     def conversations(self) -> list[protocols.Conversation]:
         """All open ones, for display and tests."""
@@ -232,7 +235,7 @@ class Conversations:
     def _addressed(self, act: Act, now_us: int) -> Act:
         """What an act needs that wants an answer."""
         return act._replace(
-            conversation_id=act.conversation_id or self.new_conversation(),
+            conversation_id=act.conversation_id or self.new_conversation(act.receiver.unit),
             protocol=act.protocol or protocols.PROTOCOLS.get(act.performative),
             reply_with=act.reply_with or f"r{self.delivery.next_seq}",
             reply_by_us=act.reply_by_us if act.reply_by_us is not None else now_us + REPLY_BY_US,

@@ -142,7 +142,8 @@ def monitors(client: Client) -> Job[list[MonitorEntry]]:
     """Ask every platform for its monitors, by platform, name and units."""
     yield from platforms(client)
     found = yield from lists(client, client.pick(None), Monitors(), MonitorList)
-    return sorted((m for _, said in found for m in said.monitors), key=lambda m: (m.by, m.name, m.units))
+    own = [m for unit, said in found for m in said.monitors if m.by == unit]  # nobody speaks of another's monitors
+    return sorted(own, key=lambda m: (m.by, m.name, m.units))
 
 
 def tasks(client: Client, units: Sequence[str]) -> Job[list[tuple[str, TaskEntry]]]:
@@ -289,7 +290,9 @@ def begin_task(client: Client, task: str, to: str | None, given: Mapping[str, An
 def running_already(client: Client, task: str, to: str | None, given: Mapping[str, Any]) -> Job[TaskEntry | None]:
     """The task that monitors already what this request asks for, wherever it is coordinated; None if there is none.
 
-    A request with a period or delay of its own goes to its platform, which knows whether they fit what runs.
+    A request with a period or delay of its own goes to its platform, which knows whether they fit what runs. What a
+    platform says of a task is believed if it coordinates the task itself, not for another platform, and everyone
+    who is there has the monitors: another task costs little, a task that is not there all monitoring.
     """
     from agents.tasks.requests import DEFAULT_TASK
 
@@ -306,10 +309,23 @@ def running_already(client: Client, task: str, to: str | None, given: Mapping[st
         asked = [view.unit for view in there if view.state == PeerState.ALIVE.value]
         wanted = DEFAULT_TASK if content.profile is None else (content.profile,)
         avoidance = content.avoidance is not False
-    for _, entry in (yield from tasks(client, asked)):
-        if (entry.task, entry.monitors, entry.avoidance) == (task, wanted, avoidance):
-            return entry
-    return None
+    running = [
+        entry
+        for unit, entry in (yield from tasks(client, asked))
+        if (entry.task, entry.monitors, entry.avoidance, entry.unit) == (task, wanted, avoidance, unit)
+        and not _is_of_platform(client, entry)
+    ]
+    if not running:
+        return None
+    having = {(monitor.by, monitor.name) for monitor in (yield from monitors(client))}
+    return running[0] if {(unit, name) for unit in asked for name in wanted} <= having else None
+
+
+def _is_of_platform(client: Client, entry: TaskEntry) -> bool:
+    """Whether a platform delegated it, which may end it, and not a command centre."""
+    delegator = "" if entry.delegator is None else entry.delegator.partition("@")[2]
+    found = client.centre.member.directory.entry(delegator)
+    return (found is not None and found.kind == "uav") or not entry.conversation.startswith(f"{delegator}-")
 
 
 def delegate(client: Client, task: str, to: str | None, given: Mapping[str, Any], within: str) -> Job[Dialogue]:

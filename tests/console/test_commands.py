@@ -11,11 +11,14 @@ import pytest
 
 from agents.config import PlatformConfig
 from agents.effects import Fed
+from agents.tasks.life import TaskLife
 from console.centre import client
 from console.command import Call
 from console.errors import DONE, NO
 from console.output.output import Output
 from dyknow.model.errors import DyknowError, NothingFound, WrongCall
+from federation.messages.acts import Act, Performative
+from federation.messages.contents import MonitorProximity, TaskEntry, TaskList, Tasks
 from navigation.vehicle import BatteryReport, HomeReport, PositionReport, StatusReport, VelocityReport
 from runtime.configuration.settings import Settings
 from tests.box import EPOCH, Box
@@ -414,6 +417,60 @@ def test_a_task_that_runs_already_is_named_and_no_second_one_begins(
     lines()
     assert tasks(call) == DONE
     assert sum(entry["task"] == "monitor-proximity" for entry in lines()) == 3
+
+
+def test_a_task_that_another_platform_may_end_does_not_take_the_place_of_ones_own(
+    world: Box, call: Call, lines: Lines
+) -> None:
+    from console.commands.members.delegate import delegate
+    from console.commands.members.monitors import monitors
+
+    of_a_platform = world.asked("2", "0", MonitorProximity())
+    world.run(3.0)
+    assert delegate(call, "monitor-proximity", [], to="0", wait=False) == DONE
+    world.run(2.0)
+    world.cancel("2", "0", of_a_platform.conversation)
+    world.run(2.0)
+    lines()
+    assert monitors(call) == DONE
+    assert {entry["by"] for entry in lines() if "monitor" in entry} == {0, 1, 2}
+
+
+def test_a_task_is_not_believed_to_run_where_platforms_have_no_monitors(
+    world: Box, call: Call, lines: Lines, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from console.commands.members.delegate import delegate
+
+    answer = TaskLife.on_tasks
+
+    def lie(life: TaskLife, act: Act, content: Tasks, now_us: int) -> None:
+        if life._unit != "2":
+            return answer(life, act, content, now_us)
+        made_up = TaskEntry(
+            conversation="cc-4711-1.2", task="monitor-proximity", unit="2", state="running", since_us=1,
+            delegator="interface@cc-4711", monitors=("proximity", "proximity-warn"), avoidance=True,
+        )  # fmt: skip
+        return life._agent.answer(act, Performative.INFORM, TaskList(tasks=(made_up,)), now_us)
+
+    monkeypatch.setattr(TaskLife, "on_tasks", lie)
+    assert delegate(call, "monitor-proximity", [], to="0", wait=False) == DONE
+    assert lines()[0]["performative"] == "agree"
+
+
+def test_who_alone_has_no_monitor_is_named(world: Box, call: Call, lines: Lines) -> None:
+    from console.commands.members.alarms import alarms
+    from console.commands.members.monitors import monitors
+
+    _delegated(call, lines)
+    world.run(2.0)
+    lost = world.platform("1").ports.tasks
+    for task in [task for task in lost.all() if task.monitor]:
+        lost.end(task, "0", world.now_us)
+    world.settle("1")
+    for command in (monitors, alarms):
+        lines()
+        command(call)
+        assert {"by": 1, "error": "lacks a monitor that is delegated for all platforms"} in lines()
 
 
 def test_a_task_that_a_successor_holds_is_named_with_its_holder(world: Box, call: Call, lines: Lines) -> None:

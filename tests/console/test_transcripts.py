@@ -32,7 +32,7 @@ _PASSING = re.compile(r".*_us|(age|discovery|took|until|since|t)_ms|key|id")
 _INSIDE = {"value": "measured", "values": "measured", "samples": "valid_us"}
 _PROSE = {"message", "repair", "error", "said", "text", "remedy", "detail", "act"}
 _PIDS = count(4711)
-_IDS = re.compile(r"cc-[0-9]+(-[0-9a-f]+)*")
+_IDS = re.compile(r"cc-[0-9]+(-[0-9a-f]+)*(\.[0-9a-z-]+)?")
 
 
 def worlds() -> dict[str, Callable[[], Box]]:

@@ -170,7 +170,7 @@ def speaker(value: Any, *, everybody: bool = False) -> bool:
 
 
 def identifier(value: Any) -> bool:
-    if not _is(str, value) or not 1 <= len(value) <= 64 or not value.isascii():
+    if not _is(str, value) or not 1 <= len(value) <= 96 or not value.isascii():
         return False
     return value[0].isalnum() and all(char.isalnum() or char in "_.-" for char in value)
 

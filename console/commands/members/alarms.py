@@ -9,16 +9,17 @@ from console.options.arguments import Count, Follow
 from console.output.output import counted, unit_json
 from console.output.shown import Shown, line, styled
 from dyknow.model.instants import print_span
-from federation.messages.contents import Alarm, AlarmList, MonitorChange, MonitorEntry
+from federation.messages.contents import Alarm, AlarmList, MonitorChange, MonitorEntry, MonitorProximity
 from runtime.client import Client
 from runtime.configuration.instants import clock_time
 from runtime.library.alarm_news import AlarmItem, AlarmNews
-from runtime.library.jobs import lists
+from runtime.library.jobs import lists, tasks
 from runtime.library.jobs import monitors as all_monitors
 from runtime.library.questions import ask_who_is_missing, gone_text, missing_units
 from runtime.library.results import PlatformChange
 
 _STEP_S = 0.2
+UNWATCHED = "lacks a monitor that is delegated for all platforms"
 _UNITS = {"_m_s": "m/s", "_m": "m", "_deg": "deg", "_s": "s", "_us": "us"}
 
 
@@ -161,8 +162,20 @@ def input_names(monitor: MonitorEntry | MonitorChange) -> list[str]:
     return [f"platform {name}" if name in monitor.units else name for name in monitor.which]
 
 
+def _unwatched(client: Client, there: list[str], found: list[MonitorEntry]) -> list[str]:
+    """The platforms that lack a monitor which a task over all platforms wants of each."""
+    having: dict[str, set[str]] = {unit: set() for unit in there}
+    for monitor in found:
+        having.get(monitor.by, set()).add(monitor.name)
+    if len(set(map(frozenset, having.values()))) < 2:
+        return []
+    listed = client.run(tasks(client, there))
+    wanted = {name for _, task in listed if task.task == MonitorProximity.head for name in task.monitors}
+    return [unit for unit in there if wanted - having[unit]]
+
+
 def tell_unknown(call: Call, client: Client, found: list[MonitorEntry]) -> None:
-    """How many monitors are unknown, and which platforms are gone with theirs; nothing where all are known."""
+    """How many monitors are unknown, which platforms are gone with theirs, and which have none where others have some."""
     unknown = sum(monitor.shows == "unknown" for monitor in found)
     there = [view.unit for view in client.centre.platforms()]
     gone = client.run(missing_units(there, ask_who_is_missing(client, there)))
@@ -171,6 +184,11 @@ def tell_unknown(call: Call, client: Client, found: list[MonitorEntry]) -> None:
             call.out.line({"by": unit_json(unit), "error": gone_text(ago_us)})
         else:
             call.out.note(f"platform {unit}: {gone_text(ago_us)}, and its monitors with it", style="red")
+    for unit in _unwatched(client, [unit for unit in there if unit not in gone], found):
+        if call.out.json_lines:
+            call.out.line({"by": unit_json(unit), "error": UNWATCHED})
+        else:
+            call.out.note(f"platform {unit} {UNWATCHED}", style="red")
     if unknown and call.out.json_lines:
         call.out.line({"monitors": len(found), "unknown": unknown})
     elif unknown:

@@ -6,6 +6,8 @@ from agents.tasks.task import Claim, Task
 from dyknow.model.errors import Refused
 from tests.box import Box
 
+TASK = "cc-1-1.1"
+
 
 def test_a_life_of_tasks_remembers_whose_task_ended_and_forgets_in_the_end(wire: Box, node: Platform) -> None:
     life, ended = node.ports.tasks, []
@@ -14,15 +16,15 @@ def test_a_life_of_tasks_remembers_whose_task_ended_and_forgets_in_the_end(wire:
         ended.append(now_us)
         return ("larger",)
 
-    life.add(Task("c", "1", "create-monitor", take_down))
-    assert life.cancel("c", 5) == ("larger",)
-    assert life.cancel("c", 6) == (), "cancelling twice is harmless"
+    life.add(Task(TASK, "1", "create-monitor", take_down))
+    assert life.cancel(TASK, 5) == ("larger",)
+    assert life.cancel(TASK, 6) == (), "cancelling twice is harmless"
     assert life.cancel("d", 7) is None
     assert ended == [5]
     with pytest.raises(Refused, match="cancelled") as refused:
-        life.check_claim(Claim("c", "2", 0, 1, "", ""))
+        life.check_claim(Claim(TASK, "2", 0, 2, "", "1"))
     assert refused.value.code == "cancelled"
-    life.check_claim(Claim("c", "1", 0, 1, "", ""))  # it ended on its behalf, so it may set it up again
+    life.check_claim(Claim(TASK, "1", 0, 1, "", "1"))  # it ended on its behalf, so it may set it up again
     for at in range(TOMBSTONES):
         life.bury(f"t{at}", "1")
-    life.check_claim(Claim("c", "2", 0, 1, "", ""))
+    life.check_claim(Claim(TASK, "2", 0, 2, "", "1"))

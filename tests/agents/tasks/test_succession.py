@@ -245,3 +245,37 @@ def test_a_task_belongs_to_the_delegator_that_its_name_begins_with(three: Box) -
         assert reason.code == "delegator"
     three.run(3.0)
     assert coordination(three, "3", task) == ("0", 1, True)
+
+
+@pytest.mark.parametrize("is_cancelled", [True, False])
+@pytest.mark.parametrize("generation", [1, 2])
+def test_a_task_that_is_claimed_before_it_is_delegated_goes_to_its_delegate(
+    three: Box, is_cancelled: bool, generation: int
+) -> None:
+    """Numbers of tasks can be guessed, so a member may speak of one that there is not yet."""
+    asked_before = three.asked("cc", "0", Tasks(), P.QUERY_REF)
+    three.run(0.2)
+    number = asked_before.conversation.rpartition("-")[0]
+    claims = [
+        three.asked(
+            "2", "1",
+            CreateMonitor(
+                name=name, task=f"{number}-{at}.0", coordinator="2", generation=generation, delegator="cc",
+                avoidance=False, delegate=None if generation == 1 else "0",
+            ),
+        )
+        for at in range(2, 5)
+        for name in BOTH
+    ]  # fmt: skip
+    three.run(0.5)
+    if generation == 1:
+        assert [(claim.performatives, claim.contents[0].code) for claim in claims] == [([P.REFUSE], "delegate")] * 6
+    if is_cancelled:
+        for claim in claims:
+            three.cancel("2", "1", claim.conversation)
+    three.run(0.5)
+    task = delegated(three)
+    assert task.conversation.startswith(number) and task.conversation.endswith(".0")
+    three.run(4.0)
+    assert coordination(three, "1", task) == ("0", 1, True)
+    assert {(name, "0", "fresh") for name in BOTH} <= watched(three, "1")

@@ -71,12 +71,12 @@ def test_an_act_is_numbered_and_gets_what_an_answer_needs() -> None:
     a, _ = two()
     said, (put,) = a.send(act(P.REQUEST), 5_000_000)
     assert (said.boot, said.seq, said.created_us) == (1, 1, 5_000_000)
-    assert (said.conversation_id, said.protocol, said.reply_with) == ("a-1-1", "fipa-request", "r1")
+    assert (said.conversation_id, said.protocol, said.reply_with) == ("a-1-1.b", "fipa-request", "r1")
     assert said.reply_by_us == 5_000_000 + REPLY_BY_US
     assert isinstance(put, Put)
     assert (put.key, decode_act(put.payload)[0]) == ("acl/b/a/interface", said)
     again, _ = a.send(act(P.REQUEST), 5_000_001)
-    assert (again.seq, again.conversation_id) == (2, "a-1-2")
+    assert (again.seq, again.conversation_id) == (2, "a-1-2.b")
 
 
 def test_an_act_is_put_again_three_times_until_it_is_acknowledged() -> None:
@@ -184,7 +184,7 @@ def test_silence_is_a_failure_at_the_reply_by() -> None:
     a, _, said = opened()
     a.on_receipt("b", Receipt(1, (said.seq,)))
     assert (a.on_time(REPLY_BY_US - 1), a.deadline_us) == ([], REPLY_BY_US)
-    assert a.on_time(REPLY_BY_US) == [TimedOut("a-1-1", said, "no answer in time")]
+    assert a.on_time(REPLY_BY_US) == [TimedOut("a-1-1.b", said, "no answer in time")]
     assert (a.conversations(), a.deadline_us) == ([], None)
 
 
@@ -198,10 +198,10 @@ def test_who_is_asked_answers_by_the_reply_by_in_any_case() -> None:
 
 def test_a_reply_by_counts_from_when_it_was_said_not_by_the_receivers_clock() -> None:
     _, b = two()
-    skewed = act(P.REQUEST, conversation_id="a-1-1", created_us=10**15, reply_by_us=10**15 + 300_000, boot=1, seq=1)
+    skewed = act(P.REQUEST, conversation_id="a-1-1.b", created_us=10**15, reply_by_us=10**15 + 300_000, boot=1, seq=1)
     b.on_act(skewed, 5)
     assert [found.due_us for found in b.conversations()] == [300_005]
-    eternal = act(P.REQUEST, conversation_id="a-1-2", created_us=0, reply_by_us=2**62, boot=1, seq=2)
+    eternal = act(P.REQUEST, conversation_id="a-1-2.b", created_us=0, reply_by_us=2**62, boot=1, seq=2)
     b.on_act(eternal, 5)
     assert b.conversations()[1].due_us == 600_000_005
 
@@ -214,7 +214,7 @@ def test_an_agreed_result_that_does_not_come_is_a_failure_unless_it_may_take_for
         (agree,) = b.answer(said, P.AGREE, GOTO, 0)
         hear(a, agree, 1_000)
         late = a.on_time(1_000 + RESULT_WITHIN_US)
-        assert late == ([] if within_us is None else [TimedOut("a-1-1", said, "no result in time")])
+        assert late == ([] if within_us is None else [TimedOut("a-1-1.b", said, "no result in time")])
 
 
 def test_what_cannot_be_delivered_fails_at_once() -> None:
@@ -222,7 +222,7 @@ def test_what_cannot_be_delivered_fails_at_once() -> None:
     said, _ = a.send(act(P.QUERY_REF), 0)
     for at_us in (200_000, 400_000, 600_000):
         assert len(a.on_time(at_us)) == 1
-    assert a.on_time(800_000) == [TimedOut("a-1-1", said, "not delivered")]
+    assert a.on_time(800_000) == [TimedOut("a-1-1.b", said, "not delivered")]
     assert a.on_time(10**9) == []
     assert a.conversations() == []
     assert a.deadline_us is None
@@ -246,8 +246,8 @@ def test_a_subscription_lives_until_it_is_cancelled() -> None:
     for number in range(3):
         assert not only_reply(hear(a, b.answer(said, P.INFORM, Expr("alarm"), number)[0])).closed
     assert a.on_time(10**9) == b.on_time(0) == []
-    (cancel,) = a.cancel("a-1-1", "b", 10**9)
-    assert a.cancel("a-1-1", "b", 10**9) == []
+    (cancel,) = a.cancel("a-1-1.b", "b", 10**9)
+    assert a.cancel("a-1-1.b", "b", 10**9) == []
     ((incoming),) = hear(b, cancel)
     assert isinstance(incoming, Incoming)
     assert incoming.act.performative is P.CANCEL
@@ -269,12 +269,12 @@ def test_a_cancel_that_is_not_answered_is_a_failure() -> None:
     a, b, said = opened(P.SUBSCRIBE)
     hear(a, b.answer(said, P.AGREE, GOTO, 0)[0])
     a.on_receipt("b", Receipt(1, (1,)))
-    a.cancel("a-1-1", "b", 1_000_000)
+    a.cancel("a-1-1.b", "b", 1_000_000)
     a.on_receipt("b", Receipt(1, (2,)))
-    assert a.on_time(1_000_000 + REPLY_BY_US) == [TimedOut("a-1-1", said, "no answer to cancel in time")]
+    assert a.on_time(1_000_000 + REPLY_BY_US) == [TimedOut("a-1-1.b", said, "no answer to cancel in time")]
 
 
-@pytest.mark.parametrize("conversation", ["a-1-1", "c-9-4"])
+@pytest.mark.parametrize("conversation", ["a-1-1.b", "c-9-4"])
 def test_a_cancel_of_what_was_lost_or_another_member_opened_is_answered_or_fails(conversation: str) -> None:
     for is_answered in (True, False):
         a, b, _ = opened(standing=True)
@@ -294,7 +294,7 @@ def test_a_standing_request_that_failed_in_silence_is_cancelled_too() -> None:
     a, b, said = opened(standing=True)
     a.on_receipt("b", Receipt(1, (1,)))
     timed_out, cancel = a.on_time(REPLY_BY_US)
-    assert timed_out == TimedOut("a-1-1", said, "no answer in time")
+    assert timed_out == TimedOut("a-1-1.b", said, "no answer in time")
     (incoming,) = hear(b, cancel)
     assert isinstance(incoming, Incoming)
     assert incoming.act.performative is P.CANCEL
@@ -310,7 +310,7 @@ def test_who_agrees_too_late_is_told_to_stop() -> None:
     (cancel,) = hear(a, agree, REPLY_BY_US + 1)
     (incoming,) = hear(b, cancel)
     assert isinstance(incoming, Incoming)
-    assert (incoming.act.performative, incoming.act.conversation_id) == (P.CANCEL, "a-1-1")
+    assert (incoming.act.performative, incoming.act.conversation_id) == (P.CANCEL, "a-1-1.b")
     late_inform = b.answer(said, P.INFORM, DONE, 0)[0]
     assert hear(a, late_inform) == []
     assert a.delivery.counts["late"] == 2
@@ -334,7 +334,7 @@ def test_a_question_to_everybody_collects_answers_until_its_reply_by() -> None:
         (answer,) = node.answer(incoming.act, P.INFORM, DONE, 5)
         assert only_reply(hear(a, answer)).act.sender == AgentName("interface", node.unit)
     a.flush()
-    assert a.on_time(REPLY_BY_US) == [TimedOut("a-1-1", said, "no answer in time")]
+    assert a.on_time(REPLY_BY_US) == [TimedOut("a-1-1.all", said, "no answer in time")]
     assert a.conversations() == b.conversations() == []
 
 
@@ -349,8 +349,8 @@ def test_the_loss_of_a_platform_ends_everything_with_it_and_nothing_else() -> No
     a, b, said = opened(P.SUBSCRIBE)
     hear(a, b.answer(said, P.AGREE, GOTO, 0)[0])
     other, _ = a.send(Act(P.REQUEST, ASKER, AgentName("interface", "c"), GOTO), 0)
-    assert a.peer_gone("b") == [PeerLost("a-1-1", said, "b", ours=True)]
-    assert b.peer_gone("a") == [PeerLost("a-1-1", said, "a", ours=False)]
+    assert a.peer_gone("b") == [PeerLost("a-1-1.b", said, "b", ours=True)]
+    assert b.peer_gone("a") == [PeerLost("a-1-1.b", said, "a", ours=False)]
     assert [found.opening for found in a.conversations()] == [other]
     assert [put for put in a.on_time(200_000) if isinstance(put, Put) and put.key.startswith("acl/b")] == []
 
@@ -399,14 +399,14 @@ def test_nobody_opens_more_conversations_than_the_quota() -> None:
     assert isinstance(refusal, Put)
     assert decode_act(refusal.payload)[0].performative is P.REFUSE
     assert len(b.conversations()) == OPEN_PER_PEER
-    assert b.on_act(act(P.CANCEL, conversation_id="a-1-1", boot=1, seq=1000), 0), "a cancel of what is open passes"
+    assert b.on_act(act(P.CANCEL, conversation_id="a-1-1.b", boot=1, seq=1000), 0), "a cancel of what is open passes"
 
 
 def test_a_stream_that_ran_out_closes_its_conversation_without_words() -> None:
     a, b, said = opened(standing=True)
     hear(a, b.answer(said, P.AGREE, GOTO, 0, standing=True)[0])
-    a.close("a-1-1", "b")
-    b.close("a-1-1", "a")
+    a.close("a-1-1.b", "b")
+    b.close("a-1-1.b", "a")
     assert a.conversations() == b.conversations() == []
 
 
