@@ -74,6 +74,8 @@ class OwnCommand(TyperCommand):
             known = next((each for each in self.params if name in each.opts), None)
             if isinstance(known, TyperOption) and known.help:
                 error.message += f" {name}: {known.help}"
+            elif name and not getattr(error, "possibilities", True):
+                error.message = f"No such option: {name}. {ctx.command_path} --help lists those there are."
             raise
 
     def _check_once(self, ctx: Any, args: list[str]) -> None:

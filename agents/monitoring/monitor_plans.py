@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from agents.tasks.requests import DEFAULT_TASK
 from dyknow import Policy, Value
-from dyknow.model.errors import DyknowError, Refused
+from dyknow.model.errors import DyknowError, Refused, did_you_mean
 from dyknow.model.instants import print_duration
 from federation.sharing.translation import Translation
 from kpl import Specification, profile_formula
@@ -102,7 +102,7 @@ class PlanBook:
         """
         profile = self._profiles.get(name)
         if profile is None:
-            raise Refused(f"no monitor is called {name!r} here; known: {', '.join(sorted(self._profiles))}")
+            raise Refused(f"no monitor is called {name!r} here.{did_you_mean(name, tuple(self._profiles))}")
         profile = replace(
             profile,
             sample_us=profile.sample_us if period_us is None else period_us,

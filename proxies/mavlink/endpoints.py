@@ -1,5 +1,6 @@
 """Where vehicles speak MAVLink, as text: `udpin:127.0.0.1:14550`, `tcp:127.0.0.1:5762`, `serial:/dev/ttyACM0:921600`."""
 
+from difflib import get_close_matches
 from ipaddress import ip_address
 from typing import NamedTuple
 
@@ -61,6 +62,8 @@ def parse_endpoint(text: str) -> Endpoint:
         return Endpoint(kind, host.strip("[]"), int(port))
     if kind == "udp" or kind not in _NETWORK | {"serial"}:
         host, _, port = text.removeprefix("udp:").rpartition(":")
+        if ":" in host and (meant := get_close_matches(kind, _NETWORK, n=1)):
+            raise TextError(f"there is no {kind}:", text=text, width=len(kind), repair=f"{meant[0]}:{rest}")
         if host and port.isdecimal():
             place = f"{host}:{port}"
             raise TextError(

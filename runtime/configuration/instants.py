@@ -45,6 +45,8 @@ def instant_us(text: str, now_us: int, *, option: str) -> int:
     if re.fullmatch(r"[0-9]+", given):
         return int(given)
     if given[:1] in {"-", "+"}:
+        if re.fullmatch(r"[0-9.]+", given[1:]):
+            raise WrongCall(f"{option}: {text!r} has no unit; say {given}ms or {given}s.")
         offset = duration_us(given[1:], option=option)
         return now_us - offset if given[0] == "-" else now_us + offset
     if (found := _DURATION.fullmatch(given)) is not None and float(found["number"]) == 0:

@@ -156,9 +156,12 @@ def read_federation(path: Path) -> dict[str, Any]:
     Raises:
         WrongCall: naming file, line and remedy.
     """
-    settings = read_model(path, FederationFile).model_dump(by_alias=True, exclude_unset=True)
-    if "federation" in settings:
+    raw = read_toml(path)
+    if "federation" in raw:
         raise WrongCall(f"{path}: unknown key 'federation'. Did you mean 'name'?")
+    if isinstance(raw.get("units"), dict):
+        raise WrongCall(f"{path}: units is how many platforms there are, not a table. Did you mean 'unit'?")
+    settings = read_model(path, FederationFile).model_dump(by_alias=True, exclude_unset=True)
     base = path.resolve().parent
     for unit, own in settings.get("unit", {}).items():
         if own.get("mavlink") and own.get("replay"):
@@ -193,8 +196,10 @@ def _place(
 def _checked_name(name: str) -> str:
     """The federation's plain name; it becomes one chunk of a key. Raises WrongCall."""
     if not _NAME.fullmatch(name):
+        plain = re.sub(r"[^a-z0-9_-]+", "-", name.lower()).strip("-_")[:64]
+        instead = f"write {plain}, for example: " if plain else "write "
         raise WrongCall(
-            f"--federation: {name!r} cannot name a federation; write lower-case letters, digits, - and _ "
+            f"--federation: {name!r} cannot name a federation; {instead}lower-case letters, digits, - and _ "
             "(at most 64), or the path of a file that ends with .toml."
         )
     return name

@@ -107,7 +107,8 @@ def check_label(client: Client, label: str, *, answered: bool) -> None:
         return
     known = sorted({name for view in client.centre.platforms() for name in view.labels})
     if not answered and known and label not in known:
-        raise NothingFound(f"no platform offers {label!r}.{did_you_mean(label, known)}")
+        meant = f" Known: {', '.join(known)}." if label in client.ontology else did_you_mean(label, known)
+        raise NothingFound(f"no platform offers {label!r}.{meant}")
 
 
 def receiver_of(client: Client, content: Content, to: str | None) -> str:

@@ -10,6 +10,7 @@ at which a ground station repeats the target that the vehicle had), `takeover` (
 `killed` (the autopilot ends: it reports and obeys nothing from then on, and its motors stop).
 """
 
+from difflib import get_close_matches
 from math import nan, sqrt
 from typing import NamedTuple
 
@@ -69,7 +70,7 @@ def parse_fault(text: str) -> SimulatedFault:
     name, equals, written = text.strip().partition("=")
     kind = _KINDS.get(name)
     if kind is None:
-        raise TextError(f"no fault is called {name!r}", text=text, width=len(name), repair=", ".join(KINDS))
+        raise TextError(f"no fault is called {name!r}", text=text, width=len(name), repair=_meant(name))
     if kind.default is None:
         if equals:
             raise TextError(f"{name} takes no amount", text=text, column=len(name) + 1, repair=name)
@@ -84,6 +85,11 @@ def parse_fault(text: str) -> SimulatedFault:
             repair=str(SimulatedFault(name, kind.default)),
         )
     return SimulatedFault(name, amount)
+
+
+def _meant(name: str) -> str:
+    """The kind that may be meant; all kinds if none is like the name."""
+    return next(iter(get_close_matches(name, KINDS, n=1)), ", ".join(KINDS))
 
 
 def _parse_amount(name: str, written: str, text: str) -> float:

@@ -69,7 +69,12 @@ def scenario(name: str, count: int | None = None, seed: int = 0, origin: HomePla
     build, least, usual = found
     wanted = usual if count is None else count
     if wanted < least:
-        raise TextError(f"{name} needs {least} vehicles or more, got {wanted}", text=name, width=len(name))
+        raise TextError(
+            f"{name} needs {least} vehicles or more, got {wanted}",
+            text=name,
+            width=len(name),
+            repair=f"dyknow up {least} --scenario {name}",
+        )
     return _moved(build(name, wanted, seed), origin)
 
 

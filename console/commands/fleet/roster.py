@@ -112,7 +112,9 @@ def _read(path: Path, to_change: Call | None = None) -> Roster:
         if to_change is not None and "federation" in to_change.settings.model_fields_set:
             roster.check_federation(to_change.settings.federation)
     except OSError as error:
-        raise WrongCall(f"{path}: cannot be read ({error.strerror}); make one with dyknow roster init.") from None
+        raise WrongCall(
+            f"{path}: cannot be read ({error.strerror}); make one: dyknow roster init 0 1 --roster {path}"
+        ) from None
     except RosterError as error:
         raise WrongCall(f"{path}: {error}") from None
     if to_change is not None and roster.federation is None:

@@ -173,7 +173,7 @@ def _checked_scenario(name: str, simulated: int) -> None:
     try:
         scenario(name, simulated)
     except TextError as error:
-        raise WrongCall(f"--scenario: {error.message}.") from None
+        raise WrongCall(f"--scenario: {error.message}; write {error.repair}.") from None
 
 
 def gathered(call: Call, fleet: Fleet, configs: list[NodeConfig], present: Iterable[str] = ()) -> FleetStart:
