@@ -54,6 +54,16 @@ def explain(
     return TextError.at_offset(text, offset, message, width=width, repair=repair)
 
 
+def _field_after_objects(text: str, offset: int, stopped: str) -> Diagnosis | None:
+    """`pos[car1].north_m`, as other languages write the field of a record."""
+    label = re.search(r"([\w-]+)(\[[^\[\]\n]*\])$", text[:offset])
+    field = re.match(r"\.[A-Za-z_]\w*", text[offset:])
+    if stopped != "." or label is None or field is None:
+        return None
+    repair = f"{label[1]}{field[0]}{label[2]}"
+    return Diagnosis("the field of a record stands before its objects", repair, label.start(), len(repair))
+
+
 def _diagnose(
     error: "UnexpectedInput",
     text: str,
@@ -65,7 +75,11 @@ def _diagnose(
     """The most particular of what is known about the token at which the parser stopped; "" is the end of the text."""
     if not text.strip():
         return Diagnosis(*language.empty, 0, 1)
-    diagnosis = _misspelt(text, offset, stopped, language) or _unfinished(text, offset, stopped)
+    diagnosis = (
+        _misspelt(text, offset, stopped, language)
+        or _unfinished(text, offset, stopped)
+        or _field_after_objects(text, offset, stopped)
+    )
     if diagnosis is not None:
         return diagnosis
     wanted = set(
