@@ -6,6 +6,7 @@ In simulated time it is what the prototype declares, and a unit works on one ele
 
 from collections import deque
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Final, NamedTuple
 
 from dyknow.model.errors import SortError, TooEarly, raised
@@ -110,13 +111,14 @@ class RefinementProcess(OnDemand):
 
     Attributes:
         dropped: elements of the join that waited too long for the unit; their samples count with the next one.
+        adapter: of the output, to its policy, which counts what it drops; None: there is no such policy, or no subscriber.
     """
 
     def __init__(self, prototype: UnitPrototype, inputs: Sequence[Input], output: Policy | None = None) -> None:
         super().__init__()
         self.prototype = prototype
         self._output = output
-        self._adapter: PolicyAdapter | None = None
+        self.adapter: PolicyAdapter | None = None
         self.history_us = prototype.history_us
         self._wanted = tuple(inputs)
         self._unit: UnitAtWork | None = None
@@ -143,7 +145,9 @@ class RefinementProcess(OnDemand):
         return 0 if network is None or generator is None else network.rank(generator.label)
 
     def begin(self) -> None:
-        self._adapter = None if self._output is None else PolicyAdapter(self._output)
+        if self._output is not None:
+            self.adapter = PolicyAdapter(self._output)
+            self.adapter.on_starved = partial(self.fault, f"its output hardly meets its own policy, {self._output}")
         if self._network is not None and len(self._wanted) > 1:
             self._network.instant.joins += 1
         self._renew()
@@ -260,10 +264,10 @@ class RefinementProcess(OnDemand):
         except SortError as wrong:
             self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
             return
-        if self._adapter is None:
+        if self.adapter is None:
             self.emit(output.valid_us, output.value, now_us, output.quality)
             return
-        for each in self._adapter.on_sample(output._replace(available_us=now_us), now_us):
+        for each in self.adapter.on_sample(output._replace(available_us=now_us), now_us):
             self.emit(each.valid_us, each.value, now_us, each.quality)
 
     def _report(self, faults: Sequence[str]) -> None:

@@ -18,7 +18,7 @@ from dyknow.model.instants import (
 )
 from dyknow.policies import adapters
 
-Change: TypeAlias = Literal["any update", "any change", "sample"]
+Change: TypeAlias = Literal["any update", "any change", "sample", "all updated", "all changed"]
 Order: TypeAlias = Literal["any", "monotone", "strict"]
 Approximation: TypeAlias = Literal["none", "most recent", "linear"]
 
@@ -29,6 +29,8 @@ _QUANTITY = re.compile(r"[0-9]{1,40}(?:\.[0-9]{1,40})?(?:[eE][+-]?[0-9]{1,3})?")
 _CONSTRAINTS: Final = (
     ("any update", "change", "any update"),
     ("any change", "change", "any change"),
+    ("all updated", "change", "all updated"),
+    ("all changed", "change", "all changed"),
     ("sample every", "sample_us", "$time"),
     ("max delay", "max_delay_us", "$time_or_oo"),
     ("from", "from_us", "$instant"),
@@ -48,7 +50,7 @@ _CONSTRAINTS: Final = (
 _KINDS: Final = {"sample_us": "change"}
 """Attributes that share one kind of constraint."""
 _FORMS: Final = (
-    "any update, any change, sample every T, max delay T, from T to T, any order, monotone order, strict order, "
+    "any update, any change, all updated, all changed, sample every T, max delay T, from T to T, any order, monotone order, strict order, "
     "no approximation, use most recent, use linear, delay before approximation T, min certainty P, max deviation D, "
     "importance N"
 )
@@ -59,7 +61,8 @@ class Policy:
     """A set of constraints on one stream; equal policies are one policy, whatever words they were typed with.
 
     Attributes:
-        change: which samples count as news; `sample` keeps to a grid of valid times and implies strict order.
+        change: which samples count as news; `sample` keeps to a grid of valid times and implies strict order. Of states
+            also `all updated` and `all changed`: once every input has a new sample, or another value (7.8, Fig. 7.9).
         sample_us: the grid's period. The grid is anchored on `from_us`, else on the first sample delivered.
         max_delay_us: available time may exceed valid time by so much; None is no limit.
         from_us: first valid time of interest, `to_us` the last, both inclusive; None is no bound. Either may be an
@@ -129,6 +132,11 @@ class Policy:
         """Whether a bound is relative to the moment of declaration."""
         return isinstance(self.from_us, RelativeInstant) or isinstance(self.to_us, RelativeInstant)
 
+    @property
+    def is_of_states(self) -> bool:
+        """Whether a constraint needs the inputs of states, and means nothing of another stream."""
+        return self.delay_before_us is not None or self.change in {"all updated", "all changed"}
+
     def at(self, now_us: int) -> "Policy":
         """The policy, declared at `now_us`: relative bounds become instants.
 
@@ -170,7 +178,7 @@ class Policy:
     def __str__(self) -> str:
         """The canonical text: one constraint of each kind that restricts anything; `parse` reads it back."""
         words = [
-            "any change" if self.change == "any change" else "",
+            "" if self.change in {"any update", "sample"} else self.change,
             _timed("sample every", self.sample_us),
             _timed("max delay", self.max_delay_us),
             _duration(self.from_us, self.to_us),

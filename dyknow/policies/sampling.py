@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 from math import inf
 from typing import Final, NamedTuple
 
+from dyknow.model.errors import PolicyError
 from dyknow.model.sample import SURE, Quality, Sample, Value
 from dyknow.model.values import NO_VALUE
 from dyknow.policies.policy import Policy
@@ -64,6 +65,8 @@ class PolicyAdapter:
 
     def __init__(self, policy: Policy) -> None:
         assert not policy.is_relative, "`Policy.at` says when it was declared"  # noqa: S101
+        if policy.change in {"all updated", "all changed"}:
+            raise PolicyError(f"`{policy.change}` is a constraint of states", "any change")
         self.policy, self._is_unrestricted = policy, policy == _UNRESTRICTED
         self.gaps = self._late = self._out_of_order = self._outside = self._no_change = self._off_grid = 0
         self._period_us = policy.sample_us or 0

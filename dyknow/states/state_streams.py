@@ -160,7 +160,7 @@ def state_policy(policy: Policy, inputs: Sequence[Policy]) -> tuple[StatePolicy 
     """What a policy says about states (Def. 7.8.4), and when there is one.
 
     Without `sample every` the period is that of the inputs, if all are sampled; else there is a state per update of any
-    input, or per change with `any change`. Without `max delay` it is the longest of the inputs'.
+    input, or per change with `any change`; with `all updated` and `all changed` when every input has one. Without `max delay` it is the longest of the inputs'.
 
     Raises:
         PolicyError: sampled, and nothing says how long to wait for the inputs; or what waits for approximations is not
@@ -175,7 +175,7 @@ def state_policy(policy: Policy, inputs: Sequence[Policy]) -> tuple[StatePolicy 
             f"with sample every 100, delay before approximation {print_duration(policy.delay_before_us)}",
         )
     if not sampled:
-        return None, "any change" if policy.change == "any change" else "any update"
+        return None, "any update" if policy.change == "sample" else policy.change
     delays = [each.max_delay_us for each in inputs]
     longest_us = None if None in delays else max(delay for delay in delays if delay is not None)
     max_delay_us = longest_us if policy.max_delay_us is None else policy.max_delay_us

@@ -221,6 +221,9 @@ def _generator_node(network: Network, label: Label, fed_from: str) -> GraphNode:
         note = tuple(map(str, process.awaited()))
     if isinstance(process, RefinementProcess) and process.dropped:
         note = (f"{process.dropped} inputs dropped: the unit is slower than they come",)
+    if isinstance(process, RefinementProcess) and process.adapter is not None:
+        dropped = ", ".join(f"{count} {reason}" for reason, count in process.adapter.dropped.items() if count)
+        note = (*note, f"its output with {process.adapter.policy}; dropped: {dropped or 'none'}")
     return GraphNode(
         str(label),
         _kind(process),

@@ -6,7 +6,15 @@ from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
 from dyknow import Label, Policy, PolicyError, Sort
-from dyknow.model.errors import ChronicleError, SortError, TextError, TextErrors, WrongNumberOfInputs, file_of
+from dyknow.model.errors import (
+    ChronicleError,
+    PolicyNotSupported,
+    SortError,
+    TextError,
+    TextErrors,
+    WrongNumberOfInputs,
+    file_of,
+)
 from dyknow.model.instants import US_PER_MS, print_duration
 from dyknow.network.factory import Prototypes, process_of
 from dyknow.network.mediation import Mediation
@@ -111,13 +119,17 @@ class Compiler:
                 if name in self.withdrawn:
                     return CompiledGenerator(sort, None, unit=name, lacks=True)
                 return CompiledGenerator(sort, None, name, unit=name)
-            case spec.Refinement(name, terms):
+            case spec.Refinement(name, terms, policy):
                 unit = self._prototypes.find(name)
                 if not isinstance(unit, UnitPrototype):
                     return CompiledGenerator(Sort(""), None, unit=name, lacks=True)
                 inputs = [self.input(term, members) for term in terms]
                 named = self._unit_sort(unit, made) if unit.of_any_sort else unit.sort
-                return CompiledGenerator(self._shape(named), process_of(unit, inputs), unit=name)
+                try:
+                    process = process_of(unit, inputs, None if policy == Policy() else self._served(policy))
+                except PolicyNotSupported as wrong:
+                    raise located(made, str(wrong), f"{name}(...), and the policy where it is taken") from None
+                return CompiledGenerator(self._shape(named), process, unit=name)
             case spec.StateStream(terms, policy):
                 inputs = [self.input(term, members) for term in terms]
                 try:
@@ -184,6 +196,8 @@ class Compiler:
                 definitions.check(declaration)
             case spec.MonitorDeclaration():
                 definitions.resolved(declaration.formula, self.unit, text)
+                if declaration.policy.change in {"all updated", "all changed"}:
+                    raise located(declaration, "states of a monitor are sampled", "with sample every 100")
                 self._check_policy(declaration, declaration.policy, of_states=True)
                 max_delay_us = declaration.policy.max_delay_us
                 try:
@@ -216,16 +230,19 @@ class Compiler:
         made = declaration.made
         if isinstance(made, spec.StateStream):
             self._check_policy(made, made.policy, of_states=True)
+        elif isinstance(made, spec.Refinement):
+            self._check_policy(made, made.policy)
         for term in spec.terms_of(made):
             self._check_policy(term, term.policy)
 
     def _check_policy(self, node: Node, policy: Policy, *, of_states: bool = False) -> None:
         """Periods that are kept, and constraints that mean something here (Def. 7.8.4: of states)."""
-        if policy.delay_before_us is not None and not of_states:
-            asked = replace(policy, delay_before_us=None)
+        if policy.is_of_states and not of_states:
+            asked = replace(policy, delay_before_us=None, change="sample" if policy.sample_us else "any update")
+            wrong = policy.change if policy.delay_before_us is None else "delay before approximation"
             raise located(
                 node,
-                "`delay before approximation` is a constraint of states, and says nothing of another stream",
+                f"`{wrong}` is a constraint of states, and says nothing of another stream",
                 f"with {asked}" if asked != Policy() else "nothing: leave it out",
             )
         if self.admission == "longer":

@@ -65,8 +65,8 @@ def _made(made: spec.Making) -> str:
     match made:
         case spec.FromSource(source):
             return source
-        case spec.Refinement(unit, inputs):
-            return f"{unit}({', '.join(map(_term, inputs))})"
+        case spec.Refinement(unit, inputs, policy):
+            return f"{unit}({', '.join(map(_term, inputs))}){_with(policy)}"
         case spec.StateStream(inputs, policy):
             return f"state({', '.join(map(_term, inputs))}){_with(policy)}"
         case spec.Link(source, unit, establish, reestablish, maintain):

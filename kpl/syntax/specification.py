@@ -55,10 +55,11 @@ class FromSource(Node):
 
 @dataclass(frozen=True, slots=True)
 class Refinement(Node):
-    """A refinement process: a computational unit and the streams it takes."""
+    """A refinement process: a computational unit, the streams it takes, and what its output is to be like."""
 
     unit: str
     inputs: tuple[StreamTerm, ...]
+    policy: Policy = ANY_UPDATE
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,7 +227,7 @@ def policies_of(declaration: Declaration) -> Iterator[tuple[Node, Policy]]:
             yield from policies_of(body)
         case GeneratorDeclaration(_, made):
             yield from ((term, term.policy) for term in terms_of(made))
-            if isinstance(made, StateStream):
+            if isinstance(made, StateStream | Refinement):
                 yield made, made.policy
         case StreamDeclaration(_, term) | Export(_, term) | Import(_, _, term):
             yield term, term.policy

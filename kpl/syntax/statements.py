@@ -136,11 +136,10 @@ class _StatementReader(FormulaReader):
             case "from_source":
                 return spec.FromSource(str(parts[0]), place=place)
             case "refine":
-                return spec.Refinement(str(parts[0]), self._terms(parts[1:]), place=place)
+                inputs, policy = self._constrained(parts[1:])
+                return spec.Refinement(str(parts[0]), inputs, policy, place=place)
             case "state":
-                constrained = parts[-1].data == "policy"
-                policy = self._policy(parts[-1].children) if constrained else spec.ANY_UPDATE
-                return spec.StateStream(self._terms(parts[:-1] if constrained else parts), policy, place=place)
+                return spec.StateStream(*self._constrained(parts), place=place)
             case "link":
                 source, unit, *conditions = parts
                 establish, reestablish, maintain = (self.read(condition, _LINKED) for condition in conditions)
@@ -148,6 +147,12 @@ class _StatementReader(FormulaReader):
         member, variable, domain = parts
         make = spec.Select if node.data == "select" else spec.Merge
         return make(self._member(member), _name(variable), self._member(domain), place=place)
+
+    def _constrained(self, parts: Sequence[Any]) -> tuple[tuple[spec.StreamTerm, ...], Policy]:
+        """The streams that something is made of, and what it is to be like."""
+        constrained = parts[-1].data == "policy"
+        policy = self._policy(parts[-1].children) if constrained else spec.ANY_UPDATE
+        return self._terms(parts[:-1] if constrained else parts), policy
 
     def _stream(self, node: Any, place: Place) -> spec.Declaration:
         name, _equals, label, *policy = node.children
