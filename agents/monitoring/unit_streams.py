@@ -7,7 +7,7 @@ from dyknow import Label, Sample, Sort, Value
 from dyknow.network.process import Input, Process
 from dyknow.network.processes import OnDemand
 from federation.sharing.translation import Translation
-from kpl.checking.formulas_in_context import OF_A_PLATFORM
+from kpl.checking.symbols import OF_A_PLATFORM
 from reasoning.features.derivation import FeatureInput
 from reasoning.features.derived_streams import Demand, derived_stream
 

@@ -13,14 +13,12 @@ from kpl.checking.definitions import Definitions
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.formulas import Checker, Sort, Vocabulary
 from kpl.checking.streams import Streams
-from kpl.checking.symbols import MARGIN, MONITOR, SELF, label_of
+from kpl.checking.symbols import MARGIN, MONITOR, OF_A_PLATFORM, SELF, label_of
 from kpl.syntax.specification import Define, MonitorDeclaration
 from reasoning.features.derivation import FEATURES
 from reasoning.formulas import tree
 from reasoning.monitoring.margins import check_windows
 
-OF_A_PLATFORM: Final = "units"
-"""The domain that every platform has."""
 TRUTHS: Final = (*tree.TEMPORAL, tree.Compare, tree.Not, tree.And, tree.Or, tree.Implies, tree.Forall, tree.Exists)
 _OF_UNITS: Final[dict[str, Sort]] = {"bool": "boolean", "text": "object"}
 

@@ -16,7 +16,7 @@ from kpl.checking.streams import ANY, Streams
 from kpl.checking.symbols import CHRONICLE, GENERATOR, MAKER, MARGIN, Known, Symbol, SymbolTable, stem
 from kpl.checking.warnings import warnings_of
 from kpl.syntax import specification as spec
-from reasoning.formulas.tree import Node
+from reasoning.formulas.tree import Node, instantiate
 
 LONGEST_CHAIN = 64
 """Samples flow by plain calls: this is the longest chain of processes."""
@@ -88,8 +88,9 @@ class _Checker(DeclarationErrors):
                 self._check(each)
             self._check_making(each)
             self._check_inputs(each)
-            if isinstance(each, spec.Define | spec.MonitorDeclaration):
-                self._formulas.look_at(each)
+            formula = spec.monitor_of(each) or each
+            if isinstance(formula, spec.Define | spec.MonitorDeclaration):
+                self._formulas.look_at(formula)
         self.of = None
         self._check_chains(touched, from_text)
 
@@ -121,8 +122,17 @@ class _Checker(DeclarationErrors):
             case spec.UnitDeclaration(sort, _, inputs):
                 for each in dict.fromkeys((sort, *inputs)):
                     self._sort(each, declaration)
+            case spec.ForEach(variable, _, body) if not isinstance(body, spec.GeneratorDeclaration):
+                self._check(body)
+                if isinstance(body, spec.MonitorDeclaration):
+                    is_used = instantiate(body.formula, variable, "?") != body.formula
+                else:
+                    is_used = variable in body.term.label.objects
+                if not is_used:
+                    said = f"the members of the stream would all have the same: {variable} is not in it"
+                    self.wrong(said, body, f"pos[{variable}]")
             case spec.ForEach(variable, _, body):
-                if variable not in body.label.objects:
+                if isinstance(body, spec.GeneratorDeclaration) and variable not in body.label.objects:
                     self.wrong(
                         f"every member of the stream would make {body.label}",
                         body,
@@ -224,8 +234,9 @@ class _Checker(DeclarationErrors):
             self._names_objects(made.domain, self.symbols.of(declaration).variables)
         elif isinstance(made, spec.Refinement):
             self._check_sorts(made, self.symbols.of(declaration).variables)
-        elif isinstance(declaration, spec.Export):
-            self._check_export(declaration)
+        body = declaration.body if isinstance(declaration, spec.ForEach) else declaration
+        if isinstance(body, spec.Export):
+            self._check_export(body)
 
     def _check_sorts(self, made: spec.Refinement, variables: frozenset[str]) -> None:
         declared = self.symbols.unit(made.unit)

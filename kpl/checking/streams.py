@@ -5,7 +5,7 @@ from typing import Final
 
 from dyknow.model.labels import Label
 from dyknow.model.values import Sort
-from kpl.checking.symbols import NOTHING, Symbol, SymbolTable, fit, is_pattern, stem
+from kpl.checking.symbols import NOTHING, OF_A_PLATFORM, Symbol, SymbolTable, fit, is_pattern, stem
 from kpl.diagnostics.collector import nearest
 from kpl.syntax import specification as spec
 from reasoning.features.derivation import FEATURES
@@ -40,6 +40,8 @@ class Streams:
 
     def derives(self, label: Label) -> bool:
         """Whether it is a derived feature, with as many units as it takes."""
+        if label == Label(OF_A_PLATFORM):
+            return not self.symbols.of_feature(OF_A_PLATFORM)
         kind = FEATURES.get(label.feature)
         return kind is not None and kind.arity == len(label.objects) and self._is_derived(label.feature)
 
@@ -99,7 +101,7 @@ class Streams:
             return None if made.label.feature != label.feature or id(made) in under else self._made_sort(made, under)
         if label in self.known.labels or not self.derives(label):
             return self.known.labels.get(label)
-        return FEATURES[label.feature].sort
+        return None if label == Label(OF_A_PLATFORM) else FEATURES[label.feature].sort
 
     def _made_sort(self, made: Symbol, under: frozenset[int]) -> str | None:
         if id(made) not in self._sorts:
@@ -107,8 +109,9 @@ class Streams:
         return self._sorts[id(made)]
 
     def _found_sort(self, made: Symbol, under: frozenset[int]) -> str | None:
-        if isinstance(made.declaration, spec.Import):
-            label = self.symbols.semantic(made.declaration.semantic)
+        declared = made.declaration.body if isinstance(made.declaration, spec.ForEach) else made.declaration
+        if isinstance(declared, spec.Import):
+            label = self.symbols.semantic(declared.semantic)
             return None if label is None else label.sort.name
         match made.made:
             case spec.FromSource(source):

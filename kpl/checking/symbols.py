@@ -5,7 +5,7 @@ so that a change is cheap to judge; checks, the running instance and its graph r
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from dyknow.model.labels import Label
@@ -20,6 +20,8 @@ MAKER, GENERATOR, STREAM, EXPORT = "a source or a unit", "a generator", "a strea
 MONITOR, CHRONICLE, DEFINITION = "a monitor", "a chronicle", "a definition"
 SEMANTIC, SORT = "a semantic label", "a sort"
 MARGIN = "margin"
+OF_A_PLATFORM: Final = "units"
+"""The stream, and the domain of formulas, that every platform has: who is in its federation."""
 Constant: TypeAlias = bool | int | float | str | tree.Duration
 UnitSorts: TypeAlias = tuple[str, tuple[str, ...]]
 """The sort of a unit, and those of its inputs."""
@@ -110,9 +112,9 @@ def symbol_of(declaration: spec.Declaration) -> Symbol:
         case spec.GeneratorDeclaration(label, made):
             return Symbol(declaration, GENERATOR, (label,), label, takes=tuple(_needs(made, NOTHING)))
         case spec.ForEach(variable, domain, body):
-            free = frozenset({variable})
-            takes = (Need(domain), *_needs(body.made, free))
-            return Symbol(declaration, GENERATOR, (body.label,), body.label, free, takes)
+            free, one = frozenset({variable}), symbol_of(body)
+            takes = (Need(domain), *(Need(need.term, need.variables | free) for need in one.takes))
+            return replace(one, declaration=declaration, variables=free, takes=takes)
         case spec.Import(_, _, term):
             return Symbol(declaration, GENERATOR, (term.label,), term.label)
         case spec.StreamDeclaration(name, term):

@@ -26,9 +26,10 @@ def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors:
             wanted.update(id(one) for one in symbols.makers(need.term.label, need.variables))
             features.update({need.term.label.feature} & FEATURES.keys())
         used.add(symbol.uses)
-        if isinstance(each, spec.Define | spec.MonitorDeclaration):
-            features |= {node.name for node in walk(each.formula) if isinstance(node, Feature)}
-            features.update(domains_of(each.formula))
+        formula = spec.monitor_of(each) or each
+        if isinstance(formula, spec.Define | spec.MonitorDeclaration):
+            features |= {node.name for node in walk(formula.formula) if isinstance(node, Feature)}
+            features.update(domains_of(formula.formula))
         if isinstance(each, spec.ChronicleDeclaration) and each.content is not None:
             features |= {name.partition(".")[0] for name in _event_names(each.content)}
     features.update(needed_labels(features & FEATURES.keys()))
@@ -39,10 +40,11 @@ def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors:
             found.append(errors.located(f"nothing is made from {each.name}", each, ""))
         if made.label.feature and id(made) not in wanted and stem(made.label) not in features:
             found.append(errors.located(f"{made.label} has no subscriber here", each, ""))
-        if isinstance(each, spec.Define | spec.MonitorDeclaration):
-            found += makers.unread(each.formula, errors)
-        if isinstance(each, spec.MonitorDeclaration):
-            said_of = remarks(each.formula, lambda feature: _is_raw(feature, symbols))
+        declared = spec.monitor_of(each) or each
+        if isinstance(declared, spec.Define | spec.MonitorDeclaration):
+            found += makers.unread(declared.formula, errors)
+        if isinstance(declared, spec.MonitorDeclaration):
+            said_of = remarks(declared.formula, lambda feature: _is_raw(feature, symbols))
             found += [errors.located(one.message, one.node, one.repair) for one in said_of]
     return [*found, *stray_grids(every, errors)]
 
@@ -54,7 +56,8 @@ def run_warnings(
     producer, durations that are over.
     """
     every, errors, makers = list(specification), DeclarationErrors(text), Makers(symbols, FEATURES)
-    formulas = (each.formula for each in every if isinstance(each, spec.Define | spec.MonitorDeclaration))
+    declared = (spec.monitor_of(each) or each for each in every)
+    formulas = (each.formula for each in declared if isinstance(each, spec.Define | spec.MonitorDeclaration))
     unread = (one for formula in formulas for one in makers.unread(formula, errors))
     return [*unread, *stray_grids(every, errors), *past_durations(every, errors, now_us)]
 

@@ -1,6 +1,6 @@
 """In which order declarations are taken in, and how errors are reported."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields, replace
 from operator import is_
 from typing import Any, NamedTuple
@@ -9,7 +9,7 @@ from dyknow.model.errors import PolicyError, TextError, TextErrors, TooEarly, fi
 from dyknow.model.instants import US_PER_MS, print_span
 from dyknow.policies.policy import Policy
 from kpl.checking.definitions import Definitions
-from kpl.checking.symbols import SymbolTable
+from kpl.checking.symbols import SymbolTable, symbol_of
 from kpl.syntax import specification as spec
 from kpl.syntax.parsing import raise_all
 from reasoning.formulas.tree import Formula
@@ -120,6 +120,22 @@ class DeclaredTimes:
             self._resolved = {written: meant for written, meant in every.items() if meant in held}
 
 
+def needed_first(change: SpecificationChange, is_past: Callable[[spec.StreamTerm], bool]) -> list[spec.Declaration]:
+    """The new streams that begin in the past, after what they may need, but for what takes a name that is still in use."""
+    streams = [each for each in change.new if isinstance(each, spec.StreamDeclaration) and is_past(each.term)]
+    if not streams:
+        return []
+    parts = spec.SourceDeclaration | spec.UnitDeclaration | spec.GeneratorDeclaration
+    taken = {name for each in change.gone for name in _names(each)}
+    first = (*(each for each in change.new if isinstance(each, parts)), *streams)
+    return [each for each in first if taken.isdisjoint(_names(each))]
+
+
+def _names(declaration: spec.Declaration) -> list[tuple[str, object]]:
+    symbol = symbol_of(declaration)
+    return [(symbol.kind, name) for name in symbol.names]
+
+
 def formulas(
     symbols: SymbolTable, change: SpecificationChange, unit: str
 ) -> Iterator[tuple[spec.Declaration, Formula]]:
@@ -132,8 +148,8 @@ def formulas(
         return
     definitions, new = Definitions(symbols), {id(each) for each in change.new}
     for each in change.wanted:
-        if isinstance(each, spec.MonitorDeclaration) and id(each) not in new:
-            yield each, definitions.resolved(each.formula, unit)
+        if id(each) not in new and (monitor := spec.monitor_of(each)) is not None:
+            yield each, definitions.resolved(monitor.formula, unit)
 
 
 def rank(declaration: spec.Declaration) -> int:

@@ -178,7 +178,10 @@ class Compiler:
                 self._check_made(declaration)
             case spec.ForEach(variable, domain, body):
                 self._check_policy(domain, domain.policy)
-                self._check_made(body, {variable: variable})
+                if isinstance(body, spec.GeneratorDeclaration):
+                    self._check_made(body, {variable: variable})
+                else:
+                    self._check(spec.monitor_of(declaration) or body, definitions, text)
             case spec.UnitDeclaration(sort, name, inputs):
                 unit = self._prototypes.find(name)
                 if isinstance(unit, UnitPrototype) and not unit.fits(sort, inputs):

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 from dyknow import SURE, Label, Network, Quality, Sample, Sort, Value
 from dyknow.model.errors import DyknowError, Refused, TextError, TextErrors, TooEarly, file_of
@@ -12,8 +12,17 @@ from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.network.stream_proxy import StreamProxy
 from kpl.checking.definitions import Definitions
 from kpl.checking.specifications import Findings, check_change, check_symbols
-from kpl.checking.symbols import MARGIN, Known, SymbolTable, symbol_of
-from kpl.running.changes import DeclaredTimes, SpecificationChange, as_text_errors, formulas, rank, together, too_early
+from kpl.checking.symbols import MARGIN, Known, SymbolTable
+from kpl.running.changes import (
+    DeclaredTimes,
+    SpecificationChange,
+    as_text_errors,
+    formulas,
+    needed_first,
+    rank,
+    together,
+    too_early,
+)
 from kpl.running.chronicle_streams import ChronicleStreams, recognitions
 from kpl.running.compiling import MAX_DECLARATIONS, Compiler, located, too_many
 from kpl.running.figures import MEANINGS, InstanceFigures
@@ -34,9 +43,6 @@ class ConfigurationEntry(NamedTuple):
     specification: spec.Specification
 
 
-Part: TypeAlias = spec.SourceDeclaration | spec.UnitDeclaration | spec.GeneratorDeclaration
-
-
 class Instance:
     """The specification of one network, as it is now.
 
@@ -48,8 +54,7 @@ class Instance:
         prototypes: what sources and units can be made from.
         catalogue: asked for others by name; None: there is none.
         offered: names of what the catalogue has.
-        admission: what becomes of declarations while a governor sees no time for more: they are refused, or their
-            sampled streams begin at a longer period.
+        admission: of declarations while a governor sees no time for more: refused, or sampled at a longer period.
         features: sort and process of a stream that is there while it is wanted, such as a derived feature; None: there
             is no such stream.
     """
@@ -87,7 +92,7 @@ class Instance:
         self.symbols = SymbolTable()
         self.compiler = Compiler(unit, self.prototypes, self.symbols, self.sort, admission)
         self.parts = Parts(network, self.prototypes, self.compiler)
-        self.families = Families(network, self.compiler, self.parts)
+        self.families = Families(network, self.compiler, self.parts, self._of_member)
         figures = InstanceFigures(network, self.streams, self.monitors)
         network.resolve = lambda label: (
             figures.find(label) or recognitions(network, label) or self.parts.undeclared(label, features)
@@ -295,17 +300,8 @@ class Instance:
 
     def _begin_in_past(self, change: SpecificationChange) -> None:
         """What may be refused comes first, with what it needs, while everything is still as it was."""
-        past = [
-            each
-            for each in change.new
-            if isinstance(each, spec.StreamDeclaration) and self._past_us(each.term) is not None
-        ]
-        if not past:
-            return
-        taken = {name for each in change.gone for name in _names(each)}
-        for each in (*(each for each in change.new if isinstance(each, Part)), *past):
-            label = each.label if isinstance(each, spec.GeneratorDeclaration) else None
-            if taken.isdisjoint(_names(each)) and (label is None or label not in self.parts.held):
+        for each in needed_first(change, lambda term: self._past_us(term) is not None):
+            if not isinstance(each, spec.GeneratorDeclaration) or each.label not in self.parts.held:
                 self._undo[each] = self._realise(each)
 
     def _become(self, gone: Sequence[spec.Declaration], new: Iterable[spec.Declaration]) -> None:
@@ -320,10 +316,19 @@ class Instance:
                 self._undo.pop(each)()
         for declared in successors:
             self._undo[declared] = self._realise(declared)
-        if any(isinstance(each, spec.GeneratorDeclaration) for each in gone):
+        if gone:
             self.families.renew()
 
+    def _of_member(self, declaration: spec.Declaration) -> Undo:
+        """Of a member of a family, from when it has come: its past is not looked for."""
+        before, self._is_going_back = self._is_going_back, True
+        try:
+            return self._realise(declaration)
+        finally:
+            self._is_going_back = before
+
     def _realise(self, declaration: spec.Declaration) -> Undo:
+        self.families.give_way(declaration)
         match declaration:
             case spec.GeneratorDeclaration():
                 return self.parts.add(declaration)
@@ -413,8 +418,3 @@ class Instance:
             monitor.cancel()
 
         return end
-
-
-def _names(declaration: spec.Declaration) -> list[tuple[str, object]]:
-    symbol = symbol_of(declaration)
-    return [(symbol.kind, name) for name in symbol.names]

@@ -11,9 +11,11 @@ from dyknow.network.process import Process
 from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import Prototype, SourcePrototype
 from dyknow.network.stream_proxy import StreamProxy
+from kpl.checking.symbols import symbol_of
 from kpl.running.compiling import CompiledGenerator, Compiler, Members, check_offer
 from kpl.running.ports import Undo, nothing
 from kpl.syntax import specification as spec
+from kpl.syntax.listing import print_declaration
 
 Features: TypeAlias = Callable[[Label], tuple[Sort, Process] | None]
 
@@ -213,26 +215,75 @@ class Parts:
 class Families:
     """All families of an instance; `members` has the members of each, by the label of what it makes."""
 
-    def __init__(self, network: Network, compiler: Compiler, parts: Parts) -> None:
+    def __init__(
+        self,
+        network: Network,
+        compiler: Compiler,
+        parts: Parts,
+        realise: Callable[[spec.Declaration], Undo],
+    ) -> None:
         self._network, self._compiler, self._parts = network, compiler, parts
+        self._realise = realise
         self.members: dict[Label, Configuration] = {}
+        self.others: dict[str, Configuration] = {}
+        self._made: dict[tuple[object, ...], Undo] = {}
 
     def renew(self) -> None:
         """Some of what belongs to members may be gone: make it again where it is."""
-        for family in self.members.values():
+        for family in (*self.members.values(), *self.others.values()):
             family.renew()
 
+    def give_way(self, declaration: spec.Declaration) -> None:
+        """What is declared by itself takes the place of what a member has."""
+        self._made.pop(_called(declaration), nothing)()
+
     def add(self, declaration: spec.ForEach) -> Undo:
-        """One process per member; a member for which there is a declaration of its own is left to that."""
+        """What is declared, once per member; a member for which there is a declaration of its own is left to that."""
+        if isinstance(declaration.body, spec.GeneratorDeclaration):
+            return self._add_generators(declaration, declaration.body)
+        own = dict[str, tuple[object, ...]]()
+
+        def create(member: str) -> None:
+            each = spec.of_member(declaration, member)
+            called = _called(each)
+            if called in self._made or self._is_declared(each):
+                return
+            if isinstance(each, spec.Import) and each.unit == self._compiler.unit:
+                return  # of itself a platform imports nothing
+            try:
+                self._made[called], own[member] = self._realise(each), called
+            except DyknowError as wrong:
+                self._network.on_fault(declaration.domain.label, f"`{print_declaration(each)}`: {wrong}")
+
+        def remove(member: str) -> None:
+            if member in own:
+                self._made.pop(own.pop(member), nothing)()
+
+        def admit(more: int) -> None:
+            if more > 0 and len(self._made) + more > MAX_OF_FAMILIES:
+                raise SortError(f"{more} more members; families of an instance have {MAX_OF_FAMILIES} at most")
+
+        text = print_declaration(declaration)
+        self.others[text] = Configuration(
+            self._network, self._compiler.input(declaration.domain), create, remove, admit
+        )
+        return lambda: self.others.pop(text).cancel()
+
+    def _is_declared(self, declaration: spec.Declaration) -> bool:
+        """Whether what a member would have is declared by itself."""
+        symbol = symbol_of(declaration)
+        return any(self._compiler.symbols.named(symbol.kind, name) is not None for name in symbol.names)
+
+    def _add_generators(self, declaration: spec.ForEach, body: spec.GeneratorDeclaration) -> Undo:
         own = set[Label]()
-        family_label = declaration.body.label
+        family_label = body.label
 
         def create(member: str) -> None:
             members = {declaration.variable: member}
             label = self._compiler.label(family_label, members)
             if label not in self._parts.held:
                 try:
-                    self._parts.of_families[label] = self._parts.add(declaration.body, members)
+                    self._parts.of_families[label] = self._parts.add(body, members)
                     own.add(label)
                 except DyknowError as wrong:
                     self._network.on_fault(label, str(wrong))
@@ -263,6 +314,18 @@ class Families:
             family.cancel()
 
         return undo
+
+
+def _called(declaration: spec.Declaration) -> tuple[object, ...]:
+    """What nothing else of an instance is called."""
+    match declaration:
+        case spec.Import(_, _, term):
+            return (spec.Import, term.label)
+        case spec.Export(semantic):
+            return (spec.Export, semantic)
+        case spec.StreamDeclaration(name) | spec.MonitorDeclaration(name):
+            return (type(declaration), name)
+    return ()
 
 
 def inputs_taken(process: object) -> Iterator[StreamProxy]:

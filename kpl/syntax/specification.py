@@ -5,7 +5,7 @@ where each stood.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from dyknow.model.labels import Label
@@ -13,7 +13,7 @@ from dyknow.model.values import Sort
 from dyknow.policies.policy import Policy
 from reasoning.chronicles import ChronicleFile as Chronicles
 from reasoning.formulas.evaluation import NoValuePolicy
-from reasoning.formulas.tree import Feature, Formula, Node
+from reasoning.formulas.tree import Domain, Feature, Forall, Formula, Node, instantiate
 
 ANY_UPDATE = Policy()
 ExportVisibility: TypeAlias = Literal["public", "protected", "private"]
@@ -119,15 +119,6 @@ class StreamDeclaration(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class ForEach(Node):
-    """`for NAME in TERM strmgen ...`: one process per member, removed with it (thesis 3.3, configuration)."""
-
-    variable: str
-    domain: StreamTerm
-    body: GeneratorDeclaration
-
-
-@dataclass(frozen=True, slots=True)
 class SortDeclaration(Node):
     """`sort NAME in UNIT`, or `sort NAME(FIELD in UNIT, ...)`: what the values of a sort are."""
 
@@ -194,6 +185,15 @@ class MonitorDeclaration(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class ForEach(Node):
+    """`for NAME in TERM strmgen ...`: what is declared, once per member and removed with it (thesis 3.3, configuration)."""
+
+    variable: str
+    domain: StreamTerm
+    body: GeneratorDeclaration | StreamDeclaration | Export | Import | MonitorDeclaration
+
+
+@dataclass(frozen=True, slots=True)
 class ChronicleDeclaration(Node):
     """`chronicle file "PATH" [with max delay D]`; `content` is what the file declares, None where it was not read."""
 
@@ -217,6 +217,35 @@ Declaration: TypeAlias = (
     | ChronicleDeclaration
 )
 Specification: TypeAlias = tuple[Declaration, ...]
+
+
+def of_member(family: ForEach, member: str) -> Declaration:
+    """What a family declares for one member; `stream speed = ...` and monitors are called `speed-car1` then."""
+    body, variable = family.body, family.variable
+
+    def put(label: Label) -> Label:
+        return Label(label.feature, tuple(member if one == variable else one for one in label.objects))
+
+    match body:
+        case StreamDeclaration(name, term):
+            return replace(body, name=f"{name}-{member}", term=replace(term, label=put(term.label)))
+        case Export(_, term):
+            return replace(body, term=replace(term, label=put(term.label)))
+        case Import(_, unit, term):
+            term = replace(term, label=put(term.label))
+            return replace(body, unit=member if unit == variable else unit, term=term)
+        case MonitorDeclaration(name, formula):
+            return replace(body, name=f"{name}-{member}", formula=instantiate(formula, variable, member))
+    return body
+
+
+def monitor_of(declaration: Declaration) -> MonitorDeclaration | None:
+    """The monitor that is declared; that of each member of a family as one over all of them."""
+    if isinstance(declaration, MonitorDeclaration):
+        return declaration
+    if isinstance(declaration, ForEach) and isinstance(body := declaration.body, MonitorDeclaration):
+        return replace(body, formula=Forall(declaration.variable, Domain(()), body.formula, place=body.formula.place))
+    return None
 
 
 def policies_of(declaration: Declaration) -> Iterator[tuple[Node, Policy]]:

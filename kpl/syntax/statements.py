@@ -160,8 +160,12 @@ class _StatementReader(FormulaReader):
 
     def _for_each(self, node: Any, place: Place) -> spec.Declaration:
         variable, domain, body = node.children
-        generator = self._strmgen(body, place_of(body, self.text))
-        return spec.ForEach(_name(variable), self._member(domain), generator, place=place)
+        name, at = _name(variable), place_of(body, self.text)
+        if body.data == "monitor":
+            inside = self._monitor(body, at, frozenset({name}))
+        else:
+            inside = cast("Any", self.declaration(body))
+        return spec.ForEach(name, self._member(domain), inside, place=place)
 
     def _sort_(self, node: Any, place: Place) -> spec.Declaration:
         name, *shape = node.children
@@ -223,7 +227,7 @@ class _StatementReader(FormulaReader):
             self.error("each parameter of a definition has a name of its own", feature.place, repair)
         return spec.Define(feature, self.read(formula, frozenset(map(str, feature.objects))), place=place)
 
-    def _monitor(self, node: Any, place: Place) -> spec.Declaration:
+    def _monitor(self, node: Any, place: Place, bound: frozenset[str] = _FREE) -> spec.MonitorDeclaration:
         name, _equals, formula, *options = node.children
         no_value: NoValuePolicy = "undecided"
         close_after, constraints = 2, []
@@ -238,7 +242,7 @@ class _StatementReader(FormulaReader):
                 close_after = self._count(option.children[0])
             else:
                 constraints.append(option)
-        inside = self.read(formula, _FREE)
+        inside = self.read(formula, bound)
         return spec.MonitorDeclaration(
             _name(name), inside, self._policy(constraints), no_value, close_after, place=place
         )

@@ -298,11 +298,15 @@ def run(
 
 def _tell_idle(call: Call, running: Run, fed: "Sequence[FedSample]", feed: Path | None, file: Path) -> None:
     """Note what will not happen: exports and imports, sources without samples, samples without a source."""
-    from kpl.syntax.specification import Export, Import
+    from kpl.checking.symbols import OF_A_PLATFORM, symbol_of
+    from kpl.syntax.specification import Export, ForEach, Import
 
-    if any(isinstance(each, Export | Import) for each in running.instance.specification):
+    every = running.instance.specification
+    bodies = (each.body if isinstance(each, ForEach) else each for each in every)
+    has_units = any(str(need.term.label) == OF_A_PLATFORM for each in every for need in symbol_of(each).takes)
+    if has_units or any(isinstance(each, Export | Import) for each in bodies):
         unit = running.instance.unit
-        call.out.note(f"note: exports and imports need a federation: dyknow join --unit {unit} --spec {file}.")
+        call.out.note(f"note: exports, imports and `units` need a federation: dyknow join --unit {unit} --spec {file}.")
     sources, sampled = set(running.instance.sources()), {each.source for each in fed}
     lacking, idle = ", ".join(sorted(sources - sampled)), ", ".join(sorted(sampled - sources))
     if lacking and feed is None:
