@@ -245,7 +245,7 @@ class Compiler:
             wrong = policy.change if policy.delay_before_us is None else "delay before approximation"
             raise located(
                 node,
-                f"`{wrong}` is a constraint of states, and says nothing of another stream",
+                f"`{wrong}` is a constraint of states, and means nothing for another stream",
                 f"with {asked}" if asked != Policy() else "nothing: leave it out",
             )
         if self.admission == "longer":
