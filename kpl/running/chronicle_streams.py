@@ -48,6 +48,8 @@ class ChronicleWatch:
         delay_us: how late samples may come.
         on_recognised: called with every instance, and when (federation time).
         on_fault: called once for what is wrong with a stream or a chronicle.
+        max_age_ms: instances last no longer; None: as their chronicles say.
+        initially: the first values of streams have been so since ever (8.4).
 
     Attributes:
         proxies: the streams that are taken.
@@ -63,10 +65,13 @@ class ChronicleWatch:
         on_recognised: Callable[[chronicles.ChronicleInstance, int], None],
         on_fault: Callable[[Label, str], None],
         limits: chronicles.RecognitionLimits | None = None,
+        *,
+        max_age_ms: int | None = None,
+        initially: bool = False,
     ) -> None:
-        compiled = [chronicles.compile_chronicle(each, content) for each in content.chronicles.values()]
+        compiled = [chronicles.compile_chronicle(each, content, max_age_ms) for each in content.chronicles.values()]
         self.recogniser = chronicles.Recogniser(compiled, limits)
-        self._events = chronicles.ChangeEvents(self.recogniser)
+        self._events = chronicles.ChangeEvents(self.recogniser, initially=initially)
         self.proxies: dict[Label, StreamProxy] = {}
         self._network, self.delay_us = network, delay_us
         self._on_recognised, self._on_fault = on_recognised, on_fault
@@ -169,7 +174,13 @@ class ChronicleStreams:
         self._network, self._content = network, content
         self._out = {name: network.add_source(Label(RECOGNISED, (name,)), SORT) for name in content.chronicles}
         self.watch = ChronicleWatch(
-            network, content, MAX_DELAY_US if delay_us is None else delay_us, self._push, self._fault
+            network,
+            content,
+            MAX_DELAY_US if delay_us is None else delay_us,
+            self._push,
+            self._fault,
+            max_age_ms=declaration.max_age_ms,
+            initially=declaration.since_ever,
         )
 
     @property

@@ -222,9 +222,11 @@ class Compiler:
         if not declaration.content.chronicles:
             raise located(declaration, f"{declaration.path} declares no chronicle", "chronicle name[?x] { ... }")
         if declaration.policy != Policy(max_delay_us=declaration.policy.max_delay_us):
-            raise located(declaration, "chronicles know max delay only", "with max delay 500")
+            raise located(
+                declaration, "chronicles know max delay, max age and first values since ever", "with max delay 500"
+            )
         try:
-            Recogniser.of(declaration.content)
+            Recogniser.of(declaration.content, max_age_ms=declaration.max_age_ms)
         except ChronicleError as wrong:
             raise located(declaration, f"{declaration.path}: {wrong}") from None
 

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable
 
+from dyknow.model.instants import print_duration
 from dyknow.model.labels import RESERVED
 from dyknow.model.values import Sort
 from dyknow.policies.policy import Policy
@@ -44,8 +45,14 @@ def print_declaration(declaration: spec.Declaration) -> str:
             return f"define {print_formula(feature)} = {print_formula(formula)}"
         case spec.MonitorDeclaration():
             return f"monitor {declaration.name} = {print_formula(declaration.formula)}{_options(declaration)}"
-        case spec.ChronicleDeclaration(path, policy):
-            return f'chronicle file "{path}"{_with(policy)}'
+        case spec.ChronicleDeclaration(path, policy, _, max_age_us, since_ever):
+            said = [
+                "" if policy == spec.ANY_UPDATE else str(policy),
+                "" if max_age_us is None else f"max age {print_duration(max_age_us)}",
+                "first values since ever" if since_ever else "",
+            ]
+            options = ", ".join(filter(None, said))
+            return f'chronicle file "{path}"{f" with {options}" if options else ""}'
 
 
 def _sort(sort: Sort) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
+from dyknow.model.instants import US_PER_MS
 from dyknow.model.labels import Label
 from dyknow.model.values import Sort
 from dyknow.policies.policy import Policy
@@ -195,11 +196,23 @@ class ForEach(Node):
 
 @dataclass(frozen=True, slots=True)
 class ChronicleDeclaration(Node):
-    """`chronicle file "PATH" [with max delay D]`; `content` is what the file declares, None where it was not read."""
+    """`chronicle file "PATH" [with max delay D, max age T, first values since ever]`.
+
+    Attributes:
+        content: what the file declares, None where it was not read.
+        max_age_us: instances last no longer, which bounds what is remembered (C6); None: as the chronicles say.
+        since_ever: the first value of a stream has been so since ever, and is no change at its valid time (C2; 8.4).
+    """
 
     path: str
     policy: Policy = ANY_UPDATE
     content: Chronicles | None = None
+    max_age_us: int | None = None
+    since_ever: bool = False
+
+    @property
+    def max_age_ms(self) -> int | None:
+        return None if self.max_age_us is None else -(-self.max_age_us // US_PER_MS)
 
 
 Declaration: TypeAlias = (

@@ -13,6 +13,7 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias, cast
 
 from dyknow.model.errors import PolicyError, SourceText, TextError, TextErrors
+from dyknow.model.instants import parse_duration
 from dyknow.model.labels import Label
 from dyknow.model.semantic_labels import SemanticLabel, definition_errors, sort_errors
 from dyknow.model.values import Field, Sort
@@ -248,8 +249,15 @@ class _StatementReader(FormulaReader):
         )
 
     def _chronicle_file(self, node: Any, place: Place) -> spec.Declaration:
-        quoted, *policy = node.children
+        quoted, *options = node.children
         path, content = str(quoted)[1:-1], None
+        kinds = [option.data for option in options]
+        for kind in ("max_age", "since_ever"):
+            if kinds.count(kind) > 1:
+                again = options[-1 - kinds[::-1].index(kind)]
+                self.error("a file of chronicles has one such option", place_of(again, self.text), "leave one out")
+        ages = [each for each in options if each.data == "max_age"]
+        policy = self._policy([each for each in options if each.data not in {"max_age", "since_ever"}])
         if self._read_file is not None:
             try:
                 content = parse_chronicles(SourceText(self._read_file(path), path))
@@ -259,7 +267,15 @@ class _StatementReader(FormulaReader):
                 self.error(f"{path} cannot be read: {wrong}", place, "the path, from where this file lies")
             if content is None:
                 self.unread.add(spec.RECOGNISED)
-        return spec.ChronicleDeclaration(path, self._policy(policy[0].children if policy else []), content, place=place)
+        max_age_us = self._age(ages[0]) if ages else None
+        return spec.ChronicleDeclaration(path, policy, content, max_age_us, "since_ever" in kinds, place=place)
+
+    def _age(self, node: Any) -> int | None:
+        place = place_of(node, self.text)
+        age_us = self.attempt(lambda: parse_duration(str(node.children[0])), place, 1)
+        if age_us == 0:
+            self.error("what lasts no time has no events but at one instant", place, "max age 1min")
+        return age_us
 
     # What they are made of
 

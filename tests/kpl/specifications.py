@@ -132,6 +132,13 @@ declarations = (
         st.sampled_from(["undecided", "skip", "true", "false"]),
         st.integers(1, 9),
     )
-    | st.builds(ChronicleDeclaration, st.sampled_from(["overtake.chr", "a b/c.chr", ""]))
+    | st.builds(
+        ChronicleDeclaration,
+        st.sampled_from(["overtake.chr", "a b/c.chr", ""]),
+        st.just(Policy()) | policies(),
+        st.none(),
+        st.none() | st.integers(1, 10**9),
+        st.booleans(),
+    )
 )
 specifications = st.lists(declarations, max_size=6).map(tuple)

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
+from functools import partial as given
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
 
@@ -39,6 +39,9 @@ def chronicle(
     max_age: Annotated[
         str | None, typer.Option(metavar="TIME", help="Instances last no longer than this; bounds what is remembered.")
     ] = None,
+    partial: Annotated[
+        bool, typer.Option("--partial", help="Also what may become an instance when the events end, and until when.")
+    ] = False,
 ) -> int:
     """Chronicles in recorded events, or over a platform's live streams; exit 1 if nothing was recognised."""
     if events is not None and unit is None:
@@ -47,9 +50,13 @@ def chronicle(
         recognition = _Recognition(call, _recogniser(file, max_age), str(events))
         with _opened(events, "--events", "a list of events is a text of JSON lines") as lines:
             recognition.all(lines)
+        if partial:
+            recognition.partial()
         recognition.notes()
         return DONE if recognition.count else NO
     if events is None and unit is not None:
+        if partial:
+            raise WrongCall("--partial: a platform tells what is recognised; it is for --events FILE.jsonl.")
         if max_age is not None:
             raise WrongCall("--max-age: a platform bounds what it remembers itself; it is for --events FILE.jsonl.")
         delay_s = None if max_delay is None else duration_us(max_delay, option="--max-delay", least_us=0) / 1e6
@@ -110,7 +117,7 @@ class _Recognition:
         from reasoning.chronicles.recognition.events import read_events
         from reasoning.monitoring.json_lines import LIMIT_LINE
 
-        pieces = iter(partial(lines.readline, LIMIT_LINE + 2), "")
+        pieces = iter(given(lines.readline, LIMIT_LINE + 2), "")
         for event in read_events(pieces, self._file):
             for instance in event.told_to(self._recogniser):
                 self._tell(instance)
@@ -156,6 +163,23 @@ class _Recognition:
             columns = ("t_ms", "chronicle", "variables", "instants")
             self._out.table("", columns, self._rows, right=("t_ms",), wraps=("variables", "instants"))
             self._rows.clear()
+
+    def partial(self) -> None:
+        """What may become an instance (8.4): what is matched, what is missing, and when it is given up at the latest."""
+        rows = []
+        for each in self._recogniser.partial_instances():
+            instants = {name: _shown(at_ms) for name, at_ms in each.instants.items()}
+            if self._out.json_lines:
+                record = {"bindings": dict(each.bindings), "instants": instants, "missing": each.missing}
+                self._out.line({"partial": each.chronicle, **record, "dies_ms": each.dies_ms})
+                continue
+            until = "" if each.dies_ms is None else str(each.dies_ms)
+            bindings = " ".join(f"{name}={symbol}" for name, symbol in each.bindings.items())
+            times = " ".join(f"{name}={at}" for name, at in instants.items())
+            rows.append((each.chronicle, bindings, times, "; ".join(each.missing), until))
+        if rows:
+            columns = ("partial", "variables", "instants", "missing", "until")
+            self._out.table("", columns, rows, right=("until",), wraps=("variables", "instants", "missing"))
 
     def notes(self) -> None:
         """Note what was ignored, what is missing, and what was still open."""

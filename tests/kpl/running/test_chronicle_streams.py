@@ -166,7 +166,10 @@ def test_what_is_wrong_is_told_with_its_place(chronicles, line, said):
 
 @pytest.mark.parametrize(
     ("chronicles", "policy", "said"),
-    [(TURNS, "sample every 100", "max delay only"), ("domain d = {a}\n", "max delay 1s", "declares no chronicle")],
+    [
+        (TURNS, "sample every 100", "chronicles know max delay, max age"),
+        ("domain d = {a}\n", "max delay 1s", "declares no chronicle"),
+    ],
 )
 def test_what_cannot_be_recognised_is_refused(chronicles, policy, said):
     refused(f'chronicle file "turns.chr" with {policy}\n', chronicles, said)
@@ -187,3 +190,53 @@ def test_a_file_that_cannot_be_read_is_told_where_it_is_named():
     (error,) = wrong.value.errors
     assert "turns.chr cannot be read" in str(error)
     assert error.line == STREAMS.splitlines().index('chronicle file "turns.chr" with max delay 100') + 1
+
+
+CHANGED = """
+attribute lit[?lamp]
+
+chronicle switched[?lamp] {
+    event(lit[?lamp]:(?, on), t1)
+    event(lit[?lamp]:(on, off), t2)
+    t1 < t2
+}
+"""
+
+
+def switched(options, *samples):
+    text = f'source text lamp\nstrmgen lit[a] = lamp\nchronicle file "l.chr" with max delay 100{options}\nstream s = chronicle[switched]\n'
+    assert parse_specification(print_specification(parse_specification(text))) == parse_specification(text)
+    run = Run(text, CHANGED)
+    for valid_ms, value in samples:
+        run.feed("lamp", valid_ms, value)
+    run.at(60_000)
+    return [dict(sample.value[2]) for name, sample in run.told if name == "s"]
+
+
+def test_first_values_are_changes_at_their_time_or_have_been_so_since_ever():
+    samples = (1000, "on"), (2000, "off")
+    assert switched("", *samples) == [{"t1": 1000, "t2": 2000}]
+    (since_ever,) = switched(", first values since ever", *samples)
+    assert (since_ever["t1"] < -(2**40), since_ever["t2"]) == (True, 2000)
+
+
+def test_with_a_maximum_age_longer_instances_are_not_recognised_and_what_is_older_is_forgotten():
+    samples = (1000, "on"), (3000, "off"), (10_000, "on"), (20_000, "off")
+    assert [each["t2"] for each in switched("", *samples)] == [3000, 20_000, 20_000]
+    assert [each["t2"] for each in switched(", max age 5s", *samples)] == [3000]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (", max age 5s, max age 6s", "one such option"),
+        (", first values since ever, first values since ever", "one such option"),
+        (", max age 0s", "lasts no time"),
+        (", any change", "chronicles know max delay, max age and first values since ever"),
+    ],
+)
+def test_options_of_chronicles_that_cannot_be_are_told_with_their_place(options, said):
+    with pytest.raises(TextErrors) as refused:
+        switched(options)
+    (wrong,) = refused.value.errors
+    assert (wrong.line, said in wrong.message) == (3, True)

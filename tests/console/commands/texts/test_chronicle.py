@@ -129,3 +129,23 @@ def test_chronicles_are_checked_and_shown_like_specifications(dyknow: Run, files
     checked = dyknow("kpl", "check", str(files[0]), "--json")
     assert checked.returncode == 1
     assert [json.loads(line)["line"] for line in checked.stdout.splitlines()] == [5, 6]
+
+
+def test_what_may_become_an_instance_is_told_with_what_is_missing_and_until_when(
+    dyknow: Run, files: tuple[Path, Path]
+) -> None:
+    files[1].write_text("\n".join(json.dumps(event) for event in EVENTS[:2]))
+    done = run(dyknow, files, "--partial", "--json")
+    (partial,) = map(json.loads, done.stdout.splitlines())
+    assert partial["partial"] == "overtake"
+    assert partial["bindings"] == {"?car1": "a", "?car2": "b"}
+    assert partial["instants"] == {"t1": 100}
+    assert len(partial["missing"]) == 1
+    assert "in_front" in partial["missing"][0]
+    assert partial["dies_ms"] == 60_101
+    shown = run(dyknow, files, "--partial").stdout
+    assert "t1=100" in shown
+    assert "60101" in shown
+    files[1].write_text("\n".join(json.dumps(event) for event in [*EVENTS, {"t_ms": 70_000}]))
+    assert "partial" not in run(dyknow, files, "--partial", "--json").stdout
+    assert dyknow("chronicle", str(files[0]), "--unit", "0", "--partial").returncode == 2
