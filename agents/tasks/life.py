@@ -130,7 +130,7 @@ class TaskLife(Part):
 
         Raises:
             Refused: `cancelled`; `led-by` with the coordinator that stays; `delegator`, `delegate`: the name of the task
-                says that another one asked for it, or was asked.
+                has another one.
         """
         task, unit, delegator = claim.task, claim.unit, claim.delegator
         of_others = self._ended_by_others.get(task)
@@ -142,7 +142,7 @@ class TaskLife(Part):
         led = self.coordinated.get(task)
         if led is None:
             if not task.endswith(f".{claim.delegate}") or (claim.generation == 1 and unit != claim.delegate):
-                raise Refused(f"{unit} was not asked to coordinate task {task}: its name says who was", "delegate")
+                raise Refused(f"{unit} is not the delegate of task {task}, which its name has", "delegate")
             return
         if not self._may_follow(led, claim):
             text = f"led by {led.leader} in generation {led.generation}, which is here"
@@ -168,8 +168,8 @@ class TaskLife(Part):
     def follow(self, act: Act, told: CoordinatedTask, plan: TaskPlan, now_us: int) -> None:
         """Take part in a task: from now on the sender is its coordinator; `told` is the task in its words.
 
-        Its delegate states what the task is: a successor changes neither `avoidance` nor the delegator, and what one
-        that was heard first said of them goes by the delegate's word as soon as that is here.
+        Its delegate describes the task: a successor changes neither `avoidance` nor the delegator, and the description
+        of one that came first is replaced.
         """
         led = self.coordinated.setdefault(told.task, told)
         if told.generation == 1 and not led.is_stated:

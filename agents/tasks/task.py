@@ -57,7 +57,7 @@ class CoordinatedTask:
         leader: the coordinator; leader_boot: which life of it, since one that was restarted knows nothing of the task.
         generation: how often the coordination has passed to a successor, counted from 1.
         delegate: the platform it was delegated to, which coordinates it while it is there.
-        is_stated: whether the delegate itself has said here what the task is.
+        is_stated: whether the delegate itself has described the task here.
         members: the requests to each platform, as (unit, conversations); kept by the coordinator.
         former: the same, of a coordinator that stepped down: it goes when the task ends.
         own: by name, the act with which the coordinator requested a monitor of this platform.

@@ -63,7 +63,7 @@ class PlatformReturned(NamedTuple):
 
 
 class Departure(StrEnum):
-    """Why a platform has gone, as people read it."""
+    """Why a platform has gone, as it is shown."""
 
     LEFT = "left"
     RESTARTED = "restarted"

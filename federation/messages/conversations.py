@@ -58,9 +58,9 @@ class Conversations:
         self._answered: dict[str, None] = {}
 
     def new_conversation(self, receiver: str) -> str:
-        """An id that no other platform and no other life of this one uses; it names who asked whom.
+        """An id that no other platform and no other life of this one uses; it names both platforms.
 
-        A task has the id of the conversation in which it was delegated: who coordinates it at first is in its name.
+        A task has the id of the conversation in which it was delegated, so its delegate is in its name.
         """
         self._opened += 1
         return f"{self._prefix}{self._opened}.{receiver}"

@@ -291,8 +291,8 @@ def running_already(client: Client, task: str, to: str | None, given: Mapping[st
     """The task that monitors already what this request asks for, wherever it is coordinated; None if there is none.
 
     A request with a period or delay of its own goes to its platform, which knows whether they fit what runs. What a
-    platform says of a task is believed if it coordinates the task itself, not for another platform, and everyone
-    who is there has the monitors: another task costs little, a task that is not there all monitoring.
+    platform says of a task is believed if it coordinates the task itself, not for another platform, and every
+    platform has the monitors: another task costs little, a task that is not there all monitoring.
     """
     from agents.tasks.requests import DEFAULT_TASK
 
