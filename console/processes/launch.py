@@ -264,7 +264,7 @@ def together(configs: Sequence[config.NodeConfig]) -> list[list[config.NodeConfi
     """The platforms that run in one process each: an endpoint is opened once, for all vehicles that speak there.
 
     Raises:
-        WrongCall: vehicles of one endpoint that are not told apart by their system ids.
+        WrongCall: vehicles of one endpoint that are not distinguished by their system ids.
     """
     groups: dict[str, list[config.NodeConfig]] = {}
     for each in configs:
