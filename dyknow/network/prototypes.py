@@ -12,6 +12,8 @@ Users write them as functions and classes:
     @source("pos")
     def gps(from_us): yield valid_us, value       # each is read when its valid time has come
 
+A sort is a name, or a `Sort` with its unit or fields, `Sort("gas", unit="ppm")`: then values are checked.
+
 What a class takes when it is made are its settings; `variant` makes a prototype of its own of other settings:
 
     smooth_speed = variant(MovingAverage, "SmoothSpeed", "speed", "speed", seconds=2.0)
@@ -24,6 +26,7 @@ from typing import Any, Protocol, TypeAlias, TypeVar
 
 from dyknow.model.labels import Label
 from dyknow.model.sample import Sample, Value
+from dyknow.model.values import Sort
 from dyknow.network.computational_unit import Inputs, UnitFunction, latest_valid_us, of_values, quality_of
 from dyknow.network.process import Input, Process
 from dyknow.policies.policy import Policy
@@ -48,6 +51,7 @@ class UnitPrototype:
         supports: whether it can provide its output under a policy.
         priority: of units that have something to do at the same time the one with the higher number is first.
         elsewhere: the process over these inputs, under an output policy, where another host runs it (5.3).
+        shapes: what the values of those of its sorts are that were declared with units or fields.
         cost_us: how long a call takes. In simulated time it takes that long, None: no time. On a platform one that
             takes above `SLOW_US` runs in a worker, and so does None until calls have shown to be faster.
     """
@@ -63,6 +67,7 @@ class UnitPrototype:
     priority: int = 0
     elsewhere: Callable[[Sequence[Input], Policy | None], Process] | None = None
     cost_us: int | None = None
+    shapes: tuple[Sort, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.inputs:
@@ -98,6 +103,7 @@ class SourcePrototype:
         read: from a time on, its samples, ordered by valid time; None: samples are pushed from outside.
         label: of the stream generator that a host registers for it, `self` for the unit; empty: specifications say.
         elsewhere: the process, where another host runs it (5.3).
+        shapes: what its values are, if the sort was declared with a unit or fields.
     """
 
     name: str
@@ -105,6 +111,7 @@ class SourcePrototype:
     read: Callable[[int], Iterator[Reading]] | None = None
     label: str = ""
     elsewhere: Callable[[], Process] | None = None
+    shapes: tuple[Sort, ...] = ()
 
     def __post_init__(self) -> None:
         if self.label:
@@ -128,8 +135,8 @@ _PROTOTYPE = "__dyknow_prototype__"
 
 
 def computational_unit(
-    sort: str,
-    *inputs: str,
+    sort: str | Sort,
+    *inputs: str | Sort,
     name: str = "",
     samplewise: bool = False,
     history_us: int = 0,
@@ -142,8 +149,8 @@ def computational_unit(
     return _declared(
         lambda made: UnitPrototype(
             name or made.__name__,
-            sort,
-            inputs,
+            _name(sort),
+            tuple(map(_name, inputs)),
             partial(_function, of_samples, made),
             samplewise,
             history_us,
@@ -151,12 +158,18 @@ def computational_unit(
             supports,
             priority,
             cost_us=cost_us,
+            shapes=_shapes(sort, *inputs),
         )
     )
 
 
 def value_unit(
-    sort: str, *inputs: str, name: str = "", cheaper: str = "", priority: int = 0, cost_us: int | None = None
+    sort: str | Sort,
+    *inputs: str | Sort,
+    name: str = "",
+    cheaper: str = "",
+    priority: int = 0,
+    cost_us: int | None = None,
 ) -> Callable[[Made], Made]:
     """Declare a function from the values of the inputs to a value; where an input has no value, it is not called.
 
@@ -165,13 +178,14 @@ def value_unit(
     return _declared(
         lambda made: UnitPrototype(
             name or made.__name__,
-            sort,
-            inputs,
+            _name(sort),
+            tuple(map(_name, inputs)),
             partial(_function, of_values, made),
             samplewise=len(inputs) == 1,
             cheaper=cheaper,
             priority=priority,
             cost_us=cost_us,
+            shapes=_shapes(sort, *inputs),
         )
     )
 
@@ -189,19 +203,33 @@ def variant(unit: Any, name: str, *sorts: str, history_us: int | None = None, **
     if sorts and len(sorts) != 1 + len(prototype.inputs):
         raise ValueError(f"{name}: expected the sort of the output and of {len(prototype.inputs)} inputs, got {sorts}")
     sort, *inputs = sorts or (prototype.sort, *prototype.inputs)
+    shapes = tuple(each for each in prototype.shapes if each.name in {sort, *inputs})
     make = partial(prototype.make, **settings)
     make()  # settings that are wrong are wrong here, not when the first process is made
     history_us = prototype.history_us if history_us is None else history_us
-    return replace(prototype, name=name, sort=sort, inputs=tuple(inputs), make=make, history_us=history_us)
+    return replace(
+        prototype, name=name, sort=sort, inputs=tuple(inputs), make=make, history_us=history_us, shapes=shapes
+    )
 
 
-def source(sort: str, name: str = "", label: str = "") -> Callable[[Made], Made]:
+def source(sort: str | Sort, name: str = "", label: str = "") -> Callable[[Made], Made]:
     """Declare a function from a time to an iterator of (valid time, value), ordered by valid time.
 
     In a host (an operating system process of its own) it may block until there is something to be read, and give None
     for a valid time that is the time of the reading; with a `label` its stream is there without being declared.
     """
-    return _declared(lambda made: SourcePrototype(name or made.__name__, sort, made, label))
+    return _declared(
+        lambda made: SourcePrototype(name or made.__name__, _name(sort), made, label, shapes=_shapes(sort))
+    )
+
+
+def _name(sort: str | Sort) -> str:
+    return sort.name if isinstance(sort, Sort) else sort
+
+
+def _shapes(*sorts: str | Sort) -> tuple[Sort, ...]:
+    """Those that say what their values are."""
+    return tuple(sort for sort in sorts if isinstance(sort, Sort) and not sort.is_open)
 
 
 def prototypes_in(names: Iterable[Any]) -> list[Prototype]:

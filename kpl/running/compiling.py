@@ -189,12 +189,14 @@ class Compiler:
                     raise located(
                         declaration, f"{name} is implemented with other sorts", f"compunit {unit.sort} {name}({takes})"
                     )
+                self._check_shapes(declaration, name)
             case spec.SourceDeclaration(sort, name):
                 source = self._prototypes.find(name)
                 if isinstance(source, SourcePrototype) and source.sort != sort:
                     raise located(
                         declaration, f"{name} is implemented with another sort", f"source {source.sort} {name}"
                     )
+                self._check_shapes(declaration, name)
             case spec.Define():
                 definitions.check(declaration)
             case spec.MonitorDeclaration():
@@ -233,12 +235,27 @@ class Compiler:
     def _check_made(self, declaration: spec.GeneratorDeclaration, members: Members | None = None) -> None:
         self.making(declaration, members)
         made = declaration.made
+        name = made.unit if isinstance(made, spec.Refinement) else getattr(made, "source", "")
+        if name and self.symbols.maker(name) is None:
+            self._check_shapes(declaration, name)
         if isinstance(made, spec.StateStream):
             self._check_policy(made, made.policy, of_states=True)
         elif isinstance(made, spec.Refinement):
             self._check_policy(made, made.policy)
         for term in spec.terms_of(made):
             self._check_policy(term, term.policy)
+
+    def _check_shapes(self, declaration: spec.Declaration, name: str) -> None:
+        """What a module says that values are, is what they are here."""
+        prototype = self._prototypes.find(name)
+        for shape in () if prototype is None else prototype.shapes:
+            known = self.symbols.shape(shape.name)
+            if known is not None and known != shape:
+                raise located(
+                    declaration,
+                    f"the sort {shape.name} is {known} here; {name} is implemented with {shape}",
+                    f"sort {shape}",
+                )
 
     def _check_policy(self, node: Node, policy: Policy, *, of_states: bool = False) -> None:
         """Periods that are kept, and constraints that mean something here (Def. 7.8.4: of states)."""
