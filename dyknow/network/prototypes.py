@@ -51,7 +51,7 @@ class UnitPrototype:
         supports: whether it can provide its output under a policy.
         priority: of units that have something to do at the same time the one with the higher number is first.
         elsewhere: the process over these inputs, under an output policy, where another host runs it (5.3).
-        shapes: what the values of those of its sorts are that were declared with units or fields.
+        checked_sorts: what the values of those of its sorts are that were declared with units or fields.
         cost_us: how long a call takes. In simulated time it takes that long, None: no time. On a platform one that
             takes above `SLOW_US` runs in a worker, and so does None until calls have shown to be faster.
     """
@@ -67,7 +67,7 @@ class UnitPrototype:
     priority: int = 0
     elsewhere: Callable[[Sequence[Input], Policy | None], Process] | None = None
     cost_us: int | None = None
-    shapes: tuple[Sort, ...] = ()
+    checked_sorts: tuple[Sort, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.inputs:
@@ -103,7 +103,7 @@ class SourcePrototype:
         read: from a time on, its samples, ordered by valid time; None: samples are pushed from outside.
         label: of the stream generator that a host registers for it, `self` for the unit; empty: specifications say.
         elsewhere: the process, where another host runs it (5.3).
-        shapes: what its values are, if the sort was declared with a unit or fields.
+        checked_sorts: what its values are, if the sort was declared with a unit or fields.
     """
 
     name: str
@@ -111,7 +111,7 @@ class SourcePrototype:
     read: Callable[[int], Iterator[Reading]] | None = None
     label: str = ""
     elsewhere: Callable[[], Process] | None = None
-    shapes: tuple[Sort, ...] = ()
+    checked_sorts: tuple[Sort, ...] = ()
 
     def __post_init__(self) -> None:
         if self.label:
@@ -158,7 +158,7 @@ def computational_unit(
             supports,
             priority,
             cost_us=cost_us,
-            shapes=_shapes(sort, *inputs),
+            checked_sorts=_checked(sort, *inputs),
         )
     )
 
@@ -185,7 +185,7 @@ def value_unit(
             cheaper=cheaper,
             priority=priority,
             cost_us=cost_us,
-            shapes=_shapes(sort, *inputs),
+            checked_sorts=_checked(sort, *inputs),
         )
     )
 
@@ -203,12 +203,18 @@ def variant(unit: Any, name: str, *sorts: str, history_us: int | None = None, **
     if sorts and len(sorts) != 1 + len(prototype.inputs):
         raise ValueError(f"{name}: expected the sort of the output and of {len(prototype.inputs)} inputs, got {sorts}")
     sort, *inputs = sorts or (prototype.sort, *prototype.inputs)
-    shapes = tuple(each for each in prototype.shapes if each.name in {sort, *inputs})
+    checked_sorts = tuple(each for each in prototype.checked_sorts if each.name in {sort, *inputs})
     make = partial(prototype.make, **settings)
     make()  # settings that are wrong are wrong here, not when the first process is made
     history_us = prototype.history_us if history_us is None else history_us
     return replace(
-        prototype, name=name, sort=sort, inputs=tuple(inputs), make=make, history_us=history_us, shapes=shapes
+        prototype,
+        name=name,
+        sort=sort,
+        inputs=tuple(inputs),
+        make=make,
+        history_us=history_us,
+        checked_sorts=checked_sorts,
     )
 
 
@@ -219,7 +225,7 @@ def source(sort: str | Sort, name: str = "", label: str = "") -> Callable[[Made]
     for a valid time that is the time of the reading; with a `label` its stream is there without being declared.
     """
     return _declared(
-        lambda made: SourcePrototype(name or made.__name__, _name(sort), made, label, shapes=_shapes(sort))
+        lambda made: SourcePrototype(name or made.__name__, _name(sort), made, label, checked_sorts=_checked(sort))
     )
 
 
@@ -227,7 +233,7 @@ def _name(sort: str | Sort) -> str:
     return sort.name if isinstance(sort, Sort) else sort
 
 
-def _shapes(*sorts: str | Sort) -> tuple[Sort, ...]:
+def _checked(*sorts: str | Sort) -> tuple[Sort, ...]:
     """Those that say what their values are."""
     return tuple(sort for sort in sorts if isinstance(sort, Sort) and not sort.is_open)
 

@@ -189,14 +189,14 @@ class Compiler:
                     raise located(
                         declaration, f"{name} is implemented with other sorts", f"compunit {unit.sort} {name}({takes})"
                     )
-                self._check_shapes(declaration, name)
+                self._check_sorts(declaration, name)
             case spec.SourceDeclaration(sort, name):
                 source = self._prototypes.find(name)
                 if isinstance(source, SourcePrototype) and source.sort != sort:
                     raise located(
                         declaration, f"{name} is implemented with another sort", f"source {source.sort} {name}"
                     )
-                self._check_shapes(declaration, name)
+                self._check_sorts(declaration, name)
             case spec.Define():
                 definitions.check(declaration)
             case spec.MonitorDeclaration():
@@ -237,7 +237,7 @@ class Compiler:
         made = declaration.made
         name = made.unit if isinstance(made, spec.Refinement) else getattr(made, "source", "")
         if name and self.symbols.maker(name) is None:
-            self._check_shapes(declaration, name)
+            self._check_sorts(declaration, name)
         if isinstance(made, spec.StateStream):
             self._check_policy(made, made.policy, of_states=True)
         elif isinstance(made, spec.Refinement):
@@ -245,10 +245,10 @@ class Compiler:
         for term in spec.terms_of(made):
             self._check_policy(term, term.policy)
 
-    def _check_shapes(self, declaration: spec.Declaration, name: str) -> None:
+    def _check_sorts(self, declaration: spec.Declaration, name: str) -> None:
         """What a module says that values are, is what they are here."""
         prototype = self._prototypes.find(name)
-        for shape in () if prototype is None else prototype.shapes:
+        for shape in () if prototype is None else prototype.checked_sorts:
             known = self.symbols.shape(shape.name)
             if known is not None and known != shape:
                 raise located(

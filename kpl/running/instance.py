@@ -217,7 +217,7 @@ class Instance:
             semantic=self._semantic,
             running=running,
             figures=MEANINGS,
-            values={**{shape.name: shape for each in prototypes for shape in each.shapes}, **self._sorts},
+            values={**{shape.name: shape for each in prototypes for shape in each.checked_sorts}, **self._sorts},
             offered=self._offered,
             unread=unread,
         )

@@ -81,11 +81,11 @@ def test_a_formula_of_somebody_who_asks_means_what_it_means_in_the_specification
 @pytest.mark.parametrize(
     ("text", "said", "repair"),
     [
-        ("always fst[car1]", "nothing here makes fst", "fast"),
+        ("always fst[car1]", "nothing here makes fst", "fast[car1]"),
         ("always v[car11] > 3", "car11 is free", "car1"),
         ("always v[2] > 3", "nothing here makes v[2]", "v[car2]"),
         ("always forall c in carids: fast[c]", "there is no domain carids", "car_ids"),
-        ("always fastt[car1]", "nothing here makes fastt", "fast"),
+        ("always fastt[car1]", "nothing here makes fastt", "fast[car1]"),
         ("occurred(chronicle[turns])", "nothing here makes chronicle[turns]", ""),
     ],
 )

@@ -30,4 +30,6 @@ def test_what_is_derived_from_units_is_there_without_a_stream() -> None:
 
 
 def test_a_feature_that_nothing_makes_is_a_warning_with_what_may_have_been_meant() -> None:
-    assert ("nothing here makes sped, so that its value stays unknown", "speed") in warnings("always sped[car1] < 30")
+    assert ("nothing here makes sped, so that its value stays unknown", "speed[car1]") in warnings(
+        "always sped[car1] < 30"
+    )

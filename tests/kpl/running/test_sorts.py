@@ -64,10 +64,10 @@ def test_a_module_says_what_values_are_and_what_is_not_of_it_is_refused_and_repo
 
 
 def test_names_alone_are_sorts_of_any_value_as_before() -> None:
-    assert [each.shapes for each in UNITS] == [(GAS,), (WIND, GAS), (WIND,)]
+    assert [each.checked_sorts for each in UNITS] == [(GAS,), (WIND, GAS), (WIND,)]
     assert UNITS[2].sort == "speed"
     other = variant(blown, "Elsewhere", "breeze", "gas")
-    assert (other.sort, other.shapes) == ("breeze", (GAS,))
+    assert (other.sort, other.checked_sorts) == ("breeze", (GAS,))
 
 
 @pytest.mark.parametrize(
