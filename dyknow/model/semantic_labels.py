@@ -65,12 +65,12 @@ def definition_errors(label: SemanticLabel) -> Iterator[tuple[str, str]]:
     """What is wrong with a definition, and the repair; it would be refused by every platform."""
     if not LABEL_NAME.fullmatch(label.name):
         yield (
-            f"{_cut(label.name)} is no semantic label",
+            f"{plain(label.name)} is no semantic label",
             "lower-case words with hyphens, at most 64 characters: gas-level",
         )
     yield from sort_errors(label.sort)
     if not label.meaning.strip() or label.meaning != label.meaning.strip():
-        yield f"{_cut(label.name)} has no meaning", "one sentence: gas in the air around the platform"
+        yield f"{plain(label.name)} has no meaning", "one sentence: gas in the air around the platform"
     elif len(label.meaning) > MAX_MEANING:
         yield f"the meaning has {len(label.meaning)} characters", f"at most {MAX_MEANING}"
     elif not label.meaning.isprintable():
@@ -80,24 +80,26 @@ def definition_errors(label: SemanticLabel) -> Iterator[tuple[str, str]]:
 def sort_errors(sort: Sort) -> Iterator[tuple[str, str]]:
     """The same of a sort that is to be shared."""
     if not LABEL_NAME.fullmatch(sort.name):
-        yield f"{_cut(sort.name)} is no name of a sort", "lower-case words with hyphens, at most 64 characters: gas"
+        yield f"{plain(sort.name)} is no name of a sort", "lower-case words with hyphens, at most 64 characters: gas"
     if sort.fields and sort.unit:
-        yield f"{_cut(sort.name)} has both a unit and fields", "a unit for each field, and none for all"
+        yield f"{plain(sort.name)} has both a unit and fields", "a unit for each field, and none for all"
     if len(sort.fields) > MAX_FIELDS:
         yield f"{len(sort.fields)} fields are too many", f"at most {MAX_FIELDS}"
     names = [part.name for part in sort.fields]
     for part in sort.fields[:MAX_FIELDS]:
         if not FIELD_NAME.fullmatch(part.name):
             yield (
-                f"{_cut(part.name)} is no name of a field",
+                f"{plain(part.name)} is no name of a field",
                 "lower-case words with _, at most 32 characters: north_m_s",
             )
         elif names.count(part.name) > 1:
             yield f"two fields are called {part.name}", "names of their own"
     for unit in (part.unit or "1" for part in sort.fields[:MAX_FIELDS]) if sort.fields else (sort.unit,):
         if not UNIT_NAME.fullmatch(unit):
-            yield f"{_cut(unit)!r} is no unit", "ppm, m/s, percent, bool, text; 1 for what has none"
+            yield f"{plain(unit)!r} is no unit", "ppm, m/s, percent, bool, text; 1 for what has none"
 
 
-def _cut(text: str) -> str:
+def plain(text: str) -> str:
+    """A name that may be anything, to be shown in a message."""
+    text = "".join(char if char.isprintable() else repr(char)[1:-1] for char in text[:41])
     return text if len(text) <= 40 else f"{text[:37]}..."

@@ -11,7 +11,7 @@ from importlib.resources import files
 from typing import Any, Final
 
 from dyknow.model.errors import Refused, TextError, TextErrors, UnknownLabel
-from dyknow.model.semantic_labels import BUILT_IN, SemanticLabel, definition_errors
+from dyknow.model.semantic_labels import BUILT_IN, SemanticLabel, definition_errors, plain
 from dyknow.model.values import Field, Sort
 from federation.messages.descriptions import MAX_DEFINITIONS
 
@@ -175,12 +175,13 @@ class _Table:
 
     def __init__(self, name: str, entry: Any, text: str, file: str) -> None:
         self._name, self._entry, self._text, self._file = name, entry, text, file
+        self._shown = plain(name)
         self._errors: list[TextError] = []
 
     def read(self) -> SemanticLabel | list[TextError]:
         """The label, or all that is wrong with it."""
         if not isinstance(self._entry, dict):
-            self._wrong(f"{self._name} is no label", "", f"[{self._name}], with sort, unit and meaning below it")
+            self._wrong(f"{self._shown} is no label", "", f"[{self._shown}], with sort, unit and meaning below it")
             return self._errors
         for key in self._entry:
             if key not in _KEYS:
@@ -189,17 +190,17 @@ class _Table:
         unit, fields = self._entry.get("unit"), self._entry.get("fields")
         if (unit is None) == (fields is None):
             said = "has both unit and fields" if unit is not None else "has neither unit nor fields"
-            self._wrong(f"{self._name} {said}", "unit", 'unit = "ppm", or fields = { north_m_s = "m/s" }')
+            self._wrong(f"{self._shown} {said}", "unit", 'unit = "ppm", or fields = { north_m_s = "m/s" }')
         elif unit is not None and not isinstance(unit, str):
-            self._wrong(f"the unit of {self._name} is no text", "unit", 'unit = "ppm"')
+            self._wrong(f"the unit of {self._shown} is no text", "unit", 'unit = "ppm"')
         elif fields is not None and not (isinstance(fields, dict) and fields):
-            self._wrong(f"the fields of {self._name} are no table", "fields", 'fields = { north_m_s = "m/s" }')
+            self._wrong(f"the fields of {self._shown} are no table", "fields", 'fields = { north_m_s = "m/s" }')
         parts = []
         for field, of in fields.items() if isinstance(fields, dict) else ():
             if isinstance(of, str):
                 parts.append(Field(field, of))
             else:
-                self._wrong(f"the field {field} of {self._name} has no unit", "fields", f'{field} = "m/s"')
+                self._wrong(f"the field {plain(field)} of {self._shown} has no unit", "fields", f'{field} = "m/s"')
         if self._errors:
             return self._errors
         label = SemanticLabel(self._name, Sort(sort, tuple(parts), unit=unit or ""), meaning)
@@ -211,7 +212,7 @@ class _Table:
         found = self._entry.get(key)
         if not isinstance(found, str):
             what = f"has no {key}" if found is None else f"has a {key} that is no text"
-            self._wrong(f"{self._name} {what}", key, f"{key} = {example}")
+            self._wrong(f"{self._shown} {what}", key, f"{key} = {example}")
             return ""
         return found
 

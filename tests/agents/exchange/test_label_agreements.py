@@ -10,10 +10,11 @@ from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import Sort
 from federation import keys
 from federation.messages.acts import Performative
-from federation.messages.contents import CreateMulticast, Query, Samples
+from federation.messages.contents import CreateMulticast, Query, QueryStream, Samples
 from federation.messages.descriptions import MAX_DEFINITIONS
 from federation.messages.unpacking import VERSION, pack
 from federation.sharing.ontology import default_ontology
+from tests.agents.admission.test_hostile import trust
 from tests.box import Box, Question
 
 P = Performative
@@ -181,6 +182,24 @@ def test_visibility_says_who_may_ask(wire: Box, export: str, listed: bool, code:
     else:
         assert asked.performatives == [P.INFORM]
         assert shared.performatives == [P.AGREE, P.INFORM]
+
+
+def test_what_is_protected_is_for_members_with_a_role_and_an_observer_is_told_so_and_counted(wire: Box) -> None:
+    wire.join("0", catalogue=catalogue(["examples/labels/sniffer.py"]).offered, trust=trust("0"))
+    for unit in ("cc", "eye"):
+        wire.centre(unit, trust=trust(unit))
+    wire.run(1.0)
+    specify(wire, "0", SNIFFS.format(export="export gas-level"))
+    assert queried(wire, "eye", "0").performatives == queried(wire, "cc", "0").performatives == [P.INFORM]
+    specify(wire, "0", SNIFFS.format(export="export protected gas-level"))
+    assert queried(wire, "cc", "0").performatives == [P.INFORM]
+    asked = queried(wire, "eye", "0")
+    assert asked.reason == "gas-level is protected on 0: an observer may not ask for it"
+    assert asked.contents[0].code == "protected"
+    assert refused(wire, "protected", "0") == 1
+    stream = wire.asked("eye", "0", QueryStream(stream="gas[self]"), P.QUERY_REF)
+    assert stream.performatives == [P.REFUSE]
+    assert refused(wire, "role", "0") == 1
 
 
 def test_an_export_to_some_is_for_them_and_for_no_other_who_is_told_so_and_counted(wire: Box) -> None:

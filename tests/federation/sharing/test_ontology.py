@@ -186,3 +186,42 @@ def test_a_wrong_translation_is_explained(text: str, said: str) -> None:
 
 def test_an_ontology_can_be_made_from_nothing() -> None:
     assert len(Ontology({})) == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('[gas]\nsort = "gas"\nunit = nan\nmeaning = "m"', "the unit of gas is no text"),
+        ('[gas]\nsort = "gas"\nfields = { a = inf }\nmeaning = "m"', "the field a of gas has no unit"),
+        ('[gas]\nsort = "gas"\nfields = { a = { a = { a = "m" } } }\nmeaning = "m"', "the field a of gas has no unit"),
+        ("gas = " + "[" * 5000 + "]" * 5000, "nested too deep"),
+        ('[gas]\nsort = "gas"\nunit = "ppm"\nmeaning = "gas \\u001b[2J"', "characters that are not shown"),
+        ('[gas]\nsort = "gas"\nunit = "ppm"\nmeaning = "gas \\u202e"', "characters that are not shown"),
+        ('["gas\\u0007"]\nsort = "gas"\nunit = "ppm"\nmeaning = "m"', "is no semantic label"),
+        ('[gas]\nsort = "gas"\nunit = "ppm"\nmeaning = "m"\n[gas]\n', "not TOML"),
+        (f'[gas]\nsort = "gas"\nunit = "ppm"\nmeaning = "{"m" * 201}"', "the meaning has 201 characters"),
+        ("# " + "a" * 200_000, "an ontology has at most"),
+        ('gas = "gas"', "gas is no label"),
+        ('[battery]\nsort = "charge"\nunit = "percent"\nmeaning = "what is left"', "already (built in)"),
+        (
+            '[gas]\nsort = "charge"\nunit = "ppm"\nmeaning = "m"',
+            "the sort charge is charge(fraction in fraction) already",
+        ),
+    ],
+)
+def test_a_hostile_ontology_is_refused_with_the_cause_in_plain_text(text: str, said: str) -> None:
+    with pytest.raises(TextError) as wrong:
+        default_ontology().extended(text, "mine.toml")
+    assert said in wrong.value.message
+    assert all(char.isprintable() for char in wrong.value.message)
+    assert "gas" not in default_ontology()
+
+
+def test_a_platform_has_no_more_labels_than_what_it_says_of_itself_can_hold() -> None:
+    label = '[gas-{n}]\nsort = "gas"\nunit = "ppm"\nmeaning = "{m}"\n'
+    many = "".join(label.format(n=n, m="m") for n in range(128))
+    assert len(default_ontology().extended(many).own()) == 128
+    with pytest.raises(TextError, match="at most 128 labels of its own"):
+        default_ontology().extended(many + label.format(n=128, m="m"))
+    with pytest.raises(TextError, match="of 24000 characters together"):
+        default_ontology().extended("".join(label.format(n=n, m="m" * 200) for n in range(128)))
