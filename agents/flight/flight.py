@@ -159,13 +159,10 @@ class FlightAgent(Part):
         if self._awaited is not None:
             self._fail(self._awaited[0], "overtaken by a newer order", now_us)
         self._awaited = None
-        commands = tuple(commands)
         self._fly(commands)
-        if not commands or self.pilot.errand is None:
-            self._agent.done(act, now_us)
-            return
         self._agent.answer(act, Performative.AGREE, None, now_us)
-        self._awaited = act, self.pilot.errand
+        if self.pilot.errand is not None:
+            self._awaited = act, self.pilot.errand
 
     def _tell(self, now_us: int) -> bool:
         """Inform of the order that is awaited if its outcome is known; whether it was."""

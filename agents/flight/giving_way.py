@@ -26,7 +26,7 @@ from federation.members.clock import FederationClock
 from federation.members.liveness import PlatformGone
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Avoid, Content, Reason
-from navigation.vehicle import Command, GoToOrder, HoldOrder
+from navigation.vehicle import Command
 from reasoning import NEITHER_CAN_AVOID, AlarmEvent
 
 ANSWER_WITHIN_US = 1_000_000
@@ -272,12 +272,7 @@ class GivingWay(Part):
 
     def _may(self, altitude_m: float | None) -> str | None:
         """The rule that forbids stopping at that altitude, or at all."""
-        fix = self._pilot.fix
-        if altitude_m is None or fix is None:
-            return self._pilot.avoidance_off or self._pilot.refusal(HoldOrder())
-        return self._pilot.avoidance_off or self._pilot.refusal(
-            GoToOrder(fix.latitude_deg, fix.longitude_deg, altitude_m)
-        )
+        return self._pilot.avoidance_off or self._pilot.refusal(self._pilot.stop(altitude_m))
 
     def _do(self, steps: Iterable[Step], now_us: int) -> None:
         for step in steps:

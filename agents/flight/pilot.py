@@ -1,9 +1,10 @@
 """The pilot: flies the platform's plan and carries out orders, within the rules for commanding aircraft.
 
 A platform commands its vehicle only when it was given control, and only while the vehicle is armed, airborne, in a
-guided mode and heard; within floor, ceiling and range, and inside the autopilot's own fence. Every refusal names the
-rule that made it. What the vehicle was doing before it gave way is commanded once and then forgotten; after a takeover
-nothing is sent until a user asks for it. What becomes of an order is in `agents.flight.errand`.
+guided mode and heard (`agents.flight.rules`); within floor, ceiling and range, and inside the autopilot's own fence. In
+AUTO it only leaves the mission to give way, if it may, and continues it. Every refusal names the rule that made it. What
+the vehicle was doing before it gave way is commanded once and then forgotten; after a takeover, AUTO included, nothing is
+sent until a user asks for it. What becomes of an order is in `agents.flight.errand`.
 """
 
 from collections.abc import Callable
@@ -11,18 +12,21 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from agents.flight.errand import Errand, OrderProgress
-from agents.flight.places import Bounds, Fix, FlightLimits, FlightPlan
+from agents.flight.places import Bounds, Fix, FlightLimits, FlightPlan, between
+from agents.flight.rules import HEARD_WITHIN_US, in_words, unguided, unready
 from dyknow import Sample
 from dyknow.model.errors import Refused
 from navigation import vehicle
-from navigation.geodesy import distance_m
 
-HEARD_WITHIN_US = 3_000_000
 FORGETS_US = 3_500_000
 """After so long a silence home has to be reported again; the feed asks for it after 3 s."""
 RETRY_US = 2_000_000
 ATTEMPTS = 4
 """How often a leg of the plan is ordered that the vehicle did not answer."""
+RESUMES_US = 6_000_000
+"""So long after a mission was resumed the vehicle's mode may show it."""
+_FORBIDDEN = "forbidden"
+"""The code of a refusal by a rule."""
 _ENDINGS = vehicle.LandOrder | vehicle.ReturnHomeOrder
 
 
@@ -60,6 +64,7 @@ class Pilot:
     _now_us: int = 0
     _heard_us: int = 0
     _item: int | None = None
+    _resumed_us: int = -RESUMES_US
     _target: vehicle.TargetReport | None = None
     _target_us: int = -HEARD_WITHIN_US
     _standing: vehicle.Order | None = None
@@ -103,15 +108,27 @@ class Pilot:
     def _on_status(self, status: vehicle.StatusReport, now_us: int) -> None:
         if self.status is not None and now_us - self._heard_us > FORGETS_US:
             self.bounds.forget()
-        self.status, self._heard_us = status, now_us
+        before, self.status, self._heard_us = self.status, status, now_us
         self._judge(lambda errand: errand.on_status(status))
         if not status.armed:
             self._forget()
             self._suspended = False
-        elif not status.guided and status.mode not in vehicle.MISSION_MODES:
+        elif not status.guided and not self._flies_mission(before, status, now_us):
             self._target = None
-            if not isinstance(self._standing, _ENDINGS) and (self._goal or self._standing or self._aside):
-                self._take_over(f"the vehicle was taken over: mode {status.mode}")
+            on_plan = self._goal is not None and self.flying == "plan"
+            ours = on_plan or self._aside is not None or self.flying in {"order", "diverted"}
+            if ours and not isinstance(self._standing, _ENDINGS):
+                reason = f"the vehicle was taken over: mode {status.mode}"
+                if self.diversion is not None and not self.diversion.is_over:
+                    self.diversion.end(OrderProgress.OVERTAKEN, reason)
+                self._take_over(reason)
+
+    def _flies_mission(self, before: vehicle.StatusReport | None, status: vehicle.StatusReport, now_us: int) -> bool:
+        """Whether the vehicle flies its mission as before, or since an errand of ours resumed it."""
+        if status.mode not in vehicle.MISSION_MODES:
+            return False
+        resumed, self._resumed_us = now_us - self._resumed_us <= RESUMES_US, -RESUMES_US
+        return resumed or before is None or before.mode in vehicle.MISSION_MODES
 
     def _forget(self) -> None:
         """Nothing of this flight is left to be done."""
@@ -160,7 +177,8 @@ class Pilot:
             self._item = report.item
             return []
         self.errand, self._item = None, report.item
-        return [] if wanted in {None, report.item} else [self._command(vehicle.MissionItemOrder(wanted or 0))]
+        order = vehicle.MissionItemOrder(wanted or 0)
+        return [] if wanted in {None, report.item} or self.refusal(order) is not None else [self._command(order)]
 
     def _judge(self, look: Callable[[Errand], None]) -> None:
         """Let orders under way look at what has come, and tell what has become of them."""
@@ -170,7 +188,7 @@ class Pilot:
             before = errand.progress
             look(errand)
             if errand.progress is not before and errand.reason:
-                self.note(f"{_in_words(errand.order)}: {errand.progress.value}: {errand.reason}")
+                self.note(f"{in_words(errand.order)}: {errand.progress.value}: {errand.reason}")
 
     def on_estimate(self, sample: Sample) -> list[vehicle.Command]:
         """Take a fused estimate (see `navigation.PositionFilter`) and fly on."""
@@ -200,41 +218,23 @@ class Pilot:
         if self._again_us is not None and now_us >= self._again_us:
             self._goal, self._again_us = None, None
         blocked = self._suspended or self.diversion is not None or self._standing is not None
-        if self.plan is None or blocked or now_us < self.plan.start_us:
+        if self.plan is None or self.fix is None or blocked or now_us < self.plan.start_us:
             return []
-        wanted = self._next_leg(self.plan)
+        self._leg, wanted = self.plan.next_leg(self._leg, self.fix, self._clamped)
         if wanted is None or wanted == self._goal or self.refusal(wanted) is not None:
             return []
         same = self.errand is not None and self.errand.order == wanted
         self._goal, self._attempts = wanted, self._attempts + 1 if same else 1
         return [self._begin(wanted)]
 
-    def _next_leg(self, plan: FlightPlan) -> vehicle.Order | None:
-        fix = self.fix
-        if fix is None or self._leg >= len(plan.waypoints):
-            return None
-        there, last = plan.waypoints[self._leg], self._leg + 1 == len(plan.waypoints) and not plan.loop
-        up_m = self._clamped(vehicle.GoToOrder(*there)).altitude_m - fix.altitude_m if last else 0.0
-        if distance_m(fix.latitude_deg, fix.longitude_deg, *there[:2], up_m) <= plan.arrival_m:
-            self._leg += 1
-            if plan.loop:
-                self._leg %= len(plan.waypoints)
-            if self._leg >= len(plan.waypoints):
-                return vehicle.HoldOrder()
-            there = plan.waypoints[self._leg]
-        return self._clamped(vehicle.GoToOrder(*there, plan.speed_m_s))
-
     def _clamped(self, order: vehicle.GoToOrder) -> vehicle.GoToOrder:
         """The order, above (or below) the other vehicle while a bound is given."""
-        altitude_m = order.altitude_m
-        if self._raised_to_m is not None:
-            altitude_m = max(altitude_m, self._raised_to_m)
-        if self._lowered_to_m is not None:
-            altitude_m = min(altitude_m, self._lowered_to_m)
-        return order._replace(altitude_m=altitude_m)
+        return between(order, self._raised_to_m, self._lowered_to_m)
 
     def _begin(self, order: vehicle.Order) -> vehicle.Command:
         self.errand = self._errand(order)
+        if isinstance(order, vehicle.ResumeMissionOrder):
+            self._resumed_us = self.now_us
         return self.errand.command
 
     def _errand(self, order: vehicle.Order) -> Errand:
@@ -248,28 +248,12 @@ class Pilot:
     # -- the rules ---------------------------------------------------------------------------------------------
 
     def refusal(self, order: vehicle.Order) -> str | None:
-        """The rule that forbids `order` now, in words, or None; a mission counts as guided if it may be interrupted."""
-        return self._unready() or self._unguided() or self.bounds.outside(order, self.limits, self.fix)
-
-    def _unready(self) -> str | None:
-        if not self.control:
-            return "this platform was not given control of its vehicle (join with --control)"
-        status = self.status
-        if status is None:
-            return "the vehicle has not said in what state it is"
-        silent_us = self.now_us - self._heard_us
-        if silent_us > HEARD_WITHIN_US:
-            return f"no heartbeat for {silent_us / 1e6:.1f} s"
-        if not status.armed:
-            return "the vehicle is not armed"
-        return None if status.airborne else "the vehicle is not airborne"
-
-    def _unguided(self) -> str | None:
-        status = self.status
-        if status is None or status.guided or self._may_interrupt:
-            return None
-        remedy = "; --control auto lets it be interrupted to give way" if status.mode in vehicle.MISSION_MODES else ""
-        return f"the vehicle is in mode {status.mode}, which takes no positions; a guided mode is needed{remedy}"
+        """The rule that forbids `order` now, in words, or None."""
+        return (
+            unready(self.status, self.now_us - self._heard_us, control=self.control)
+            or unguided(order, self.status, missions=self.missions)
+            or self.bounds.outside(order, self.limits, self.fix)
+        )
 
     @property
     def avoidance_off(self) -> str | None:
@@ -277,9 +261,14 @@ class Pilot:
         status = self.status
         if not self.control or status is None or not (status.armed and status.airborne):
             return None
-        if self._unguided() is not None:
+        if not (status.guided or self._may_interrupt):
             return f"mode {status.mode}"
-        return "its pilot took over" if self._suspended and self._standing is None else None
+        return "its pilot took over" if self._is_taken_over else None
+
+    @property
+    def _is_taken_over(self) -> bool:
+        """Whether nothing is sent until a user asks for it."""
+        return self._suspended and self._standing is None
 
     @property
     def _may_interrupt(self) -> bool:
@@ -294,13 +283,9 @@ class Pilot:
         Raises:
             Refused: naming the rule.
         """
-        reason = self.refusal(order)
-        if reason is None and self.status is not None and not self.status.guided:
-            reason = f"the vehicle is in mode {self.status.mode}: only giving way interrupts a mission"
-        if reason is None and self.diversion is not None and not isinstance(order, _ENDINGS):
-            reason = "the vehicle is giving way to another; ask again when it flies on"
-        if reason is not None:
-            raise Refused(reason)
+        self._check(order)
+        if self.diversion is not None and not isinstance(order, _ENDINGS):
+            raise Refused("the vehicle is giving way to another; ask again when it flies on", "giving-way")
         if self._standing is None:
             self._before = self._others_target()
         self.diversion = self._aside = None
@@ -311,20 +296,48 @@ class Pilot:
         """End what was ordered: fly the plan on, or once to where the vehicle was sent before the order.
 
         Raises:
-            Refused: the vehicle is giving way, or there is nothing to return to.
+            Refused: as any order is, or the vehicle is giving way, or there is nothing to fly; nothing has changed then.
         """
-        if not self.control:
-            raise Refused(self._unready() or "")
+        self._check(vehicle.HoldOrder())
         if self.diversion is not None:
-            raise Refused("the vehicle is giving way to another; it flies on by itself")
-        before, self._standing, self._before = self._before, None, None
-        self._suspended, self._goal = False, None
+            raise Refused("the vehicle is giving way to another; it flies on by itself", "giving-way")
+        leg, wanted = self._interrupted()
+        self._check(wanted)
+        self._standing, self._before, self._suspended = None, None, False
         if self.plan is not None:
-            return [] if self.fix is None else self._fly(self.fix.valid_us)
-        reason = "nothing was interrupted that could be resumed" if before is None else self.refusal(before)
-        if before is None or reason is not None:
-            raise Refused(reason or "")
-        return [self._begin(before)]
+            self._leg, self._goal, self._attempts, self._again_us = leg, wanted, 1, None
+        return [self._begin(wanted)]
+
+    def _interrupted(self) -> tuple[int, vehicle.Order]:
+        """The leg of the plan, and its order; or the order that sends the vehicle where it was sent before."""
+        if self.plan is None:
+            if self._before is None:
+                raise Refused("nothing was interrupted that could be resumed", "nothing-to-resume")
+            return self._leg, self._before
+        now_us, fix = self.now_us, self.fix
+        if now_us < self.plan.start_us:
+            raise Refused(f"the plan begins in {(self.plan.start_us - now_us) / 1e6:.1f} s", "plan-not-begun")
+        if fix is None or now_us - fix.valid_us > HEARD_WITHIN_US:
+            raise Refused("the vehicle's position is not known", _FORBIDDEN)
+        leg, wanted = self.plan.next_leg(self._leg, fix, self._clamped)
+        if wanted is None:
+            raise Refused("the plan is over", "plan-over")
+        return leg, wanted
+
+    def _check(self, order: vehicle.Order) -> None:
+        """Raise Refused if a rule forbids `order`."""
+        reason = self.refusal(order)
+        if reason is not None:
+            raise Refused(reason, _FORBIDDEN)
+
+    def stop(self, altitude_m: float | None, place: tuple[float, float] | None = None) -> vehicle.Order:
+        """The order to stop there, see `divert`; in a mission it is one that leaves it."""
+        fix, interrupts = self.fix, self._may_interrupt
+        if fix is None or (altitude_m is None and place is None and not interrupts):
+            return vehicle.HoldOrder()
+        kind = vehicle.InterruptOrder if interrupts else vehicle.GoToOrder
+        latitude_deg, longitude_deg = place or (fix.latitude_deg, fix.longitude_deg)
+        return kind(latitude_deg, longitude_deg, fix.altitude_m if altitude_m is None else altitude_m)
 
     def divert(self, altitude_m: float | None, place: tuple[float, float] | None = None) -> list[vehicle.Command]:
         """Avoid another vehicle: stop at `altitude_m` above mean sea level, at `place` (WGS-84 degrees); None: where it is.
@@ -332,16 +345,10 @@ class Pilot:
         Raises:
             Refused: naming the rule.
         """
-        fix, interrupts = self.fix, self._may_interrupt
-        if fix is None or (altitude_m is None and place is None and not interrupts):
-            order: vehicle.Order = vehicle.HoldOrder()
-        else:
-            kind = vehicle.InterruptOrder if interrupts else vehicle.GoToOrder
-            latitude_deg, longitude_deg = place or (fix.latitude_deg, fix.longitude_deg)
-            order = kind(latitude_deg, longitude_deg, fix.altitude_m if altitude_m is None else altitude_m)
-        reason = self.refusal(order)
-        if reason is not None:
-            raise Refused(reason)
+        order = self.stop(altitude_m, place)
+        self._check(order)
+        if self._is_taken_over:
+            raise Refused("its pilot took over: nothing is sent until a user asks for it")
         if self.diversion is None and self._aside is None:
             self._aside, self._moved = self._doing(), False
         if self.errand is not None and not self.errand.is_over:
@@ -378,7 +385,7 @@ class Pilot:
         aside, moved = self._aside, self._moved
         if raised_to_m is None and lowered_to_m is None:
             self._aside, self._moved = None, False
-        if self._suspended:
+        if self._is_taken_over:
             return []
         if self.plan is not None and self._standing is None:
             if diversion is not None or bounded:
@@ -408,11 +415,3 @@ class Pilot:
         if self.plan is not None and self._leg < len(self.plan.waypoints) and not self._suspended:
             return "plan"
         return "holding"
-
-
-def _in_words(order: vehicle.Order) -> str:
-    match order:
-        case vehicle.GoToOrder() | vehicle.InterruptOrder():
-            return f"goto {order.latitude_deg:.6f} {order.longitude_deg:.6f} at {order.altitude_m:.1f} m"
-        case _:
-            return type(order).__name__.removesuffix("Order").lower()

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.vehicle import Command, HomeReport, Report
+from navigation.vehicle import Command, HoldOrder, HomeReport, Order, Report
 from proxies.mavlink.frames import Cutter
 from proxies.mavlink.orders import OURSELVES, Errands, OrderOutcome, Target
 from proxies.mavlink.reports import VehicleReports
@@ -27,12 +27,13 @@ _PLATFORM = ("127.0.0.1", 14550)
 
 
 class SentOrder(NamedTuple):
-    """A message of an order, when it was sent, in which mode the vehicle was then, and which mode it had reported last."""
+    """A message of `order`, when it was sent, in which mode the vehicle was then, and which mode it had reported last."""
 
     at_us: int
     message: Any
     mode: Mode
     told: str
+    order: Order
 
 
 class WiredVehicle:
@@ -56,6 +57,7 @@ class WiredVehicle:
         self._requests, self._ask_us = Requests() if asks else None, 0
         self._target = Target(config.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._is_homed = False
+        self._order: Order = HoldOrder()
         self._reports: list[Report] = []
         self._stamp_us = now_us
         self._sender = mavlink.MAVLink(None, srcSystem=OURSELVES.system, srcComponent=OURSELVES.component)
@@ -84,7 +86,7 @@ class WiredVehicle:
 
     def on_command(self, command: Command, now_us: int, stamp_us: int) -> list[tuple[int, Report]]:
         """Send an order; what is heard at once, each with after how long. The answer may come later."""
-        self._stamp_us = stamp_us
+        self._stamp_us, self._order = stamp_us, command.order
         self._perform(self._errands.on_command(command, self._known, self._target, now_us), now_us)
         return [(0, report) for report in self._heard()]
 
@@ -108,7 +110,7 @@ class WiredVehicle:
 
     def _perform(self, outcome: OrderOutcome, now_us: int) -> None:
         for message in outcome.send:
-            self.sent.append(SentOrder(now_us, message, self.flight.mode, self._known.mode))
+            self.sent.append(SentOrder(now_us, message, self.flight.mode, self._known.mode, self._order))
             self._send(message, now_us)
         self._reports += [result._replace(valid_us=self._stamp_us) for result in outcome.results]
 

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from agents.flight.flight import FlightAgent
+from agents.flight.places import FlightPlan, Waypoint
 from federation.messages.acts import Performative
 from federation.messages.contents import Content, Done, Goto, Hold, Reason, Resume, ReturnHome
 from navigation.vehicle import GoToOrder, HoldOrder
@@ -75,6 +76,28 @@ def test_over_a_dead_link_an_order_is_refused(wire: Box) -> None:
     assert refused is P.REFUSE
     assert (reason or "").startswith("no heartbeat for ")
     assert wire.vehicle("0").commands == []
+
+
+def test_over_a_dead_link_resume_is_refused_and_what_was_interrupted_remains(wire: Box) -> None:
+    flying(wire, plan=FlightPlan((Waypoint(58.001, 15.0, 100.0),)))
+    answers(wire, Hold())
+    vehicle, sent = wire.vehicle("0"), len(wire.vehicle("0").commands)
+    vehicle.is_silent = True
+    wire.run(8.0)
+    for _ in range(2):
+        ((refused, reason),) = answers(wire, Resume(), 0.5)
+        assert refused is P.REFUSE
+        assert (reason or "").startswith("no heartbeat for ")
+    vehicle.is_silent = False
+    wire.run(2.0)
+    assert len(vehicle.commands) == sent, "the hold stands"
+    assert answers(wire, Resume()) == [(P.AGREE, None), (P.INFORM, "acknowledged")]
+    assert vehicle.commands[-1][1].order == GoToOrder(58.001, 15.0, 100.0, 5.0)
+
+
+def test_resume_of_a_plan_that_is_over_is_not_done(wire: Box) -> None:
+    flying(wire, plan=FlightPlan((Waypoint(58.0, 15.0, 100.0),)))
+    assert answers(wire, Resume()) == [(P.REFUSE, "the plan is over")]
 
 
 def test_what_was_ordered_is_ended_by_resume_and_nothing_else_is(wire: Box) -> None:

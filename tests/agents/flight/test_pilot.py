@@ -5,8 +5,9 @@ from collections.abc import Callable
 import pytest
 
 from agents.flight.errand import OrderProgress
-from agents.flight.pilot import ATTEMPTS, FORGETS_US, HEARD_WITHIN_US, RETRY_US, Pilot
+from agents.flight.pilot import ATTEMPTS, FORGETS_US, RETRY_US, Pilot
 from agents.flight.places import FlightLimits, FlightPlan, Waypoint
+from agents.flight.rules import HEARD_WITHIN_US
 from dyknow import Sample
 from dyknow.model.errors import Refused
 from navigation.vehicle import (
@@ -396,27 +397,128 @@ def test_without_anything_interrupted_there_is_nothing_to_resume() -> None:
         flown.proceed()
 
 
+@RULES
+def test_resume_is_refused_by_the_same_rules_and_changes_nothing(breaks: Callable[[Pilot], None], words: str) -> None:
+    flown = pilot(ROUTE)
+    at(flown)
+    flown.order(HoldOrder())
+    breaks(flown)
+    stood = flown.flying
+    with pytest.raises(Refused, match=words) as refused:
+        flown.proceed()
+    assert refused.value.code == "forbidden"
+    assert flown.flying == stood
+    flown.control = True
+    flown.on_report(FLIES, 1)
+    if breaks in {no_control, no_status, not_airborne, perhaps_airborne}:
+        assert at(flown, 100_000) == [], "it stands still"
+
+
+def test_what_was_interrupted_is_remembered_when_resume_is_refused() -> None:
+    flown, now_us = pilot(), 0
+    flown.clock = lambda: now_us
+    at(flown)
+    guided_to(flown, A, 0)
+    flown.order(HoldOrder())
+    now_us = 8_200_000
+    for _ in range(2):
+        with pytest.raises(Refused, match=r"no heartbeat for 8\.2 s"):
+            flown.proceed()
+    hears(flown, now_us)
+    assert orders(flown.proceed()) == [GoToOrder(*A[1:])]
+
+
+def test_resume_in_a_mode_of_the_pilot_sends_nothing_also_not_later() -> None:
+    flown = pilot(ROUTE)
+    at(flown)
+    flown.on_report(TAKEN_OVER, 1)
+    with pytest.raises(Refused, match="mode LOITER, which takes no positions"):
+        flown.proceed()
+    flown.on_report(FLIES, 2)
+    assert not any(at(flown, at_us) for at_us in range(3, 2_000_000, 100_000)), "it was refused"
+    assert orders(flown.proceed()) == [leg(NEAR)]
+
+
+@pytest.mark.parametrize(
+    ("plan", "latitude", "altitude", "words", "code"),
+    [
+        (FlightPlan((NEAR,), start_us=5_000_000), 58.0, 100.0, "the plan begins in 4.0 s", "plan-not-begun"),
+        (FlightPlan((NEAR,)), NEAR.latitude_deg, 100.0, "the plan is over", "plan-over"),
+        (FlightPlan((NEAR,)), None, 100.0, "position is not known", "forbidden"),
+        (FlightPlan((Waypoint(58.001, 15.0, HOME_M + 5.0),)), 58.0, 100.0, "below the floor", "forbidden"),
+    ],
+)
+def test_resume_is_refused_where_the_plan_orders_nothing(
+    plan: FlightPlan, latitude: float | None, altitude: float, words: str, code: str
+) -> None:
+    flown = pilot(plan)
+    flown.on_report(FLIES, 1_000_000)
+    if latitude is not None:
+        at(flown, 1_000_000, latitude, altitude)
+    flown.order(HoldOrder())
+    with pytest.raises(Refused, match=words) as refused:
+        flown.proceed()
+    assert refused.value.code == code
+    assert flown.flying == "order"
+
+
+def test_resume_begins_a_plan_whose_fix_is_older_than_the_link_may_be_only_with_a_new_one() -> None:
+    flown, now_us = pilot(ROUTE), 4_000_000
+    at(flown)
+    flown.order(HoldOrder())
+    hears(flown, now_us)
+    with pytest.raises(Refused, match="position is not known"):
+        flown.proceed()
+    assert at(flown, now_us) == [], "the order stands"
+    assert orders(flown.proceed()) == [leg(NEAR)]
+
+
+def test_an_order_after_a_takeover_is_returned_to_after_giving_way() -> None:
+    flown = pilot(ROUTE)
+    at(flown)
+    flown.on_report(TAKEN_OVER, 1)
+    flown.on_report(FLIES, 2)
+    flown.order(GoToOrder(58.0, 15.001, 90.0))
+    flown.divert(130.0)
+    assert orders(flown.resume()) == [GoToOrder(58.0, 15.001, 90.0)]
+
+
 TAKEN_OVER = StatusReport(0, armed=True, guided=False, airborne=True, mode="LOITER")
 LANDED = StatusReport(0, armed=False, guided=True, airborne=False, mode="GUIDED")
 
 
-@pytest.mark.parametrize("doing", ["plan", "order", "diversion", "resumed"])
-def test_after_a_takeover_nothing_is_sent_until_asked(doing: str) -> None:
+@pytest.mark.parametrize("missions", [False, True])
+@pytest.mark.parametrize("mode", ["LOITER", "AUTO", "AUTO.MISSION"])
+@pytest.mark.parametrize("doing", ["plan", "order", "hold", "diversion", "hover", "resumed"])
+def test_after_a_takeover_nothing_is_sent_until_asked(doing: str, mode: str, *, missions: bool) -> None:
     flown = pilot(ROUTE if doing == "plan" else None)
+    flown.missions = missions
+    taken_over = TAKEN_OVER._replace(mode=mode)
     at(flown)
     if doing == "order":
         flown.order(GoToOrder(58.0, 15.0, 90.0))
     elif doing != "plan":
-        guided_to(flown, A, 0)
-        flown.divert(130.0)
+        if doing != "hover":
+            guided_to(flown, A, 0)
+        if doing == "hold":
+            flown.order(HoldOrder())
+        else:
+            flown.divert(130.0)
     if doing == "resumed":
         flown.resume(raised_to_m=120.0)
-    flown.on_report(TAKEN_OVER, 1)
+    flown.on_report(taken_over, 1)
     if flown.diversion is not None:
         assert flown.diversion.progress is OrderProgress.OVERTAKEN
-        assert "mode LOITER" in flown.diversion.reason
-    flown.on_report(FLIES, 2)
-    assert flown.resume() == []
+        assert f"mode {mode}" in flown.diversion.reason
+    assert at(flown, 1) == [], "nothing in the mode of its pilot"
+    assert flown.resume(raised_to_m=120.0) == []
+    with pytest.raises(Refused, match=f"the vehicle is in mode {mode}"):
+        flown.proceed()
+    for status in (taken_over, FLIES):
+        flown.on_report(status, 2)
+        assert flown.resume() == []
+        with pytest.raises(Refused, match=r"mode (LOITER|AUTO|AUTO.MISSION), which|its pilot took over"):
+            flown.divert(130.0)
     assert not any(at(flown, at_us) for at_us in range(3, 2_000_000, 100_000))
     if doing == "plan":
         assert orders(flown.proceed()) == [leg(NEAR)]
@@ -494,7 +596,7 @@ def test_without_leave_a_mission_is_not_interrupted() -> None:
 
 def test_with_leave_a_mission_is_interrupted_to_give_way_and_resumed_at_its_item() -> None:
     flown = on_mission(missions=True)
-    assert flown.refusal(HoldOrder()) is None
+    assert flown.refusal(flown.stop(None)) is None
     (command,) = flown.divert(130.0)
     assert command.order == InterruptOrder(58.0, 15.0, 130.0)
     told(flown, command, accepted=True)
@@ -531,6 +633,42 @@ def test_a_mission_that_begins_elsewhere_is_sent_to_its_item_once() -> None:
     flown.on_report(AUTO, 200_000)
     assert orders(flown.on_report(MissionReport(0, 1), 300_000)) == [MissionItemOrder(3)]
     assert flown.on_report(MissionReport(0, 1), 400_000) == []
+
+
+def test_a_pilot_who_begins_the_mission_again_has_it_also_where_the_interruption_was_not_acknowledged() -> None:
+    flown = on_mission(missions=True)
+    flown.divert(130.0)
+    flown.on_report(FLIES, 100_000)
+    flown.on_report(AUTO, 200_000)
+    assert flown.diversion is not None
+    assert flown.diversion.progress is OrderProgress.OVERTAKEN
+    assert flown.resume(lowered_to_m=90.0) == []
+    assert flown.avoidance_off == "its pilot took over"
+
+
+def test_a_ground_station_that_begins_a_mission_when_nothing_is_ours_takes_nothing_over() -> None:
+    flown = on_mission(missions=True)
+    assert flown.avoidance_off is None
+    assert orders(flown.divert(130.0)) == [InterruptOrder(58.0, 15.0, 130.0)]
+
+
+def test_a_plan_is_not_sent_into_a_mission() -> None:
+    flown = pilot(ROUTE)
+    flown.missions = True
+    flown.on_report(AUTO, 0)
+    assert at(flown) == []
+
+
+def test_a_mission_item_is_not_set_once_the_pilot_has_the_vehicle() -> None:
+    flown = on_mission(missions=True)
+    (command,) = flown.divert(None)
+    told(flown, command, accepted=True)
+    flown.on_report(FLIES, 100_000)
+    (again,) = flown.resume()
+    told(flown, again, accepted=True)
+    flown.on_report(AUTO, 200_000)
+    flown.on_report(TAKEN_OVER, 250_000)
+    assert flown.on_report(MissionReport(0, 1), 300_000) == []
 
 
 def test_an_order_of_a_command_centre_interrupts_no_mission() -> None:

@@ -9,7 +9,7 @@ from itertools import combinations
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.vehicle import MISSION_MODES
+from navigation.vehicle import MISSION_MODES, InterruptOrder, MissionItemOrder, ResumeMissionOrder
 from reasoning import NEITHER_CAN_AVOID
 from sim_uavs.dynamics.flight import GUIDED_MODES, Mode
 from tests.sim_uavs.wired import SentOrder
@@ -20,6 +20,7 @@ LEAST_M = 5.0
 TOLD_US = 3 * S
 UNHEARD_US = 1_200_000
 """A vehicle tells its mode once a second; who is heard badly may be taken to be in the last one for three."""
+FOR_MISSIONS = (InterruptOrder, ResumeMissionOrder, MissionItemOrder)
 TOLD_GUIDED = {"GUIDED", "OFFBOARD", "AUTO.LOITER"}
 OFTEN = 16
 """Four times a leg of the plan is ordered that is not answered, and each time it is sent four times."""
@@ -55,19 +56,24 @@ def near_and_untold(meeting: Meeting) -> list[str]:
 
 
 def commanded_unguided(meeting: Meeting) -> list[str]:
-    """Orders to vehicles that were for a while, or said that they were, in a mode that is not ours to command."""
+    """Orders to vehicles that were for a while, or said that they were, in a mode that is not ours to command.
+
+    In a mission that may be interrupted that is every order but those that leave it and continue it.
+    """
     wrong = []
     for number, vehicle in enumerate(meeting.vehicles):
         flown = meeting.flown[number]
-        may = flown.way == "mission, may be interrupted"
-        ours = {*GUIDED_MODES, *({Mode.AUTO} if may else ())}
-        told = {*TOLD_GUIDED, *(MISSION_MODES if may else ())}
         lossy = any(trouble.fault.startswith("packet-loss") for trouble in flown.troubles)
         for order in vehicle.sent:
+            may = flown.way == "mission, may be interrupted" and isinstance(order.order, FOR_MISSIONS)
+            ours = {*GUIDED_MODES, *({Mode.AUTO} if may else ())}
+            told = {*TOLD_GUIDED, *(MISSION_MODES if may else ())}
             since_us = meeting.mode_since_us(number, order.at_us, ours)
             late_us = 3 * UNHEARD_US if lossy else UNHEARD_US
             if order.told not in told or (order.mode not in ours and order.at_us - since_us > late_us):
-                wrong.append(f"{number} in {order.mode} at {meeting.seconds(order.at_us):.1f} s: {order.message}")
+                wrong.append(
+                    f"{number} in {order.mode} at {meeting.seconds(order.at_us):.1f} s: {order.order}: {order.message}"
+                )
     return wrong
 
 
