@@ -34,6 +34,11 @@ def _checked(check: Any) -> AfterValidator:
     return AfterValidator(named)
 
 
+def in_one_line(text: str) -> str:
+    """The text with blanks for its line breaks: what others say makes no line of ours."""
+    return text if text.isprintable() else " ".join(text.splitlines())
+
+
 Unit = Annotated[str, _checked(keys.unit)]
 AgentWord = Annotated[str, _checked(keys.agent)]
 SemanticLabel = Annotated[str, _checked(keys.label)]
@@ -102,7 +107,7 @@ class DefinitionEntry(DescriptionModel):
 class ConditionEntry(DescriptionModel):
     """What a person should know of a platform's state, in words, and since when by its node clock."""
 
-    text: Annotated[str, Field(min_length=1, max_length=200)]
+    text: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(in_one_line)]
     since_us: Count
 
 

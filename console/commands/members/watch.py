@@ -113,8 +113,11 @@ def _tell_silence(
             (said.samples[-1] for said in dialogue.results if isinstance(said, Samples) and said.samples), None
         )
         phase_us = 0 if newest is None else newest.valid_us % every_us
+        age_us = 0 if newest is None else client.federation_us() - newest.valid_us
         if newest is None:
             why = dialogue.trouble or f"it has no sample of {label} yet"
+        elif age_us > every_us + delay_us + SILENT_US:
+            why = f"its newest sample is {print_span(age_us)} old"
         elif (took_us := newest.available_us - newest.valid_us) > delay_us:
             why = (
                 f"its newest sample was there {print_span(took_us)} after it was valid, "
@@ -128,7 +131,7 @@ def _tell_silence(
                 f"every {grid} at its own instants from now on"
             )
         else:
-            why = f"its newest sample is {print_span(max(0, client.federation_us() - newest.valid_us))} old"
+            why = f"its newest sample is {print_span(max(0, age_us))} old"
         call.out.note(f"no sample from platform {dialogue.unit}: {why}.")
     return off_grid
 

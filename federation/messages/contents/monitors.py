@@ -74,7 +74,7 @@ class MonitorEntry(parts.ContentPart):
     since_us: parts.Instant | None = None
     which: Annotated[tuple[parts.Line, ...], Field(max_length=parts.MAX_LIST)] = ()
     task: parts.Conversation | None = None
-    states: parts.Line = ""
+    states: parts.Text = ""
     counted: parts.Values = Field(default_factory=dict)
 
 

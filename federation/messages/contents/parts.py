@@ -14,7 +14,7 @@ from dyknow.model.errors import ContentError, NameRefused
 from dyknow.model.values import NoValue
 from federation import keys
 from federation.messages.acts import AgentName
-from federation.messages.descriptions import SemanticLabel
+from federation.messages.descriptions import SemanticLabel, in_one_line
 from federation.messages.descriptions import Unit as UnitName
 from federation.messages.sexpr import Expr, ExprValue, QuotedText
 
@@ -79,7 +79,8 @@ Unit = Annotated[UnitName, BeforeValidator(_unit)]
 Units = Annotated[tuple[Unit, ...], Field(max_length=MAX_LIST)]
 SemanticLabels = Annotated[tuple[SemanticLabel, ...], Field(min_length=1, max_length=MAX_LIST)]
 Word = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_shown)]
-Line = Annotated[str, Field(max_length=1024)]
+Text = Annotated[str, Field(max_length=1024)]
+Line = Annotated[str, Field(max_length=1024), AfterValidator(in_one_line)]
 Prose = Annotated[str, Field(max_length=4096), AfterValidator(QuotedText)]
 Formula = Annotated[str, Field(max_length=LONGEST_TEXT), AfterValidator(_no_control), AfterValidator(QuotedText)]
 Conversation = Annotated[str, AfterValidator(_conversation)]
@@ -89,7 +90,7 @@ Period = Annotated[float, Field(gt=0, le=86_400)]
 Seconds = Annotated[float, Field(ge=0, le=86_400)]
 Instant = Annotated[int, Field(ge=-(2**63), lt=2**63)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
-Scalar: TypeAlias = bool | int | Number | Line | NoValue
+Scalar: TypeAlias = bool | int | Number | Text | NoValue
 Values = Annotated[dict[Annotated[str, Field(min_length=1, max_length=256)], Scalar], Field(max_length=256)]
 
 

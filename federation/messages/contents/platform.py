@@ -161,7 +161,7 @@ class SpecificationChanged(parts.Content):
     added: Annotated[tuple[parts.Line, ...], Field(max_length=MAX_NAMES)] = ()
     removed: Annotated[tuple[parts.Line, ...], Field(max_length=MAX_NAMES)] = ()
     more: Count = 0
-    warnings: Annotated[tuple[parts.Line, ...], Field(max_length=MAX_NAMES)] = ()
+    warnings: Annotated[tuple[parts.Text, ...], Field(max_length=MAX_NAMES)] = ()
 
 
 class Leave(parts.Content):
