@@ -194,5 +194,7 @@ def together(errors: Iterable[TextError], more: Iterable[TextError]) -> list[Tex
 def too_early(wrong: TooEarly, now_us: int) -> tuple[str, str]:
     """How long ago is too long ago, and the earliest beginning as it is written."""
     asked, held = print_span(now_us - wrong.from_us), print_span(now_us - wrong.earliest_us)
-    possible = "it can begin now" if wrong.earliest_us >= now_us else f"the earliest possible time is {held} ago"
+    if wrong.earliest_us >= now_us:
+        return f"{wrong.what} cannot begin {asked} ago: it can begin now", "from now"
+    possible = f"the earliest possible time is {held} ago"
     return f"{wrong.what} cannot begin {asked} ago: {possible}", f"from {-(-wrong.earliest_us // US_PER_MS)}"

@@ -185,11 +185,17 @@ class WatchedStreams:
 
 
 def request_streams(
-    client: Client, label: str, units: Sequence[str], every_s: float, delay_s: float, from_us: int | None = None
+    client: Client,
+    label: str,
+    units: Sequence[str],
+    every_s: float,
+    delay_s: float,
+    from_us: int | None = None,
+    to_us: int | None = None,
 ) -> Job[list[Dialogue]]:
     """Have platforms export a stream to us; each dialogue has results, a refusal or no answer.
 
-    `from_us`: where the grid of the samples begins; None: at the epoch.
+    `from_us`: where the grid of the samples begins; None: at the epoch. `to_us`: the last valid time that is wanted, if any.
     """
     content = CreateMulticast(
         semantic_labels=(label,),
@@ -197,6 +203,7 @@ def request_streams(
         delay_s=delay_s,
         to_units=(client.centre.unit,),
         from_us=from_us,
+        to_us=to_us,
     )
     asked = [client.say(name, P.REQUEST, content, within_s=SET_UP_S, standing=True) for name in units]
     yield Wait(lambda: all(task.results or task.trouble for task in asked), SET_UP_S + GRACE_S)

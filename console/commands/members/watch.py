@@ -1,6 +1,6 @@
 """`dyknow watch`: a federated stream under a policy, imported by this command."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -11,7 +11,7 @@ from console.errors import DONE, NO
 from console.options.arguments import Count, Label, Unit
 from console.output.output import unit_json
 from console.output.shown import styled
-from dyknow.model.errors import FederationFailed
+from dyknow.model.errors import FederationFailed, WrongCall
 from dyknow.model.instants import print_span
 from dyknow.model.values import NO_VALUE
 from federation.keys import label as label_name
@@ -20,7 +20,7 @@ from federation.messages.codec import WireSample
 from federation.messages.contents import Query, Samples
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client
-from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
+from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us, instant_us
 from runtime.library.jobs import SET_UP_S, agreeing, request_streams
 from runtime.library.meanings import differing, meaning_to, record_of
 from runtime.library.questions import check_label
@@ -38,6 +38,10 @@ def watch(
     unit: Unit = None,
     every: Annotated[str, typer.Option(metavar="TIME", help="Sample period.")] = "200ms",
     max_delay: Annotated[str, typer.Option(metavar="TIME", help="Older samples are dropped.")] = "1s",
+    from_: Annotated[
+        str | None, typer.Option("--from", metavar="T", help="Valid from then on: now, +5s, ISO 8601, microseconds.")
+    ] = None,
+    to: Annotated[str | None, typer.Option(metavar="T", help="Valid until then, which also ends it.")] = None,
     count: Count = None,
 ) -> int:
     """A federated stream under a policy, sample by sample; it ends with the command."""
@@ -50,8 +54,12 @@ def watch(
         client.centre.on_sample = lambda name, sample, at_us: came.append(
             _record(client, name[0], name[1], sample, at_us)
         )
-        tasks = _set_up(call, client, label, unit, every_us, delay_us)
-        silent_from_us: int | None = client.now_us()
+        if from_ is not None or to is not None:
+            client.settle()  # the clock of the federation may be learned meanwhile
+        duration = _duration(client, from_, to, every_us)
+        tasks = _set_up(call, client, label, unit, every_us, delay_us, duration)
+        begins_us = max(0, (duration.from_us or 0) - client.federation_us())
+        silent_from_us: int | None = client.now_us() + begins_us
         try:
             while count is None or seen < count:
                 client.wait_for(lambda: bool(came), _STEP_S)
@@ -61,11 +69,15 @@ def watch(
                     silent_from_us = None
                     silent = [task.unit for task in tasks if not task.over]
                     for other, phase_us in _tell_silence(call, client, label, silent, every_us, delay_us):
-                        tasks += _on_own_grid(client, label, other, every_us, delay_us, phase_us)
+                        tasks += _on_own_grid(
+                            client, label, other, every_us, delay_us, duration.at_phase(phase_us, every_us)
+                        )
                 for record in came[: None if count is None else count - seen]:
                     _tell(call, client, record)
                     seen += 1
                 came.clear()
+                if duration.to_us is not None and client.federation_us() > duration.to_us + delay_us:
+                    break
                 if all(task.over for task in tasks):
                     raise FederationFailed(f"the streams have ended: {tasks[0].failed or 'their platforms are gone'}")
         finally:
@@ -74,14 +86,40 @@ def watch(
     return DONE if seen else NO
 
 
-def _set_up(call: Call, client: Client, label: str, unit: str | None, every_us: int, delay_us: int) -> list[Any]:
+class _Duration(NamedTuple):
+    """The valid times that are wanted; None is no bound. A beginning lies on the grid of the samples."""
+
+    from_us: int | None
+    to_us: int | None
+
+    def at_phase(self, phase_us: int, every_us: int) -> "_Duration":
+        """The same on the grid of instants that are so much after multiples of the period."""
+        from_us = self.from_us or 0
+        return self._replace(from_us=from_us + (phase_us - from_us) % every_us)
+
+
+def _duration(client: Client, from_: str | None, to: str | None, every_us: int) -> _Duration:
+    """Both bounds on the clock of the federation, relative ones from now; raises WrongCall for one that is over."""
+    now_us = client.federation_us()
+    from_us = None if from_ is None else instant_us(from_, now_us, option="--from")
+    to_us = None if to is None else instant_us(to, now_us, option="--to")
+    if to_us is not None and to_us < now_us:
+        raise WrongCall(f"--to: {to} was {print_span(now_us - to_us)} ago; dyknow query --between has what was.")
+    if None not in (from_us, to_us) and (to_us or 0) < (from_us or 0):
+        raise WrongCall(f"--to: {to} lies before --from {from_}.")
+    return _Duration(None if from_us is None else from_us + -from_us % every_us, to_us)
+
+
+def _set_up(
+    call: Call, client: Client, label: str, unit: str | None, every_us: int, delay_us: int, duration: _Duration
+) -> list[Any]:
     """Have the platforms export the stream to us; those that refuse are named."""
     with call.out.waiting(f"asking for a stream of {label}"):
         chosen = client.chosen(unit)
         units = agreeing(client, label, chosen, lambda name, why: call.out.note(f"platform {name}: {why}"))
         if not units:
             raise FederationFailed(f"no platform means by {label} what {call.settings.ontology} says.")
-        asked = client.run(request_streams(client, label, units, every_us / 1e6, delay_us / 1e6))
+        asked = client.run(request_streams(client, label, units, every_us / 1e6, delay_us / 1e6, *duration))
     tasks = [task for task in asked if task.results]
     check_label(client, label, answered=bool(tasks))
     for task in asked:
@@ -94,9 +132,11 @@ def _set_up(call: Call, client: Client, label: str, unit: str | None, every_us: 
     return tasks
 
 
-def _on_own_grid(client: Client, label: str, unit: str, every_us: int, delay_us: int, phase_us: int) -> list[Dialogue]:
+def _on_own_grid(
+    client: Client, label: str, unit: str, every_us: int, delay_us: int, duration: _Duration
+) -> list[Dialogue]:
     """Have a platform export the samples that lie on the grid of its own instants."""
-    job = request_streams(client, label, [unit], every_us / 1e6, delay_us / 1e6, phase_us)
+    job = request_streams(client, label, [unit], every_us / 1e6, delay_us / 1e6, *duration)
     return [task for task in client.run(job) if task.results]
 
 

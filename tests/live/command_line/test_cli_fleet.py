@@ -81,6 +81,15 @@ def test_watch_prints_samples_of_a_policy(dyknow: Dyknow) -> None:
     assert all(time % 200_000 == times[0] % 200_000 for time in times)
 
 
+def test_watch_has_what_is_valid_in_a_duration_and_ends_with_it(dyknow: Dyknow) -> None:
+    found = dyknow.run("watch", "heli-velocity", "--unit", "0", "--every", "100ms", "--from", "+500ms", "--to", "+2s")
+    times = [line["valid_us"] for line in found]
+    assert all(time % 100_000 == 0 for time in times)
+    assert 0 < times[-1] - times[0] <= 1_500_000
+    _, err = dyknow.raw("watch", "heli-velocity", "--to", "-3s", code=2)
+    assert "dyknow query --between has what was" in err
+
+
 def test_a_task_is_delegated_listed_watched_and_cancelled(dyknow: Dyknow) -> None:
     [agreed] = dyknow.run("delegate", "monitor-proximity", "--to", "0")
     assert agreed["performative"] == "agree"
