@@ -412,4 +412,5 @@ def _exports(plans: Iterable[TaskPlan], to_units: tuple[str, ...]) -> list[conte
             to_units=to_units,
         )
         for (period_us, delay_us), named in labels.items()
+        if named
     ]  # fmt: skip

@@ -1,6 +1,6 @@
 """From the name of a monitor to what it takes: formula, inputs, period (thesis 9.4.2: the formula is local knowledge)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from agents.tasks.requests import DEFAULT_TASK
@@ -23,11 +23,13 @@ class MonitorPlan:
     """A named monitor with its period and delay settled.
 
     `variable` is what the formula quantifies over, if it grows with the units; None if it is about this unit alone.
+    `in_instance`: the specification's instance runs it, over streams of its own.
     """
 
     profile: Profile
     formula: Formula
     variable: str | None
+    in_instance: bool = False
 
     @property
     def name(self) -> str:
@@ -93,6 +95,23 @@ class PlanBook:
 
     def __init__(self, unit: str, profiles: Mapping[str, Profile], grid_us: int = 1) -> None:
         self._unit, self._profiles, self._grid_us = unit, profiles, grid_us
+        self._declared: dict[str, MonitorPlan] = {}
+
+    def declare(self, plan: MonitorPlan) -> Callable[[], None]:
+        """Know a monitor that the specification declares; returns how to forget it.
+
+        Raises:
+            Refused: a profile has the name.
+        """
+        if plan.name in self._profiles:
+            raise Refused(f"{plan.name} is a monitor that each platform knows already; another name is needed")
+        self._declared[plan.name] = plan
+
+        def forget() -> None:
+            if self._declared.get(plan.name) is plan:
+                del self._declared[plan.name]
+
+        return forget
 
     def named(self, name: str, period_us: int | None = None, delay_us: int | None = None) -> MonitorPlan:
         """The monitor `name`, with another period or delay if given.
@@ -100,14 +119,18 @@ class PlanBook:
         Raises:
             Refused: there is no such monitor here, its formula does not read, or its period or delay cannot be kept.
         """
-        profile = self._profiles.get(name)
+        declared = self._declared.get(name)
+        profile = self._profiles.get(name) if declared is None else declared.profile
         if profile is None:
-            raise Refused(f"no monitor is called {name!r} here.{did_you_mean(name, tuple(self._profiles))}")
+            known = (*self._profiles, *self._declared)
+            raise Refused(f"no monitor is called {name!r} here.{did_you_mean(name, known)}")
         profile = replace(
             profile,
             sample_us=profile.sample_us if period_us is None else period_us,
             max_delay_us=profile.max_delay_us if delay_us is None else delay_us,
         )
+        if declared is not None:
+            return replace(declared, profile=profile)
         self._check(profile)
         try:
             formula = profile_formula(profile, self._unit)

@@ -170,7 +170,7 @@ class MonitorQueries(Part):
                 by=self._unit, name=name, units=(self._unit,), verdict="undecided", inputs="missing", shows=IDLE
             )
             for name, named in self._monitors.named.items()
-            if not named.instances
+            if not named.instances and not named.plan.in_instance
         ]
         self._agent.answer_pages(
             act, entries, MONITORS_A_PAGE, lambda page, more: MonitorList(monitors=page, more=more), now_us

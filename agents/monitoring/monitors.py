@@ -123,12 +123,14 @@ class UnitMonitors:
         known = self.named.get(plan.name)
         if known is not None:
             if known.plan != plan:
-                raise Refused(f"{plan.name} is monitored here already, as {known.plan.describe()}")
+                other = known.plan.describe()
+                what = f"with another formula, {other}" if other == plan.describe() else f"as {other}"
+                raise Refused(f"{plan.name} is monitored here already, {what}")
             known.owners.add(owner)
             return
         named = self.named[plan.name] = NamedMonitor(plan, {owner})
         try:
-            for member in self._members if plan.grows else [""]:
+            for member in () if plan.in_instance else self._members if plan.grows else [""]:
                 self._begin(named, member, now_us)
         except DyknowError:
             self.remove(plan.name, owner)

@@ -17,7 +17,7 @@ from agents.exchange.local_instance import LocalInstance
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.hosts.host_desk import HostDesk
 from agents.interface import InterfaceAgent
-from agents.monitoring.monitor_plans import MonitorPlan
+from agents.monitoring.monitor_plans import MonitorPlan, PlanBook
 from agents.monitoring.monitors import UnitMonitors
 from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.monitoring.unit_streams import UnitStreams
@@ -101,6 +101,7 @@ class SpecificationPart(Part):
         local: LocalInstance,
         monitors: UnitMonitors,
         monitoring: UnitMonitoring,
+        plans: PlanBook,
         keeper: SubscriptionKeeper,
         agreements: LabelAgreements,
         importer: ImportProxy,
@@ -113,6 +114,7 @@ class SpecificationPart(Part):
         self._config, self._unit, self._clock, self._agent = config, config.unit, config.clock, agent
         self._network, self._translation, self._source, self._monitors = network, translation, local.source, monitors
         self._agreements, self._importer, self._ontology = agreements, importer, translation.ontology
+        self._plans = plans
         self._keeper, self._offer, self._now_us, self._emit, self._note = keeper, offer, now_us, emit, note
         self._followed: Followed = (self, monitoring, local)
         self._exported: dict[str, LabelEntry] = {}
@@ -227,7 +229,9 @@ class SpecificationPart(Part):
         """Whether the specification imports from the platform, or watches it."""
         if any(isinstance(each, Import) and each.unit == unit for each in self.instance.specification):
             return True
-        return unit in self._met and any(OWNER in each.owners for each in self._monitors.named.values())
+        return unit in self._met and any(
+            OWNER in each.owners and each.plan.grows for each in self._monitors.named.values()
+        )
 
     def labels(self) -> Iterable[LabelEntry]:
         """The semantic labels that are exported."""
@@ -311,14 +315,21 @@ class SpecificationPart(Part):
         network.add_process(term.label, entry.sort, imported)
         return partial(network.remove, term.label)
 
-    def monitor(self, declaration: MonitorDeclaration, formula: Formula) -> Undo | None:
-        """Monitor pairs of units by the quickest way; None if the formula is not over their derived features alone."""
+    def monitor(self, declaration: MonitorDeclaration, formula: Formula) -> tuple[Undo, bool]:
+        """Know it by its name, for whoever asks for it; monitor pairs of units by the quickest way.
+
+        Returns how to forget it, and whether the instance has to run it: the formula is not over derived features alone.
+        """
         if len(declaration.name) > LONGEST_NAME:
             raise Refused(f"a monitor's name has at most {LONGEST_NAME} characters, got {len(declaration.name)}")
         features, others = features_of(self.instance, formula)
         split = split_growing(formula)
-        if not features or others or domains_of(formula if split is None else split[2]):
-            return None
+        in_instance = not features or bool(others) or bool(domains_of(formula if split is None else split[2]))
+        if declaration.starts_avoidance and (in_instance or split is None):
+            raise Refused(
+                f"monitor {declaration.name} starts avoidance, so it is about pairs of platforms: write it as "
+                "always forall other in units - {self} growing: ... of xy_dist[self, other], z_dist[self, other], ..."
+            )
         policy = declaration.policy
         profile = Profile(
             declaration.name,
@@ -327,15 +338,25 @@ class SpecificationPart(Part):
             MAX_DELAY_US if policy.max_delay_us is None else policy.max_delay_us,
             close_after=declaration.close_after,
             no_value=declaration.no_value,
+            starts_avoidance=declaration.starts_avoidance,
         )
-        plan = MonitorPlan(profile, formula, None) if split is None else MonitorPlan(profile, split[2], split[0])
-        self._monitors.create(plan, OWNER, self._network.now_us)
+        if in_instance or split is None:
+            plan = MonitorPlan(profile, formula, None, in_instance)
+        else:
+            plan = MonitorPlan(profile, split[2], split[0])
+        forget = self._plans.declare(plan)
+        try:
+            self._monitors.create(plan, OWNER, self._network.now_us)
+        except Refused:
+            forget()
+            raise
         self._keeper.wake(self._now_us())
 
         def undo() -> None:
+            forget()
             self._monitors.remove(declaration.name, OWNER)
 
-        return undo
+        return undo, in_instance
 
     def _withdraw(self, semantic: str) -> None:
         self._exported.pop(semantic, None)

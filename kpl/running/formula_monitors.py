@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from dyknow import Label, Network, earlier
+from kpl.checking.symbols import MARGIN
 from kpl.running.formula_states import FormulaState, FormulaStates, timing
 from kpl.syntax.specification import MonitorDeclaration
 from reasoning import AlarmEvent, Monitor
@@ -18,6 +19,7 @@ class FormulaMonitor:
 
     Attributes:
         listeners: called with every state, too.
+        margin: the label of its margin, a stream while it is wanted.
     """
 
     def __init__(
@@ -29,6 +31,7 @@ class FormulaMonitor:
         on_alarm: Callable[[AlarmEvent], None],
         since_us: int,
     ) -> None:
+        self.margin = Label(MARGIN, (declaration.name,))
         self.listeners: list[Callable[[FormulaState], None]] = []
         self._network, self._on_alarm = network, on_alarm
         self._failing: set[str] = set()
@@ -66,6 +69,8 @@ class FormulaMonitor:
 
     def cancel(self) -> None:
         """Take no more streams."""
+        if self._network.has(self.margin):
+            self._network.remove(self.margin)
         self.states.cancel()
         self._network.unstep(self)
 

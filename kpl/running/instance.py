@@ -12,7 +12,7 @@ from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.network.stream_proxy import StreamProxy
 from kpl.checking.definitions import Definitions
 from kpl.checking.specifications import Findings, check_change, check_symbols
-from kpl.checking.symbols import MARGIN, Known, SymbolTable
+from kpl.checking.symbols import Known, SymbolTable
 from kpl.running.changes import (
     DeclaredTimes,
     SpecificationChange,
@@ -191,7 +191,7 @@ class Instance:
         return self.parts.sources()
 
     def lookup(self, name: str) -> Prototype | None:
-        """The same, or what the catalogue has."""
+        """What sources and units of that name are made from."""
         return self.prototypes.find(name) or self._catalogue(name)
 
     def sort(self, name: str) -> Sort:
@@ -352,11 +352,10 @@ class Instance:
         return nothing
 
     def _define(self, declaration: spec.LabelDeclaration) -> Undo:
-        assert self._federation is not None  # noqa: S101  (only then it is called)
-        label = self.symbols.semantic(declaration.name)
-        assert label is not None  # noqa: S101  (it is declared)
+        label, federation = self.symbols.semantic(declaration.name), self._federation
+        assert label is not None and federation is not None  # noqa: S101, PT018  (it is declared, and there is one)
         try:
-            return self._federation.define(replace(label, place=f"{self._file}:{declaration.place.line}"))
+            return federation.define(replace(label, place=f"{self._file}:{declaration.place.line}"))
         except Refused as refused:
             raise located(declaration, refused.reason) from None
 
@@ -400,21 +399,22 @@ class Instance:
         return undo
 
     def _monitor(self, declaration: spec.MonitorDeclaration) -> Undo:
-        formula = Definitions(self.symbols).resolved(declaration.formula, self.unit)
+        formula, forget = Definitions(self.symbols).resolved(declaration.formula, self.unit), nothing
+        network, in_instance = self.network, True
         if self._federation is not None:
-            undo = self._federation.monitor(declaration, formula)
-            if undo is not None:
-                return undo
-        network = self.network
-        monitor = FormulaMonitor(network, declaration, formula, self.unit, self.hooks.on_alarm, network.now_us)
-        self.monitors[declaration.name] = monitor
-        margin = Label(MARGIN, (declaration.name,))
-        self.network.recall(margin)
+            forget, in_instance = self._federation.monitor(declaration, formula)
+        if not in_instance:
+            return forget
+        try:
+            monitor = FormulaMonitor(network, declaration, formula, self.unit, self.hooks.on_alarm, network.now_us)
+            self.monitors[declaration.name] = monitor
+        except DyknowError:
+            forget()
+            raise
+        network.recall(monitor.margin)
 
         def end() -> None:
-            self.monitors.pop(declaration.name, None)
-            if self.network.has(margin):
-                self.network.remove(margin)
-            monitor.cancel()
+            self.monitors.pop(declaration.name).cancel()
+            forget()
 
         return end

@@ -26,8 +26,8 @@ class Federation(Protocol):
         """`term` is that of the declaration, with the unit for `self`."""
 
     def import_(self, semantic: str, unit: str, term: StreamTerm) -> Undo: ...
-    def monitor(self, declaration: MonitorDeclaration, formula: Formula) -> Undo | None:
-        """None: the formula is over streams of this instance."""
+    def monitor(self, declaration: MonitorDeclaration, formula: Formula) -> tuple[Undo, bool]:
+        """And whether the instance has to run it: the formula is over streams of its own."""
 
 
 class LoadGovernor(Protocol):

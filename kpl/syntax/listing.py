@@ -98,6 +98,7 @@ def _options(monitor: spec.MonitorDeclaration) -> str:
         "" if monitor.policy == spec.ANY_UPDATE else str(monitor.policy),
         "" if monitor.no_value == "undecided" else f"no value {monitor.no_value}",
         "" if monitor.close_after == 2 else f"close after {monitor.close_after}",
+        "starts avoidance" if monitor.starts_avoidance else "",
     ]
     options = ", ".join(filter(None, said))
     return f" with {options}" if options else ""

@@ -176,13 +176,17 @@ class Define(Node):
 
 @dataclass(frozen=True, slots=True)
 class MonitorDeclaration(Node):
-    """`monitor NAME = FORMULA [with OPTIONS]`; `policy` is that of its states, `close_after` counts states (F8)."""
+    """`monitor NAME = FORMULA [with OPTIONS]`; `policy` is that of its states, `close_after` counts states (F8).
+
+    `starts_avoidance`: whether its alarms start a manoeuvre, where platforms may give way.
+    """
 
     name: str
     formula: Formula
     policy: Policy = ANY_UPDATE
     no_value: NoValuePolicy = "undecided"
     close_after: int = 2
+    starts_avoidance: bool = False
 
 
 @dataclass(frozen=True, slots=True)

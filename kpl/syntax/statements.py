@@ -234,18 +234,20 @@ class _StatementReader(FormulaReader):
         close_after, constraints = 2, []
         seen = set[str]()
         for option in options:
-            if option.data in seen and option.data in {"no_value", "close_after"}:
+            if option.data in seen and option.data in {"no_value", "close_after", "avoidance"}:
                 self.error("a monitor has one such option", place_of(option, self.text), "leave one out")
             seen.add(option.data)
             if option.data == "no_value":
                 no_value = cast("NoValuePolicy", str(option.children[-1]))
             elif option.data == "close_after":
                 close_after = self._count(option.children[0])
+            elif option.data == "avoidance":
+                pass  # that it is there is all it says
             else:
                 constraints.append(option)
         inside = self.read(formula, bound)
         return spec.MonitorDeclaration(
-            _name(name), inside, self._policy(constraints), no_value, close_after, place=place
+            _name(name), inside, self._policy(constraints), no_value, close_after, "avoidance" in seen, place=place
         )
 
     def _chronicle_file(self, node: Any, place: Place) -> spec.Declaration:

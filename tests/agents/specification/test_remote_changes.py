@@ -4,12 +4,17 @@ import pytest
 
 from agents.actions import Role
 from agents.config import PlatformConfig
+from agents.monitoring.coordination import Coordination
 from agents.parts import PARTS
 from agents.specification.remote_changes import CHANGES_BURST
+from agents.specification.specification_part import OWNER
 from federation.messages.acts import Performative
 from federation.messages.contents import (
     AddDeclarations,
+    Alarm,
+    CreateMonitor,
     LoadSpecification,
+    MonitorProximity,
     NamedText,
     Reason,
     RemoveDeclarations,
@@ -17,7 +22,7 @@ from federation.messages.contents import (
     SpecificationChanged,
 )
 from federation.messages.contents.parts import ContentError, read
-from kpl import print_specification
+from kpl import parse_specification, print_specification
 from tests.agents.specification.test_specification_part import Pair, text_of
 from tests.federation.expressions import parse_expr
 
@@ -121,6 +126,16 @@ def test_the_first_configuration_is_restored_however_many_changes_came_after_it(
         (AddDeclarations(text="stream far = "), "text", "declarations of cc:1:13: expected a name"),
         (AddDeclarations(text="stream distance_m = dist[uav1]"), "text", "distance_m is a stream already"),
         (AddDeclarations(text="strmgen x = Nobody(pos[self])"), "text", "Nobody is no computational unit"),
+        (
+            AddDeclarations(text="monitor proximity = always pos.latitude_deg[self] > 0"),
+            "text",
+            "another name is needed",
+        ),
+        (
+            AddDeclarations(text="monitor low = always pos.latitude_deg[self] > 0 with starts avoidance"),
+            "text",
+            "it is about pairs of platforms: write it as always forall other in units - {self} growing",
+        ),
         (AddDeclarations(text='chronicle file "/etc/passwd"'), "text", "does not come with the specification"),
         (RemoveDeclarations(names=("alt[self]",)), "text", "nothing makes alt[self], which the running instance needs"),
         (RemoveDeclarations(names=("distance",)), "unknown-name", "Did you mean 'distance_m'?"),
@@ -164,13 +179,16 @@ def test_a_file_that_the_text_names_comes_with_it(pair):
 
 def test_a_monitor_that_a_task_needs_does_not_go(pair):
     monitors = pair.world.platform("0").ports.monitors
-    monitors.create(monitors.named["apart"].plan, "1-2-3", pair.world.now_us)
+    task = pair.ask(CreateMonitor(name="apart"))
+    assert task.agreed
     other = text_of("uav0.kpl").replace("always forall", "eventually forall")
     for content in (RemoveDeclarations(names=("apart",)), LoadSpecification(text=""), LoadSpecification(text=other)):
         reason = pair.refused(content)
         assert reason.code == "in-use"
-        assert "belongs to task 1-2-3, which would lose it; cancel that first (dyknow cancel 1-2-3)" in reason.text
-    monitors.remove("apart", "1-2-3")
+        name = task.conversation
+        assert f"belongs to task {name}, which would lose it; cancel that first (dyknow cancel {name})" in reason.text
+    pair.world.speak("cc", lambda member, now_us: member.acts.cancel("0", name, now_us))
+    pair.world.run_for(1)
     pair.changed(RemoveDeclarations(names=("apart",)))
     assert not monitors.named
 
@@ -209,3 +227,44 @@ def test_platforms_and_observers_may_not_change_a_specification():
     actions = {each.head: each.role for part in PARTS for offer in part.offers for each in offer.actions}
     for content in (AddDeclarations, RemoveDeclarations, LoadSpecification, RestoreSpecification):
         assert actions[content.head] is Role.COMMAND_CENTRE
+
+
+NEAR = "monitor near = always forall other in units - {self} growing: xy_dist[self, other] >= 5 with starts avoidance\n"
+SLOW = "monitor slow = always dist[uav1] > 15\n"
+
+
+def test_a_declared_monitor_is_a_named_one_that_a_task_sets_up_everywhere_and_it_may_start_avoidance(pair):
+    for unit in ("0", "1"):
+        pair.changed(AddDeclarations(text=NEAR), unit)
+    task = pair.ask(MonitorProximity(profile="near"))
+    assert task.agreed
+    for unit in ("0", "1"):
+        platform = pair.world.platform(unit)
+        named = platform.ports.monitors.named["near"]
+        assert named.owners == {OWNER, task.conversation}
+        assert named.plan.profile.starts_avoidance
+        assert platform.part(Coordination).avoids("near")
+    reason = pair.refused(RemoveDeclarations(names=("near",)), "1")
+    assert reason.code == "in-use"
+    pair.world.speak("cc", lambda member, now_us: member.acts.cancel("0", task.conversation, now_us))
+    pair.world.run_for(1)
+    assert pair.world.platform("1").ports.monitors.named["near"].owners == {OWNER}
+
+
+def test_a_declared_monitor_over_streams_of_the_instance_is_a_named_one_too(pair):
+    pair.changed(AddDeclarations(text=SLOW))
+    task = pair.ask(MonitorProximity(profile="slow"))
+    assert task.agreed
+    pair.world.run_for(15)
+    alarms = [said for said in task.results if isinstance(said, Alarm)]
+    assert alarms[0].monitor == "slow"
+    assert pair.refused(LoadSpecification(text="")).code == "in-use"
+    assert "no monitor is called 'slow' here" in pair.refused(CreateMonitor(name="slow"), "1").text
+    again = pair.refused(CreateMonitor(name="slow", sample_period_s=7.0))
+    assert "slow is monitored here already, as sample every" in again.text
+
+
+def test_what_starts_avoidance_is_printed_and_read_back(pair):
+    pair.changed(AddDeclarations(text=NEAR))
+    assert "with starts avoidance" in pair.text()
+    assert parse_specification(pair.text()) == pair.declared("0").instance.specification

@@ -416,6 +416,7 @@ def test_a_definition_that_cannot_be_taken_in_leaves_its_monitors_as_they_were()
         def monitor(self, declaration, formula):
             if declaration.name == "late":
                 raise Refused("enough")
+            return lambda: None, True
 
     text = DEFINED.format("define LIMIT = 100", "always speed[u] < LIMIT")
     running = Running(text, federation=Refusing())

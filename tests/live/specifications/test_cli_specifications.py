@@ -63,6 +63,19 @@ def test_simulated_uavs_run_a_specification_that_is_changed_from_elsewhere(dykno
     dyknow.run("kpl", "show", "--unit", "0", "--restore", "0")
     [held] = dyknow.run("kpl", "show", "--unit", "0")
     assert held["specification"].startswith("monitor low = always height[self]")
+
+    near = (
+        "monitor near = always forall other in units - {self} growing: xy_dist[self, other] >= 5 with starts avoidance"
+    )
+    dyknow.run("kpl", "add", near, "--unit", "0", "--unit", "1")
+    task = dyknow.start("delegate", "monitor-proximity", "profile=near", "--to", "0", "--json")
+    conversation = next(line["conversation"] for line in lines(task) if line.get("conversation"))
+    listed = dyknow.until("tasks", task="monitor-proximity", state="running")
+    assert {entry["unit"] for entry in listed} >= {0}
+    _, err = dyknow.raw("kpl", "remove", "near", "--unit", "0", code=1)
+    assert f"monitor near belongs to task {conversation}" in err
+    dyknow.run("cancel", conversation)
+    dyknow.run("kpl", "remove", "near", "--unit", "0")
     log = dyknow.run("acts", "--unit", "0")
     assert [each for each in log if "add-declarations" in (each["act"] or "") and each["outcome"] == "accepted"]
 
