@@ -17,7 +17,7 @@ from agents.part import Part
 from dyknow import NO_VALUE, Label, Sample, Sort
 from dyknow.model.errors import DyknowError, Refused, ValueNotAvailable
 from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryFacilitator
+from federation.members.directory import DirectoryEntry, DirectoryFacilitator
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import (
     MAX_LIST,
@@ -133,8 +133,13 @@ class StreamQueries(Part):
     def _ask_everybody(self, act: Act, query: Query, now_us: int) -> None:
         local = query.model_copy(update={"scope": "local", "select": None, "merge": None})
         offering = self._directory.search(service=FEDERATION.service)
-        others = [entry.unit for entry in offering if entry.unit != self._unit]
+        among = [entry for entry in offering if entry.unit != self._unit]
+        kept = {entry.unit for entry in among if not _may_have(entry, query.semantic_label, act.sender.unit)}
+        others = [entry.unit for entry in among if entry.unit not in kept]
         gathering = Gathering(act, query, set(others))
+        gathering.missing.update(
+            dict.fromkeys(kept, f"{query.semantic_label} is exported to others, not to {act.sender.unit}")
+        )
         try:
             gathering.answers[self._unit] = self._local(query, query.semantic_label, now_us)
         except (Refused, ValueNotAvailable, DyknowError) as refused:
@@ -184,6 +189,12 @@ class StreamQueries(Part):
             semantic_label=query.semantic_label, answers=pages[-1], missing=missing[:MAX_LIST], merged=merged
         )
         self._agent.answer(gathering.act, Performative.INFORM, content, now_us)
+
+
+def _may_have(entry: DirectoryEntry, label: str, unit: str) -> bool:
+    """Whether a platform exports the label to `unit`, for whom this one would ask."""
+    receivers = next((each.receivers for each in entry.labels if each.label == label), ())
+    return not receivers or unit in receivers
 
 
 def _reading(sort: Sort, sample: Sample) -> Reading:

@@ -7,20 +7,21 @@ from typing import Any, Final
 
 from agents.actions import QUERIED, SUBSCRIBED, Action, Offer, Role
 from agents.interface import InterfaceAgent
+from agents.monitoring.reasons import LONGEST_LABEL, because, scalar
 from agents.part import Part
 from agents.subscribers import Subscribers
 from agents.tasks.life import TaskLife
-from dyknow import NoValue, Value, as_json
+from dyknow import Value
 from federation.members.offers import Service, Visibility
 from federation.messages.acts import Act
 from federation.messages.contents import Alarm, AlarmList, Alarms, Content
-from kpl.checking.error_collector import shortened
 from reasoning import AlarmEvent
 
 KEPT = 1000
-ALARMS_A_PAGE = 50
-LONGEST_LABEL = 256
+ALARMS_A_PAGE = 20
 MOST_VALUES = 256
+MOST_REASONS, LONGEST_PART = 3, 200
+"""Of an alarm, and characters of each."""
 ALARMS: Final = Service("alarms", "alarms", Visibility.PUBLIC)
 
 
@@ -78,13 +79,11 @@ def alarm_content(event: AlarmEvent, by: str) -> Alarm:
         detected_us=event.detected_us,
         values=_scalars(event.values),
         samples=_scalars(event.samples_us),
+        because=tuple(because(each, LONGEST_PART) for each in event.because[:MOST_REASONS]),
     )
 
 
 def _scalars(values: Mapping[str, Value]) -> dict[str, Any]:
     """As many of the values as an alarm can carry: records and what else is no scalar as text."""
     shown = islice(((label, value) for label, value in values.items() if len(label) <= LONGEST_LABEL), MOST_VALUES)
-    return {
-        label: value if isinstance(value, bool | int | float | NoValue) else shortened(str(as_json(value)))
-        for label, value in shown
-    }
+    return {label: scalar(value) for label, value in shown}

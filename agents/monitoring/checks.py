@@ -3,11 +3,11 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import islice
 
 from agents.actions import COORDINATION, Offer
 from agents.exchange.gateway import Gateway
 from agents.interface import InterfaceAgent
+from agents.monitoring.reasons import because
 from agents.part import Part
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import CHECK_FORMULA
@@ -16,19 +16,18 @@ from dyknow.model.errors import ContentError, Refused, TextError, UnknownLabel
 from federation.members.clock import FederationClock
 from federation.members.deadlines import Deadlines
 from federation.messages.acts import Act, Performative
-from federation.messages.contents import Because, CheckFormula, Verdict
+from federation.messages.contents import CheckFormula, Verdict
 from federation.messages.contents.parts import MAX_LIST
-from kpl import Instance, print_formula, print_specification
+from kpl import Instance, print_specification
 from kpl.running.asking import read_over
 from kpl.running.formula_states import FormulaState, FormulaStates
-from reasoning import Explanation, Formula, Progressing, make_progression
+from reasoning import Formula, Progressing, make_progression
 
 PERIOD_US = 100_000
 POLICY = Policy(change="sample", sample_us=PERIOD_US, max_delay_us=500_000)
 TIMEOUT_S = 10.0
 MOST = 16
 MOST_REASONS = 8
-LONGEST = 1000
 """Characters of a formula in an answer, so that it fits into one act."""
 LONGEST_STATES = 4000
 
@@ -146,7 +145,7 @@ class Checks(Part):
             verdict=verdict,
             valid_us=check.valid_us if decided else None,
             index=check.states - 1 if decided else None,
-            because=tuple(_because(one) for one in check.progression.explain()[:MOST_REASONS]),
+            because=tuple(because(one) for one in check.progression.explain()[:MOST_REASONS]),
             no_value=_some(name for name in made.labels if name not in check.valued),
             missing=_some(silent),
             states=text if len(text) <= LONGEST_STATES else "",
@@ -163,21 +162,3 @@ class Checks(Part):
 
 def _some(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(sorted(names))[:MAX_LIST]
-
-
-def _because(reason: Explanation) -> Because:
-    return Because(
-        part=_short(reason.part),
-        holds=reason.holds,
-        samples=dict(islice(reason.samples.items(), MOST_REASONS)),
-        members=dict(reason.binding),
-        within=None if reason.obligation is None else _short(reason.obligation),
-        since_us=reason.since_us,
-        until_us=reason.until_us,
-    )
-
-
-def _short(formula: Formula) -> str:
-    """At most `LONGEST` characters of it."""
-    text = print_formula(formula)
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."

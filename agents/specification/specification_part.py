@@ -316,7 +316,7 @@ class SpecificationPart(Part):
         return partial(network.remove, term.label)
 
     def monitor(self, declaration: MonitorDeclaration, formula: Formula) -> tuple[Undo, bool]:
-        """Know it by its name, for whoever asks for it; monitor pairs of units by the quickest way.
+        """Know it by its name, for tasks; monitor pairs of units by the quickest way.
 
         Returns how to forget it, and whether the instance has to run it: the formula is not over derived features alone.
         """

@@ -27,7 +27,8 @@ class AlarmEvent(NamedTuple):
     """An alarm opened or closed. Opening and closing share the id.
 
     `valid_us` is the state that violated, or the first that was clean again; `detected_us` when this node knew;
-    `samples_us` the valid time of each sample that this state was made of, by input.
+    `samples_us` the valid time of each sample that this state was made of, by input; `because` which parts of the
+    formula opened it, with their samples.
     """
 
     id: str
@@ -38,6 +39,7 @@ class AlarmEvent(NamedTuple):
     detected_us: int
     values: Mapping[str, Value]
     samples_us: Mapping[str, int] = MappingProxyType({})
+    because: tuple[Explanation, ...] = ()
 
 
 class Change(NamedTuple):

@@ -238,7 +238,8 @@ class Monitor:
         samples_us = change.samples_us
         if samples_us is None:
             samples_us = dict.fromkeys(self._inputs.names, change.valid_us)
-        return AlarmEvent(alarm_id, event, self.name, self.key, change.valid_us, now_us, values, samples_us)
+        because = self.explanation if change.opens else ()
+        return AlarmEvent(alarm_id, event, self.name, self.key, change.valid_us, now_us, values, samples_us, because)
 
 
 class _Once:

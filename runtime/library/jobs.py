@@ -12,6 +12,7 @@ from federation.members.liveness import PeerState
 from federation.messages.acts import Performative
 from federation.messages.codec import WireSample
 from federation.messages.contents import (
+    Answers,
     Content,
     CreateMonitor,
     CreateMulticast,
@@ -20,6 +21,7 @@ from federation.messages.contents import (
     MonitorList,
     MonitorProximity,
     Monitors,
+    Query,
     Reading,
     Samples,
     StreamSamples,
@@ -121,6 +123,14 @@ def readings_of(
         if unit in {None, name}:
             take(name, [], gone_text(ago_us), 0)
     check_label(client, label, answered=answered)
+
+
+def readings_via(client: Client, via: str, query: Query, within_s: float) -> Job[tuple[list[Answers], str]]:
+    """Ask one platform, which asks all; its answers page by page, and why there are none (thesis 9.3.3)."""
+    content = query.model_copy(update={"scope": "global"})
+    [dialogue] = yield from client.answers(client.pick(via), content, P.QUERY_REF, within_s)
+    pages = [said for said in dialogue.results if isinstance(said, Answers)]
+    return pages, dialogue.trouble or ("" if pages else "no answer")
 
 
 def agreeing(client: Client, label: str, units: Sequence[str], refused: Callable[[str, str], None]) -> list[str]:

@@ -1,6 +1,9 @@
 """`dyknow alarms`: what monitors of all platforms report, once or as it happens."""
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import typer
 
 from console.centre.client import connected
 from console.command import Call, command
@@ -9,7 +12,7 @@ from console.options.arguments import Count, Follow
 from console.output.output import counted, unit_json
 from console.output.shown import Shown, line, styled
 from dyknow.model.instants import print_span
-from federation.messages.contents import Alarm, AlarmList, MonitorChange, MonitorEntry, MonitorProximity
+from federation.messages.contents import Alarm, AlarmList, Because, MonitorChange, MonitorEntry, MonitorProximity
 from runtime.client import Client
 from runtime.configuration.instants import clock_time
 from runtime.library.alarm_news import AlarmItem, AlarmNews
@@ -27,7 +30,15 @@ _UNITS = {"_m_s": "m/s", "_m": "m", "_deg": "deg", "_s": "s", "_us": "us"}
 
 
 @command(example="dyknow alarms --follow")
-def alarms(call: Call, *, follow: Follow = False, count: Count = None) -> int:
+def alarms(
+    call: Call,
+    *,
+    follow: Follow = False,
+    count: Count = None,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Which part of the formula opened each, by which samples.")
+    ] = False,
+) -> int:
     """Alarms raised by monitors of all platforms, in the order of their detection; exit 1 if there are none."""
     told: set[tuple[str, str]] = set()
     is_open: set[str] = set()
@@ -41,7 +52,7 @@ def alarms(call: Call, *, follow: Follow = False, count: Count = None) -> int:
         for alarm in sorted(alarms, key=lambda alarm: (alarm.detected_us, alarm.event == "closed")):
             if (alarm.id, alarm.event) not in told and (count is None or len(told) < count):
                 told.add((alarm.id, alarm.event))
-                _tell_alarm(call, alarm, is_open=alarm.id in is_open)
+                _tell_alarm(call, alarm, is_open=alarm.id in is_open, explain=explain)
         return count is not None and len(told) >= count
 
     with connected(call) as client:
@@ -81,7 +92,7 @@ def _there(client: Client, *, follow: bool) -> list[str]:
     return client.chosen(None)
 
 
-def _tell_alarm(call: Call, alarm: Alarm, *, is_open: bool) -> None:
+def _tell_alarm(call: Call, alarm: Alarm, *, is_open: bool, explain: bool = False) -> None:
     """One alarm; `is_open`: it was opened before, and has not been closed."""
     if call.out.json_lines:
         call.out.line(alarm_json(alarm))
@@ -90,7 +101,8 @@ def _tell_alarm(call: Call, alarm: Alarm, *, is_open: bool) -> None:
     delay = print_span(alarm.detected_us - alarm.valid_us)
     monitor, by = styled(alarm.monitor, "bold"), styled(f"by {alarm.by}, {delay} after the sample", "dim")
     values = ", ".join(_quantity(name, value, alarm) for name, value in alarm.values.items())
-    more: Shown = styled(f"\n{values}", "dim") if values else ""
+    reasons = "".join(f"\n{reason_text(each)}" for each in alarm.because) if explain else ""
+    more: Shown = styled(f"\n{values}{reasons}" if values else reasons, "dim")
     still: Shown = styled(", still open", "red") if is_open else ""
     call.out.aside(
         clock_time(alarm.valid_us),
@@ -116,9 +128,26 @@ def _unit_of(field: str) -> str:
     return next((unit for ending, unit in _UNITS.items() if field.endswith(ending)), "")
 
 
+def reason_text(reason: Because) -> str:
+    """`because xy_dist[0, 1] >= 15 is false: xy_dist[0, 1] 11.0`, and since when a temporal part needed it."""
+    samples = ", ".join(
+        f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"
+        for name, value in reason.samples.items()
+    )
+    within = ""
+    if reason.within is not None and reason.since_us is not None:
+        within = f", which {reason.within} needs since {clock_time(reason.since_us)}"
+    return f"because {reason.part} is {'true' if reason.holds else 'false'}{': ' if samples else ''}{samples}{within}"
+
+
+def _known(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values there are, as JSON has them."""
+    return {name.replace(", ", ","): v for name, v in values.items() if isinstance(v, bool | int | float | str)}
+
+
 def alarm_json(alarm: Alarm) -> dict[str, Any]:
     """An alarm as a JSON line has it."""
-    values = {name.replace(", ", ","): v for name, v in alarm.values.items() if isinstance(v, bool | int | float | str)}
+    values = _known(alarm.values)
     return {
         "id": alarm.id,
         "event": alarm.event,
@@ -129,6 +158,9 @@ def alarm_json(alarm: Alarm) -> dict[str, Any]:
         "detected_us": alarm.detected_us,
         "values": values,
         "samples": {name.replace(", ", ","): valid_us for name, valid_us in alarm.samples.items()},
+        "because": [
+            {"part": each.part, "holds": each.holds, "samples": _known(each.samples)} for each in alarm.because
+        ],
     }
 
 

@@ -9,6 +9,7 @@ from console.centre.client import connected, note_unreached
 from console.command import Call, command
 from console.commands.members.ended_tasks import warn_of_ended
 from console.errors import DONE, NO
+from console.options.arguments import Follow
 from console.output.output import unit_json
 from console.output.shown import Shown, line, stacked, styled
 from dyknow.model.instants import US_PER_S, print_span
@@ -34,10 +35,16 @@ def ls(
     *,
     all_kinds: Annotated[bool, typer.Option("--all", help="Command centres too.")] = False,
     long: Annotated[bool, typer.Option("--long", "-l", help="Labels with their ages, services, clocks.")] = False,
+    follow: Follow = False,
     watch: Annotated[bool, typer.Option("--watch", "-w", help="Again every second, until Ctrl-C.")] = False,
 ) -> int:
     """The platforms, a line each: state, battery, altitude, age of the oldest data; exit 1 if none is there."""
     with connected(call) as client:
+        if follow:
+            from console.commands.members.directory_news import follow_directory
+
+            _list(call, client, all_kinds=all_kinds, long=long)
+            follow_directory(call, client)
         if not watch:
             return _list(call, client, all_kinds=all_kinds, long=long)
         while True:

@@ -16,11 +16,11 @@ from dyknow.model.errors import NothingFound, WrongCall
 from dyknow.model.instants import print_span
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import NoValue
-from federation.messages.contents import Reading
+from federation.messages.contents import Query, Reading
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
-from runtime.library.jobs import readings_of
+from runtime.library.jobs import readings_of, readings_via
 from runtime.library.meanings import differing, meaning_to
-from runtime.library.questions import age_of, check_name
+from runtime.library.questions import age_of, check_name, is_own_label, query_of
 from runtime.library.results import variances_in
 
 SELECT = {"newest": select_newest, "best": select_best}
@@ -43,6 +43,10 @@ def query(
     timeout: Annotated[str, typer.Option(metavar="TIME", help="How long to wait for answers.")] = "2s",
     select: Annotated[Literal["newest", "best"] | None, typer.Option(help="One of the platforms' values.")] = None,
     merge: Annotated[Literal["mean", "inverse-variance"] | None, typer.Option(help="One value made of all.")] = None,
+    via: Annotated[
+        str | None,
+        typer.Option(metavar="U", help="Ask this platform alone, which asks all others and answers for all."),
+    ] = None,
 ) -> int:
     """The latest value of a label, its value at a time, or all between two times; exit 1 if no platform has any."""
     check_name(label)
@@ -56,6 +60,10 @@ def query(
     found: list[tuple[str, Reading]] = []
 
     is_latest = at is None and between is None
+    if via is not None:
+        if unit is not None or is_own_label(label):
+            raise WrongCall("--via asks all platforms for a semantic label: give it without --unit, and no own label.")
+        return _query_via(call, via, label, at, between, select, merge, timeout_s)
 
     def take(name: str, readings: list[Reading], why: str, answered_us: int) -> None:
         found.extend((name, reading) for reading in readings)
@@ -77,6 +85,39 @@ def query(
         note_unreached(call, client)
         if one_of_all and found:
             _tell_one(call, meaning_to(client, found[0][0], label), label, found, select, merge)
+    return DONE if found else NO
+
+
+def _query_via(
+    call: Call,
+    via: str,
+    label: str,
+    at: str | None,
+    between: tuple[str, str] | None,
+    select: Literal["newest", "best"] | None,
+    merge: Literal["mean", "inverse-variance"] | None,
+    timeout_s: float,
+) -> int:
+    """One platform queries all others, and selects or merges."""
+    with connected(call) as client:
+        with call.out.waiting(f"asking {via} for {label}"):
+            client.settle()
+        asked = query_of(label, at, between, client.federation_us())
+        assert isinstance(asked, Query)  # noqa: S101  (no own label comes here)
+        content = asked.model_copy(update={"select": select, "merge": merge})
+        pages, why = client.run(readings_via(client, via, content, timeout_s))
+        if why:
+            raise NothingFound(f"platform {via}: {why}")
+        parts = [part for page in pages for part in page.answers]
+        found = [(part.unit, reading) for part in parts for reading in part.samples]
+        for name, reason in ((each.unit, each.reason) for page in pages for each in page.missing):
+            _missing(call, name, reason)
+        meaning = meaning_to(client, via, label)
+        if select is None and merge is None:
+            for name, reading in found:
+                _tell(call, meaning, label, name, reading)
+        elif found:
+            _tell_chosen(call, meaning, label, found, pages[-1].merged, merge)
     return DONE if found else NO
 
 
@@ -150,14 +191,26 @@ def _tell_one(
     """The one reading that was selected, or made of all."""
     readings = [reading for _, reading in found]
     chosen = SELECT[select](readings) if select else MERGE[str(merge)](readings)
+    _tell_chosen(call, meaning, label, found, chosen, merge)
+
+
+def _tell_chosen(
+    call: Call,
+    meaning: SemanticLabel | None,
+    label: str,
+    found: list[tuple[str, Reading]],
+    chosen: Reading | None,
+    merge: str | None,
+) -> None:
+    """Of `found`, one was chosen, or one was made of all."""
     if chosen is None:
         raise NothingFound(f"the answers state no variance to weigh {label} by; use --merge mean, or --select newest.")
-    unit = next((unit for unit, reading in found if reading is chosen), None)
+    unit = next((unit for unit, reading in found if merge is None and reading == chosen), None)
     if unit is not None:
         _tell(call, meaning, label, unit, chosen)
     elif call.out.json_lines:
         units = sorted({unit_json(unit) for unit, _ in found}, key=str)
         call.out.line(reading_json(label, "", chosen) | {"unit": None, "units": units, "merge": merge})
     else:
-        whose, when = styled(f"{merge} of {len(readings)}", "bold"), styled(clock_time(chosen.valid_us), "dim")
+        whose, when = styled(f"{merge} of {len(found)}", "bold"), styled(clock_time(chosen.valid_us), "dim")
         call.out.show(whose, "  ", when, "  ", value_text(reading_json(label, "", chosen)["value"], meaning))

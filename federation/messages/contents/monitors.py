@@ -111,11 +111,26 @@ class Alarms(parts.Content):
     """Subscribe: tell me of every alarm as it opens and closes."""
 
 
+class Because(parts.ContentPart):
+    """One part of a formula that the deciding state settled: its samples, for which members, and within which temporal
+    part of the formula, since when and until when.
+    """
+
+    part: parts.Formula
+    holds: bool
+    samples: parts.Values = Field(default_factory=dict)
+    members: parts.Values = Field(default_factory=dict)
+    within: parts.Formula | None = None
+    since_us: parts.Instant | None = None
+    until_us: parts.Instant | None = None
+
+
 class Alarm(parts.Content):
     """An alarm opened or closed: raised by a monitor of `by`, about `units`, for the state valid at `valid_us`.
 
     `samples`: valid times of the samples that this state was made of, by input, in microseconds. `unseen_by`: the
     others of its units, where none of them has raised it within a second; the coordinator passes it on once more then.
+    `because`: the parts of the formula that opened it.
     """
 
     id: parts.Line
@@ -128,6 +143,7 @@ class Alarm(parts.Content):
     values: parts.Values = Field(default_factory=dict)
     samples: parts.Values = Field(default_factory=dict)
     unseen_by: parts.Units = ()
+    because: Annotated[tuple[Because, ...], Field(max_length=parts.MAX_LIST)] = ()
 
 
 class AlarmList(parts.Content):
@@ -142,20 +158,6 @@ class CheckFormula(parts.Content):
 
     text: parts.Formula
     timeout_s: parts.Period | None = None
-
-
-class Because(parts.ContentPart):
-    """One part of a formula that the deciding state settled: its samples, for which members, and within which temporal
-    part of the formula, since when and until when.
-    """
-
-    part: parts.Formula
-    holds: bool
-    samples: parts.Values = Field(default_factory=dict)
-    members: parts.Values = Field(default_factory=dict)
-    within: parts.Formula | None = None
-    since_us: parts.Instant | None = None
-    until_us: parts.Instant | None = None
 
 
 class Verdict(parts.Content):

@@ -12,6 +12,7 @@ from federation.messages.acts import Performative
 from federation.messages.contents import (
     AddDeclarations,
     Alarm,
+    AlarmList,
     CreateMonitor,
     LoadSpecification,
     MonitorProximity,
@@ -257,7 +258,12 @@ def test_a_declared_monitor_over_streams_of_the_instance_is_a_named_one_too(pair
     assert task.agreed
     pair.world.run_for(15)
     alarms = [said for said in task.results if isinstance(said, Alarm)]
-    assert alarms[0].monitor == "slow"
+    opened = next(each for each in alarms if each.event == "opened")
+    assert opened.monitor == "slow"
+    (reason,) = opened.because
+    assert (reason.part, reason.holds, list(reason.samples)) == ("dist[uav1] > 15", False, ["dist[uav1]"])
+    assert reason.samples["dist[uav1]"] <= 15
+    assert all(not each.because for each in alarms if each.event == "closed")
     assert pair.refused(LoadSpecification(text="")).code == "in-use"
     assert "no monitor is called 'slow' here" in pair.refused(CreateMonitor(name="slow"), "1").text
     again = pair.refused(CreateMonitor(name="slow", sample_period_s=7.0))
@@ -268,3 +274,17 @@ def test_what_starts_avoidance_is_printed_and_read_back(pair):
     pair.changed(AddDeclarations(text=NEAR))
     assert "with starts avoidance" in pair.text()
     assert parse_specification(pair.text()) == pair.declared("0").instance.specification
+
+
+def test_an_alarm_over_units_says_which_part_of_the_formula_opened_it_with_its_samples(pair):
+    pair.world.run_for(20)
+    dialogue = pair.world.ask("cc", "0", AlarmList(), P.QUERY_REF)
+    pair.world.run_for(1)
+    (listed,) = dialogue.results
+    opened = [each for each in listed.alarms if each.event == "opened"]
+    assert opened
+    for alarm in opened:
+        reasons = {each.part: each for each in alarm.because}
+        assert set(reasons) == {"xy_dist[0, 1] >= 15.0", "z_dist[0, 1] >= 10.0"}
+        assert all(not each.holds and each.samples for each in reasons.values())
+        assert all(value == alarm.values[name] for each in reasons.values() for name, value in each.samples.items())

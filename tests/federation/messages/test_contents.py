@@ -59,6 +59,7 @@ TEXTS = [
     "(monitor-changes)",
     "(monitor-change event: unknown monitor: proximity by: 0 units: (sequence 0 2) at: 1800000000000000 which: (sequence heli-position[2]) since: 1799999999000000)",
     '(alarm id: "proximity 0" event: opened monitor: proximity by: 0 units: (sequence 0 1) valid: 5 detected: 6 values: (record "xy_dist[0, 1]": 12.1 seen: no_value))',
+    '(alarm id: a event: opened monitor: low by: 0 units: (sequence 0) valid: 5 detected: 6 because: (sequence (because part: "h[0] > 3" holds: false samples: (record h[0]: 2.0))))',
     "(alarm-list)",
     '(check-formula text: "always (speed[self] <= 30)" timeout: 5.0)',
     "(verdict verdict: false valid: 5 index: 13)",

@@ -64,6 +64,13 @@ def test_simulated_uavs_run_a_specification_that_is_changed_from_elsewhere(dykno
     [held] = dyknow.run("kpl", "show", "--unit", "0")
     assert held["specification"].startswith("monitor low = always height[self]")
 
+    dyknow.run("kpl", "add", "monitor under = always height[self] < -1000", "--unit", "1")
+    alarm = next(line for line in lines(dyknow.start("alarms", "--follow", "--json")) if line.get("monitor") == "under")
+    [reason] = alarm["because"]
+    assert (reason["part"], reason["holds"]) == ("height[1] < -1000", False)
+    out, _ = dyknow.raw("alarms", "--explain")
+    assert "because height[1] < -1000 is false: height[1]" in " ".join(out.split())
+
     near = (
         "monitor near = always forall other in units - {self} growing: xy_dist[self, other] >= 5 with starts avoidance"
     )

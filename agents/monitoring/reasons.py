@@ -1,0 +1,44 @@
+"""Why a formula was decided, as acts say it."""
+
+from itertools import islice
+from math import isfinite
+from typing import Final
+
+from dyknow import NoValue, Value, as_json
+from federation.messages.contents import Because
+from kpl import print_formula
+from kpl.checking.error_collector import shortened
+from reasoning.formulas.tree import Formula
+from reasoning.progression.explaining import Explanation
+
+MOST_SAMPLES: Final = 8
+LONGEST: Final = 1000
+LONGEST_LABEL: Final = 256
+
+
+def because(reason: Explanation, longest: int = LONGEST) -> Because:
+    """One reason; a part of the formula has at most `longest` characters."""
+    shown = islice(
+        ((name, value) for name, value in reason.samples.items() if len(name) <= LONGEST_LABEL), MOST_SAMPLES
+    )
+    return Because(
+        part=_short(reason.part, longest),
+        holds=reason.holds,
+        samples={name: scalar(value) for name, value in shown},
+        members=dict(reason.binding),
+        within=None if reason.obligation is None else _short(reason.obligation, longest),
+        since_us=reason.since_us,
+        until_us=reason.until_us,
+    )
+
+
+def scalar(value: Value) -> bool | float | NoValue | str:
+    """A value as an act can carry it: records, and what is not finite, as text."""
+    if isinstance(value, NoValue | bool | int) or (isinstance(value, float) and isfinite(value)):
+        return value
+    return shortened(str(as_json(value)))
+
+
+def _short(formula: Formula, longest: int) -> str:
+    text = print_formula(formula)
+    return text if len(text) <= longest else f"{text[: longest - 3]}..."
