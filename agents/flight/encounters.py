@@ -33,6 +33,8 @@ IDLE_US, IDLE_M = 10_000_000, 30.0
 """Two that have not made for each other for so long, and are so far apart, need no more room."""
 LEAP_M_S, LEAP_M = 12.0, 6.0
 """An altitude that changes faster, beyond noise, is not believed."""
+FLIGHT_M_S, FLIGHT_M = 150.0, 50.0
+"""A place that changes faster than a vehicle flies, beyond what a filter that starts again corrects, is not believed."""
 
 
 class ManoeuvreRole(Enum):
@@ -175,9 +177,11 @@ def climber_of(unit: str, own: Fix, partner: str, other: Fix) -> str:
 
 
 def leaps(before: Fix, after: Fix) -> bool:
-    """Whether no aircraft can have changed its altitude so fast."""
+    """Whether no aircraft can have changed its altitude, or its place, so fast."""
     seconds = max(0.0, (after.valid_us - before.valid_us) / 1e6)
-    return abs(after.altitude_m - before.altitude_m) > LEAP_M + LEAP_M_S * seconds
+    far_m = hypot(*offset_m((before.latitude_deg, before.longitude_deg), (after.latitude_deg, after.longitude_deg)))
+    climbs = abs(after.altitude_m - before.altitude_m) > LEAP_M + LEAP_M_S * seconds
+    return climbs or far_m > FLIGHT_M + FLIGHT_M_S * seconds
 
 
 def is_clear(known: Encounter, seen: Relation, own: Fix, other: Fix) -> bool:

@@ -5,13 +5,13 @@ noted here and reported to the delegator of the task. Times are the node clock.
 """
 
 from collections.abc import Callable, Iterable
-from itertools import pairwise
 
 from agents.actions import COORDINATION, Action, Offer
 from agents.exchange.gateway import Gateway
 from agents.flight.avoidance import WOULD_HOLD, Avoidance
-from agents.flight.encounters import ManoeuvreRole, leaps, stands
+from agents.flight.encounters import ManoeuvreRole, stands
 from agents.flight.errand import OrderProgress
+from agents.flight.evidence import fix_of, leap_of
 from agents.flight.levels import is_of_level, level_of
 from agents.flight.pilot import Pilot
 from agents.flight.places import Fix
@@ -20,8 +20,7 @@ from agents.interface import InterfaceAgent
 from agents.monitoring.coordination import Coordination
 from agents.monitoring.monitors import UnitMonitors
 from agents.part import Part, PeerChange
-from dyknow import NO_VALUE
-from dyknow.model.errors import Refused, UnknownLabel, ValueNotAvailable
+from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
 from federation.members.liveness import PlatformGone
 from federation.messages.acts import Act, Performative
@@ -32,7 +31,6 @@ from reasoning import NEITHER_CAN_AVOID, AlarmEvent
 ANSWER_WITHIN_US = 1_000_000
 GROUNDED_US = 10_000_000
 """So long a partner on the ground is no traffic; then the next proposal finds out again."""
-LOOK_BACK_US = 3_000_000
 NOT_FLOWN = frozenset({OrderProgress.REFUSED, OrderProgress.OVERTAKEN, OrderProgress.UNSEEN})
 
 
@@ -147,12 +145,12 @@ class GivingWay(Part):
         )
 
     def _is_put_off(self, partner: str, now_us: int) -> bool:
-        """Whether the altitude of that platform has leapt, reported once while a warning about it is open."""
-        leapt = self._has_leapt(partner, now_us)
-        if leapt and partner not in self._put_off:
+        """Whether that platform has leapt, reported once while a warning about it is open."""
+        leap = self._leap(partner, now_us)
+        if leap is not None and partner not in self._put_off:
             self._put_off.add(partner)
-            self._tell(f"{self._unit} puts off avoiding {partner}: the altitude of {partner} has leapt", now_us)
-        return leapt
+            self._tell(f"{self._unit} puts off avoiding {partner}: {leap}", now_us)
+        return leap is not None
 
     def _is_grounded(self, partner: str, now_us: int) -> bool:
         """Whether that platform has reported it of its vehicle, which does not move."""
@@ -165,15 +163,8 @@ class GivingWay(Part):
         status = self._pilot.status
         return status is not None and not (status.armed and status.airborne is not False)
 
-    def _has_leapt(self, partner: str, now_us: int) -> bool:
-        """Whether the altitude of that platform has changed as that of no aircraft does."""
-        until_us = self._clock.federation_us(now_us)
-        try:
-            found = self._gateway.between("heli-altitude", until_us - LOOK_BACK_US, until_us, until_us, partner)
-        except (ValueNotAvailable, UnknownLabel, Refused):
-            return False
-        fixes = [Fix(sample.valid_us, 0.0, 0.0, *sample.value) for sample in found if sample.value is not NO_VALUE]
-        return any(leaps(before, after) for before, after in pairwise(fixes))
+    def _leap(self, partner: str, now_us: int) -> str | None:
+        return leap_of(self._gateway, partner, self._clock.federation_us(now_us))
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:  # noqa: ARG002
         """A partner is gone: it is where it was last, as far as is known."""
@@ -217,8 +208,9 @@ class GivingWay(Part):
             raise Refused(f"this platform does not know where {partner} is")
         if self._stands:
             raise Refused("the vehicle is on the ground or not armed", "grounded")
-        if self._has_leapt(partner, now_us):
-            raise Refused(f"the altitude of {partner} has leapt", "implausible")
+        leap = self._leap(partner, now_us)
+        if leap is not None:
+            raise Refused(leap, "implausible")
         refused, steps = self._avoidance.on_proposal(
             partner, content.climber, own, other, self._may, now_us,
             warned=self._is_warned(partner), because=content.because, level=level_of(content.level or ""),
@@ -370,24 +362,3 @@ class GivingWay(Part):
         event = self._neither.pop(partner, None)
         if event is not None:
             self._raise(event._replace(event="closed", detected_us=self._clock.federation_us(now_us)))
-
-
-def fix_of(gateway: Gateway, unit: str) -> Fix | None:
-    """Position and, where it is known, velocity of a unit; None where there is no position."""
-    try:
-        position = gateway.latest("heli-position", unit)
-        altitude = gateway.latest("heli-altitude", unit)
-    except (ValueNotAvailable, UnknownLabel):
-        return None
-    if NO_VALUE in (position.value, altitude.value):
-        return None
-    return Fix(position.valid_us, *position.value, *altitude.value, *_velocity(gateway, unit))
-
-
-def _velocity(gateway: Gateway, unit: str) -> tuple[float, ...]:
-    """North, east, down in m/s, or nothing where it is not known."""
-    try:
-        value = gateway.latest("heli-velocity", unit).value
-    except (ValueNotAvailable, UnknownLabel):
-        return ()
-    return () if value is NO_VALUE else tuple(value)

@@ -573,9 +573,9 @@ def test_who_climbed_flies_on_above_the_other_and_comes_down_when_it_is_away() -
     up = OWN._replace(altitude_m=121.0)
     assert found.on_moved("1", up, OTHER, anything, S, warned=False) == [ResumeRoute(raised_to_m=125.0)]
     for north_m in (60.0, 20.0, 0.0):
-        passing = OTHER._replace(latitude_deg=58.0 + north_m * METRE_DEG)
+        passing = OTHER._replace(latitude_deg=58.0 + north_m * METRE_DEG, valid_us=2 * S)
         assert found.on_moved("1", up, passing, anything, 2 * S, warned=False) == []
-    past = OTHER._replace(latitude_deg=58.0 - 60.0 * METRE_DEG)
+    past = OTHER._replace(latitude_deg=58.0 - 60.0 * METRE_DEG, valid_us=9 * S)
     assert found.on_moved("1", up, past, anything, 9 * S, warned=False) == []
     assert found.on_moved("1", up, past, anything, 9 * S + OPENING_US, warned=False) == [ResumeRoute(), Over("1")]
     assert found.encounters == {}

@@ -2,10 +2,11 @@
 
 import pytest
 
+from agents.flight.evidence import fix_of
 from agents.flight.giving_way import GivingWay
 from federation.messages.acts import Performative
 from federation.messages.contents import Avoid, CreateMulticast, MonitorProximity, Progress
-from tests.box import Box, Vehicle
+from tests.box import EPOCH, METRE_DEG, Box, Vehicle
 
 P = Performative
 STREAMS = ("heli-position", "heli-altitude", "heli-velocity")
@@ -39,6 +40,31 @@ def test_no_member_moves_an_aircraft_that_it_does_not_meet(wire: Box, climber: s
     text = "0 refuses to avoid 1: nothing here shows that 1 comes near"
     assert wire.nodes["0"].notes.count(text) == 10
     assert [said.step for said in task.results if isinstance(said, Progress)].count(text) == 10
+
+
+def test_a_partner_whose_position_leaps_is_avoided_only_when_it_has_been_credible_for_3_s(wire: Box) -> None:
+    far_member(wire)
+    task = wire.ask("cc", "0", MonitorProximity())
+    wire.run(5.0)
+    intruder, own = wire.vehicle("1"), wire.vehicle("0")
+    intruder.north_m, intruder.north_m_s = 78.0 + 5.0 * (wire.now_us - EPOCH) / 1e6, -5.0
+    while position(wire) > 1_000.0:
+        wire.run(0.1)
+    seen_us, text = wire.now_us, "0 puts off avoiding 1: the position of 1 has leapt"
+    question = wire.asked("1", "0", Avoid(alarm="none", climber="0", climb_m=25.0, units=("0", "1")))
+    assert question.performatives == [P.REFUSE]
+    assert getattr(question.answers[-1].content, "code", None) == "implausible"
+    wire.run(5.0)
+    assert own.commands, "it is there, and comes near"
+    assert seen_us + 2_800_000 <= own.commands[0][0] <= seen_us + 4_500_000
+    assert wire.nodes["0"].notes.count(text) == 1
+    assert [said.step for said in task.results if isinstance(said, Progress)].count(text) == 1
+
+
+def position(wire: Box) -> float:
+    """How far north of platform 0 it has platform 1, in metres."""
+    fix = fix_of(wire.platform("0").part(GivingWay)._gateway, "1")
+    return float("inf") if fix is None else (fix.latitude_deg - 58.0) / METRE_DEG
 
 
 def test_no_member_leads_an_aircraft_up_by_an_altitude_that_it_makes_up(wire: Box) -> None:
