@@ -105,6 +105,18 @@ class Follower:
         """How long after `since_s` the first line came that says this."""
         return self.line(since_s, **wanted)[0] - since_s
 
+    def hears(self, within_s: float, **wanted: Any) -> bool:
+        """Whether a line that says this comes in time."""
+        until = time.monotonic() + within_s
+        while (left_s := until - time.monotonic()) > 0:
+            try:
+                _, line = self._lines.get(timeout=left_s)
+            except queue.Empty:
+                return False
+            if all(line.get(name) == value for name, value in wanted.items()):
+                return True
+        return False
+
     def line(self, since_s: float, **wanted: Any) -> tuple[float, dict[str, Any]]:
         """The first line from `since_s` on that says this, and when it came."""
         while True:

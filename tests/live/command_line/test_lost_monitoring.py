@@ -31,7 +31,15 @@ def dyknow(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dyknow]:
 
 @pytest.fixture(scope="module")
 def follower(dyknow: Dyknow) -> Follower:
-    return Follower(dyknow)
+    """A follower that has subscribed everywhere: it has heard of a monitor that came and went."""
+    found = Follower(dyknow)
+    for _ in range(20):
+        [agreed] = dyknow.run("delegate", "create-monitor", "name=nmac", "--to", "1")
+        dyknow.until("monitors", inputs="fresh")
+        dyknow.run("cancel", agreed["conversation"])
+        if found.hears(1.0, event="ended", monitor="nmac"):
+            return found
+    raise AssertionError("the follower hears of no monitor")
 
 
 def shown(dyknow: Dyknow, *command: str, code: int = 0) -> dict[int, dict[str, Any]]:
