@@ -174,6 +174,13 @@ class Coordination(Part):
             self._take_in(led, unit, now_us)
         self._cancel_all({unit: before}, now_us)
 
+    def _renew(self, task: str, now_us: int) -> None:
+        """Another has coordinated a task of ours: what participants have on its behalf would end with it."""
+        led = self._life.coordinated.get(task)
+        if led is not None and led.leader == self._unit:
+            for unit in led.members:
+                led.again_us.setdefault(unit, now_us + RETRY_US)
+
     def _cancel_all(self, members: dict[str, list[str]], now_us: int) -> None:
         for unit, conversations in members.items():
             for conversation in conversations:
@@ -229,7 +236,13 @@ class Coordination(Part):
         owner = conversation if task is None else task
         told = _told(act, content, task) if task is not None else None
         if told is not None:
-            self._life.check_claim(Claim(told.task, asker, act.boot, told.generation, told.delegator, told.delegate))
+            try:
+                self._life.check_claim(
+                    Claim(told.task, asker, act.boot, told.generation, told.delegator, told.delegate)
+                )
+            except Refused:
+                self._renew(told.task, now_us)
+                raise
         self._monitor([plan], owner, now_us)
         if told is not None:
             self._life.follow(act, told, plan, now_us)
@@ -260,6 +273,9 @@ class Coordination(Part):
             Refused: the sender does not coordinate it.
         """
         led = self._life.coordinated.get(content.task)
+        if led is not None and led.leader == self._unit == content.coordinator and act.sender.unit in led.members:
+            self._renew(led.task, now_us)
+            return
         if led is None or led.leader != act.sender.unit:
             raise Refused(f"{act.sender.unit} does not lead task {content.task} here", "led-by")
         self._life.lead_by(led, content.coordinator, content.boot, content.generation, now_us)

@@ -188,7 +188,7 @@ class TaskLife(Part):
         """That platform coordinates the task from now on; if this one did, it notifies the participants."""
         if led.leader == self._unit != leader:
             told = HandOver(task=led.task, coordinator=leader, boot=boot, generation=generation)
-            for unit in led.members.keys() - {leader}:
+            for unit in led.members.keys() | {leader}:
                 self._agent.tell(unit, told, now_us)
             self.step_down(led, leader)
         led.leader, led.leader_boot, led.generation = leader, boot, generation
