@@ -13,13 +13,13 @@ from agents.exchange.federation_agent import FederationAgent
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.interface import InterfaceAgent
 from agents.monitoring.alarm_log import alarm_content
-from agents.monitoring.monitor_plans import MonitorPlan, PlanBook
+from agents.monitoring.monitor_plans import MonitorPlan, PlanBook, exports_of
 from agents.monitoring.monitors import UnitMonitors
 from agents.monitoring.reported_alarms import ReportedAlarms
 from agents.part import Part, PeerChange
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import CREATE_MONITOR, MONITOR_PROXIMITY, REMOVE_MONITOR
-from agents.tasks.task import Claim, CoordinatedTask, Task, TaskPlan
+from agents.tasks.task import Claim, CoordinatedTask, Task
 from dyknow import US_PER_S, earlier
 from dyknow.model.errors import DyknowError, Refused
 from federation.members.clock import FederationClock
@@ -119,7 +119,7 @@ class Coordination(Part):
             return
         asked = led.members[unit] = []
         others = tuple(other for other in [self._unit, *led.members] if other != unit)
-        for content in _exports(led.plans, others):
+        for content in exports_of(led.plans, others):
             what = f"export of {', '.join(content.semantic_labels)}"
             asked.append(self._ask(led, unit, content, what, now_us))
         for plan in led.plans:
@@ -135,7 +135,7 @@ class Coordination(Part):
                 delegate=(led.delegate or None) if led.generation > 1 else None,
             )
             asked.append(self._ask(led, unit, part, f"monitor {plan.name}", now_us))
-        for content in _exports(led.plans, (unit,)):  # step 3 of figure 9.5: our own streams to the newcomer
+        for content in exports_of(led.plans, (unit,)):  # step 3 of figure 9.5: our own streams to the newcomer
             try:
                 led.exports += self._exporting.export(content, led.task, now_us)
             except DyknowError as refused:
@@ -415,18 +415,3 @@ def _watches(led: CoordinatedTask, monitor: str) -> bool:
 
 def _us(seconds: float | None) -> int | None:
     return None if seconds is None else round(seconds * US_PER_S)
-
-
-def _exports(plans: Iterable[TaskPlan], to_units: tuple[str, ...]) -> list[contents.CreateMulticast]:
-    """All streams the plans need of a platform, one request per period and delay."""
-    labels: dict[tuple[int, int], dict[str, None]] = {}
-    for plan in plans:
-        labels.setdefault((plan.period_us, plan.max_delay_us), {}).update(dict.fromkeys(plan.labels))
-    return [
-        contents.CreateMulticast(
-            semantic_labels=tuple(named), sample_period_s=period_us / US_PER_S, delay_s=delay_us / US_PER_S,
-            to_units=to_units,
-        )
-        for (period_us, delay_us), named in labels.items()
-        if named
-    ]  # fmt: skip

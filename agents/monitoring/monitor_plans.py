@@ -1,12 +1,14 @@
 """From the name of a monitor to what it takes: formula, inputs, period (thesis 9.4.2: the formula is local knowledge)."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from agents.tasks.requests import DEFAULT_TASK
-from dyknow import Policy, Value
+from agents.tasks.task import TaskPlan
+from dyknow import US_PER_S, Policy, Value
 from dyknow.model.errors import DyknowError, Refused, did_you_mean
 from dyknow.model.instants import print_duration
+from federation.messages.contents import CreateMulticast
 from federation.sharing.translation import Translation
 from kpl import Specification, profile_formula
 from kpl.running.formula_states import states_of
@@ -156,3 +158,18 @@ class PlanBook:
         """What `monitor-proximity` takes: the named profile, or the violation and its warning."""
         names = DEFAULT_TASK if profile is None else (profile,)
         return tuple(self.named(name, period_us, delay_us) for name in names)
+
+
+def exports_of(plans: Iterable[TaskPlan], to_units: tuple[str, ...]) -> list[CreateMulticast]:
+    """All streams the plans need of a platform, one request per period and delay."""
+    labels: dict[tuple[int, int], dict[str, None]] = {}
+    for plan in plans:
+        labels.setdefault((plan.period_us, plan.max_delay_us), {}).update(dict.fromkeys(plan.labels))
+    return [
+        CreateMulticast(
+            semantic_labels=tuple(named), sample_period_s=period_us / US_PER_S, delay_s=delay_us / US_PER_S,
+            to_units=to_units,
+        )
+        for (period_us, delay_us), named in labels.items()
+        if named
+    ]  # fmt: skip
