@@ -119,10 +119,10 @@ class _Watched(Platform):
         self.opened: list[tuple[int, int]] = []
         super().__init__(*given, **named)
 
-    def on_alarm(self, event: AlarmEvent) -> None:
+    def _on_alarm(self, event: AlarmEvent) -> None:
         if event.event == "opened":
             self.opened.append((event.valid_us, time.monotonic_ns()))
-        super().on_alarm(event)
+        super()._on_alarm(event)
 
 
 class Monitoring(Member):
