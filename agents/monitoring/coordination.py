@@ -175,7 +175,7 @@ class Coordination(Part):
         self._cancel_all({unit: before}, now_us)
 
     def _renew(self, task: str, now_us: int) -> None:
-        """Another has coordinated a task of ours: what participants have on its behalf would end with it."""
+        """Request everything of the participants again: what a successor requested ends with the requests of the successor."""
         led = self._life.coordinated.get(task)
         if led is not None and led.leader == self._unit:
             for unit in led.members:

@@ -152,7 +152,7 @@ def monitors(client: Client) -> Job[list[MonitorEntry]]:
     """Ask every platform for its monitors, by platform, name and units."""
     yield from platforms(client)
     found = yield from lists(client, client.pick(None), Monitors(), MonitorList)
-    own = [m for unit, said in found for m in said.monitors if m.by == unit]  # nobody speaks of another's monitors
+    own = [m for unit, said in found for m in said.monitors if m.by == unit]  # of its own monitors only
     return sorted(own, key=lambda m: (m.by, m.name, m.units))
 
 

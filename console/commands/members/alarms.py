@@ -207,7 +207,7 @@ def _unwatched(client: Client, there: list[str], found: list[MonitorEntry]) -> l
 
 
 def tell_unknown(call: Call, client: Client, found: list[MonitorEntry]) -> None:
-    """How many monitors are unknown, which platforms are gone with theirs, and which have none where others have some."""
+    """How many monitors are unknown, which platforms are gone with theirs, and which lack one that is delegated for all."""
     unknown = sum(monitor.shows == "unknown" for monitor in found)
     there = [view.unit for view in client.centre.platforms()]
     gone = client.run(missing_units(there, ask_who_is_missing(client, there)))

@@ -12,7 +12,7 @@ pytestmark = [pytest.mark.live, pytest.mark.full, pytest.mark.skipif(bool(absenc
 
 
 def assert_apart_and_in_time(found: Flown) -> None:
-    """Nobody came nearer than the bar, and all arrived in time."""
+    """All pairs kept the distance of the bar, and all vehicles arrived in time."""
     assert found.least_m > LEAST_M
     assert all(factor is not None and factor <= LONGEST for factor in found.factors), found.factors
 
