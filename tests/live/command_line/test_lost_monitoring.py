@@ -63,6 +63,7 @@ def test_a_silenced_platform_is_told_within_two_seconds_of_its_last_sample(dykno
     [silenced] = dyknow.run("fault", "1", "silence", "--for", "30s")
     came_s, unknown = follower.line(since_s, event="unknown", by=0, units=[0, 1], monitor="proximity")
     assert "heli-position[1]" in unknown["which"]
+    dyknow.until("query", "heli-position", "--unit", "1", stale=True)
     answers, listed, watched = (shown(dyknow, "query", "heli-position"), shown(dyknow, "ls"), dyknow.run("monitors"))
     last_us = answers[1]["valid_us"]
     assert (answers[1]["stale"], answers[0]["stale"], answers[2]["stale"]) == (True, False, False)
