@@ -122,6 +122,28 @@ class Gateway:
             raise _too_early(semantic_label, start_us, from_us, now_us)
         return [self._semantic(semantic_label, sample) for sample in history.get_between(from_us, to_us)]
 
+    def nth_latest(self, semantic_label: str | Label, n: int) -> Sample:
+        """The n-th sample before the latest by available time, in semantic units; the 0-th is the latest.
+
+        Raises:
+            UnknownLabel, ValueNotAvailable
+        """
+        return self._semantic(semantic_label, self.network.snapshot(self.local(semantic_label)).get_nth_latest(n))
+
+    def last(self, semantic_label: str | Label, n: int) -> list[Sample]:
+        """The last `n` samples as they became available, oldest first; fewer if fewer are held."""
+        size = self.network.snapshot(self.local(semantic_label)).get_size()
+        return self.slice(semantic_label, max(0, size - n), size - 1)
+
+    def slice(self, semantic_label: str | Label, i: int, j: int) -> list[Sample]:
+        """The i-th to the j-th sample as they became available, both included; the oldest that is held is the 0-th.
+
+        Raises:
+            UnknownLabel, ValueNotAvailable
+        """
+        history = self.network.snapshot(self.local(semantic_label))
+        return [self._semantic(semantic_label, sample) for sample in history.get_slice(i, j)]
+
     def sort(self, semantic_label: str | Label) -> Sort:
         """Of its values, as they are reported."""
         if isinstance(semantic_label, Label):

@@ -1,4 +1,5 @@
-"""Queries for values of streams: latest, at a time, between two; here, or of all platforms (thesis 9.3.3, 9.3.4).
+"""Queries for values of streams: latest, at a time, between two, or by number (thesis 5.3.2); here, or of all platforms
+(9.3.3, 9.3.4).
 
 Times are the node clock, but for valid and available times.
 """
@@ -126,6 +127,12 @@ class StreamQueries(Part):
             found = [gateway.latest(label)]
         elif query.op == "at":
             found = [gateway.at(label, query.at_us or 0, federation_us)]
+        elif query.op == "nth":
+            found = [gateway.nth_latest(label, query.n or 0)]
+        elif query.op == "last":
+            found = gateway.last(label, query.n or 0)
+        elif query.op == "slice":
+            found = gateway.slice(label, query.i or 0, query.j or 0)
         else:
             found = gateway.between(label, query.from_us or 0, query.to_us or 0, federation_us)
         return [_reading(sort, sample) for sample in found]

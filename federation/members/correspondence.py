@@ -312,8 +312,8 @@ class Correspondence:
 
 def _is_paged(content: contents.Content) -> bool:
     """Whether the answer may come in several acts."""
-    if isinstance(content, contents.Query):
-        return content.op == "between"
+    if isinstance(content, contents.Query | contents.QueryStream):
+        return content.op in {"between", "last", "slice"}
     return isinstance(
         content,
         contents.AlarmList | contents.ActList | contents.ImportList | contents.Monitors | contents.Specification,

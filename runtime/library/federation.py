@@ -18,6 +18,7 @@ from runtime.library import jobs
 from runtime.library.alarm_news import AlarmItem, follow_alarms
 from runtime.library.feed import Feed
 from runtime.library.member_thread import MemberThread
+from runtime.library.questions import Which
 from runtime.library.results import QueryResult, UnitSample
 
 T = TypeVar("T")
@@ -133,10 +134,8 @@ class _Face:
     async def _done(self, job: Job[T]) -> T:
         return await asyncio.wrap_future(self._thread.post(job))
 
-    def _query(
-        self, label: str, unit: str | int | None, at: Time | None, between: Any, within: str
-    ) -> Job[QueryResult]:
-        return jobs.query(self._client, label, _name(unit), at, between, within)
+    def _query(self, label: str, unit: str | int | None, which: Which, within: str) -> Job[QueryResult]:
+        return jobs.query(self._client, label, _name(unit), which, within)
 
     def _watch(
         self, label: str, unit: str | int | None, every: str, max_delay: str
@@ -229,15 +228,21 @@ class FederationClient(_Face):
         unit: str | int | None = None,
         at: Time | None = None,
         between: tuple[Time, Time] | None = None,
+        last: int | None = None,
+        nth: int | None = None,
+        slice: tuple[int, int] | None = None,  # noqa: A002  (as the option of the command)
         within: str = "2s",
     ) -> QueryResult:
-        """The newest sample of a label of each platform, its value at an instant, or all between two.
+        """The newest sample of a label of each platform, its value at an instant, all between two, or by number.
 
         Args:
             label: a semantic label, e.g. `heli-position`.
             unit: one platform; None: all.
             at: an instant of federation time.
             between: two instants, both included.
+            last: so many of the samples that came last.
+            nth: the n-th sample before the one that came last; 0: that one.
+            slice: numbers of the first and last sample, both included; the oldest that a platform holds is number 0.
             within: how long to wait for answers.
 
         Returns:
@@ -248,7 +253,7 @@ class FederationClient(_Face):
             WrongCall: an argument that is not right.
             NameRefused: a text that cannot be a label.
         """
-        return self._do(self._query(label, unit, at, between, within))
+        return self._do(self._query(label, unit, Which(at, between, last, nth, slice), within))
 
     def watch(
         self, label: str, *, unit: str | int | None = None, every: str = "200ms", max_delay: str = "1s"
@@ -314,10 +319,13 @@ class AsyncFederationClient(_Face):
         unit: str | int | None = None,
         at: Time | None = None,
         between: tuple[Time, Time] | None = None,
+        last: int | None = None,
+        nth: int | None = None,
+        slice: tuple[int, int] | None = None,  # noqa: A002  (as the option of the command)
         within: str = "2s",
     ) -> QueryResult:
         """See `FederationClient.query`."""
-        return await self._done(self._query(label, unit, at, between, within))
+        return await self._done(self._query(label, unit, Which(at, between, last, nth, slice), within))
 
     async def watch(
         self, label: str, *, unit: str | int | None = None, every: str = "200ms", max_delay: str = "1s"

@@ -35,7 +35,15 @@ from runtime.client import SETTLE_S, Client, Job, Wait
 from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.configuration.wording import content_with
 from runtime.library.meanings import disagreement_with, record_of
-from runtime.library.questions import ask_who_is_missing, check_label, gone_text, missing_units, query_of, receiver_of
+from runtime.library.questions import (
+    Which,
+    ask_who_is_missing,
+    check_label,
+    gone_text,
+    missing_units,
+    query_of,
+    receiver_of,
+)
 from runtime.library.results import QueryResult, UnitSample, sample_of_reading, sample_of_wire
 
 if TYPE_CHECKING:
@@ -69,12 +77,10 @@ def all_platforms(client: Client, *, all_kinds: bool = False) -> Job[list[Platfo
     return sorted([*there, *gone], key=lambda view: unit_order(view.unit))
 
 
-def query(
-    client: Client, label: str, unit: str | None, at: str | int | None, between: Any, within: str
-) -> Job[QueryResult]:
+def query(client: Client, label: str, unit: str | None, which: Which, within: str) -> Job[QueryResult]:
     """Ask, and wait for all answers."""
     within_s = duration_us(within, option="within", least_us=SHORTEST_US) / 1e6
-    query_of(label, at, between, client.federation_us())
+    query_of(label, which, client.federation_us())
     samples, missing = list[UnitSample](), dict[str, str]()
 
     def take(unit: str, readings: list[Reading], why: str, _answered_us: int) -> None:
@@ -83,7 +89,7 @@ def query(
             missing[unit] = why or "no sample"
 
     yield from platforms(client)
-    yield from readings_of(client, label, unit, at, between, within_s, take)
+    yield from readings_of(client, label, unit, which, within_s, take)
     return QueryResult(sorted(samples, key=lambda sample: unit_order(sample.unit)), missing)
 
 
@@ -91,8 +97,7 @@ def readings_of(
     client: Client,
     label: str,
     unit: str | None,
-    at: str | int | None,
-    between: Any,
+    which: Which,
     within_s: float,
     take: Callable[[str, list[Reading], str, int], None],
 ) -> Job[None]:
@@ -106,7 +111,7 @@ def readings_of(
     units = agreeing(
         client, label, [] if unit in missing else client.pick(unit), lambda name, why: take(name, [], why, 0)
     )
-    content = query_of(label, at, between, client.federation_us())
+    content = query_of(label, which, client.federation_us())
     answered = False
 
     def take_answer(dialogue: Dialogue) -> None:

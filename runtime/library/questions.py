@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
+from typing import NamedTuple
 
 from dyknow.model.errors import NothingFound, WrongCall, did_you_mean
 from dyknow.model.instants import US_PER_S, print_span
@@ -20,16 +21,52 @@ GRACE_S = 0.2
 """For those that answer later than the first."""
 
 
-def query_of(label: str, at: str | int | None, between: Sequence[str | int] | None, now_us: int) -> Query | QueryStream:
-    """The newest value of a label, its value at an instant, or all values between two; times are federation time.
+class Which(NamedTuple):
+    """Which samples of a stream are asked for: the newest, unless one of these is given.
+
+    Attributes:
+        at: that valid at an instant.
+        between: all valid between two.
+        last: so many of those that came last.
+        nth: the n-th before the one that came last.
+        slice: by number, the first and the last, both included; the oldest that a platform holds is the 0-th.
+    """
+
+    at: str | int | None = None
+    between: Sequence[str | int] | None = None
+    last: int | None = None
+    nth: int | None = None
+    slice: Sequence[int] | None = None
+
+    @property
+    def is_newest(self) -> bool:
+        return self == Which()
+
+    def check(self) -> None:
+        """Raises WrongCall if more than one is given, or a number that counts nothing."""
+        given = [f"--{name}" for name, value in self._asdict().items() if value is not None]
+        if len(given) > 1:
+            raise WrongCall(f"{' and '.join(given)} ask for different samples: give one of them.")
+        if self.last is not None and self.last < 1:
+            raise WrongCall(f"--last: {self.last} samples are none; write 1 or more.")
+        if self.nth is not None and self.nth < 0:
+            raise WrongCall(f"--nth: {self.nth} lies after the newest sample, which is 0; write 0 or more.")
+        if self.slice is not None and not 0 <= self.slice[0] <= self.slice[1]:
+            raise WrongCall(
+                f"--slice: {self.slice[0]} to {self.slice[1]}: write two numbers from 0 on, the lower first."
+            )
+
+
+def query_of(label: str, which: Which, now_us: int) -> Query | QueryStream:
+    """The question for these samples of a label; times are federation time.
 
     A label with objects, `speed[self]`, is the platform's own for one of its streams.
 
     Raises:
-        WrongCall: a text that is no instant, both given, or the later one first.
+        WrongCall: as `Which.check`, a text that is no instant, or the later one first.
     """
-    if at is not None and between is not None:
-        raise WrongCall("--at asks for one instant, --between for a span: give one of them.")
+    which.check()
+    at, between = which.at, which.between
     if is_own_label(label):
         ask: Callable[..., Query | QueryStream] = partial(QueryStream, stream=str(Label.parse(label)))
     else:
@@ -42,6 +79,12 @@ def query_of(label: str, at: str | int | None, between: Sequence[str | int] | No
         if from_us > to_us:
             raise WrongCall(f"--between: {first} is later than {last}; write the earlier time first.")
         return ask(op="between", from_us=from_us, to_us=to_us)
+    if which.last is not None:
+        return ask(op="last", n=which.last)
+    if which.nth is not None:
+        return ask(op="nth", n=which.nth)
+    if which.slice is not None:
+        return ask(op="slice", i=which.slice[0], j=which.slice[1])
     return ask()
 
 

@@ -102,6 +102,9 @@ def _query(call: Call, **given: Any) -> int:
         "unit": None,
         "at": None,
         "between": None,
+        "last": None,
+        "nth": None,
+        "slice_": None,
         "timeout": "2s",
         "select": None,
         "merge": None,
@@ -132,6 +135,35 @@ def test_between_two_times_gives_all_values_in_order_also_over_several_pages(
     times = [entry["valid_us"] for entry in lines()]
     assert times == sorted(times)
     assert len(times) in {490, 491}
+
+
+def test_the_last_values_the_nth_before_the_latest_and_those_by_number(world: Box, call: Call, lines: Lines) -> None:
+    assert _query(call, unit="1", last=5) == DONE
+    last = [entry["valid_us"] for entry in lines()]
+    assert [b - a for a, b in pairwise(last)] == [100_000] * 4
+    assert _query(call, unit="1", nth=3) == DONE
+    [nth] = lines()
+    assert last[1] <= nth["valid_us"] <= last[-1]
+    assert "stale" not in nth, "what is asked for by number is meant to be old"
+    assert _query(call, label="heli-altitude", slice_=(0, 2)) == DONE
+    assert sorted(entry["unit"] for entry in lines()) == [0, 0, 0, 1, 1, 1, 2, 2, 2]
+    assert _query(call, unit="1", nth=100_000) == NO
+    [said] = lines()
+    assert "sample 100000 before the latest is not held" in said["error"]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"last": 2, "nth": 1}, "--last and --nth ask for different samples"),
+        ({"last": 0}, "write 1 or more"),
+        ({"nth": -1}, "write 0 or more"),
+        ({"slice_": (3, 2)}, "the lower first"),
+    ],
+)
+def test_samples_by_number_that_cannot_be_meant_are_named(call: Call, given: dict[str, Any], said: str) -> None:
+    with pytest.raises(WrongCall, match=said):
+        _query(call, **given)
 
 
 def test_a_frozen_platform_is_named_and_the_others_answers_are_there(world: Box, call: Call, lines: Lines) -> None:

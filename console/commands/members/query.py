@@ -1,4 +1,4 @@
-"""`dyknow query`: the latest value of a semantic label, its value at a time, or all values between two times."""
+"""`dyknow query`: the latest value of a semantic label, its value at a time, all between two times, or by number."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
@@ -20,7 +20,7 @@ from federation.messages.contents import Query, Reading
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 from runtime.library.jobs import readings_of, readings_via
 from runtime.library.meanings import differing, meaning_to
-from runtime.library.questions import age_of, check_name, is_own_label, query_of
+from runtime.library.questions import Which, age_of, check_name, is_own_label, query_of
 from runtime.library.results import variances_in
 
 SELECT = {"newest": select_newest, "best": select_best}
@@ -40,6 +40,14 @@ def query(
         tuple[str, str] | None,
         typer.Option(metavar="T1 T2", help="All values between two times, e.g. --between -10s -5s."),
     ] = None,
+    last: Annotated[int | None, typer.Option(metavar="N", help="The N samples that came last, oldest first.")] = None,
+    nth: Annotated[
+        int | None, typer.Option(metavar="N", help="The N-th sample before the one that came last, which is 0.")
+    ] = None,
+    slice_: Annotated[
+        tuple[int, int] | None,
+        typer.Option("--slice", metavar="I J", help="Samples by number; the oldest that the platform holds is 0."),
+    ] = None,
     timeout: Annotated[str, typer.Option(metavar="TIME", help="How long to wait for answers.")] = "2s",
     select: Annotated[Literal["newest", "best"] | None, typer.Option(help="One of the platforms' values.")] = None,
     merge: Annotated[Literal["mean", "inverse-variance"] | None, typer.Option(help="One value made of all.")] = None,
@@ -48,35 +56,34 @@ def query(
         typer.Option(metavar="U", help="Ask this platform alone, which asks all others and answers for all."),
     ] = None,
 ) -> int:
-    """The latest value of a label, its value at a time, or all between two times; exit 1 if no platform has any."""
+    """The latest value of a label, at a time, all between two, or by number; exit 1 if no platform has any."""
     check_name(label)
     if select and merge:
         raise WrongCall("--select takes one of the values, --merge makes one of all: give one of them.")
-    if at is not None and between is not None:
-        raise WrongCall("--at asks for one instant, --between for a span: give one of them.")
+    which = Which(at, between, last, nth, slice_)
+    which.check()
     timeout_s = duration_us(timeout, option="--timeout", least_us=SHORTEST_US) / 1e6
     one_of_all = select is not None or merge is not None
     nothing = f"no sample between {between[0]} and {between[1]}" if between else "no sample"
     found: list[tuple[str, Reading]] = []
 
-    is_latest = at is None and between is None
     if via is not None:
         if unit is not None or is_own_label(label):
             raise WrongCall("--via asks all platforms for a semantic label: give it without --unit, and no own label.")
-        return _query_via(call, via, label, at, between, select, merge, timeout_s)
+        return _query_via(call, via, label, which, select, merge, timeout_s)
 
     def take(name: str, readings: list[Reading], why: str, answered_us: int) -> None:
         found.extend((name, reading) for reading in readings)
         if not readings:
             _missing(call, name, why or nothing)
         for reading in () if one_of_all else readings:
-            age = age_of(client, name, label, reading.valid_us, answered_us) if is_latest else None
+            age = age_of(client, name, label, reading.valid_us, answered_us) if which.is_newest else None
             _tell(call, meaning_to(client, name, label), label, name, reading, age)
 
     with connected(call) as client:
         with call.out.waiting(f"asking for {label}"):
             client.settle()
-        client.run(readings_of(client, label, unit, at, between, timeout_s, take))
+        client.run(readings_of(client, label, unit, which, timeout_s, take))
         said = differing(client, label, dict.fromkeys(name for name, _ in found))
         if said and one_of_all:
             raise NothingFound(f"{said}; ask one of them: --unit {found[0][0]}.")
@@ -92,8 +99,7 @@ def _query_via(
     call: Call,
     via: str,
     label: str,
-    at: str | None,
-    between: tuple[str, str] | None,
+    which: Which,
     select: Literal["newest", "best"] | None,
     merge: Literal["mean", "inverse-variance"] | None,
     timeout_s: float,
@@ -102,7 +108,7 @@ def _query_via(
     with connected(call) as client:
         with call.out.waiting(f"asking {via} for {label}"):
             client.settle()
-        asked = query_of(label, at, between, client.federation_us())
+        asked = query_of(label, which, client.federation_us())
         assert isinstance(asked, Query)  # noqa: S101  (no own label comes here)
         content = asked.model_copy(update={"select": select, "merge": merge})
         pages, why = client.run(readings_via(client, via, content, timeout_s))

@@ -1,6 +1,6 @@
 """Streams set up, and values asked for (thesis 9.3.3)."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -58,21 +58,34 @@ class EndStream(parts.Content):
     reason: parts.Prose | None = None
 
 
+Op: TypeAlias = Literal["latest", "at", "between", "nth", "last", "slice"]
+"""What is asked of a stream: by valid time the latest value, that at an instant, all between two; by available time the
+n-th before the latest (0: the latest), the last n, the i-th to the j-th that are held, the oldest being the 0-th.
+"""
+_NEEDED = {
+    "latest": frozenset[str](), "at": {"at_us"}, "between": {"from_us", "to_us"}, "nth": {"n"}, "last": {"n"},
+    "slice": {"i", "j"},
+}  # fmt: skip
+
+
 class Query(parts.Content):
-    """The latest value of a label, its value at an instant, or all between two; here, or of all platforms."""
+    """Values of a label, one or several by `op`; here, or of all platforms."""
 
     semantic_label: SemanticLabel
-    op: Literal["latest", "at", "between"] = "latest"
+    op: Op = "latest"
     at_us: parts.Instant | None = None
     from_us: parts.Instant | None = None
     to_us: parts.Instant | None = None
+    n: Count | None = None
+    i: Count | None = None
+    j: Count | None = None
     scope: Literal["local", "global"] = "local"
     select: Literal["newest", "best"] | None = None
     merge: Literal["mean", "inverse-variance"] | None = None
 
     @model_validator(mode="after")
     def _is_one_question(self) -> Self:
-        _check_instants(self)
+        _check_question(self)
         if self.select and self.merge:
             raise ValueError("select one value, or merge all: not both")
         return self
@@ -82,24 +95,30 @@ class QueryStream(parts.Content):
     """The same of a stream that need not be exported, by the label that the platform's own instance has for it."""
 
     stream: parts.Formula
-    op: Literal["latest", "at", "between"] = "latest"
+    op: Op = "latest"
     at_us: parts.Instant | None = None
     from_us: parts.Instant | None = None
     to_us: parts.Instant | None = None
+    n: Count | None = None
+    i: Count | None = None
+    j: Count | None = None
 
     @model_validator(mode="after")
     def _is_one_question(self) -> Self:
-        _check_instants(self)
+        _check_question(self)
         return self
 
 
-def _check_instants(query: Query | QueryStream) -> None:
-    given = {name for name in ("at", "from", "to") if getattr(query, f"{name}_us") is not None}
-    needed = {"latest": set[str](), "at": {"at"}, "between": {"from", "to"}}[query.op]
+def _check_question(query: Query | QueryStream) -> None:
+    given = {name for names in _NEEDED.values() for name in names if getattr(query, name) is not None}
+    needed = _NEEDED[query.op]
     if given != needed:
-        raise ValueError(f"op {query.op} needs {' and '.join(sorted(needed)) or 'no instant'}, and nothing else")
+        names = sorted(name.removesuffix("_us") for name in needed)
+        raise ValueError(f"op {query.op} needs {' and '.join(names) or 'no instant'}, and nothing else")
     if query.from_us is not None and query.to_us is not None and query.from_us > query.to_us:
         raise ValueError("from lies after to")
+    if query.i is not None and query.j is not None and query.i > query.j:
+        raise ValueError("i lies after j")
 
 
 class Reading(parts.ContentPart):

@@ -8,7 +8,17 @@ from agents.platform import Platform
 from dyknow import US_PER_S, Sample, print_span
 from federation.messages.acts import Performative
 from federation.messages.codec import decode_heartbeat
-from federation.messages.contents import Answers, Content, Found, Query, Samples, Search
+from federation.messages.contents import (
+    Answers,
+    Content,
+    Found,
+    Query,
+    QueryStream,
+    Reason,
+    Samples,
+    Search,
+    StreamSamples,
+)
 from tests.box import Box, Question, Vehicle
 
 P = Performative
@@ -112,6 +122,34 @@ def test_between_is_inclusive_ordered_by_valid_then_available_time_and_holds_cor
     assert altitudes(ask(wire, op="between", from_us=t + 100_000, to_us=t + 200_000).contents) == [2.0, 3.0, 3.5]
     assert altitudes(ask(wire, op="between", from_us=t + 1, to_us=t + 99_999).contents) == []
     assert altitudes(ask(wire, op="between", from_us=t - 5, to_us=wire.now_us + US_PER_S).contents)[0] == 1.0
+
+
+def test_5_3_2_the_nth_the_last_and_a_slice_are_counted_as_samples_became_available(wire: Box, quiet: Platform) -> None:
+    t = wire.now_us - US_PER_S
+    push(quiet, *((t + n, t + n * 10_000 * (-1) ** n, float(n)) for n in range(6)))
+    nths = [altitudes(ask(wire, op="nth", n=n).contents) for n in range(6)]
+    assert nths == [[5.0], [4.0], [3.0], [2.0], [1.0], [0.0]]
+    assert altitudes(ask(wire, op="last", n=2).contents) == [4.0, 5.0]
+    assert altitudes(ask(wire, op="last", n=99).contents) == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], "as many as there are"
+    assert altitudes(ask(wire, op="slice", i=1, j=3).contents) == [1.0, 2.0, 3.0]
+    for query in ({"op": "nth", "n": 6}, {"op": "slice", "i": 0, "j": 6}):
+        (said,) = ask(wire, **query).contents
+        assert isinstance(said, Reason)
+        assert "held" in said.text
+
+
+def test_a_slice_longer_than_an_act_comes_in_pages_of_a_semantic_label_and_of_a_streams_own(
+    wire: Box, quiet: Platform
+) -> None:
+    t = wire.now_us - US_PER_S
+    push(quiet, *((t + n, t + n, float(n)) for n in range(600)))
+    expected = [float(n) for n in range(600)]
+    assert altitudes(ask(wire, op="slice", i=0, j=599).contents) == expected
+    own = str(quiet.ports.gateway.local(LABEL))
+    asked = wire.asked("cc", "0", QueryStream(stream=own, op="last", n=600), P.QUERY_REF)
+    pages = [said for said in asked.contents if isinstance(said, StreamSamples)]
+    assert [page.more for page in pages] == [True, True, False]
+    assert [reading.value["altitude_m"] for page in pages for reading in page.samples] == expected  # type: ignore[index]
 
 
 def test_a_label_that_nobody_has_is_refused_with_those_there_are(wire: Box, quiet: Platform) -> None:

@@ -15,6 +15,7 @@ from runtime.library import jobs
 from runtime.library.alarm_news import follow_alarms
 from runtime.library.feed import Feed
 from runtime.library.member_thread import Job, MemberThread, Wait
+from runtime.library.questions import Which
 
 
 class Quiet:
@@ -107,6 +108,6 @@ def test_what_waits_when_the_connection_closes_learns_of_it() -> None:
 def test_where_no_platform_is_the_answer_says_so() -> None:
     thread, _ = connected()
     with pytest.raises(NothingFound, match="no platform of federation test is there"):
-        thread.post(jobs.query(thread.client, "heli-position", None, None, None, "1s")).result(5)
+        thread.post(jobs.query(thread.client, "heli-position", None, Which(), "1s")).result(5)
     assert thread.post(jobs.platforms(thread.client)).result(5) == []
     thread.close()
