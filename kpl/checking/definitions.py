@@ -108,6 +108,11 @@ class Definitions:
             raise tree.too_large()
         return check(whole, vocabulary, text)
 
+    def put_in(self, bound: tree.Bound) -> tree.Bound:
+        """The bound of an interval with what is defined in place of its names; raises TextError if that is circular."""
+        found: tree.Bound = self._expand(bound, ())
+        return found
+
     def _expand(self, node: Any, inside: tuple[Define, ...]) -> Any:
         if isinstance(node, tuple):
             return tuple(self._expand(one, inside) for one in node)

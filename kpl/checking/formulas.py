@@ -8,9 +8,10 @@ bare number meet only where the number is a literal: it is milliseconds then.
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 from dyknow.model.errors import TextError, file_of
+from kpl.checking.bounds import bound_us
 from kpl.checking.symbols import Constant
 from kpl.diagnostics.collector import ErrorCollector, nearest
 from kpl.syntax.numbers import number_time_us
@@ -286,30 +287,22 @@ class Checker(ErrorCollector):
         return found
 
     def _interval(self, lo_us: tree.Bound, hi_us: tree.Bound | None, place: tree.Place) -> tuple[int, int | None]:
-        low = self._bound(lo_us)
-        high = None if hi_us is None else self._bound(hi_us)
-        named = not isinstance(lo_us, int) or isinstance(hi_us, tree.Feature)
-        if named and high is not None and high < low:
+        low = self.bound(lo_us)
+        high = None if hi_us is None else self.bound(hi_us)
+        are_terms = not isinstance(lo_us, int) or not isinstance(hi_us, int)
+        if are_terms and high is not None and high < low:
             self.error("the interval ends before it begins", place, "[from, to], from <= to")
         return low, high
 
-    def _bound(self, bound: tree.Bound) -> int:
+    def bound(self, bound: tree.Bound) -> int:
+        """Microseconds of a temporal term."""
         if isinstance(bound, int):
             return bound
-        value: Any = self._known.constants.get(bound.name)
-        if isinstance(value, tree.Duration):
-            return value.us
-        if isinstance(value, int | float) and not isinstance(value, bool):
-            try:
-                return number_time_us(value)
-            except TextError as error:
-                self.error(f"{bound.name}: {error.message}", bound.place)
-                return 0
-        near = nearest(bound.name, self._known.constants, "[0, 5s]")
-        if bound.name.lower() in {"inf", "infinity"}:
-            near = "oo"
-        self.error(f"{bound.name} is no time: bounds are times or constants", bound.place, near)
-        return 0
+        try:
+            return bound_us(bound, self._known.constants)
+        except TextError as wrong:
+            self.error(wrong.message, tree.Place(wrong.line, wrong.column, wrong.width), wrong.repair)
+            return 0
 
 
 def _sort_of(value: bool | float | str) -> Sort:

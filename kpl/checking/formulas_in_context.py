@@ -64,6 +64,13 @@ class FormulaChecker(Checker):
     def feature(self, node: tree.Feature) -> tuple[tree.Feature, Sort]:
         return node, self._sort(node, *label_of(node))
 
+    def bound(self, bound: tree.Bound) -> int:
+        """What is defined may be a time; that a definition is circular is told where it is."""
+        try:
+            return super().bound(self._definitions.put_in(bound))
+        except TextError:
+            return 0
+
     def part_of(self, feature: tree.Feature) -> str:
         record = self._streams.record(*label_of(feature))
         if record is None or not record.fields:

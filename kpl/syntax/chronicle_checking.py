@@ -3,7 +3,7 @@
 Names of attributes and messages are checked once a file declares any: a file without declarations leaves all of them open.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from dyknow.model.errors import ChronicleError
@@ -68,7 +68,7 @@ class _Checker:
                     self._symbols(domain, one.place)
                 case model.Attribute() | model.Message() | model.NamedConstraint():
                     self._declared(one)
-                case ComplexConstraint(_, parameters, _):
+                case ComplexConstraint(_, parameters, _) if parameters:
                     self._only(one, "instant", parameters, "an instant of the constraint")
                 case model.Chronicle() as chronicle:
                     self._chronicle(one, chronicle)
@@ -277,16 +277,32 @@ class _Checker:
         """An instant that is only compared is a mistyped one, unless it is declared."""
         happens = {one.what for one in found.mentions if one.kind == "instant" and one.needed} | {"start", "end"}
         told: set[str] = set()
-        for mention in found.mentions:
-            if mention.kind == "instant" and mention.what not in happens | told:
-                told.add(mention.what)
-                repair = nearest(mention.what, sorted(happens), f"instant {mention.what}")
-                self._error(f"nothing happens at {mention.what}: it is only compared", mention.place, repair)
+        compared = [(one.what, one.place) for one in found.mentions if one.kind == "instant"]
+        for one in found.mentions:
+            if one.kind == "timing":
+                compared += [(name, one.place) for name in self._instants_of(one.what.name, set())]
+        for what, place in compared:
+            if what not in happens | told:
+                told.add(what)
+                repair = nearest(what, sorted(happens), f"instant {what}")
+                self._error(f"nothing happens at {what}: it is only compared", place, repair)
         seen: set[str] = set()
         for name in chronicle.instants:
             if name in seen or name in {"start", "end"}:
                 self._error(f"the instant {name} is there already", found.place, "another name")
             seen.add(name)
+
+    def _instants_of(self, timing: str, seen: set[str]) -> Iterator[str]:
+        """The instants that a constraint without parameters takes from where it is used."""
+        if timing in seen or timing not in self._timings or self._timings[timing].parameters:
+            return
+        seen.add(timing)
+        found = next(one for one in self._found if one.declaration is self._timings[timing])
+        for mention in found.mentions:
+            if mention.kind == "instant":
+                yield mention.what
+            elif mention.kind == "timing":
+                yield from self._instants_of(mention.what.name, seen)
 
     def _empty(self, found: ReadChronicle) -> None:
         """Domains of one variable that have nothing in common."""

@@ -23,12 +23,12 @@ def print_declaration(declaration: model.Declaration) -> str:
         case model.NamedConstraint(name, parameters, constraints):
             return f"constraint {_signature(name, parameters)}{_body(constraints)}"
         case ComplexConstraint(name, points, timings):
-            return f"time constraint {name}({', '.join(points)}){_body(timings)}"
+            return f"time constraint {name}{_points(points)}{_body(timings)}"
     return _chronicle(declaration)
 
 
 def _chronicle(chronicle: model.Chronicle) -> str:
-    points = f"({', '.join(chronicle.instants)})" if chronicle.instants else ""
+    points = _points(chronicle.instants)
     statements: list[str] = []
     for statement in chronicle.statements:
         shown = str(statement)
@@ -36,6 +36,10 @@ def _chronicle(chronicle: model.Chronicle) -> str:
             statements[-1] += ";"
         statements.append(shown)
     return f"chronicle {_signature(chronicle.name, chronicle.parameters)}{points}{_body(statements)}"
+
+
+def _points(instants: tuple[str, ...]) -> str:
+    return f"({', '.join(instants)})" if instants else ""
 
 
 def _signature(name: str, parameters: tuple[model.Parameter, ...]) -> str:

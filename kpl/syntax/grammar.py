@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 LIMIT_CHARACTERS: Final = 64 * 1024
 LIMIT_NESTING: Final = 200
 _OPENING, _CLOSING = "([{", ")]}"
-_CHAINS = ("sum", "product", "combined", "intersection", "shifted")
+_CHAINS = ("sum", "product", "time_term", "time_product", "combined", "intersection", "shifted")
 
 
 class Text(NamedTuple):

@@ -169,7 +169,7 @@ class FormulaReader(ErrorCollector):
             self.error("objects are names or whole numbers", place_of(node, self.text), "speed[uav1], xy_dist[0, 1]")
         return name
 
-    def _number(self, token: "Token", place: tree.Place) -> tree.Formula:
+    def _number(self, token: "Token", place: tree.Place) -> tree.Duration | tree.Const:
         if is_time(str(token)):
             return tree.Duration(self.attempt(lambda: parse_duration(str(token)), place, 0), place=place)
         return tree.Const(self.attempt(lambda: parse_number(str(token)), place, 0.0), place=place)
@@ -186,10 +186,22 @@ class FormulaReader(ErrorCollector):
         return lo_us, hi_us
 
     def _bound(self, node: Any) -> tree.Bound:
-        inside, place = node.children[0], place_of(node, self.text)
-        if hasattr(inside, "children"):
-            return tree.Feature(str(inside.children[0]), place=place)
-        return self.attempt(lambda: parse_duration(str(inside)), place, 0)
+        (term,) = node.children
+        if term.data == "number":
+            return self.attempt(lambda: parse_duration(str(term.children[0])), place_of(node, self.text), 0)
+        return self._time_term(term)
+
+    def _time_term(self, node: Any) -> tree.Term:
+        """A term of times and names; definitions may say what a name is."""
+        place = place_of(node, self.text)
+        if node.data == "number":
+            return self._number(node.children[0], place)
+        if node.data == "time_name":
+            return tree.Feature(str(node.children[0].children[0]), place=place)
+        found = self._time_term(node.children[0])
+        for sign, part in zip(node.children[1::2], node.children[2::2], strict=True):
+            found = tree.Arithmetic(str(sign), found, self._time_term(part), place=place)
+        return found
 
     def _readings(self, node: Any) -> None:
         """Refuse an always or eventually without parentheses as a left operand."""

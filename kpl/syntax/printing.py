@@ -130,6 +130,6 @@ def _interval(lo_us: tree.Bound, hi_us: tree.Bound | None) -> str:
 
 
 def _bound(bound: tree.Bound) -> str:
-    if isinstance(bound, tree.Feature):
-        return bound.name
+    if not isinstance(bound, int):
+        return _show(bound, _SUM, last=False)
     return print_duration(bound) if bound else "0"

@@ -175,7 +175,7 @@ class _Parts:
     ) -> SkeletonNode | int:
         for bound in (lo_us, hi_us):
             if bound is not None and not isinstance(bound, int):
-                raise TextError(f"{bound.label} is no time", line=bound.place.line, column=bound.place.column)
+                raise TextError.at(bound.place, "the bound is no time: it was not checked")
         if negated:
             kind = DUAL[kind]
         parts = tuple(dict.fromkeys(parts)) if kind in {"and", "or"} else parts

@@ -159,8 +159,10 @@ class Implies(Node):
     right: "Formula"
 
 
-Bound: TypeAlias = int | Feature
-"""Microseconds; until checked also the name of a constant."""
+Term: TypeAlias = Const | Duration | Variable | Feature | Now | Since | Occurred | Negate | Abs | Arithmetic
+"""What has a value in a state."""
+Bound: TypeAlias = int | Term
+"""Microseconds; until checked also a term of times and constants."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,28 +221,7 @@ class Exists(Node):
     growing: bool = False
 
 
-Formula: TypeAlias = (
-    Const
-    | Duration
-    | Variable
-    | Feature
-    | Now
-    | Since
-    | Occurred
-    | Negate
-    | Abs
-    | Arithmetic
-    | Compare
-    | Not
-    | And
-    | Or
-    | Implies
-    | Until
-    | Always
-    | Eventually
-    | Forall
-    | Exists
-)
+Formula: TypeAlias = Term | Compare | Not | And | Or | Implies | Until | Always | Eventually | Forall | Exists
 TEMPORAL = (Until, Always, Eventually)
 Domains: TypeAlias = Mapping[str, Iterable[str]]
 """The members of each named domain at one time."""

@@ -58,6 +58,12 @@ class Trace:
         return tuple(sorted({label for state in self.states for label in state.values}))
 
     @property
+    def objects(self) -> frozenset[str]:
+        """What a name may mean that is no label: every text that is a value."""
+        values = {value for state in self.states for value in state.values.values() if isinstance(value, str)}
+        return frozenset(values.difference(self.labels))
+
+    @property
     def events(self) -> tuple[str, ...]:
         """Every label of a message."""
         return tuple(sorted({label for state in self.states for label in state.events}))

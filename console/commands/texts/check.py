@@ -55,11 +55,13 @@ def check(
 
 
 def _over_trace(call: Call, text: str, path: Path) -> int:
-    from kpl import print_formula, read_formula, remarks
+    from kpl import Vocabulary, print_formula, read_formula, remarks
+    from kpl import check as resolve
     from reasoning import follow_trace, read_trace, remaining, required_labels, trace_domains
 
     formula = read_formula(text)
     trace = read_lines(path, read_trace, "--trace", "a trace is a text of JSON lines")
+    formula = resolve(formula, Vocabulary(named=trace.objects))
     domains, labels = trace_domains(formula, trace), trace.labels
     known = frozenset(labels)
     _note_of(call, trace, str(path))

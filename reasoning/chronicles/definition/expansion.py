@@ -271,10 +271,12 @@ class _Expansion:
         if depth > LIMIT_DEPTH:
             raise ChronicleError(f"time constraint {use.name} is used by itself; it would have no end")
         points = [self._point(point, prefix, scope) for point in use.points]
-        given = dict(zip(declared.parameters, points, strict=True))
+        inner, given = prefix, scope
+        if declared.parameters:
+            inner, given = f"{prefix}{use.name}.", dict(zip(declared.parameters, points, strict=True))
         for constraint in declared.constraints:
             self._one_more()
-            self._times(constraint, f"{said}: {constraint}", f"{prefix}{use.name}.", given, depth + 1)
+            self._times(constraint, f"{said}: {constraint}", inner, given, depth + 1)
 
 
 def _unless_unknown(condition: Condition, old: str) -> Condition:

@@ -137,6 +137,8 @@ TimeConstraint: TypeAlias = TimeOrder | Distance | ConstraintUse
 class ComplexConstraint:
     """`time constraint mySequence(t1, t2, t3) { ... }`: a conjunction under a name; purely syntactic (8.3.3).
 
+    Without parameters, `time constraint myOrder { ... }`, its instants are those of the text that uses it (8.3.5).
+
     The text of 8.3.3 writes `constraint mySequence(...)`, the grammar of 8.3.5 `time constraint mySequence(...)`.
     """
 

@@ -34,6 +34,8 @@ def wrong(text):
         ("speed[self] < M", "speed[uav1] < 30"),
         ("always[0, T] EXEC", "always[0, 5s] EXEC"),
         ("eventually[S, oo] FLAG", "eventually[250ms, oo] true"),
+        ("always[T / 5, 2 * T + S] EXEC", "always[1s, 10250ms] EXEC"),
+        ("EXEC until[T - 1s, T * 1.5 - (S + 2)] FLAG", "EXEC until[4s, 7248ms] true"),
         ("cars.link[self] = l1", "cars.link[uav1] = l1"),
         ("cpa_time[uav1, uav2] <= 10", "cpa_time[uav1, uav2] <= 10ms"),
         ("cpa_time[uav1, uav2] <= 10s", "cpa_time[uav1, uav2] <= 10s"),
@@ -87,6 +89,13 @@ def test_a_variable_hides_constants_and_features_of_its_name():
         ("always[0, inf] EXEC", "inf is no time", "oo"),
         ("always[T, 3] EXEC", "ends before it begins", "from <= to"),
         ("always[0, FLAG] EXEC", "FLAG is no time", ""),
+        ("always[now, 100] EXEC", "now is no time", "[0, 5s]"),
+        ("always[0, T * T] EXEC", "no product of times", "2 * 5s"),
+        ("always[0, S / T] EXEC", "nothing divided by a time", "2 * 5s"),
+        ("always[0, T / (S - S)] EXEC", "divided by a time or by 0", "2 * 5s"),
+        ("always[S - T, T] EXEC", "begins before the state", "[0, 5s]"),
+        ("always[S + T, T] EXEC", "ends before it begins", "from <= to"),
+        ("always[0, S / 7] EXEC", "finer than a microsecond", "[0, 5s]"),
         ("speed[M] < 3", "the constant M is no object", ""),
         ("occurred(landed[u])", "u is free", ""),
         ("since(sped[uav1]) > 1s", "there is no feature sped", "speed"),
@@ -124,6 +133,11 @@ def test_an_open_vocabulary_takes_names_as_they_come():
     assert isinstance(formula, Always)
     with pytest.raises(TextError, match="T is no time"):
         read_formula("always[0, T] p")
+
+
+def test_terms_of_bounds_are_printed_as_they_are_read():
+    for text in ("always[0, 2 * T + 100ms] p", "p until[T / 2, oo] q", "eventually[T, T * (S + 1)] p"):
+        assert print_formula(parse_formula(text)) == text
 
 
 def test_checking_again_changes_nothing():

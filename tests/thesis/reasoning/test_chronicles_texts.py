@@ -162,6 +162,9 @@ def test_example_8_3_8_complex_constraints() -> None:
     )
     assert chronicle.statements[0] == Instants(("begin", "middle", "finish"))
     assert chronicle.statements[2] == ConstraintUse("mySequence", points("begin", "middle", "finish"))
+    (bare, used) = declared("time constraint rising { t1 < t2 } chronicle c { event(a, t1) event(b, t2) rising() }")
+    assert bare == ComplexConstraint("rising", (), (TimeOrder(points("t1", "t2"), ("<",)),))
+    assert used.statements[2] == ConstraintUse("rising", ())
     as_in_the_grammar = declared(text.replace("constraint my", "time constraint my"))
     assert as_in_the_grammar == (sequence, chronicle)
 

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from kpl import FeatureType, Vocabulary, parse_formula, print_formula, profile_formula, read_formula
 from reasoning import Monitor, builtin_profiles, make_progression, read_trace, split_growing
 from reasoning.formulas.tree import Duration
+from tests.kpl.instances import Running
 from tests.reasoning.meaning import State, verdict
 from tests.reasoning.oracle import naive
 from tests.reasoning.strategies import UNIT_US, formulas, traces
@@ -196,3 +197,18 @@ def test_9_4_2_the_named_monitor_proximity_as_printed():
     assert monitor.on_state(0, 0, {"xy_dist[0, 1]": 500.0, "z_dist[0, 1]": 12.0}) == []
     (opened,) = monitor.on_state(1_000_000, 1_000_000, {"xy_dist[0, 1]": 500.0, "z_dist[0, 1]": 3.0})
     assert (opened.event, opened.units) == ("opened", ("0", "1"))
+
+
+def test_definition_7_5_1_terms_are_bounds_of_intervals_and_objects_are_values_in_a_running_monitor() -> None:
+    """Temporal terms are made of times and constants; value terms are numbers, truth values and objects."""
+    running = Running(
+        "source object links\nstrmgen link[a] = links\ndefine PERIOD = 100ms\ndefine WINDOW = 2 * PERIOD\n"
+        'define l2 = "l2"\n'
+        "monitor soon = always eventually[0, WINDOW + 100] link[a] = l2 with max delay 0\n"
+        "monitor sooner = always eventually[0, WINDOW] link[a] = l2 with max delay 0\n"
+    )
+    for at, link in enumerate(["l2", "l1", "l1", "l1", "l2", "l2", "l2"]):
+        running.push("links", link, at * 100_000)
+    running.wait(1_000_000)
+    opened = [(event.monitor, event.valid_us // 1000) for event in running.alarms if event.event == "opened"]
+    assert opened == [("sooner", 300)], "the state at 100 ms has 300 ms of l1 before it, not more"

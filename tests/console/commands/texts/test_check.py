@@ -36,6 +36,25 @@ def test_the_verdict_is_told_with_the_state_that_decided_it(
     assert ("left" in said, "because" in said) == (verdict == "undecided", verdict != "undecided")
 
 
+@pytest.mark.parametrize(
+    ("formula", "verdict"),
+    [
+        ("always link[a] = l1", "false"),
+        ("always (link[a] = l1 or link[a] = l2)", "undecided"),
+        ("eventually (link[a] != l1 and link[a] = link[b])", "true"),
+        ("always (link[a] = link[b] -> link[a] = l2)", "false"),
+    ],
+)
+def test_values_may_be_objects_and_are_compared_with_names_and_with_each_other(
+    dyknow: Run, tmp_path: Path, formula: str, verdict: str
+) -> None:
+    """Thesis 7.5.1: a comparison of two value terms."""
+    path = tmp_path / "links.jsonl"
+    links = [("l1", "l2"), ("l1", "l1"), ("l2", "l2")]
+    path.write_text("".join(f'{{"t_ms": {i}, "link[a]": "{a}", "link[b]": "{b}"}}\n' for i, (a, b) in enumerate(links)))
+    assert json.loads(dyknow("check", formula, "--trace", str(path), "--json").stdout)["verdict"] == verdict
+
+
 def test_a_verdict_comes_with_the_part_the_samples_and_the_time_that_decided(dyknow: Run, trace: str) -> None:
     formula = "always forall u in {uav1}: speed[u] > 20 -> eventually[0, 200] speed[u] <= 20"
     done = dyknow("check", formula, "--trace", trace)

@@ -149,3 +149,24 @@ def test_what_may_become_an_instance_is_told_with_what_is_missing_and_until_when
     files[1].write_text("\n".join(json.dumps(event) for event in [*EVENTS, {"t_ms": 70_000}]))
     assert "partial" not in run(dyknow, files, "--partial", "--json").stdout
     assert dyknow("chronicle", str(files[0]), "--unit", "0", "--partial").returncode == 2
+
+
+def test_a_time_constraint_without_parameters_is_about_the_instants_of_where_it_is_used(
+    dyknow: Run, files: tuple[Path, Path]
+) -> None:
+    """Thesis 8.3.5: its temporal parameters may be left out."""
+    for least_ms, recognised in ((801, 0), (800, 1)):
+        text = OVERTAKE.replace("t2 - t1 in [1, 60s]", "order()")
+        files[0].write_text(
+            f"time constraint order {{ t1 < t2 far() }}\ntime constraint far {{ t2 - t1 >= {least_ms} }}\n{text}"
+        )
+        assert len(run(dyknow, files, "--json").stdout.splitlines()) == recognised
+
+
+def test_a_time_constraint_without_parameters_that_is_used_where_its_instants_are_not_is_told(
+    dyknow: Run, files: tuple[Path, Path]
+) -> None:
+    files[0].write_text("time constraint order { t1 < t3 }\n" + OVERTAKE.replace("t2 - t1 in [1, 60s]", "order()"))
+    done = run(dyknow, files)
+    assert done.returncode == 2
+    assert "6:5: nothing happens at t3: it is only compared" in done.stderr
