@@ -23,7 +23,7 @@ from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.monitoring.unit_streams import UnitStreams
 from agents.part import Followed, Part, PeerChange
 from agents.specification.imported import ImportDemand, Imported, converting
-from dyknow import Network, Policy, Sample
+from dyknow import Label, Network, Policy, Sample
 from dyknow.model.errors import Refused, SourceText, TextError, TextErrors, Unmade
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.network.process import Input
@@ -37,7 +37,7 @@ from kpl.checking.symbols import domains_of
 from kpl.checking.warnings import run_warnings
 from kpl.introspection.governor import Governor
 from kpl.introspection.graph import maker_of, origins_of
-from kpl.introspection.records import FaultLog, alarm_record, sample_record
+from kpl.introspection.records import FaultLog, alarm_record, producer_record, sample_record
 from kpl.running.asking import features_of
 from kpl.running.ports import Undo, nothing
 from kpl.syntax.specification import Export, Import, MonitorDeclaration, StreamTerm
@@ -131,7 +131,7 @@ class SpecificationPart(Part):
             admission=config.admission,
             features=UnitStreams(config.unit, translation, monitors, self._on_feature_input),
         )
-        network.on_fault = self._faults.on_fault
+        network.on_fault, network.on_producer = self._faults.on_fault, self._on_producer
         self.desk = HostDesk(self.instance, config.clock, note, config.monotonic_offset_us)
         self._waited_us = 0
         self._governor: Governor | None = None
@@ -381,6 +381,9 @@ class SpecificationPart(Part):
 
     def _on_link(self, name: str, linked: bool) -> None:
         self._tell({"event": "stream", "stream": name, "linked": linked})
+
+    def _on_producer(self, label: Label, producer: Label | None) -> None:
+        self._tell(producer_record(label, producer, self._network.now_us))
 
     def on_alarm(self, event: AlarmEvent, _now_us: int) -> None:
         """An alarm of a monitor that the specification declares is reported with its other output."""

@@ -1,4 +1,7 @@
-"""Mediation and configuration: inputs, or whole processes, that come and go with a stream of objects (3.3.3, 3.3.4)."""
+"""Mediation and configuration: inputs, or whole processes, that come and go with a stream of objects (3.3.3, 3.3.4).
+
+And redundancy: one stream of several producers, of which one is in use (3.2).
+"""
 
 import re
 from bisect import bisect_left
@@ -7,6 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 from dyknow.model.errors import SortError
+from dyknow.model.instants import print_span
 from dyknow.model.labels import RESERVED, Label
 from dyknow.model.sample import Sample, Value
 from dyknow.model.values import NO_VALUE
@@ -20,6 +24,10 @@ MAX_NAME = 128
 """Longest name of a member, in characters."""
 EVER = 2**80
 KEPT = 64
+PATIENCE_US = 1_000_000
+"""Of redundant producers: the period and the delay of one that declares none."""
+RETURN = 3
+"""How many times as long as a silence a preferred producer is heard before it is used again."""
 _OBJECT = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(-[A-Za-z0-9_]+)*|[0-9]+")
 
 
@@ -50,23 +58,56 @@ def _name(one: Value) -> str:
     return one
 
 
-class Mediation(OnDemand):
+class Relay(OnDemand):
+    """Passes on samples of other streams as they are.
+
+    Attributes:
+        recent: valid times and values that were passed on last, each with the label of the stream it came from.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.recent: deque[tuple[int, Value, Label]] = deque(maxlen=KEPT)
+
+    def end(self) -> None:
+        self.recent.clear()
+
+    def maker_of(self, sample: Sample) -> Label | None:
+        """From which stream a sample came that was passed on lately; None: it is not known, or approximated."""
+        found = [
+            label for valid_us, value, label in self.recent if (valid_us, value) == (sample.valid_us, sample.value)
+        ]
+        return found[-1] if found else None
+
+    def is_of_sort(self, sample: Sample) -> bool:
+        """Whether the value is what this stream has; if not that is a fault."""
+        try:
+            if self._generator is not None:
+                self._generator.sort.check(sample.value)
+        except SortError as wrong:
+            self.fault(f"a member brings what is not of the sort: {wrong}")
+            return False
+        return True
+
+    def pass_on(self, label: Label, sample: Sample) -> None:
+        """A sample that is of the sort, and came from the stream with that label."""
+        self.recent.append((sample.valid_us, sample.value, label))
+        self.emit(sample.valid_us, sample.value, sample.available_us, sample.quality)
+
+
+class Mediation(Relay):
     """Passes on the samples of the members that a stream names: of all of them (merge), or of the one (select).
 
     Args:
         domain: the stream that names the members; its newest sample counts from the beginning.
         member: the input of one member.
         single: with more than one member at a time none is selected, and that is a fault.
-
-    Attributes:
-        recent: valid times and values that were passed on last, each with the label of the stream it came from.
     """
 
     def __init__(self, domain: Input, member: Callable[[str], Input], *, single: bool) -> None:
         super().__init__()
         self._domain, self._member, self.single = domain, member, single
         self.members: dict[str, StreamProxy] = {}
-        self.recent: deque[tuple[int, Value, Label]] = deque(maxlen=KEPT)
         self._past: list[tuple[int, str, Sample]] = []
         self._grid: Grid | None = None
         self._is_told = False
@@ -122,9 +163,9 @@ class Mediation(OnDemand):
             )
 
     def end(self) -> None:
+        super().end()
         members, self.members = self.members, {}
         self._past.clear()
-        self.recent.clear()
         for proxy in members.values():
             proxy.cancel()
 
@@ -175,24 +216,140 @@ class Mediation(OnDemand):
             self._pass(self._member(member).label, sample)
         del self._past[:passed]
 
-    def maker_of(self, sample: Sample) -> Label | None:
-        """From which stream a sample came that was passed on lately; None: it is not known, or approximated."""
-        found = [
-            label for valid_us, value, label in self.recent if (valid_us, value) == (sample.valid_us, sample.value)
-        ]
-        return found[-1] if found else None
-
     def _pass(self, label: Label, sample: Sample) -> None:
-        generator = self._generator
-        if generator is None:
+        if self._generator is not None and self.is_of_sort(sample):
+            self.pass_on(label, sample)
+
+
+class Heard:
+    """What is known of one of several producers: when it was heard last, and since when without a silence."""
+
+    __slots__ = ("last_us", "recent", "since_us")
+
+    def __init__(self) -> None:
+        self.recent: deque[Sample] = deque(maxlen=KEPT)
+        self.last_us = self.since_us = -EVER
+
+    def note(self, sample: Sample, silence_us: int) -> None:
+        """A sample says something if it has a value and is newer than what came before."""
+        if sample.value is NO_VALUE or (self.recent and sample.valid_us <= self.recent[-1].valid_us):
             return
-        try:
-            generator.sort.check(sample.value)
-        except SortError as wrong:
-            self.fault(f"a member brings what is not of the sort: {wrong}")
+        if sample.available_us - self.last_us > silence_us:
+            self.since_us = sample.available_us
+        self.recent.append(sample)
+        self.last_us = sample.available_us
+
+
+class Failover(Relay):
+    """Passes on the samples of one of several redundant producers: of the first, in their order, that is heard (3.2).
+
+    A producer is silent when it has had no new value for its `sample every` and its `max delay` together, `PATIENCE_US`
+    each where it declares none. When the one in use falls silent the first of the others takes over, beginning with the
+    samples that it brought meanwhile; no valid time is passed on again. One that is preferred to the one in use comes back when it has been heard
+    for `RETURN` such times without a silence. No other sample takes a stream over, whatever is in it: one that is valid
+    further ahead than that time is refused.
+
+    Attributes:
+        used: the input in use, counted from 0; None: all are silent.
+    """
+
+    def __init__(self, inputs: Sequence[Input]) -> None:
+        super().__init__()
+        self._wanted = tuple(inputs)
+        self.begin()
+
+    def inputs(self) -> Sequence[Input]:
+        return self._wanted
+
+    def begin(self) -> None:
+        self.used: int | None = 0
+        self._heard = [Heard() for _ in self._wanted]
+        self._begins = True
+        self._passed_us = self._after_us = -EVER
+        if self._network is not None:
+            self._network.step(self)
+
+    def end(self) -> None:
+        super().end()
+        if self._network is not None:
+            self._network.unstep(self)
+
+    @property
+    def deadline_us(self) -> int | None:
+        """When the one in use will be silent."""
+        if not self.running or self.used is None:
+            return None
+        if self._begins:
+            return self._network.now_us if self._network is not None else None
+        return self._heard[self.used].last_us + self._silence_us(self.used) + 1
+
+    def on_time(self, now_us: int) -> None:
+        if self._begins:  # the preferred one has as long as any to be heard first
+            self._begins, self._heard[0].last_us, self._heard[0].since_us = False, now_us, now_us
+        self._choose(now_us)
+
+    def on_sample(self, i: int, sample: Sample) -> None:
+        silence_us, before = self._silence_us(i), self.used
+        if not self.is_of_sort(sample):
+            return
+        if sample.valid_us > sample.available_us + silence_us:
+            self.fault(f"{self._wanted[i].label} says what is valid {print_span(-sample.delay_us)} ahead: refused")
+            return
+        if self._begins:
+            self.on_time(sample.available_us)
+        self._heard[i].note(sample, silence_us)
+        self._choose(sample.available_us)
+        if self.used == i == before:
+            self._bring(i, sample)
+
+    @property
+    def producer(self) -> Label | None:
+        """The stream that this one is from now; None: all are silent, or nobody wants it."""
+        return None if self.used is None or not self.running else self._wanted[self.used].label
+
+    def told(self) -> tuple[str, ...]:
+        """Which producer is in use, and which are silent; for users."""
+        if self._begins:
+            return ()
+        now_us = 0 if self._network is None else self._network.now_us
+        silent = ", ".join(str(each.label) for i, each in enumerate(self._wanted) if not self._is_heard(i, now_us))
+        if self.used is None:
+            return ("from none: all are silent",)
+        return (f"from {self._wanted[self.used].label}{f'; silent: {silent}' if silent else ''}",)
+
+    def _silence_us(self, i: int) -> int:
+        policy = self._wanted[i].policy
+        stretched = self.proxies[i].stretched if i < len(self.proxies) else 1
+        period_us = PATIENCE_US if policy.sample_us is None else policy.sample_us * stretched
+        return period_us + (PATIENCE_US if policy.max_delay_us is None else policy.max_delay_us)
+
+    def _is_heard(self, i: int, now_us: int) -> bool:
+        return now_us - self._heard[i].last_us <= self._silence_us(i)
+
+    def _choose(self, now_us: int) -> None:
+        used = self.used
+        heard = [i for i in range(len(self._wanted)) if self._is_heard(i, now_us)]
+        if used not in heard:
+            chosen = heard[0] if heard else None
         else:
-            self.recent.append((sample.valid_us, sample.value, label))
-            self.emit(sample.valid_us, sample.value, sample.available_us, sample.quality)
+            back = (i for i in heard if now_us - self._heard[i].since_us >= RETURN * self._silence_us(i))
+            chosen = min(used, next(back, used))
+        if chosen != used:
+            self._use(chosen, now_us)
+
+    def _use(self, chosen: int | None, now_us: int) -> None:
+        """Another producer from now on, and what it brought while the one before was silent."""
+        self.used, self._after_us = chosen, self._passed_us
+        if self._network is not None and self._generator is not None and not self._in_past:
+            self._network.on_producer(self._generator.label, None if chosen is None else self._wanted[chosen].label)
+        if chosen is not None:
+            for sample in tuple(self._heard[chosen].recent):
+                self._bring(chosen, sample._replace(available_us=now_us))
+
+    def _bring(self, i: int, sample: Sample) -> None:
+        if sample.valid_us > self._after_us:
+            self._passed_us = max(self._passed_us, sample.valid_us)
+            self.pass_on(self._wanted[i].label, sample)
 
 
 class Configuration:

@@ -34,7 +34,7 @@ class Network:
 
     __slots__ = (
         "_attributes", "_enough", "_generators", "_history", "_implicit", "_meeting", "_processes", "_ranks", "_timed",
-        "_unit_inputs", "_waiting", "calls", "instant", "now_us", "on_fault", "resolve",
+        "_unit_inputs", "_waiting", "calls", "instant", "now_us", "on_fault", "on_producer", "resolve",
     )  # fmt: skip
 
     def __init__(self, history: int = 4096) -> None:
@@ -43,6 +43,7 @@ class Network:
         self._unit_inputs: dict[Label, list[Subscription]] = {}
         self.now_us = 0
         self.on_fault: Callable[[Label, str], None] = lambda _label, _said: None
+        self.on_producer: Callable[[Label, Label | None], None] = lambda _label, _producer: None
         self._processes: dict[Label, Process] = {}
         self._attributes: dict[Label, dict[Label, None]] = {}
         self._implicit: dict[Label, None] = {}

@@ -98,6 +98,7 @@ class ProcessNetwork(ProxyNetwork, Protocol):
 
     calls: CallsApart
     instant: Instant
+    on_producer: Callable[[Label, Label | None], None]
 
     def rank(self, label: Label) -> int: ...
     def behind(self, label: Label) -> Generator | None: ...

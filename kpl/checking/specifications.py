@@ -234,6 +234,8 @@ class _Checker(DeclarationErrors):
             self._names_objects(made.domain, self.symbols.of(declaration).variables)
         elif isinstance(made, spec.Refinement):
             self._check_sorts(made, self.symbols.of(declaration).variables)
+        elif isinstance(made, spec.FirstOf):
+            self._check_first_of(made, self.symbols.of(declaration).variables)
         body = declaration.body if isinstance(declaration, spec.ForEach) else declaration
         if isinstance(body, spec.Export):
             self._check_export(body)
@@ -246,6 +248,21 @@ class _Checker(DeclarationErrors):
             sort = self.streams.sort_of(term.label, variables)
             if sort is not None and sort != wanted and not wanted.startswith(ANY):
                 self.wrong(f"{made.unit} takes {wanted} here; {term.label} is {sort}", term, f"a stream of {wanted}")
+
+    def _check_first_of(self, made: spec.FirstOf, variables: frozenset[str]) -> None:
+        """Several streams, each once, all of one sort."""
+        first, *others = made.inputs
+        if not others:
+            repair = f"first of {first.label}, another stream of its sort"
+            self.wrong(f"{first.label} alone is the first of nothing else", made, repair)
+        sort, seen = self.streams.sort_of(first.label, variables), {first.label}
+        for term in others:
+            if term.label in seen:
+                self.wrong(f"{term.label} is named twice", term, "each stream once")
+            seen.add(term.label)
+            other = self.streams.sort_of(term.label, variables)
+            if sort is not None and other is not None and other != sort:
+                self.wrong(f"{first.label} is {sort}; {term.label} is {other}", term, f"a stream of {sort}")
 
     def _check_export(self, declaration: spec.Export) -> None:
         label, term = self.symbols.semantic(declaration.semantic), declaration.term

@@ -121,6 +121,8 @@ class Streams:
                 return None if found is None or found[0].startswith(ANY) else found[0]
             case spec.StateStream():
                 return STATE
+            case spec.FirstOf((first, *_)):
+                return self._sort_of(first.label, made.variables, under)
             case spec.Select(term, variable) | spec.Merge(term, variable):
                 return self._sort_of(term.label, made.variables | {variable}, under)
         return None

@@ -377,7 +377,7 @@ def _meets(need: Need, made: Symbol) -> bool:
 
 def _needs(made: spec.Making, variables: frozenset[str]) -> Iterator[Need]:
     match made:
-        case spec.Refinement(_, inputs) | spec.StateStream(inputs):
+        case spec.Refinement(_, inputs) | spec.StateStream(inputs) | spec.FirstOf(inputs):
             yield from (Need(term, variables) for term in inputs)
         case spec.Link(source):
             yield Need(spec.StreamTerm(source, place=made.place), variables)

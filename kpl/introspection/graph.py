@@ -11,7 +11,7 @@ from typing import Any
 
 from dyknow import Label, Network, PolicyAdapter, Sample
 from dyknow.model.instants import print_span
-from dyknow.network.mediation import Mediation
+from dyknow.network.mediation import Failover, Mediation, Relay
 from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import SourcePrototype, UnitPrototype
 from dyknow.network.refinement import LATE_US, RefinementProcess
@@ -41,7 +41,7 @@ class GraphNode:
     """A generator, a declared stream or a monitor.
 
     Attributes:
-        kind: source, unit, state, select, merge, stream, monitor, family, import, export, made outside.
+        kind: source, unit, state, select, merge, first of, stream, monitor, family, import, export, made outside.
         made_by: the source, the computational unit, or the platform it is imported from.
         running: whether it computes; None: it does so always.
         rate_hz: samples per second of available time; None: too few to say.
@@ -175,7 +175,7 @@ def _origins(network: Network, process: object, valid_us: int, left: int) -> dic
 def maker_of(instance: Instance, name: str, sample: Sample) -> Label | None:
     """The member from whose stream a sample of a declared stream is, if it is of a select or merge (3.3.4)."""
     process = _process_of(instance, name)
-    return process.maker_of(sample) if isinstance(process, Mediation) else None
+    return process.maker_of(sample) if isinstance(process, Relay) else None
 
 
 def _process_of(instance: Instance, name: str) -> object:
@@ -219,6 +219,8 @@ def _generator_node(network: Network, label: Label, fed_from: str) -> GraphNode:
     note: tuple[str, ...] = ()
     if isinstance(process, StateStreamProcess):
         note = tuple(map(str, process.awaited()))
+    if isinstance(process, Failover) and process.running:
+        note = process.told()
     if isinstance(process, RefinementProcess) and process.dropped:
         note = (f"{process.dropped} inputs dropped: the unit is slower than they come",)
     if isinstance(process, RefinementProcess) and process.adapter is not None:
@@ -265,6 +267,8 @@ def _kind(process: object) -> str:
     match process:
         case StateStreamProcess():
             return "state"
+        case Failover():
+            return "first of"
         case Mediation():
             return "select" if process.single else "merge"
         case None:

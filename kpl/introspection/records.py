@@ -37,6 +37,12 @@ def sample_record(
     return said
 
 
+def producer_record(label: Label, producer: Label | None, since_us: int) -> dict[str, Any]:
+    """Which of several redundant producers a stream is of from then on; null: all are silent. Federation time."""
+    made_by = None if producer is None else str(producer)
+    return {"event": "producer", "label": str(label), "of": made_by, "valid_us": since_us}
+
+
 def alarm_record(event: AlarmEvent) -> dict[str, Any]:
     """An alarm that opened or closed."""
     return {

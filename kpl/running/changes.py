@@ -15,7 +15,7 @@ from kpl.syntax.parsing import raise_all
 from reasoning.formulas.tree import Formula
 
 _CONSTRAINED = (
-    spec.StreamTerm, spec.Refinement, spec.StateStream, spec.Select, spec.Merge, spec.GeneratorDeclaration,
+    spec.StreamTerm, spec.Refinement, spec.StateStream, spec.Select, spec.Merge, spec.FirstOf, spec.GeneratorDeclaration,
     spec.ForEach, spec.StreamDeclaration, spec.Export, spec.Import, spec.MonitorDeclaration,
 )  # fmt: skip
 """What has a policy, or holds something that has."""

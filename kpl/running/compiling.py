@@ -17,7 +17,7 @@ from dyknow.model.errors import (
 )
 from dyknow.model.instants import US_PER_MS, print_duration
 from dyknow.network.factory import Prototypes, process_of
-from dyknow.network.mediation import Mediation
+from dyknow.network.mediation import Failover, Mediation
 from dyknow.network.process import Input, Process
 from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.states.state_streams import StateStreamProcess, check_delay_before, exactly, state_policy
@@ -139,6 +139,9 @@ class Compiler:
                     )
                 except PolicyError as wrong:
                     raise located(made, str(wrong), wrong.repair) from None
+            case spec.FirstOf(terms):
+                inputs = [self.input(term, members) for term in terms]
+                return CompiledGenerator(self._sort_of(terms[0].label), Failover(inputs))
             case spec.Select(term, variable, domain) | spec.Merge(term, variable, domain):
                 return CompiledGenerator(
                     self._sort_of(term.label),
@@ -300,7 +303,9 @@ class Compiler:
         for symbol in self.symbols.of_feature(label.feature):
             made = symbol.declaration
             body = made.body if isinstance(made, spec.ForEach) else made
-            if isinstance(body, spec.GeneratorDeclaration) and not isinstance(body.made, spec.Select | spec.Merge):
+            if isinstance(body, spec.GeneratorDeclaration) and not isinstance(
+                body.made, spec.Select | spec.Merge | spec.FirstOf
+            ):
                 return self.making(body).sort
         return Sort(label.feature, is_open=True)
 

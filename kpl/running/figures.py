@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from dyknow import NO_VALUE, Generator, History, Label, Network, Sample, Sort, Value
 from dyknow.model.instants import US_PER_MS, US_PER_S
+from dyknow.network.mediation import Failover
 from dyknow.network.process import Process
 from dyknow.network.processes import OnDemand
 from dyknow.network.stream_proxy import StreamProxy
@@ -23,6 +24,7 @@ MEANINGS: Final[Mapping[str, str]] = {
     "stream_rate": "samples per second, of the last samples",
     "stream_drops": "samples that a declared stream's policy has dropped, all in all",
     "stream_memory": "bytes of the history, about",
+    "producer": "of a stream that is `first of` several: which of them it is from",
     MARGIN: "of a monitor: by how much values would have to change for its formula to be violated, or kept",
 }
 LAST = 32
@@ -62,6 +64,7 @@ class Figure(OnDemand):
             "stream_rate": self._rate_hz,
             "stream_drops": self._drops,
             "stream_memory": self._memory_bytes,
+            "producer": self._producer,
         }
         self._look = looks[label.feature]
         self._due_us = 0
@@ -116,6 +119,11 @@ class Figure(OnDemand):
     def _memory_bytes(self) -> Value:
         generator = self._generator_of()
         return NO_VALUE if generator is None else generator.history.get_size() * SAMPLE_BYTES
+
+    def _producer(self) -> Value:
+        generator = self._generator_of()
+        made_by = None if generator is None else self._figures.network.process(generator.label)
+        return NO_VALUE if not isinstance(made_by, Failover) or made_by.producer is None else str(made_by.producer)
 
 
 def _longest_us(generator: Generator, since_us: int) -> int:

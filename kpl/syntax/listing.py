@@ -79,6 +79,8 @@ def _made(made: spec.Making) -> str:
         case spec.Link(source, unit, establish, reestablish, maintain):
             conditions = ", ".join(map(print_formula, (establish, reestablish, maintain)))
             return f"link({source}, {unit}, {conditions})"
+        case spec.FirstOf(inputs):
+            return f"first of {', '.join(map(_term, inputs))}"
         case spec.Select(term, variable, domain):
             return f"select {_term(term)} for {variable} in {_term(domain)}"
         case spec.Merge(term, variable, domain):

@@ -100,7 +100,14 @@ class Merge(Node):
     domain: StreamTerm
 
 
-Making: TypeAlias = FromSource | Refinement | StateStream | Link | Select | Merge
+@dataclass(frozen=True, slots=True)
+class FirstOf(Node):
+    """Redundant producers of one stream: the samples of the first of them that is heard (3.2)."""
+
+    inputs: tuple[StreamTerm, ...]
+
+
+Making: TypeAlias = FromSource | Refinement | StateStream | Link | Select | Merge | FirstOf
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,7 +291,7 @@ def policies_of(declaration: Declaration) -> Iterator[tuple[Node, Policy]]:
 def terms_of(made: Making) -> tuple[StreamTerm, ...]:
     """The streams that a generator is made of."""
     match made:
-        case Refinement(_, terms) | StateStream(terms):
+        case Refinement(_, terms) | StateStream(terms) | FirstOf(terms):
             return terms
         case Select(term, _, domain) | Merge(term, _, domain):
             return (term, domain)

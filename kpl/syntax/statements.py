@@ -141,6 +141,8 @@ class _StatementReader(FormulaReader):
                 return spec.Refinement(str(parts[0]), inputs, policy, place=place)
             case "state":
                 return spec.StateStream(*self._constrained(parts), place=place)
+            case "first_of":
+                return spec.FirstOf(self._terms(parts), place=place)
             case "link":
                 source, unit, *conditions = parts
                 establish, reestablish, maintain = (self.read(condition, _LINKED) for condition in conditions)

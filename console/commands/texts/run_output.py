@@ -63,6 +63,12 @@ def _stream(said: dict[str, Any]) -> Shown:
     return styled(f"{name} has a producer", "green") if said["linked"] else styled(f"{name} has no producer", "yellow")
 
 
+def _producer(said: dict[str, Any]) -> Shown:
+    if said["of"] is None:
+        return line(styled("silent", "red"), f"  {said['label']}: all of its producers are silent")
+    return line(styled("producer", "yellow"), f"  {said['label']} is from {said['of']} now")
+
+
 def _alarm(said: dict[str, Any]) -> Shown:
     shown = ", ".join(f"{label} = {_short(value)}" for label, value in said["values"].items())
     opened = said["event"] == "alarm-opened"
@@ -83,6 +89,7 @@ _SHOWN: dict[str, Callable[[dict[str, Any]], Shown]] = {
     "sample": _sample,
     "specified": _specified,
     "stream": _stream,
+    "producer": _producer,
     "note": lambda said: line(styled("note", "yellow"), f" {said.get('text')}"),
     "alarm-opened": _alarm,
     "alarm-closed": _alarm,

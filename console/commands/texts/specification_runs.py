@@ -26,7 +26,7 @@ from runtime.configuration.instants import SHORTEST_US, duration_us
 
 if TYPE_CHECKING:
     from agents.effects import Computed
-    from dyknow import Sample
+    from dyknow import Label, Sample
     from dyknow.network.process import Work
     from kpl.introspection.governor import Governor
     from proxies.recordings.sample_file import FedSample
@@ -57,6 +57,7 @@ class Run:
         self.read_named = beside(path)
         self.network = Network()
         self.network.on_fault = FaultLog(lambda said: call.out.note(f"note: {said}")).on_fault
+        self.network.on_producer = self._on_producer
         hooks = Hooks(self._on_sample, self._on_link, self._on_alarm)
         self.instance = instance_of(self.network, hooks, modules, unit, labels=call.settings.ontology)
         self._governor: Governor | None = None
@@ -229,6 +230,11 @@ class Run:
     def _on_link(self, name: str, linked: bool) -> None:
         if not linked:
             self._call.out.note(f"note: the inputs of {name} have no producer; it continues when they have one again.")
+
+    def _on_producer(self, label: "Label", producer: "Label | None") -> None:
+        from kpl.introspection.records import producer_record
+
+        tell_record(self._call, producer_record(label, producer, self.network.now_us), begins_us=self._shown_from_us)
 
     def _on_alarm(self, event: "AlarmEvent") -> None:
         from kpl.introspection.records import alarm_record
