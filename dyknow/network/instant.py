@@ -1,7 +1,8 @@
 """Instants of a network: what one push brings forth is one element of every join (Def. 4.3.16, 4.5.8).
 
 A unit with several inputs is called once they all have what the instant brings, however many of them go back to one
-source and over how many units: units upstream come first. What a worker makes of it comes in a later instant.
+source and over how many units: units upstream come first. What a worker makes of it comes in a later instant. Of units
+that have all they need the one of the highest priority is called first (5.3).
 """
 
 from collections.abc import Iterator
@@ -12,11 +13,19 @@ from dyknow.model.sample import Sample
 
 
 class Joining(Protocol):
-    """A unit that waits until all of its inputs have come."""
+    """A unit that waits for its turn, or until all of its inputs have come."""
 
     @property
     def rank(self) -> int:
         """How many units, at most, lie between a source and what it makes."""
+
+    @property
+    def arity(self) -> int:
+        """How many inputs it has."""
+
+    @property
+    def priority(self) -> int:
+        """Of units that can be called the highest is called first."""
 
     def on_instant(self) -> None:
         """All that this instant brings has come."""
@@ -26,15 +35,16 @@ class Instant:
     """The present instant of one network.
 
     Attributes:
-        joins: how many units with several inputs are at work; without one nothing waits.
+        joins: how many units with several inputs, or of a priority, are at work; without one nothing waits.
+        priorities: how many units of a priority are at work; without one a unit of one input does not wait.
         is_open: whether more may come.
     """
 
-    __slots__ = ("_waiting", "is_open", "joins")
+    __slots__ = ("_waiting", "is_open", "joins", "priorities")
 
     def __init__(self) -> None:
         self._waiting: dict[Joining, int] = {}
-        self.joins = 0
+        self.joins = self.priorities = 0
         self.is_open = False
 
     def put(self, unit: Joining) -> None:
@@ -49,11 +59,21 @@ class Instant:
         waiting = self._waiting
         try:
             while waiting:
-                unit = min(waiting, key=waiting.__getitem__)
+                unit = self._first()
                 del waiting[unit]
                 unit.on_instant()
         finally:
             self.is_open = False
+
+    def _first(self) -> Joining:
+        """What nothing that waits can bring more for, the highest priority first."""
+        waiting = self._waiting
+        unit = min(waiting, key=waiting.__getitem__)
+        if not self.priorities:
+            return unit
+        least = waiting[unit]
+        able = [each for each, rank in waiting.items() if rank == least or each.arity == 1]
+        return min(able, key=lambda each: (-each.priority, waiting[each]))
 
     @contextmanager
     def whole(self) -> Iterator[None]:

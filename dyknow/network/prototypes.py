@@ -124,6 +124,7 @@ Prototype: TypeAlias = UnitPrototype | SourcePrototype
 class SampleUnit(Protocol):
     """What `computational_unit` decorates: called with the time and the last sample of each input, once all are there.
 
+    Where it does not need all, it is called before that, too, with None (no_sample) for an input that has none yet.
     It returns a value, which is valid at the latest valid time of its inputs (P7), a `Sample`, or None for no output.
     """
 
@@ -144,6 +145,7 @@ def computational_unit(
     supports: Callable[[Policy], bool] = lambda _policy: True,
     priority: int = 0,
     cost_us: int | None = None,
+    needs_all: bool = True,
 ) -> Callable[[Made], Made]:
     """Declare a class, instantiated once per process, or a function of the time and samples (`SampleUnit`)."""
     return _declared(
@@ -151,7 +153,7 @@ def computational_unit(
             name or made.__name__,
             _name(sort),
             tuple(map(_name, inputs)),
-            partial(_function, of_samples, made),
+            partial(_function, partial(of_samples, needs_all=needs_all), made),
             samplewise,
             history_us,
             cheaper,
@@ -269,15 +271,14 @@ def _function(form: Callable[..., UnitFunction], made: Callable[..., Any], **set
     return form(made)
 
 
-def of_samples(unit: SampleUnit) -> UnitFunction:
-    """A unit in the form of Def. 4.3.15; its memory is its own."""
+def of_samples(unit: SampleUnit, *, needs_all: bool = True) -> UnitFunction:
+    """A unit in the form of Def. 4.3.15; its memory is its own. Unless it needs all, it meets no_sample, as None."""
 
     def step(now_us: int, inputs: Inputs, state: Value) -> tuple[Sample | None, Value]:
-        samples = [sample for sample in inputs if sample is not None]
         valid_us = latest_valid_us(inputs)
-        if valid_us is None or len(samples) < len(inputs):
+        if valid_us is None or (needs_all and None in inputs):
             return None, state
-        made = unit(now_us, *samples)
+        made = unit(now_us, *inputs)  # type: ignore[arg-type]  # it says that it takes None
         if made is None or isinstance(made, Sample):
             return made, state
         return Sample(now_us, valid_us, made, quality_of(inputs)), state

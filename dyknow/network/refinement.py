@@ -140,6 +140,14 @@ class RefinementProcess(OnDemand):
         return self._is_apart and self._network is not None and self._network.calls.workers is not None
 
     @property
+    def arity(self) -> int:
+        return len(self._wanted)
+
+    @property
+    def priority(self) -> int:
+        return self.prototype.priority
+
+    @property
     def rank(self) -> int:
         network, generator = self._network, self._generator
         return 0 if network is None or generator is None else network.rank(generator.label)
@@ -148,15 +156,19 @@ class RefinementProcess(OnDemand):
         if self._output is not None:
             self.adapter = PolicyAdapter(self._output)
             self.adapter.on_starved = partial(self.fault, f"its output hardly meets its own policy, {self._output}")
-        if self._network is not None and len(self._wanted) > 1:
-            self._network.instant.joins += 1
+        self._count_in(1)
         self._renew()
 
     def end(self) -> None:
-        if self._network is not None and len(self._wanted) > 1:
-            self._network.instant.joins -= 1
+        self._count_in(-1)
         self._forget()
         self._unit = None
+
+    def _count_in(self, more: int) -> None:
+        """It takes part in instants from now on, or no more (-1)."""
+        if self._network is not None:
+            self._network.instant.joins += more * (self.arity > 1 or self.priority != 0)
+            self._network.instant.priorities += more * (self.priority != 0)
 
     def want(self, grid: Grid | None) -> bool:
         if not self.prototype.samplewise or self._output is not None:
@@ -167,9 +179,12 @@ class RefinementProcess(OnDemand):
 
     def exchange(self, prototype: UnitPrototype) -> None:
         """Let another unit over the same sorts do the work from now on; its memory begins empty."""
+        if self.running:
+            self._count_in(-1)
         self.prototype, self._pace = prototype, Pace(prototype.cost_us)
         self.history_us = prototype.history_us
         if self.running:
+            self._count_in(1)
             self._renew()
             self._narrow()
 
@@ -215,12 +230,13 @@ class RefinementProcess(OnDemand):
     # Calls
 
     def on_sample(self, i: int, sample: Sample) -> None:
-        if len(self._wanted) == 1:
+        network = self._network
+        if len(self._wanted) == 1 and (network is None or not network.instant.priorities):
             self._on_element({i: sample}, sample.available_us)
             return
         self._join.put(i, sample)
-        if not self._in_past and self._network is not None:
-            self._network.instant.put(self)
+        if not self._in_past and network is not None:
+            network.instant.put(self)
 
     def on_instant(self) -> None:
         for element in self._join.take():
@@ -369,9 +385,11 @@ def _work(unit: UnitAtWork, taken: Sequence[WaitingElement]) -> Work:
 class EagerUnit:
     """A unit that computes with or without a subscriber."""
 
-    __slots__ = ("_generator", "_join", "_network", "_unit")
+    __slots__ = ("_generator", "_join", "_network", "_unit", "arity")
+    priority = 0
 
     def __init__(self, network: ProcessNetwork, generator: Generator, function: UnitFunction, arity: int) -> None:
+        self.arity = arity
         self._network, self._generator, self._unit = network, generator, ComputationalUnit(function, arity)
         self._join = JoinElements()
 

@@ -1,6 +1,7 @@
 """Units over joins and over time: one element an instant, and what takes time is available when it has finished."""
 
 from collections import deque
+from dataclasses import replace
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -87,6 +88,36 @@ def test_a_unit_that_is_eager_takes_one_element_an_instant_too() -> None:
     got = listen(network, 1)
     network.push(label(0), 1, 7, 1)
     assert [sample.value for sample in got] == [(7, 7)]
+
+
+@given(
+    st.lists(st.tuples(st.integers(-2, 2), st.lists(st.integers(0, 7), min_size=1, max_size=2)), min_size=1, max_size=7)
+)
+def test_of_units_that_have_what_they_need_the_highest_priority_is_called_first(units) -> None:
+    """Thesis 5.3; whatever the priorities, no join meets an instant twice or in halves."""
+    network, called = Network(), []
+    network.add_source(label(0), ANY)
+    takes = {i: [min(one, i - 1) for one in inputs] for i, (_, inputs) in enumerate(units, 1)}
+    for i, (priority, _) in enumerate(units, 1):
+
+        def noted(values, i=i):
+            called.append(i)
+            return max(values)
+
+        refine(network, i, replace(unit(len(takes[i]), 0, noted), priority=priority), takes[i])
+        listen(network, i)
+    for instant in (1, 2):
+        called.clear()
+        network.push(label(0), instant, instant, instant)
+        assert sorted(called) == sorted(takes), "each once an instant"
+        for at, i in enumerate(called):
+            made = {0, *called[:at]}
+            ready = [one for one in called[at:] if made.issuperset(takes[one])]
+            assert i in ready
+            alone = [one for one in ready if len(takes[one]) == 1]
+            if any(priority for priority, _ in units) and alone:
+                assert units[i - 1][0] >= max(units[one - 1][0] for one in alone)
+    assert all(network.generator(label(i)).history.get_latest().value == 2 for i in takes)
 
 
 def test_a_past_is_joined_as_it_was() -> None:
