@@ -209,6 +209,18 @@ def platform_certificate(
     return _pem(builder.sign(authority_key, SHA256()))
 
 
+def hosts_of(certificate: bytes) -> tuple[str, ...]:
+    """The addresses and names that a certificate, PEM or DER, is for."""
+    from cryptography import x509
+
+    read = x509.load_pem_x509_certificate if certificate.startswith(b"-----") else x509.load_der_x509_certificate
+    try:
+        named = read(certificate).extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    except x509.ExtensionNotFound:
+        return ()
+    return tuple(str(each.value) for each in named)
+
+
 def _load(key_pem: bytes) -> "EllipticCurvePrivateKey":
     from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key

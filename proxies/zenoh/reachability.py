@@ -15,34 +15,43 @@ def unreachable(endpoints: Sequence[str]) -> list[str]:
 def _trouble(endpoint: str) -> str:
     protocol, _, place = endpoint.partition("/")
     host, _, port = place.partition("?")[0].partition("#")[0].rpartition(":")
+    host = host.strip("[]")
     if protocol not in {"tcp", "tls"}:
         return ""
     try:
-        with socket.create_connection((host.strip("[]"), int(port)), _WITHIN_S) as link:
-            speaks_tls = _speaks_tls(link)
+        with socket.create_connection((host, int(port)), _WITHIN_S) as link:
+            certificate = _certificate(link)
     except ConnectionRefusedError:
         return f"connection refused by {endpoint}: nothing listens there"
     except TimeoutError:
         return f"no answer from {endpoint}"
     except (OSError, OverflowError) as error:
         return f"{endpoint} cannot be reached ({getattr(error, 'strerror', None) or error})"
+    speaks_tls = certificate is not None
     if speaks_tls is (protocol == "tls"):
-        return ""
+        return _mismatch(endpoint, host, certificate) if certificate else ""
     other = f"{'tls' if speaks_tls else 'tcp'}/{place}"
     return f"{endpoint} does not speak {protocol}: write {other}{' and give --roster' if speaks_tls else ''}"
 
 
-def _speaks_tls(link: socket.socket) -> bool:
-    """Whether a TLS handshake gets an answer; whose certificate it is does not matter, nothing is sent after it."""
+def _mismatch(endpoint: str, host: str, certificate: bytes) -> str:
+    from federation.security.tls import hosts_of
+
+    hosts = hosts_of(certificate)
+    return "" if host in hosts else f"the certificate at {endpoint} is for {', '.join(hosts)}: dyknow roster add --host"
+
+
+def _certificate(link: socket.socket) -> bytes | None:
+    """What a TLS handshake brings, DER, whoever it belongs to, empty if refused; None from what speaks no TLS."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     link.settimeout(_WITHIN_S)
     try:
-        context.wrap_socket(link).close()
+        with context.wrap_socket(link) as wrapped:
+            return wrapped.getpeercert(binary_form=True)
     except ssl.SSLEOFError:
-        return False
+        return None
     except ssl.SSLError as refused:
-        return "ALERT" in (refused.reason or "")
+        return b"" if "ALERT" in (refused.reason or "") else None
     except OSError:
-        return False
-    return True
+        return None

@@ -8,12 +8,13 @@ from pathlib import Path
 from dyknow.model.errors import WrongCall
 from runtime.configuration.config import TrustConfig, WireConfig
 from runtime.configuration.run_directory import read_state, run_directory
-from runtime.configuration.session import read_roster
+from runtime.configuration.session import host_of, read_roster
 from runtime.configuration.settings import Settings, UnitFile
 
 COMMAND_CENTRE = "cc"
 """The member of a roster that commands and Python programs speak as; each process adds its number."""
 _NOTHING = UnitFile()
+_ALL_ADDRESSES = ("0.0.0.0", "::")  # noqa: S104 - what is written there cannot be compared with a certificate
 _PROTOCOLS = ("tcp", "tls", "udp", "quic", "ws")
 _ENDPOINT = re.compile(rf"(?:{'|'.join(_PROTOCOLS)})/[^/\s]+:[0-9]{{1,5}}(?:[?#]\S*)?|unixsock-stream/\S+")
 
@@ -39,6 +40,7 @@ def wire_of(settings: Settings, unit: str, special: UnitFile = _NOTHING) -> Wire
                 f"endpoints that begin with tls/ need a roster with a certificate for {unit}; "
                 f"make one with dyknow roster init (or add {unit}), and name it with --roster."
             )
+        _checked_certificate(security, unit, listen)
     return WireConfig.model_validate(
         {
             "federation": settings.federation,
@@ -69,6 +71,23 @@ def _checked_wire(listen: Sequence[str], connect: Sequence[str], interface: str 
         raise WrongCall(
             f"--interface: {interface!r} has no IPv4 address on this machine; there are {', '.join(sorted(present))}."
         )
+
+
+def _checked_certificate(security: Path, unit: str, listen: Sequence[str]) -> None:
+    """Raises WrongCall for an address to listen at that the certificate of `unit` is not for."""
+    certificate = security.with_name("pki") / f"{unit}.pem"
+    asked = [host_of(each) for each in listen if each.startswith("tls/") and host_of(each) not in _ALL_ADDRESSES]
+    if not asked or not certificate.exists():
+        return
+    from federation.security.tls import hosts_of
+
+    hosts = hosts_of(certificate.read_bytes())
+    for host in asked:
+        if host not in hosts:
+            raise WrongCall(
+                f"--listen: no platform could connect to {host}, the certificate of {unit} is for {', '.join(hosts)}; "
+                f"make another one: dyknow roster revoke {unit}, dyknow roster add {unit} --host {host}"
+            )
 
 
 def client_wire(settings: Settings, unit: str = COMMAND_CENTRE) -> WireConfig:

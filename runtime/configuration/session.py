@@ -1,6 +1,7 @@
 """What a process needs to take part in a federation: the session's options, and its trust, with their files read."""
 
 import json
+import re
 from ipaddress import ip_address
 from pathlib import Path
 from typing import NamedTuple
@@ -11,14 +12,22 @@ from proxies.zenoh.configuration import LOOPBACK, ZenohOptions
 from runtime.accepted_acts import read_accepted
 from runtime.configuration.config import TrustConfig, WireConfig
 
+_FILES = [f"{side}_{what}" for side in ("listen", "connect") for what in ("private_key", "certificate")]
+_FILES.append("root_ca_certificate")
+
 
 def reaches_beyond(wire: WireConfig) -> str:
     """The first endpoint or interface that is not loopback; empty if there is none."""
     for endpoint in (*wire.listen, *wire.connect):
-        if not _is_loopback(endpoint.partition("/")[2].rpartition(":")[0].strip("[]")):
+        if not _is_loopback(host_of(endpoint)):
             return endpoint
     meets = not wire.listen or (wire.discover == "multicast" and not wire.connect)
     return wire.interface if meets and wire.interface != LOOPBACK else ""
+
+
+def host_of(endpoint: str) -> str:
+    """The host of `tls/192.168.1.10:7447`."""
+    return re.split("[?#]", endpoint.partition("/")[2])[0].rpartition(":")[0].strip("[]")
 
 
 def _is_loopback(host: str) -> bool:
@@ -65,7 +74,9 @@ def wire_options(wire: WireConfig) -> ZenohOptions:
     if wire.security is not None:
         try:
             security = json.loads(wire.security.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as wrong:
+            files = security["transport"]["link"]["tls"]
+            files |= {key: str(wire.security.parent.resolve() / files[key]) for key in _FILES}
+        except (OSError, ValueError, LookupError, TypeError) as wrong:
             raise RosterError(f"{wire.security}: {wrong}; make it again with `dyknow roster`") from None
     return ZenohOptions(**{**wire.model_dump(exclude={"open"}), "security": security})
 

@@ -67,6 +67,12 @@ def commands(fence: Fence) -> list[Shown]:
     return found
 
 
+def alike(line: str) -> str:
+    """The line without its numbers, their units, names of conversations, and its spaces."""
+    line = re.sub(r"\bcc-[\w.-]+", "cc", line)
+    return re.sub(r"-?\d+(\.\d+)?(e-?\d+)?( (us|ms|s|min)\b)?", "N", " ".join(line.split()))
+
+
 def folder(parent: Path) -> Path:
     """A folder like the root of the repository, that may be written to."""
     shutil.copytree(ROOT / "examples", parent / "examples", ignore=shutil.ignore_patterns("__pycache__"))

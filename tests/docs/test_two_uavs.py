@@ -1,6 +1,5 @@
 """The part of the tutorial that flies: two platforms, each with its specification, over real Zenoh."""
 
-import re
 import secrets
 import signal
 import subprocess
@@ -12,7 +11,7 @@ from time import monotonic
 
 import pytest
 
-from tests.docs.pages import DOCS, Shown, commands, environment, fences, folder
+from tests.docs.pages import DOCS, Shown, alike, commands, environment, fences, folder
 
 PATIENCE_S = 100.0
 PAGE = DOCS / "tutorial.md"
@@ -23,11 +22,6 @@ pytestmark = pytest.mark.live
 def shown(about: str) -> list[Shown]:
     (found,) = [fence for fence in fences(PAGE) if fence.about == about]
     return commands(found)
-
-
-def alike(line: str) -> str:
-    """The line without its numbers, their units, and its spaces."""
-    return re.sub(r"-?\d+(\.\d+)?(e-?\d+)?( (us|ms|s|min)\b)?", "N", " ".join(line.split()))
 
 
 @pytest.fixture

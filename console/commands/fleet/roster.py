@@ -9,7 +9,7 @@ import json
 import os
 import secrets
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
@@ -35,7 +35,7 @@ Hosts: TypeAlias = Annotated[
     typer.Option(
         "--host",
         metavar="ADDRESS",
-        help="Address or name in the certificate (repeatable). [default: 127.0.0.1, localhost]",
+        help="Address at which platforms listen, for their certificates, next to 127.0.0.1 (repeatable).",
     ),
 ]
 UnitArgument: TypeAlias = Annotated[str, typer.Argument(metavar="UNIT", help="The platform.")]
@@ -156,11 +156,11 @@ def _member(path: Path, roster: Roster, unit: str, role: Role, hosts: Sequence[s
         directory.mkdir(mode=0o700, parents=True, exist_ok=True)
     seed = secrets.token_bytes(KEY_BYTES)
     write_private(keys / f"{unit}.key", f"{seed.hex()}\n".encode())
-    _certify(pki, unit, f"dyknow {federation}", hosts or LOOPBACK)
+    _certify(pki, unit, f"dyknow {federation}", dict.fromkeys((*LOOPBACK, *(hosts or ()))))
     return RosterMember(unit, Signer(seed, federation).public_key, role)
 
 
-def _certify(pki: Path, unit: str, authority: str, hosts: Sequence[str]) -> None:
+def _certify(pki: Path, unit: str, authority: str, hosts: Iterable[str]) -> None:
     """A key and a certificate for `unit`, signed by the authority, which is made when it is not there."""
     now_us = time.time_ns() // 1000
     if not (pki / f"{AUTHORITY}.key").exists():
@@ -187,7 +187,7 @@ def _write(path: Path, roster: Roster) -> None:
     new.write_text(str(roster), encoding="utf-8")
     new.replace(path)
     folder = _folder(path)
-    pki = (folder / "pki").resolve()
+    pki = Path("pki")  # relative to the file, which is copied to other machines with its folder
     for unit, member in roster.members.items():
         wire = folder / f"{unit}.wire.json"
         if member.revoked:

@@ -85,5 +85,16 @@ def test_an_endpoint_of_another_protocol_is_said_to_be(
     assert ("--roster" in why) is (spoken == "tls")
 
 
+def test_a_certificate_for_another_address_is_said_to_be(with_tls: ssl.SSLContext) -> None:
+    """The one of this listener is for 127.0.0.1 and localhost; 127.0.0.2 reaches the same machine."""
+    with socket.create_server(("127.0.0.2", 0)) as other:
+        thread = served(other, with_tls)
+        endpoint = f"tls/127.0.0.2:{port_of(other)}"
+        assert unreachable([endpoint]) == [
+            f"the certificate at {endpoint} is for 127.0.0.1, localhost: dyknow roster add --host"
+        ]
+        thread.join()
+
+
 def test_what_cannot_be_tried_out_is_not_judged() -> None:
     assert unreachable(["udp/127.0.0.1:7447", "unixsock-stream//tmp/socket"]) == []

@@ -1,4 +1,5 @@
 import json
+import shutil
 import stat
 import subprocess
 from pathlib import Path
@@ -6,7 +7,13 @@ from pathlib import Path
 import pytest
 from cryptography import x509
 
+from dyknow.model.errors import WrongCall
+from federation.security.tls import hosts_of
 from federation.security.trust import Roster, Signer
+from runtime.configuration.config import WireConfig
+from runtime.configuration.reach import wire_of
+from runtime.configuration.session import wire_options
+from runtime.configuration.settings import Settings
 from tests.console.conftest import Run
 
 
@@ -146,3 +153,37 @@ def test_no_member_takes_the_authoritys_files(path: Path, dyknow: Run) -> None:
     assert done.returncode == 2
     assert "authority" in done.stderr
     assert (folder(path) / "pki" / "ca.key").read_bytes() == key
+
+
+def test_certificates_are_for_the_addresses_that_platforms_listen_at(tmp_path: Path, dyknow: Run) -> None:
+    path = tmp_path / "roster.toml"
+    given = ("--host", "192.168.1.10", "--host", "uav0.local")
+    assert dyknow("roster", "init", "0", *given, "--roster", str(path)).returncode == 0
+    certificate = (folder(path) / "pki" / "0.pem").read_bytes()
+    assert hosts_of(certificate) == ("127.0.0.1", "localhost", "192.168.1.10", "uav0.local")
+
+
+def test_an_address_that_the_certificate_is_not_for_is_refused_with_what_makes_another_one(
+    path: Path, dyknow: Run
+) -> None:
+    roster = ("--federation", "alpha", "--roster", str(path))
+    settings = Settings(federation="alpha", roster=path, discover="none", listen=("tls/192.168.1.10:7447",))
+    with pytest.raises(WrongCall) as refused:
+        wire_of(settings, "0")
+    assert "the certificate of 0 is for 127.0.0.1, localhost" in str(refused.value)
+    assert "dyknow roster revoke 0, dyknow roster add 0 --host 192.168.1.10" in str(refused.value)
+    assert dyknow("roster", "revoke", "0", *roster).returncode == 0
+    assert dyknow("roster", "add", "0", "--host", "192.168.1.10", *roster).returncode == 0
+    assert wire_of(settings, "0").listen == settings.listen
+
+
+def test_a_rosters_folder_can_be_copied_to_where_it_is_used(path: Path, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "another" / "machine"
+    shutil.move(path.parent, elsewhere)
+    wire = WireConfig(listen=("tls/127.0.0.1:0",), security=elsewhere / "roster.d" / "1.wire.json")
+    security = wire_options(wire).security
+    assert security is not None
+    files = [value for name, value in security["transport"]["link"]["tls"].items() if name.endswith(("key", "cate"))]
+    assert len(files) == 5
+    assert all(Path(file).is_absolute() and Path(file).is_relative_to(elsewhere) for file in files)
+    assert all(Path(file).exists() for file in files)
