@@ -12,6 +12,8 @@ from agents.interface import InterfaceAgent
 from agents.monitoring.monitors import UnitMonitors
 from agents.part import Part
 from agents.specification.specification_part import OWNER, SPECIFICATION, SpecificationPart, read
+from agents.tasks.requests import RESET
+from dyknow import Label, Network
 from dyknow.model.errors import Refused, SourceText, TextError, did_you_mean
 from federation.members.clock import FederationClock
 from federation.messages import contents
@@ -36,6 +38,7 @@ class SpecificationChanges(Part):
 
     Args:
         monitors: a declaration that a task needs is not taken back.
+        declared: (unit, label as text) -> the stream of the instance that the unit may ask for.
         note: takes words for the operator of the platform; every change is noted.
     """
 
@@ -48,6 +51,7 @@ class SpecificationChanges(Part):
                 Action(contents.RemoveDeclarations, "on_remove", role=Role.COMMAND_CENTRE),
                 Action(contents.LoadSpecification, "on_load", role=Role.COMMAND_CENTRE),
                 Action(contents.RestoreSpecification, "on_restore", role=Role.COMMAND_CENTRE),
+                RESET,
             ),
         ),
     )
@@ -59,8 +63,11 @@ class SpecificationChanges(Part):
         clock: FederationClock,
         monitors: UnitMonitors,
         specified: SpecificationPart,
+        network: Network,
+        declared: Callable[[str, str], Label],
         note: Callable[[str], None],
     ) -> None:
+        self._network, self._declared = network, declared
         self._agent, self._clock, self._monitors, self._note = agent, clock, monitors, note
         self._specified, self._instance = specified, specified.instance
         self._limits = ActLimits(CHANGES_PER_S, CHANGES_BURST)
@@ -137,6 +144,30 @@ class SpecificationChanges(Part):
         text = SourceText("", f"configuration {number}")
         self._change(act, held[number].specification, text, now_us)
 
+    def on_reset(self, act: Act, content: contents.Reset, now_us: int) -> None:
+        """`(reset stream: "speed[self]")`: forget its samples. Node clock.
+
+        It is for those who may replace the declaration, which forgets as well. Streams of the vehicle, imports and
+        what is derived on demand keep theirs: other members count on them. Monitors, chronicles and units are not
+        affected: they take samples as they come.
+
+        Raises:
+            Refused: as `_check_pace`; the requester may not see the stream; `not-declared`: it is none of the
+                specification.
+            TextError, UnknownLabel: there is no such stream.
+        """
+        self._check_pace(act, now_us)
+        label = self._declared(act.sender.unit, content.stream)
+        if label not in self._instance.parts.held:
+            raise Refused(
+                f"{content.stream} is not declared by the specification of {self._agent.unit}: its samples stay, since "
+                "other members ask for them",
+                "not-declared",
+            )
+        count = _forget(self._network, label)
+        self._note(f"{act.sender.unit} had the history of {label} forgotten ({act.conversation_id}): {count} samples")
+        self._agent.done(act, now_us, f"{count} samples of {label} are forgotten")
+
     def _check_pace(self, act: Act, now_us: int) -> None:
         """Before a text is read, which is what costs time; raises Refused."""
         sender = act.sender.unit
@@ -206,6 +237,14 @@ class SpecificationChanges(Part):
                     f"cancel that first (dyknow cancel {tasks[0]})",
                     "in-use",
                 )
+
+
+def _forget(network: Network, label: Label) -> int:
+    """Forget the samples of a stream and of its attributes; how many the stream had."""
+    for each in network.labels():
+        if each.objects == label.objects and each.feature.startswith(f"{label.feature}."):
+            network.generator(each).history.forget()
+    return network.generator(label).history.forget()
 
 
 def _called(name: str, held: Specification) -> list[Declaration]:

@@ -31,6 +31,7 @@ MEMBERSHIP: Final = tuple(
     Action(content, handler, role=Role.COMMAND_CENTRE, typed=True)
     for content, handler in ((contents.Leave, "on_leave"), (contents.Rejoin, "on_rejoin"))
 )
+RESET: Final = Action(contents.Reset, "on_reset", role=Role.COMMAND_CENTRE, typed=True)
 DEFAULT_TASK: Final = ("proximity", "proximity-warn")
 """What `monitor-proximity` monitors unless a profile is named: the violation, and what starts avoidance."""
 TYPED: Final = (
@@ -40,6 +41,7 @@ TYPED: Final = (
     CHECK_FORMULA,
     CREATE_MULTICAST,
     STOP_MULTICAST,
+    RESET,
     *FLIGHT,
     *MEMBERSHIP,
 )

@@ -96,6 +96,15 @@ class History:
         self._base = self._disorder = self._counted = 0
         self._highest_us = -_EVER_US
 
+    def forget(self) -> int:
+        """Drop every sample; returns how many. Unlike after `reset`, what was valid until then is known to be missing."""
+        held = self._samples[self._start :]
+        if held:
+            newest_us, dropped_us = max(map(_valid_us, held)), self._dropped()
+            self.reset()
+            self._dropped_us = newest_us if dropped_us is None else max(newest_us, dropped_us)
+        return len(held)
+
     def get_latest_vtime(self) -> Sample:
         """The sample with the highest valid time; of equals the one with the highest available time.
 

@@ -132,6 +132,12 @@ class NamedText(parts.ContentPart):
     text: parts.Formula
 
 
+class Reset(parts.Content):
+    """Forget the samples of a stream that your specification declares (thesis 5.3.2), by its own label."""
+
+    stream: parts.Formula
+
+
 class AddDeclarations(parts.Content):
     """Declare more: `text` is KPL, `files` what it names, `file` where it is from."""
 

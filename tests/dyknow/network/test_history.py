@@ -126,6 +126,23 @@ def test_what_is_not_there_is_said_not_to_be_available() -> None:
             wrong()
 
 
+@given(long_streams, st.integers(1, 30), st.integers(0, 200), st.integers(0, 600), st.integers(0, 900))
+def test_what_is_forgotten_for_a_client_is_refused_and_never_answered_wrongly(
+    f: list[Sample], capacity: int, at: int, t: int, tq: int
+) -> None:
+    history = filled(capacity, f[:at])
+    assert history.forget() == min(at, len(f), capacity)
+    assert history.get_size() == 0
+    for s in f[at:]:
+        history.add(s)
+    found, whole = or_none(lambda: history.most_recent_at(t, tq)), most_recent_at(f, t, tq)
+    assert found in (whole, None)
+    if f[:at]:
+        assert history.starts_us is not None, "it had a past"
+        assert history.starts_us > max(s.valid_us for s in f[:at][-capacity:])
+    assert history.get_between(-100, 10**9) == sorted(f[at:][-capacity:], key=lambda s: (s.valid_us, s.available_us))
+
+
 def test_reset_forgets_everything_also_that_something_was_forgotten() -> None:
     history = filled(2, [Sample(n, 9 - n, "v") for n in range(5)])
     history.reset()

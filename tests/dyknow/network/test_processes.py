@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow import Label, Network, Policy, Sample, Sort, ValueNotAvailable, of_values, source
-from dyknow.model.errors import SortError
+from dyknow.model.errors import SortError, TooEarly
 from dyknow.model.values import Field
 from dyknow.network.process import Input
 from dyknow.network.processes import SourceReader
@@ -55,13 +55,16 @@ def clients(draw, nodes, moments):
     return draw(st.integers(0, nodes)), draw(policies()), from_at, draw(st.none() | st.integers(from_at, moments))
 
 
-def serve(network, events, wanted):
-    """What each client gets."""
+def serve(network, events, wanted, forgotten=()):
+    """What each client gets; `forgotten`: (before event .., node) of histories that a client has forgotten."""
     got = [[] for _ in wanted]
     streams = {}
     for at, event in enumerate([*events, None]):
         if event is not None:
             pass_time(network, event[3])
+        for node in (node for before, node in forgotten if before == at):
+            network.generator(label(node)).history.forget()
+            assert network.generator(label(node)).history.get_size() == 0
         for i, (node, policy, from_at, to_at) in enumerate(wanted):
             if from_at == at:
                 streams[i] = network.connect(label(node), policy, got[i].append)
@@ -84,6 +87,32 @@ def test_on_demand_every_client_gets_what_it_would_get_if_everything_were_always
         refine(network, i, Counted().prototype, [(upon, policy)])
     assert serve(network, events, wanted) == serve(eager, events, wanted)
     invariants(network)
+
+
+@given(st.data())
+def test_who_has_histories_forgotten_takes_no_sample_from_any_client(data) -> None:
+    chain, events = data.draw(chains()), data.draw(arrivals(1))
+    wanted = data.draw(st.lists(clients(len(chain), len(events)), min_size=1, max_size=4))
+    moments = st.tuples(st.integers(0, len(events)), st.integers(0, len(chain)))
+    plain, robbed = lazy(), lazy()
+    for network in (plain, robbed):
+        for i, (upon, policy) in enumerate(chain, 1):
+            refine(network, i, Counted().prototype, [(upon, policy)])
+    assert serve(robbed, events, wanted, data.draw(st.lists(moments, max_size=8))) == serve(plain, events, wanted)
+    invariants(robbed)
+
+
+def test_a_stream_that_would_begin_in_what_is_forgotten_is_refused() -> None:
+    network = lazy()
+    refine(network, 1, Counted().prototype, [(0, Policy())])
+    network.connect(label(1), Policy(), lambda _: None)
+    feed(network, [(0, t, t, t) for t in range(10, 60, 10)])
+    assert network.generator(label(1)).history.forget() == 5
+    with pytest.raises(TooEarly, match="51"):
+        network.connect(label(1), Policy(), lambda _: None, from_us=30)
+    feed(network, [(0, 60, 60, 60)])
+    stream = network.connect(label(1), Policy(), lambda _: None, from_us=51)
+    assert [s.valid_us for s in stream.take_backlog()] == [60]
 
 
 @definition

@@ -37,6 +37,7 @@ TEXTS = [
     "(restore-specification number: 0)",
     '(add-declarations text: "stream s = a[self]" files: (sequence (named-text path: t.chr text: "chronicle t")) file: s.kpl)',
     '(load-specification text: "source a b")',
+    '(reset stream: "speed[self]")',
     '(remove-declarations names: (sequence speed "stream alt"))',
     '(specification-changed number: 3 added: (sequence "stream s = alt[self]") more: 2 warnings: (sequence "a b"))',
     "(import-list imports: (sequence (import-account owner: 1 semantic-label: battery hash: ab12cd34 received: 7)))",
