@@ -240,7 +240,7 @@ class FederationClient(_Face):
             unit: one platform; None: all.
             at: an instant of federation time.
             between: two instants, both included.
-            last: so many of the samples that came last.
+            last: the number of samples that came last.
             nth: the n-th sample before the one that came last; 0: that one.
             slice: numbers of the first and last sample, both included; the oldest that a platform holds is number 0.
             within: how long to wait for answers.

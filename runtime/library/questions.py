@@ -27,7 +27,7 @@ class Which(NamedTuple):
     Attributes:
         at: that valid at an instant.
         between: all valid between two.
-        last: so many of those that came last.
+        last: the number of those that came last.
         nth: the n-th before the one that came last.
         slice: by number, the first and the last, both included; the oldest that a platform holds is the 0-th.
     """

@@ -59,7 +59,7 @@ class EndStream(parts.Content):
 
 
 Op: TypeAlias = Literal["latest", "at", "between", "nth", "last", "slice"]
-"""What is asked of a stream: by valid time the latest value, that at an instant, all between two; by available time the
+"""A question to a stream: by valid time the latest value, that at an instant, all between two; by available time the
 n-th before the latest (0: the latest), the last n, the i-th to the j-th that are held, the oldest being the 0-th.
 """
 _NEEDED = {
