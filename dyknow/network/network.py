@@ -215,10 +215,9 @@ class Network:
             del self._attributes[stem][label]
             if not self._attributes[stem]:
                 del self._attributes[stem]
-        self._implicit.pop(label, None)
-        del self._generators[label]
         self._take(generator)
-        eager = self._unit_inputs.pop(label, ())
+        eager = self._unit_inputs.get(label, ())
+        self.release(label)
         self.instant.joins -= len(eager) > 1
         for subscription in eager:
             subscription.cancel()

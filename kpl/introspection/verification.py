@@ -5,6 +5,8 @@ generator and stream has to be what the specification makes of the samples of th
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import groupby
+from operator import itemgetter
 from typing import NamedTuple
 
 from dyknow import Label, Network, Policy, Sample, Sort
@@ -92,11 +94,13 @@ def rerun(
     kept: dict[str, list[Sample]] = {}
     watched = set[Label]()
     pushes = sorted((sample.available_us, i, name, sample) for i, name in enumerate(given) for sample in labels[name])
-    for at_us, _, name, sample in pushes:
+    for at_us, together in groupby(pushes, itemgetter(0)):
         _watch(network, watched, kept)
         _advance(network, at_us - 1)
         network.now_us = at_us
-        network.generator(Label.parse(name)).push(sample.valid_us, sample.value, at_us, sample.quality)
+        with network.instant.whole():
+            for _, _, name, sample in together:
+                network.generator(Label.parse(name)).push(sample.valid_us, sample.value, at_us, sample.quality)
     _watch(network, watched, kept)
     _advance(network, max((each[-1].available_us for each in (*labels.values(), *streams.values()) if each), default=0))
     found: list[Violation] = []

@@ -111,15 +111,16 @@ class Parts:
 
     def push(self, source: str, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
         """A source that is fed from outside has a new sample; where nothing is made from it, it is dropped."""
-        for label in tuple(self.fed.get(source, ())):
-            generator = self._network.generator(label)
-            try:
-                generator.sort.check(value)
-            except SortError as wrong:
-                self._network.on_fault(label, str(wrong))
-            else:
-                self._network.now_us = now_us
-                generator.push(valid_us, value, now_us, quality)
+        with self._network.instant.whole():
+            for label in tuple(self.fed.get(source, ())):
+                generator = self._network.generator(label)
+                try:
+                    generator.sort.check(value)
+                except SortError as wrong:
+                    self._network.on_fault(label, str(wrong))
+                else:
+                    self._network.now_us = now_us
+                    generator.push(valid_us, value, now_us, quality)
 
     def sources(self) -> tuple[str, ...]:
         """The declared sources that are fed from outside."""

@@ -93,3 +93,17 @@ def test_an_output_policy_that_a_unit_does_not_support_is_refused_with_its_place
     assert refused.returncode == 2
     assert "a.kpl:3:13: Slowly cannot provide its output with sample every 500" in refused.stderr
     assert values(run(text.format("1s"), {"one": 1})) == {"out": [1]}
+
+
+def test_what_becomes_available_at_one_instant_is_one_element_of_the_join(run, tmp_path):
+    """Thesis 4.5.8: two generators of one source, and two sources of one line of a feed; a record is read as it was made."""
+    text = (
+        "source number one\nsource number other\nstrmgen a = one\nstrmgen b = other\nstrmgen c = one\n"
+        "strmgen e = Both(a, b)\nstrmgen f = Both(a, c)\nstream apart = e\nstream together = f"
+    )
+    done = run(text, {"one": 1, "other": 1}, {"one": 2, "other": 2})
+    assert values(done) == {"apart": ["1, 1", "2, 2"], "together": ["1, 1", "2, 2"]}
+    words = ["a.kpl", "--units", "units.py"]
+    dyknow(["kpl", "run", *words, "--feed", "a.jsonl", "--record", "a.record"], {"PATH": ""}, tmp_path)
+    verified = dyknow(["kpl", "verify", *words, "--journal", "a.record"], {"PATH": ""}, tmp_path)
+    assert verified.returncode == 0, verified.stdout

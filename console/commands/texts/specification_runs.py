@@ -159,8 +159,12 @@ class Run:
                     break
                 continue
             if following is not None and fed_us is not None and fed_us <= self.now_us:
-                self.instance.push(following.source, following.valid_us + begins_us, following.value, self.now_us)
-                following = next(fed, None)
+                with self.network.instant.whole():
+                    at_us = following.at_us
+                    while following is not None and following.at_us == at_us:
+                        valid_us = following.valid_us + begins_us
+                        self.instance.push(following.source, valid_us, following.value, self.now_us)
+                        following = next(fed, None)
             else:
                 self.network.on_time(self.now_us)
                 if self._governor is not None:

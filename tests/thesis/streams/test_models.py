@@ -1,12 +1,14 @@
 """Section 4.5, what declarations mean: what labels denote, what units make, and what a declared stream delivers."""
 
 from dataclasses import replace
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dyknow import NO_VALUE, Field, Label, Network, Policy, Sample, Sort, UnitPrototype, of_values
+from dyknow import NO_VALUE, Label, Policy, Sample, UnitPrototype, of_values
 from dyknow.network.computational_unit import latest_valid_us
 from kpl import parse_specification
 from tests.dyknow.networks import pass_time
@@ -16,18 +18,16 @@ from tests.thesis.streams import stream_definitions as thesis
 from tests.thesis.streams.stream_definitions import run
 
 MS = 1_000
-ANY = Sort("any", is_open=True)
-POS = Sort("pos", (Field("north", "m"), Field("east", "m")))
 TWO = parse_specification("source thing s1\nsource thing s2\nstrmgen f[o1] = s1\nstrmgen f[o2] = s2")
 SORTED = parse_specification(
-    "source pos s\ncompunit pos C(thing)\nsource thing t\nstrmgen f = s\nstrmgen g = C(t1)\nstrmgen t1 = t"
+    "sort pos(north in m, east in m)\nsource pos s\ncompunit pos C(thing)\nsource thing t\nstrmgen f = s\nstrmgen g = C(t1)\nstrmgen t1 = t"
 )
 NAMED = parse_specification("source thing s\nstrmgen l = s\nstream n = l")
 COPY = UnitPrototype("C", "pos", ("thing",), lambda: of_values(lambda v: v))
 
 
 def instance(specification: tuple[Any, ...]) -> Running:
-    running = Running(prototypes=[COPY], sorts={"pos": POS})
+    running = Running(prototypes=[COPY], sorts={})
     running.instance.add(specification, 0)
     return running
 
@@ -68,7 +68,7 @@ found_values = st.lists(numbers, max_size=3).map(tuple) | numbers
 
 
 def is_position(v: Any) -> bool:
-    """I_V(pos), as `POS` says it: two finite numbers; no_value is of every sort."""
+    """I_V(pos), as `sort pos` says it: two finite numbers; no_value is of every sort."""
     if v is NO_VALUE:
         return True
     parts = v if isinstance(v, tuple) and len(v) == 2 else ("not two",)
@@ -93,29 +93,40 @@ def test_definitions_4_5_4_and_4_5_5_sources_and_units_bring_only_values_of_thei
 def step(now_us: int, inputs: tuple[Sample | None, ...], state: Any) -> tuple[Sample | None, Any]:
     """A unit that makes use of all it is given, and says nothing at every third call."""
     called = 1 if state is NO_VALUE else state + 1
-    output = Sample(now_us, latest_valid_us(inputs) or 0, (now_us, inputs, state))
+    output = Sample(now_us, latest_valid_us(inputs) or 0, f"{now_us} {inputs} {state}")
     return (None if called % 3 == 0 else output), called
 
 
-exact = policies(exact=True)
+STEP = UnitPrototype("Step", "thing", ("thing", "thing"), lambda: step)
+JOINED = parse_specification(
+    "source thing s0\nsource thing s1\nstrmgen f0 = s0\nstrmgen f1 = s1\nstrmgen made = Step(f0, f1)\nstream out = made"
+)
+
+
+def in_ms(f: list[Sample], policy: Policy) -> tuple[list[Sample], Policy]:
+    """A stream and a policy in the times that specifications have."""
+    times = {name: getattr(policy, name) for name in ("sample_us", "max_delay_us", "from_us", "to_us")}
+    policy = replace(policy, delay_before_us=None, **{name: t and t * MS for name, t in times.items()})
+    return [s._replace(available_us=s.available_us * MS, valid_us=s.valid_us * MS) for s in f], policy
 
 
 @definition
-@given(gridded_streams(), gridded_streams(), exact, exact)
+@given(gridded_streams(), gridded_streams(), policies(exact=True), policies(exact=True))
 def test_definition_4_5_8_a_unit_makes_its_output_of_the_join_of_its_adapted_inputs(
     one: list[Sample], other: list[Sample], p1: Policy, p2: Policy
 ) -> None:
-    """The inputs come at instants of their own: at one instant a unit is asked once for each."""
-    fs = [[s._replace(available_us=2 * s.available_us + i) for s in f] for i, f in enumerate((one, other))]
-    network, inputs, made = Network(), (Label("f0"), Label("f1")), Label("made")
-    for label in inputs:
-        network.add_source(label, ANY)
-    network.add_unit(made, ANY, step, list(zip(inputs, (p1, p2), strict=True)))
-    for s, label in sorted(((s, label) for f, label in zip(fs, inputs, strict=True) for s in f), key=lambda a: a[0][0]):
-        network.push(label, s.valid_us, s.value, s.available_us)
-    history = network.generator(made).history
-    expected = thesis.refined(step, *(run(f, p)[0] for f, p in zip(fs, (p1, p2), strict=True)))
-    assert history.get_slice(0, history.get_size() - 1) == expected
+    """Whether the inputs come at instants of their own or at one, which is one element of the join."""
+    (one, p1), (other, p2) = in_ms(one, p1), in_ms(other, p2)
+    made: Any = JOINED[4]
+    terms = tuple(replace(term, policy=p) for term, p in zip(made.made.inputs, (p1, p2), strict=True))
+    running = Running(prototypes=[STEP], sorts={})
+    running.instance.add((*JOINED[:4], replace(made, made=replace(made.made, inputs=terms)), JOINED[5]), 0)
+    pushes = sorted((s.available_us, i, s) for i, f in enumerate((one, other)) for s in f)
+    for at_us, together in groupby(pushes, itemgetter(0)):
+        with running.network.instant.whole():
+            for _, i, s in together:
+                running.instance.push(f"s{i}", s.valid_us, s.value, at_us)
+    assert [s for _, s in running.outputs] == thesis.refined(step, run(one, p1)[0], run(other, p2)[0])
 
 
 @definition
@@ -123,9 +134,7 @@ def test_definition_4_5_8_a_unit_makes_its_output_of_the_join_of_its_adapted_inp
 def test_definition_4_5_12_a_declared_stream_is_what_its_policy_makes_of_the_label(
     f: list[Sample], policy: Policy
 ) -> None:
-    times = {name: getattr(policy, name) for name in ("sample_us", "max_delay_us", "from_us", "to_us")}
-    policy = replace(policy, delay_before_us=None, **{name: t and t * MS for name, t in times.items()})
-    f = [s._replace(available_us=s.available_us * MS, valid_us=s.valid_us * MS) for s in f]
+    f, policy = in_ms(f, policy)
     running = Running()
     named = replace(NAMED[2], term=replace(NAMED[2].term, policy=policy))  # type: ignore[call-arg,union-attr]
     running.instance.add((*NAMED[:2], named), 0)

@@ -4,13 +4,13 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from dyknow import Label, Network, Policy, PolicyError, Sample, Sort, StateInput, StatePolicy, Synchronizer
+from dyknow import History, Label, Network, Policy, PolicyError, Sample, Sort, StateInput, StatePolicy, Synchronizer
 from dyknow.network.process import Input
 from dyknow.states.state_streams import StateStreamProcess
 from kpl import parse_specification
 from tests.kpl.instances import Running
 from tests.thesis.streams import state_pseudocode as thesis
-from tests.thesis.streams.stream_definitions import most_recent_at, stream
+from tests.thesis.streams.stream_definitions import stream
 
 MS = 1_000
 SPEED = stream([(1010, 1000, "s1"), (1110, 1100, "s2"), (1280, 1200, "s3"), (1320, 1300, "s4")])  # Table 7.1
@@ -55,28 +55,37 @@ def test_example_7_8_1_a_state_is_the_speed_and_the_winch_of_one_uav() -> None:
     assert running.values("out") == [(29.7, 31.8)]
 
 
+def asked(until: int) -> list[History]:
+    """What is held of the streams of Table 7.1 when a snapshot query (5.3.2) is made."""
+    network, labels = Network(), [Label("speed", ("uav1",)), Label("winch", ("uav1",))]
+    for label in labels:
+        network.add_source(label, ANY)
+    for i, s in ARRIVALS:
+        if s.available_us <= until * MS:
+            network.push(labels[i], s.valid_us, s.value, s.available_us)
+    return [network.snapshot(label) for label in labels]
+
+
 def test_table_7_1_and_figure_7_11_what_is_asked_for_too_early_or_too_late_is_not_the_state() -> None:
     """7.8.1: the newest sample at the time point, or a maximum delay later, is of another valid time."""
 
-    def newest(at: int) -> tuple[Any, ...]:
-        return tuple(most_recent_at(f, 10**9, at * MS) for f in (SPEED, WINCH))
+    def newest(at: int) -> list[Any]:
+        return [held.get_latest_vtime().value if held.get_size() else None for held in asked(at)]
 
-    def values(at: int) -> list[Any]:
-        return [None if s is None else s.value for s in newest(at)]
-
-    assert [values(t) for t in (1050, 1150, 1250, 1350)] == [["s1", None], ["s2", "w1"], ["s2", "w2"], ["s4", "w3"]]
-    assert [values(t) for t in (1130, 1230, 1330)] == [["s2", "w1"], ["s2", "w2"], ["s4", "w3"]]
+    assert [newest(t) for t in (1050, 1150, 1250, 1350)] == [["s1", None], ["s2", "w1"], ["s2", "w2"], ["s4", "w3"]]
+    assert [newest(t) for t in (1130, 1230, 1330)] == [["s2", "w1"], ["s2", "w2"], ["s4", "w3"]]
 
 
 def test_figure_7_12_the_basic_algorithm_asks_for_what_was_most_recent_a_maximum_delay_later() -> None:
-    points = [t * MS for t in (1050, 1150, 1250)]
-    states = [tuple(most_recent_at(f, t, t + 80 * MS) for f in (SPEED, WINCH)) for t in points]
-    assert [[s and s.value for s in state] for state in states] == [["s1", "w1"], ["s2", "w2"], ["s3", "w3"]]
+    """The product makes the same states by the improved algorithm, and none of them later."""
+    points = [1050, 1150, 1250]
+    basic = [tuple(held.most_recent_at(t * MS, (t + 80) * MS).value for held in asked(t + 80)) for t in points]
     improved, _ = synchronized(
         "sample every 100, from 1050 to 1250, max delay 80", Policy.parse("sample every 100, max delay 80")
     )
-    assert [s[1:] for s in improved] == [(1050, ("s1", "w1")), (1150, ("s2", "w2")), (1250, ("s3", "w3"))]
-    assert all(s[0] <= t / MS + 80 for s, t in zip(improved, points, strict=True))
+    assert [s[1:] for s in improved] == list(zip(points, basic, strict=True))
+    assert basic == [("s1", "w1"), ("s2", "w2"), ("s3", "w3")]
+    assert all(s[0] <= t + 80 for s, t in zip(improved, points, strict=True))
 
 
 def synchronizer(text: str, of: Policy = SAMPLED) -> Synchronizer:

@@ -1,5 +1,7 @@
 """Section 4.3: fluent streams, the functions on them, sources, computational units and joins."""
 
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 import pytest
@@ -48,12 +50,24 @@ def latest(f: list[Sample], t: int) -> Sample | None:
 
 
 def joined(*fs: list[Sample]) -> list[Sample]:
-    """The join as a computational unit meets it: its inputs after the last arrival of each instant."""
-    unit = ComputationalUnit(lambda now_us, inputs, state: (Sample(now_us, now_us, inputs), state), len(fs))
-    at_instant = dict[int, Sample | None]()
-    for s, i in sorted(((s, i) for i, f in enumerate(fs) for s in f), key=lambda arrival: arrival[0].available_us):
-        at_instant[s.available_us] = unit.on_sample(i, s, s.available_us)
-    return [s for s in at_instant.values() if s is not None]
+    """The join as a unit of a network meets it: what it is called with, and when."""
+    network, labels, called = Network(), [Label("f", (str(i),)) for i in range(len(fs))], list[Sample]()
+
+    def note(now_us: int, inputs: Any, state: Any) -> tuple[None, Any]:
+        called.append(Sample(now_us, now_us, inputs))
+        return None, state
+
+    unit = UnitPrototype("Join", "any", ("any",) * len(fs), lambda: note)
+    for label in labels:
+        network.add_source(label, ANY)
+    network.add_process(Label("join"), ANY, RefinementProcess(unit, [Input(label) for label in labels]))
+    network.subscribe("join", "", called.append)
+    arrivals = sorted((s.available_us, i, s) for i, f in enumerate(fs) for s in f)
+    for at_us, together in groupby(arrivals, itemgetter(0)):
+        with network.instant.whole():
+            for _, i, s in together:
+                network.push(labels[i], s.valid_us, s.value, at_us)
+    return called
 
 
 def asked(history: History, t: int, tq: int) -> Sample | None:
@@ -161,7 +175,10 @@ def test_definition_4_3_5_a_fluent_stream_is_ordered_by_unique_available_times(f
 @definition
 @given(times_us, times_us)
 def test_definition_4_3_6_a_sample_has_two_times_and_a_value(at: int, valid: int) -> None:
-    s = Sample(at, valid, "v")
+    network, label = Network(), Label("f")
+    network.add_source(label, ANY)
+    network.push(label, valid, "v", at)
+    s = network.snapshot(label).get_latest()
     assert (s.available_us, s.valid_us, s.value, s.delay_us) == (at, valid, "v", at - valid)
 
 
