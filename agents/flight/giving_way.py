@@ -87,18 +87,18 @@ class GivingWay(Part):
     def annotated(self, event: AlarmEvent) -> AlarmEvent:
         """A warning says as well that this platform will do nothing about it."""
         reason = self._pilot.avoidance_off if self._may_avoid else None
-        if event.event == "closed" or reason is None or not self._is_warning(event.monitor):
+        if event.event != "opened" or reason is None or not self._is_warning(event.monitor):
             return event
         return event._replace(values={**event.values, f"avoidance[{self._unit}]": f"off: {reason}"})
 
     # -- what happens ------------------------------------------------------------------------------------------
 
     def on_alarm(self, event: AlarmEvent, now_us: int) -> None:
-        """A warning about another platform opened or closed here."""
+        """A warning about another platform opened, closed or ended here."""
         if len(event.units) != 2 or not self._is_warning(event.monitor):
             return
         partner = event.units[1]
-        if event.event == "closed":
+        if event.event != "opened":
             warned = self._warned.get(partner, set())
             warned.discard(event.monitor)
             if not warned:

@@ -7,13 +7,12 @@ all of them is synchronised once. Federation time.
 
 from collections.abc import Callable, Mapping
 from collections.abc import Set as AbstractSet
-from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from agents.monitoring.monitor_plans import MonitorPlan, StateMaker
 from dyknow import Label, Network, Policy, Sample, SharedState, SharedSynchronizer, Strand, Subscription, earlier
-from dyknow.model.errors import DyknowError, Refused
+from dyknow.model.errors import DyknowError, Refused, UnknownLabel
 from federation.sharing.translation import Convert
 from reasoning import AlarmEvent, Monitor
 
@@ -88,7 +87,7 @@ class UnitMonitors:
         unit: this platform.
         network: the local instance.
         source: (semantic label, unit) -> its local label, declared if it was not, and how its values become semantic.
-        on_alarm: called with every opening and closing.
+        on_alarm: called with every opening, closing and end.
 
     Attributes:
         on_members: called when a unit has joined or left.
@@ -141,12 +140,12 @@ class UnitMonitors:
         known = self.named.get(name)
         if known is None:
             return
-        known.owners.discard(owner)
-        if not known.owners:
+        if known.owners == {owner}:  # who owns it hears that its alarms end
             for member in list(known.instances):
                 self._end(known, member)
             del self.named[name]
             self._hasten()
+        known.owners.discard(owner)
 
     def join(self, member: str, now_us: int) -> None:
         """A platform is there: it gets its instances, or its inputs count again (F6 growing).
@@ -161,8 +160,12 @@ class UnitMonitors:
             if not named.plan.grows:
                 continue
             if member not in named.instances:
-                with suppress(Refused):
+                try:
                     self._begin(named, member, now_us)
+                except UnknownLabel as wrong:
+                    self._network.on_fault(Label(named.plan.name), f"monitor {named.plan.name} over {member}: {wrong}")
+                except Refused:
+                    pass
             else:
                 monitor = named.instances[member].monitor
                 monitor.mark_present(member, now_us)
@@ -260,6 +263,9 @@ class UnitMonitors:
             raise Refused(f"this platform keeps {MAX_INSTANCES} monitors already")
         key = (self.unit, member) if member else (self.unit,)
         maker = StateMaker(plan, member, self.unit)
+        for label, unit in (*maker.shared, *maker.own):
+            if unit == self.unit:
+                self._network.generator(self._source(label, unit)[0])  # it is there, or nothing begins
         monitor = Monitor(
             plan.name,
             maker.formula,
@@ -328,6 +334,8 @@ class UnitMonitors:
             subscription = self._taps.pop(name).subscription
             if subscription is not None:
                 subscription.cancel()
+        for event in instance.monitor.end(self._network.now_us):
+            self._on_alarm(event)
 
     def _take(self, named: NamedMonitor, states: list[SharedState[str]], now_us: int) -> None:
         for member, valid_us, state in states:

@@ -1,6 +1,6 @@
 """Mediation and configuration: inputs, or whole processes, that come and go with a stream of objects (3.3.3, 3.3.4).
 
-And redundancy: one stream of several producers, of which one is in use (3.2).
+And redundancy: one stream of several producers, one of them in use (3.2).
 """
 
 import re
@@ -231,7 +231,7 @@ class Heard:
         self.last_us = self.since_us = -EVER
 
     def note(self, sample: Sample, silence_us: int) -> None:
-        """A sample says something if it has a value and is newer than what came before."""
+        """A sample counts if it has a value and is newer than what came before."""
         if sample.value is NO_VALUE or (self.recent and sample.valid_us <= self.recent[-1].valid_us):
             return
         if sample.available_us - self.last_us > silence_us:
@@ -244,7 +244,7 @@ class Failover(Relay):
     """Passes on the samples of one of several redundant producers: of the first, in their order, that is heard (3.2).
 
     A producer is silent when it has had no new value for its `sample every` and its `max delay` together, `PATIENCE_US`
-    each where it declares none. When the one in use falls silent the first of the others takes over, beginning with the
+    each where it declares none. When the one in use is silent the first of the others takes over, beginning with the
     samples that it brought meanwhile; no valid time is passed on again. One that is preferred to the one in use comes back when it has been heard
     for `RETURN` such times without a silence. No other sample takes a stream over, whatever is in it: one that is valid
     further ahead than that time is refused.
@@ -304,7 +304,7 @@ class Failover(Relay):
 
     @property
     def producer(self) -> Label | None:
-        """The stream that this one is from now; None: all are silent, or nobody wants it."""
+        """The stream that this one is from now; None: all are silent, or it has no subscriber."""
         return None if self.used is None or not self.running else self._wanted[self.used].label
 
     def told(self) -> tuple[str, ...]:

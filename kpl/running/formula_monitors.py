@@ -15,7 +15,7 @@ class FormulaMonitor:
 
     Args:
         formula: over streams only, without free variables.
-        on_alarm: called with every opening and closing.
+        on_alarm: called with every opening, closing and end.
 
     Attributes:
         listeners: called with every state, too.
@@ -68,7 +68,9 @@ class FormulaMonitor:
             self._on_alarm(event)
 
     def cancel(self) -> None:
-        """Take no more streams."""
+        """Take no more streams; an alarm that is open ends."""
+        for event in self.monitor.end(self._network.now_us):
+            self._on_alarm(event)
         if self._network.has(self.margin):
             self._network.remove(self.margin)
         self.states.cancel()

@@ -86,8 +86,7 @@ class Instance:
         self._sorts, self._semantic, self._federation = sorts or {}, semantic, federation
         self._undo: dict[spec.Declaration, Undo] = {}
         self._backlog: list[tuple[str, Sample]] = []
-        self._file = "a specification"
-        self._is_going_back = False
+        self._file, self._is_going_back = "a specification", False
         self._times = DeclaredTimes()
         self.symbols = SymbolTable()
         self.compiler = Compiler(unit, self.prototypes, self.symbols, self.sort, admission)
@@ -414,7 +413,8 @@ class Instance:
         network.recall(monitor.margin)
 
         def end() -> None:
-            self.monitors.pop(declaration.name).cancel()
+            monitor.cancel()
+            del self.monitors[declaration.name]
             forget()
 
         return end

@@ -24,15 +24,15 @@ NEITHER_CAN_AVOID: Final = "neither-can-avoid"
 
 
 class AlarmEvent(NamedTuple):
-    """An alarm opened or closed. Opening and closing share the id.
+    """An alarm opened, closed, or ended with its monitor. The events of one alarm share the id.
 
-    `valid_us` is the state that violated, or the first that was clean again; `detected_us` when this node knew;
+    `valid_us` is the state that violated, the first that was clean again, or when the monitor was removed; `detected_us` when this node knew;
     `samples_us` the valid time of each sample that this state was made of, by input; `because` which parts of the
     formula opened it, with their samples.
     """
 
     id: str
-    event: Literal["opened", "closed"]
+    event: Literal["opened", "closed", "ended"]
     monitor: str
     units: tuple[str, ...]
     valid_us: int

@@ -1,6 +1,7 @@
 """Monitors: a formula, the state of its inputs, and its alarms (thesis 7.5; F4, F5, F8).
 
-A value stepped by `on_state` and `on_time`; what it returns are alarms opened and closed. Federation time.
+A value stepped by `on_state` and `on_time`; what it returns are alarms opened and closed, and by `end`, ended.
+Federation time.
 """
 
 from collections import Counter
@@ -225,6 +226,11 @@ class Monitor:
         """The source is back; inputs are fresh again with the first complete state."""
         self._inputs.unmark(which)
         return self.on_time(now_us)
+
+    def end(self, now_us: int) -> list[AlarmEvent]:
+        """The monitor is removed: an alarm that is open ends, whether its formula holds or not."""
+        alarm_id, self.alarm_id = self.alarm_id, None
+        return [] if alarm_id is None else [AlarmEvent(alarm_id, "ended", self.name, self.key, now_us, now_us, {})]
 
     def _event(self, change: Change, now_us: int) -> AlarmEvent:
         if change.opens or self.alarm_id is None:

@@ -160,7 +160,7 @@ class _Face:
         a monitor that is `unknown` (`.which` inputs lack), `known` again or `ended`, a `PlatformChange` for a platform
         that is `silent`, `gone`, has `left` or is `back`. They have the attributes of alarms, empty where they have none.
 
-        Each alarm has `.event` (`opened` or `closed`), `.monitor`, `.by` (the platform that raised it), `.units` (which it is
+        Each alarm has `.event` (`opened`, `closed`, or `ended` with its monitor), `.monitor`, `.by` (the platform that raised it), `.units` (which it is
         about), `.valid_us`, `.detected_us` and `.values`.
         """
         feed: Feed[AlarmItem] = Feed()

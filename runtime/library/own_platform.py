@@ -23,10 +23,10 @@ _ANSWER_S = 10.0
 
 
 class StreamAlarm(NamedTuple):
-    """An alarm of a monitor of one's own: it `opened` or `closed`.
+    """An alarm of a monitor of one's own: it `opened`, `closed`, or `ended` since its monitor was removed.
 
     Attributes:
-        event: `opened` or `closed`.
+        event: `opened`, `closed` or `ended`.
         monitor: its name.
         units: which platforms it is about; empty for a formula over streams of one's own.
         valid_us: the state that shows it, federation time; `detected_us` is when it was found.
@@ -294,7 +294,7 @@ class OwnPlatform:
         match record.get("event"):
             case "sample":
                 self.samples.put((str(record["stream"]), int(record["valid_us"]), record["value"]))
-            case "alarm-opened" | "alarm-closed" as event:
+            case "alarm-opened" | "alarm-closed" | "alarm-ended" as event:
                 units, values = tuple(record["units"]), dict(record["values"])
                 opened = str(event).removeprefix("alarm-")
                 alarm = StreamAlarm(

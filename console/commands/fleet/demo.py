@@ -150,7 +150,7 @@ class Demo:
 
     def _open(self) -> set[str]:
         """The alarms that are open, by id."""
-        closed = {alarm.id for alarm in self.alarms if alarm.event == "closed"}
+        closed = {alarm.id for alarm in self.alarms if alarm.event != "opened"}
         return {alarm.id for alarm in self.alarms if alarm.event == "opened"} - closed
 
     def avoidance(self, client: Client) -> Outcome:

@@ -22,6 +22,7 @@ from runtime.library.questions import ask_who_is_missing, gone_text, missing_uni
 from runtime.library.results import PlatformChange
 
 _STEP_S = 0.2
+_COLOURS = {"opened": "red", "closed": "green", "ended": "yellow"}
 UNWATCHED = "lacks a monitor that is delegated for all platforms"
 _UNITS = {"_m_s": "m/s", "_m": "m", "_deg": "deg", "_s": "s", "_us": "us"}
 
@@ -49,7 +50,7 @@ def alarms(
             if not isinstance(each, Alarm):
                 _tell_change(call, each)
         alarms = [each for each in found if isinstance(each, Alarm)]
-        for alarm in sorted(alarms, key=lambda alarm: (alarm.detected_us, alarm.event == "closed")):
+        for alarm in sorted(alarms, key=lambda alarm: (alarm.detected_us, alarm.event != "opened")):
             if (alarm.id, alarm.event) not in told and (count is None or len(told) < count):
                 told.add((alarm.id, alarm.event))
                 _tell_alarm(call, alarm, is_open=alarm.id in is_open, explain=explain)
@@ -59,7 +60,7 @@ def alarms(
         units = _there(client, follow=follow)
         remembered = client.run(lists(client, units, AlarmList(), AlarmList))
         known = [alarm for _, said in remembered for alarm in said.alarms or ()]
-        is_open.update({alarm.id for alarm in known} - {alarm.id for alarm in known if alarm.event == "closed"})
+        is_open.update({alarm.id for alarm in known} - {alarm.id for alarm in known if alarm.event != "opened"})
         enough = tell([*known[-count:]] if count is not None and not follow else [*known])
         if follow and not enough:
             if not is_open and not call.out.json_lines:
@@ -97,9 +98,10 @@ def _tell_alarm(call: Call, alarm: Alarm, *, is_open: bool, explain: bool = Fals
     if call.out.json_lines:
         call.out.line(alarm_json(alarm))
         return
-    colour = "red" if alarm.event == "opened" else "green"
-    delay = print_span(alarm.detected_us - alarm.valid_us)
-    monitor, by = styled(alarm.monitor, "bold"), styled(f"by {alarm.by}, {delay} after the sample", "dim")
+    colour = _COLOURS[alarm.event]
+    delay = f"{print_span(alarm.detected_us - alarm.valid_us)} after the sample"
+    when = "its monitor was removed" if alarm.event == "ended" else delay
+    monitor, by = styled(alarm.monitor, "bold"), styled(f"by {alarm.by}, {when}", "dim")
     values = ", ".join(_quantity(name, value, alarm) for name, value in alarm.values.items())
     reasons = "".join(f"\n{reason_text(each)}" for each in alarm.because) if explain else ""
     more: Shown = styled(f"\n{values}{reasons}" if values else reasons, "dim")

@@ -71,8 +71,8 @@ def _producer(said: dict[str, Any]) -> Shown:
 
 def _alarm(said: dict[str, Any]) -> Shown:
     shown = ", ".join(f"{label} = {_short(value)}" for label, value in said["values"].items())
-    opened = said["event"] == "alarm-opened"
-    event = styled(said["event"].replace("-", " "), "red" if opened else "green")
+    colours = {"alarm-opened": "red", "alarm-closed": "green"}
+    event = styled(said["event"].replace("-", " "), colours.get(said["event"], "yellow"))
     return line(event, f"  {said['monitor']}  {shown}")
 
 
@@ -93,4 +93,5 @@ _SHOWN: dict[str, Callable[[dict[str, Any]], Shown]] = {
     "note": lambda said: line(styled("note", "yellow"), f" {said.get('text')}"),
     "alarm-opened": _alarm,
     "alarm-closed": _alarm,
+    "alarm-ended": _alarm,
 }

@@ -128,13 +128,15 @@ class Because(parts.ContentPart):
 class Alarm(parts.Content):
     """An alarm opened or closed: raised by a monitor of `by`, about `units`, for the state valid at `valid_us`.
 
+    Or it `ended`, open, since its monitor was removed then.
+
     `samples`: valid times of the samples that this state was made of, by input, in microseconds. `unseen_by`: the
     others of its units, where none of them has raised it within a second; the coordinator passes it on once more then.
     `because`: the parts of the formula that opened it.
     """
 
     id: parts.Line
-    event: Literal["opened", "closed"]
+    event: Literal["opened", "closed", "ended"]
     monitor: parts.Word
     by: parts.Unit
     units: parts.Units

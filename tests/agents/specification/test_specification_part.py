@@ -516,3 +516,34 @@ def test_a_duration_that_is_over_is_told_on_a_platform_and_one_from_now_on_has_s
     begins_us = pair.declared("0").instance.streams["some"].policy.from_us
     assert begins_us is not None
     assert 0 <= pair.world.now_us - begins_us <= 1_000
+
+
+def test_alarms_that_are_open_end_when_their_monitors_are_removed_or_replaced_and_that_is_told(pair):
+    low = "pos.latitude_deg[self] < 0"
+    near = "monitor near = always forall other in units - {self} growing: xy_dist[self, other] > 100000\n"
+    own = "".join(f"{line}\n" for line in text_of("uav0.kpl").splitlines() if not line.startswith("monitor"))
+    pair.specify("0", f"{own}{near}monitor low = always {low}\n")
+    pair.world.run_for(6)
+    _, opened = listed_and_told(pair)
+    assert {(each.monitor, each.event) for each in opened} == {("near", "opened"), ("low", "opened")}
+    pair.specify("0", f"{own}monitor low = always ({low} and pos.latitude_deg[self] < 1)\n")
+    pair.world.run_for(2)
+    _, alarms = listed_and_told(pair)
+    ended = {each.id: each for each in alarms if each.event == "ended"}
+    assert ended.keys() == {each.id for each in opened}
+    assert all(each.valid_us == each.detected_us and not each.values for each in ended.values())
+    assert [each.monitor for each in alarms if each.event == "opened" and each.id not in ended] == ["low"]
+    assert {record["id"] for record in pair.told("0", "alarm-ended")} == ended.keys()
+    pair.specify("0", own)
+    pair.world.run_for(1)
+    _, alarms = listed_and_told(pair)
+    opened_ids, ended_ids = ({each.id for each in alarms if each.event == event} for event in ("opened", "ended"))
+    assert opened_ids == ended_ids
+
+
+def test_a_monitor_over_a_stream_that_this_platform_has_not_is_told_when_another_joins():
+    pair = Pair("", "")
+    pair.specify("0", "monitor near = always forall other in units - {self} growing: xy_dist[self, other] > 5\n")
+    pair.world.run_for(6)
+    note, *_ = [each for each in pair.notes("0") if "monitor near over 1" in each]
+    assert "no stream generator for 'heli-position[0]'" in note

@@ -70,6 +70,11 @@ def test_simulated_uavs_run_a_specification_that_is_changed_from_elsewhere(dykno
     assert (reason["part"], reason["holds"]) == ("height[1] < -1000", False)
     out, _ = dyknow.raw("alarms", "--explain")
     assert "because height[1] < -1000 is false: height[1]" in " ".join(out.split())
+    dyknow.run("kpl", "remove", "under", "--unit", "1")
+    told = {each["event"]: each["id"] for each in dyknow.run("alarms") if each.get("monitor") == "under"}
+    assert told["ended"] == told["opened"]
+    out, _ = dyknow.raw("alarms")
+    assert "still open" not in out
 
     near = (
         "monitor near = always forall other in units - {self} growing: xy_dist[self, other] >= 5 with starts avoidance"
