@@ -1,5 +1,7 @@
 """Redundant producers of one stream: `first of`, from KPL to what is told of who produces now (3.2)."""
 
+from itertools import pairwise
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,6 +14,7 @@ from tests.kpl.instances import Running
 
 MS = 1000
 PERIOD_MS, SILENCE_MS = 100, 300
+PERIOD_US, SILENCE_US = PERIOD_MS * MS, SILENCE_MS * MS
 POLICY = "with sample every 100, max delay 200"
 STREAMS = f"""
 source number a
@@ -32,7 +35,7 @@ class Redundant(Running):
         self.producers, self.made_by = [], []
         super().__init__(text, **more)
         self.network.on_producer = lambda label, of: self.producers.append(
-            (self.now_us // MS, str(label), None if of is None else str(of))
+            (self.now_us, str(label), None if of is None else str(of))
         )
         self.instance.hooks.on_output = self.on_output
 
@@ -53,8 +56,8 @@ def test_the_preferred_producer_is_used_until_it_is_silent_and_again_when_it_has
     run = Redundant()
     run.feed(5000, a=(1000, 2500))
     assert [each[1:] for each in run.producers] == [("x[0]", "x[b]"), ("x[0]", "x[a]")]
-    assert run.producers[0][0] == 900 + SILENCE_MS, "silent for its period and its delay"
-    assert run.producers[1][0] == 2500 + 3 * SILENCE_MS, "back for three times as long"
+    assert run.producers[0][0] == 900 * MS + SILENCE_US + 1, "silent for its period and its delay"
+    assert run.producers[1][0] == 2500 * MS + 3 * SILENCE_US, "back for three times as long"
     assert [sample.valid_us // MS for _, sample in run.outputs] == list(range(100, 5001, 100)), "nothing is missing"
     assert run.made_by == ["x[a]"] * 9 + ["x[b]"] * 24 + ["x[a]"] * 17
 
@@ -167,6 +170,11 @@ def test_one_producer_at_a_time_none_twice_and_the_preferred_one_while_it_is_hea
         assert at in spoke[made_by[2]], "what is passed on was said"
         heard_throughout = all(each in spoke["a"] for each in range(1, at + 1))
         assert not heard_throughout or made_by == "x[a]", "no other sample takes the stream over"
-    times_ms = [at_ms for at_ms, _, of in run.producers if of is not None]
-    ends = [at_ms for at_ms, _, of in run.producers if of == "x[a]"]
-    assert len(ends) <= 1 + len(times_ms) / 2, "each return follows a failover"
+    for (_, _, before), (at_us, _, of) in pairwise([(0, "x[0]", "x[a]"), *run.producers]):
+        assert before != of
+        is_heard = before is not None and any(0 <= at_us - at * PERIOD_US <= SILENCE_US for at in spoke[before[2]])
+        if of == "x[a]" and is_heard:
+            heard_us = [at * PERIOD_US for at in spoke["a"] if at_us - 3 * SILENCE_US <= at * PERIOD_US <= at_us]
+            gaps = [later - earlier for earlier, later in pairwise(heard_us)]
+            assert len(heard_us) > 1
+            assert max(gaps) <= SILENCE_US, "it is back for a while before it is used again"
