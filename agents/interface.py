@@ -35,7 +35,6 @@ class InterfaceAgent:
         member: what it takes to be in a federation: directory, clock offsets, imported streams, acts.
         requests: acts that arrived and were not admitted yet.
         lost: the opening acts of conversations whose initiators are gone.
-        own_answers: takes those to the request of an agent of this platform, while it is made.
     """
 
     def __init__(
@@ -51,7 +50,6 @@ class InterfaceAgent:
         self.conversations = self.acts.conversations
         self.requests: list[Act] = []
         self.lost: list[Act] = []
-        self.own_answers: list[Act] | None = None
 
     # -- out ---------------------------------------------------------------------------------------------------
 
@@ -100,9 +98,6 @@ class InterfaceAgent:
     def answer(self, act: Act, performative: Performative, content: Content | None, now_us: int) -> None:
         """Answer an act that came in, in its conversation."""
         if act.sender.unit == self.unit:
-            if self.own_answers is not None:
-                expr = None if content is None else content.expr()
-                self.own_answers.append(self.conversations.answering(act, performative, expr))
             return
         standing = performative is P.AGREE and act.content is not None and act.content.head in self._lasting
         self.acts.answer(act, performative, content, now_us, standing=standing)

@@ -74,7 +74,7 @@ PARTS: tuple[type[Part], ...] = (
 """The classes of all parts there are, in their order; which of them a platform has, `Ports.kinds` decides."""
 
 LISTED = (
-    "dyknow-federation", "monitor-coordination", "alarms", "directory", "account", "local-instance", "specification",
+    "dyknow-federation", "monitor-coordination", "alarms", "directory", "account", "specification",
     "flight", "fault-injection",
 )  # fmt: skip
 """The order in which a description lists services, those of extensions last: equal descriptions are equal bytes."""

@@ -1,7 +1,7 @@
 """Which acts are let in: limits, services, visibility and roles, from the table of actions (thesis 9.3.2).
 
-A public service answers any agent on any platform. A protected one answers agents of its own platform, and others only
-through the Interface Agent. A private one answers agents of its own platform only. Times are the node clock.
+A public service answers any agent on any platform, a protected one only through the Interface Agent. What is private to a
+platform is no service: its parts call each other, and no act reaches that. Times are the node clock.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,8 +15,8 @@ from dyknow.model import errors
 from federation import keys
 from federation.members.correspondence import INTERFACE
 from federation.members.offers import Service, Visibility
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.contents import Content, Done, Reason, read
+from federation.messages.acts import Act, Performative
+from federation.messages.contents import Done, Reason, read
 from federation.messages.protocols import OPENING
 from federation.transport import Arrived
 
@@ -27,13 +27,6 @@ LONGEST_REASON = 1000
 
 class Denied(errors.Refused):
     """Refused at the door: the audit log counts it by its code."""
-
-
-def admitted(visibility: Visibility, *, same_platform: bool, through_interface: bool) -> bool:
-    """Whether a request reaches the service: the table of thesis 9.3.2."""
-    if same_platform or visibility is Visibility.PUBLIC:
-        return True
-    return visibility is Visibility.PROTECTED and through_interface
 
 
 def reason_of(error: errors.DyknowError) -> Reason:
@@ -100,16 +93,6 @@ class Admission(Part):
         """Acknowledge what no act of this step did."""
         self._interface.acts.flush()
 
-    def ask_locally(self, by: str, agent: str, content: Content, now_us: int) -> list[Act]:
-        """Agent `by` of this platform asks another; the answers that come at once. Nothing of it is in the audit log."""
-        interface = self._interface
-        sender, receiver = AgentName(by, self._unit), AgentName(agent, self._unit)
-        conversation = interface.conversations.new_conversation(interface.unit)
-        answers = interface.own_answers = []
-        self._consider(Act(P.REQUEST, sender, receiver, content.expr(), conversation_id=conversation), now_us)
-        interface.own_answers = None
-        return answers
-
     # -- admission ---------------------------------------------------------------------------------------------
 
     def _admit_all(self, now_us: int) -> None:
@@ -150,8 +133,7 @@ class Admission(Part):
             Denied, ContentError, and what the part that handles it raises.
         """
         sender = act.sender.unit
-        is_own = sender == self._unit
-        if not is_own and not self._limits.admit(sender, now_us):
+        if not self._limits.admit(sender, now_us):
             raise Denied(f"too many acts from {sender}; ask more slowly", "too-many-acts")
         if act.reply_to is not None and act.reply_to.unit != sender:
             raise Denied(f"answers go to {sender}, who asks, and to no other platform", "reply-to-another")
@@ -162,19 +144,18 @@ class Admission(Part):
             raise errors.ContentError("an act without content says nothing")
         content = read(act.content)
         service, action = self.table.of(content.head, act.performative)
-        self._check_door(act, service, is_own=is_own)
-        if not is_own:
-            self._check_role(sender, action)
+        self._check_door(act, service)
+        self._check_role(sender, action)
         self._handlers[content.head](act, content, now_us)
 
-    def _check_door(self, act: Act, service: Service, *, is_own: bool) -> None:
-        """The rules of thesis 9.3.2: whether an agent of that platform reaches the service in that way."""
+    def _check_door(self, act: Act, service: Service) -> None:
+        """The rules of thesis 9.3.2: whether an agent of another platform reaches the service in that way."""
         through_interface = act.receiver.agent == INTERFACE
         if not through_interface and act.receiver.agent != service.agent:
             raise errors.ContentError(f"{act.receiver.agent} does not understand this: ask {service.agent}")
-        if not admitted(service.visibility, same_platform=is_own, through_interface=through_interface):
-            remedy = f"; ask {INTERFACE}@{self._unit}" if service.visibility is Visibility.PROTECTED else ""
-            raise Denied(f"{service.service} is {service.visibility} on {self._unit}{remedy}", service.visibility)
+        if service.visibility is Visibility.PROTECTED and not through_interface:
+            text = f"{service.service} is protected on {self._unit}; ask {INTERFACE}@{self._unit}"
+            raise Denied(text, Visibility.PROTECTED)
 
     def _check_role(self, unit: str, action: Action) -> None:
         if self._role_of(unit) >= action.role:

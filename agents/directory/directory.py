@@ -216,7 +216,7 @@ class DirectoryAgent(Part):
 
     def on_search(self, act: Act, content: Search, now_us: int) -> None:
         """`(search ...)`: platforms that provide a service or have a label; and which platforms are missing."""
-        entries = self.facilitator.search(service=content.service, label=content.semantic_label, outside=True)
+        entries = self.facilitator.search(service=content.service, label=content.semantic_label)
         agents = tuple(str(AgentName("interface", entry.unit)) for entry in entries)[:MAX_LIST]
         found = Found(agents=agents, missing_units=tuple(self._missing), missing_since=tuple(self._missing.values()))
         self._agent.answer(act, Performative.INFORM, found, now_us)

@@ -1,21 +1,14 @@
-"""The local instance of a platform as a part: it lives by time, and shows its labels to agents of its own platform."""
+"""The local instance of a platform as a part: it lives by time."""
 
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
-from agents.actions import QUERIED, Action, Offer, Role
 from agents.effects import Compute, Computed, Effect
-from agents.interface import InterfaceAgent
 from agents.part import Part
 from dyknow import Label, Network
 from dyknow.network.process import Work
 from federation.members.clock import FederationClock
-from federation.members.offers import Service, Visibility
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import MAX_LIST, LabelList, Labels
 from federation.sharing.translation import LabelConversion, Translation
-
-INSTANCE: Final = Service("local-instance", "gateway", Visibility.PRIVATE)
 
 IMPORTED_HISTORY = 1200
 """How many samples of an imported stream are kept."""
@@ -37,20 +30,16 @@ class LocalInstance(Part):
 
     takes = {Computed: "on_computed"}  # noqa: RUF012  (a declaration)
 
-    offers = (Offer(INSTANCE, (Action(Labels, "on_labels", QUERIED, Role.OBSERVER),)),)
-    answers = (LabelList,)
-
     def __init__(
         self,
         unit: str,
-        agent: InterfaceAgent,
         network: Network,
         clock: FederationClock,
         translation: Translation,
         stopwatch: Callable[[], int] | None,
         emit: Callable[[Effect], None],
     ) -> None:
-        self._unit, self._agent, self.network, self._clock = unit, agent, network, clock
+        self._unit, self.network, self._clock = unit, network, clock
         self._translation = translation
         if stopwatch is not None:
             network.calls.workers = UnitWorkers(stopwatch, emit)
@@ -77,8 +66,3 @@ class LocalInstance(Part):
         """A worker has called a unit."""
         took_us = round(event.took_us * self._clock.speed)
         self.network.on_computed(event.number, event.outcome, took_us, self._clock.federation_us(now_us))
-
-    def on_labels(self, act: Act, _content: Labels, now_us: int) -> None:
-        """`(labels)`: under the names of the instance."""
-        labels = tuple(map(str, self.network.labels()))[:MAX_LIST]
-        self._agent.answer(act, Performative.INFORM, LabelList(labels=labels), now_us)

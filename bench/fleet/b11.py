@@ -10,8 +10,8 @@ from typing import Any
 import zenoh
 
 from agents.actions import COORDINATION
-from agents.admission.admission import Admission
 from agents.exchange.gateway import stream_policy
+from agents.monitoring.coordination import Coordination
 from agents.platform import Platform
 from bench.fleet.members import PATIENCE_S, PERIOD_US, Member, Source
 from bench.rows import Limit, Options, Ratio, Side
@@ -19,6 +19,7 @@ from bench.wire.raw import STAMP, latencies, opened
 from bench.workers import Worker
 from dyknow import US_PER_S
 from federation import keys
+from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import StreamSample, encode_samples
 from federation.messages.contents import MonitorProximity
 from reasoning import AlarmEvent
@@ -152,9 +153,11 @@ class Monitoring(Member):
         """Have this platform lead the task."""
 
         def asked() -> None:
-            content, admission = MonitorProximity(profile="proximity", avoidance=False), self.platform.part(Admission)
-            for answer in admission.ask_locally("interface", COORDINATION.agent, content, self.clock.now_us()):
-                self.task = answer.conversation_id or ""
+            content, unit = MonitorProximity(profile="proximity", avoidance=False), self.platform.unit
+            self.task = self.platform.member.acts.conversations.new_conversation(unit)
+            own, agent = AgentName("interface", unit), AgentName(COORDINATION.agent, unit)
+            act = Act(Performative.REQUEST, own, agent, content.expr(), conversation_id=self.task)
+            self.platform.part(Coordination).on_monitor_proximity(act, content, self.clock.now_us())
 
         self.do(asked)
         return True

@@ -15,7 +15,7 @@ from federation import keys, transport
 from federation.members.clock import FederationClock
 from federation.members.deafness import DeafnessWatchdog
 from federation.members.liveness import Liveness, LivenessEvent, Peer, PeerState, PlatformAppeared, PlatformGone
-from federation.members.offers import NO_OFFERS, OfferEvent, Offers, Service, Visibility, changes
+from federation.members.offers import NO_OFFERS, OfferEvent, Offers, Service, changes
 from federation.members.replicas import PlatformRefused, Replica, Replicas
 from federation.messages.codec import Heartbeat, encode_description, encode_heartbeat
 from federation.messages.descriptions import ConditionEntry, DefinitionEntry, Description, LabelEntry, ServiceEntry
@@ -164,8 +164,10 @@ class DirectoryFacilitator:
             clock_speed=self._clock.speed,
             roster=self._roster,
             services=tuple(
-                ServiceEntry(agent=offer.agent, service=offer.service, visibility=visible, version=offer.version)
-                for offer, visible in self._outside()
+                ServiceEntry(
+                    agent=each.agent, service=each.service, visibility=each.visibility.value, version=each.version
+                )
+                for each in self._offers.services.values()
             ),
             labels=tuple(self._offers.labels.values()),
             conditions=self._conditions,
@@ -184,15 +186,10 @@ class DirectoryFacilitator:
             self._described = encode_description(self.description())
         return self._described
 
-    def _outside(self) -> Iterator[tuple[Service, Literal["public", "protected"]]]:
-        for offer in self._offers.services.values():
-            if offer.visibility is not Visibility.PRIVATE:
-                yield offer, "public" if offer.visibility is Visibility.PUBLIC else "protected"
-
     def _tokens(self) -> list[str]:
         zid, unit = self.zid, self.unit
         return [
-            *(keys.token_service(zid, unit, offer.service, offer.version) for offer, _ in self._outside()),
+            *(keys.token_service(zid, unit, each.service, each.version) for each in self._offers.services.values()),
             *(keys.token_label(zid, unit, o.label, o.type_hash, o.period_us) for o in self._offers.labels.values()),
             keys.token_platform(zid, unit, self.kind, self.version),
         ]
@@ -322,14 +319,14 @@ class DirectoryFacilitator:
 
     # Look-ups
 
-    def entries(self, *, outside: bool = False, gone: bool = False) -> list[DirectoryEntry]:
-        """All platforms that are there, this one included, by unit; `outside` leaves out our private services."""
+    def entries(self, *, gone: bool = False) -> list[DirectoryEntry]:
+        """All platforms that are there, this one included, by unit."""
         own = DirectoryEntry(
             self.unit,
             self.boot,
             self.kind,
             PeerState.ALIVE,
-            tuple(offer for offer, _ in self._outside()) if outside else tuple(self._offers.services.values()),
+            tuple(self._offers.services.values()),
             tuple(self._offers.labels.values()),
             self.version,
             self._beat_us,
@@ -347,12 +344,12 @@ class DirectoryFacilitator:
         return None if peer is None or peer.state is PeerState.ANNOUNCED else self._entry(peer)
 
     def search(
-        self, *, service: str | None = None, label: str | None = None, kind: str | None = None, outside: bool = False
+        self, *, service: str | None = None, label: str | None = None, kind: str | None = None
     ) -> list[DirectoryEntry]:
         """The platforms that are there and offer the service, the label, or both."""
         return [
             entry
-            for entry in self.entries(outside=outside)
+            for entry in self.entries()
             if (service is None or any(offer.service == service for offer in entry.services))
             and (label is None or any(offer.label == label for offer in entry.labels))
             and (kind is None or entry.kind == kind)

@@ -9,11 +9,10 @@ from federation.messages.descriptions import LabelEntry
 
 
 class Visibility(StrEnum):
-    """Agents that may use a service: every agent, agents of other platforms through the interface only, own agents only."""
+    """How agents of other platforms reach a service: directly, or through the Interface Agent only."""
 
     PUBLIC = "public"
     PROTECTED = "protected"
-    PRIVATE = "private"
 
 
 class Service(NamedTuple):

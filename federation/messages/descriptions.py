@@ -51,7 +51,7 @@ class DescriptionModel(BaseModel):
 
 
 class ServiceEntry(DescriptionModel):
-    """A service and the agent that provides it. Private ones are not described outside their platform."""
+    """A service and the agent that provides it."""
 
     agent: AgentWord
     service: AgentWord

@@ -17,7 +17,6 @@ def check(wire: Box) -> None:
         _subscriptions_are_what_is_imported(wire, process.member)
         assert process.deadline_us > wire.now_us, "what is due was done"
     for platform in (node.platform for node in wire.running.values() if node.platform):
-        assert platform.ports.agent.own_answers is None
         _subscriptions_in_the_instance_have_a_reason(platform)
         _monitors_have_owners(platform)
         _the_account_is_what_crossed(wire, platform)

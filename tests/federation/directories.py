@@ -17,7 +17,6 @@ from tests.box import Box
 
 FEDERATION = Service("dyknow-federation", "federation", Visibility.PROTECTED)
 ALARMS = Service("alarms", "alarms", Visibility.PUBLIC)
-SECRET = Service("local-instance", "gateway", Visibility.PRIVATE)
 POSITION = LabelEntry(label="heli-position", sort="position", type_hash="0a1b2c3d", period_us=100_000)
 ALTITUDE = LabelEntry(label="heli-altitude", sort="altitude", type_hash="1a1b2c3d", period_us=100_000)
 

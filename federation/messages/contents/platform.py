@@ -1,4 +1,4 @@
-"""Contents about a platform: its tasks, its audit log, its directory, its labels."""
+"""Contents about a platform: its tasks, its audit log, its directory, its specification."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -89,14 +89,6 @@ class Found(parts.Content):
     agents: Annotated[tuple[parts.Agent, ...], Field(max_length=parts.MAX_LIST)]
     missing_units: parts.Units = ()
     missing_since: Annotated[tuple[parts.Instant, ...], Field(max_length=parts.MAX_LIST)] = ()
-
-
-class Labels(parts.Content):
-    """Which labels has the local instance? For agents of the same platform."""
-
-
-class LabelList(parts.Content):
-    labels: Annotated[tuple[parts.Line, ...], Field(max_length=parts.MAX_LIST)]
 
 
 class Specification(parts.Content):

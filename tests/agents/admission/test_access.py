@@ -3,7 +3,7 @@
 import pytest
 
 from agents.actions import COORDINATION, Action, Offer, ServiceTable
-from agents.admission.admission import Admission, admitted
+from agents.admission.admission import Admission
 from agents.flight.giving_way import GivingWay
 from agents.monitoring.alarm_log import AlarmLog
 from agents.platform import Platform
@@ -15,7 +15,6 @@ from federation.messages.contents import (
     Alarms,
     Avoid,
     Goto,
-    Labels,
     MonitorProximity,
     Query,
     Reason,
@@ -31,7 +30,6 @@ P = Performative
 ASKED = {
     Visibility.PUBLIC: ("directory", Search(service="alarms")),
     Visibility.PROTECTED: ("federation", Query(semantic_label="heli-position")),
-    Visibility.PRIVATE: ("gateway", Labels()),
 }
 
 
@@ -48,35 +46,10 @@ def answers(wire: Box, unit: str = "9") -> list[Act]:
     return wire.acts(receiver=unit)
 
 
-def test_the_rules_of_9_3_2_are_this_table() -> None:
-    allowed = {
-        (visibility, same, through)
-        for visibility in Visibility
-        for same in (True, False)
-        for through in (True, False)
-        if admitted(visibility, same_platform=same, through_interface=through)
-    }
-    refused = {
-        (Visibility.PROTECTED, False, False),
-        (Visibility.PRIVATE, False, False),
-        (Visibility.PRIVATE, False, True),
-    }
-    assert len(allowed) == 9
-    assert allowed.isdisjoint(refused)
-
-
 @pytest.mark.parametrize("visibility", list(Visibility))
-def test_an_agent_of_the_own_platform_uses_every_service(wire: Box, node: Platform, visibility: Visibility) -> None:
-    wire.run(1.0)
-    agent, content = ASKED[visibility]
-    before = sum(node.ports.agent.audit_log.counts.values())
-    heard = node.part(Admission).ask_locally("coordination", agent, content, wire.now_us)
-    assert [act.performative for act in heard] == [P.INFORM]
-    assert sum(node.ports.agent.audit_log.counts.values()) == before, "what stays on the platform is not in its account"
-
-
-@pytest.mark.parametrize("visibility", list(Visibility))
-def test_another_platform_directly_uses_public_services_only(wire: Box, node: Platform, visibility: Visibility) -> None:
+def test_the_rules_of_9_3_2_another_platform_directly_uses_public_services_only(
+    wire: Box, node: Platform, visibility: Visibility
+) -> None:
     wire.run(1.0)
     agent, content = ASKED[visibility]
     said(wire, f"{agent}@0", content.expr())
@@ -98,17 +71,8 @@ def test_another_platform_uses_protected_services_through_the_interface(
     wire.run(1.0)
     said(wire, "interface@0", ASKED[visibility][1].expr())
     (answer,) = answers(wire)
-    assert answer.performative is (P.REFUSE if visibility is Visibility.PRIVATE else P.INFORM)
-    assert node.ports.agent.audit_log.refused == ({"private": 1} if visibility is Visibility.PRIVATE else {})
-
-
-def test_private_services_are_in_no_directory_but_their_own(wire: Box, node: Platform) -> None:
-    own = {service.service for service in node.ports.directory.search()[0].services}
-    seen = node.ports.directory.unit, wire.platform("1").ports.directory.entry("0")
-    assert "local-instance" in own
-    assert seen[1] is not None
-    assert "local-instance" not in {service.service for service in seen[1].services}
-    assert not any("local-instance" in token for token in wire.wire.session("0").tokens)
+    assert answer.performative is P.INFORM
+    assert node.ports.agent.audit_log.refused == {}
 
 
 def test_a_service_is_asked_of_the_agent_that_provides_it(wire: Box, node: Platform) -> None:

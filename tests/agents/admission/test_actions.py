@@ -3,12 +3,11 @@
 import pytest
 
 from agents.actions import COMMON_ANSWERS, QUERIED, Action, Role
-from agents.admission.admission import Admission, admitted
 from agents.parts import PARTS
 from federation.members.offers import Service, Visibility
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import encode_act
-from federation.messages.contents import Content, Hold, Reason, parts, read
+from federation.messages.contents import Content, Hold, parts, read
 from tests.agents.admission.test_hostile import signer, trust
 from tests.box import Box
 from tests.federation.expressions import parse_expr
@@ -71,7 +70,7 @@ def denied(wire: Box, by: str, agent: str, action: Action) -> str | None:
     wire.run(0.2)
     after = platform.ports.agent.audit_log.counts
     changed = {name for name, n in after.items() if n != before.get(name, 0) and name[0] == "in"}
-    codes = {name[1] for name in changed} & {"role", "protected", "private"}
+    codes = {name[1] for name in changed} & {"role", "protected"}
     return next(iter(codes), None)
 
 
@@ -81,20 +80,11 @@ def denied(wire: Box, by: str, agent: str, action: Action) -> str | None:
 def test_the_answer_is_what_the_action_says(roster: Box, service: Service, action: Action, by: str, way: str) -> None:
     through = way != "directly"
     agent = "interface" if through else service.agent
-    if not admitted(service.visibility, same_platform=False, through_interface=through):
-        expected: str | None = str(service.visibility)
+    if service.visibility is Visibility.PROTECTED and not through:
+        expected: str | None = "protected"
     else:
         expected = None if ROLES[by] >= action.role else "role"
     assert denied(roster, by, agent, action) == expected
-
-
-@pytest.mark.parametrize(("service", "action"), ACTIONS, ids=IDS)
-def test_agents_of_the_own_platform_reach_every_action(roster: Box, service: Service, action: Action) -> None:
-    admission = roster.platform("0").part(Admission)
-    heard = admission.ask_locally("coordination", service.agent, example(action), roster.now_us)
-    roster.settle("0")
-    codes = {read(act.content).code for act in heard if act.content is not None and act.content.head == Reason.head}
-    assert codes.isdisjoint({"role", *map(str, Visibility)})
 
 
 def test_hold_is_typed_and_commands() -> None:

@@ -24,7 +24,7 @@ from federation.messages.codec import Heartbeat, decode_description, decode_hear
 from federation.messages.descriptions import ConditionEntry
 from federation.transport import Answer, Answered, Ask, Asked, DeclareToken, Put, UndeclareToken
 from sim_uavs.world.sessions import SessionLink
-from tests.federation.directories import ALARMS, ALTITUDE, FEDERATION, POSITION, SECRET, Directories, three
+from tests.federation.directories import ALARMS, ALTITUDE, FEDERATION, POSITION, Directories, three
 
 US = 1_000_000
 
@@ -77,18 +77,12 @@ def test_an_announcement_that_is_lost_is_asked_for() -> None:
     assert box.asks("1") > 1, "what is known is confirmed now and then"
 
 
-def test_a_private_service_leaves_its_platform_neither_as_token_nor_in_the_description() -> None:
+def test_a_service_is_described_with_the_way_to_it() -> None:
     box = Directories()
-    box.enter("0", [FEDERATION, ALARMS, SECRET])
+    box.enter("0", [FEDERATION, ALARMS])
     box.enter("1")
     box.run(1)
-    assert not any("local-instance" in token for token in box.wire.session("0").tokens)
-    assert {entry.service for entry in box.directory("0").description().services} == {"dyknow-federation", "alarms"}
-    theirs = box.directory("1")
-    assert theirs.search(service="local-instance") == []
-    assert [entry.unit for entry in box.directory("0").search(service="local-instance")] == ["0"]
-    assert box.directory("0").search(service="local-instance", outside=True) == []
-    (found,) = theirs.search(service="alarms")
+    (found,) = box.directory("1").search(service="alarms")
     assert {offer.service: offer.visibility for offer in found.services} == {
         "alarms": Visibility.PUBLIC,
         "dyknow-federation": Visibility.PROTECTED,

@@ -10,7 +10,6 @@ from agents.platform import Platform
 from dyknow import Label, Policy, Sample, UnknownLabel, ValueNotAvailable
 from dyknow.model.errors import Refused
 from federation import keys
-from federation.members.offers import Visibility
 from federation.messages.acts import Performative
 from federation.messages.contents import (
     Answers,
@@ -72,14 +71,6 @@ def test_9_3_2_the_directory_facilitator_finds_services_and_who_provides_them(fe
         assert [entry.unit for entry in found] == list("abcd")
     found_by_act = federation.asked("cc", "a", Search(service="dyknow-federation"), P.QUERY_REF).contents[0]
     assert found_by_act == Found(agents=tuple(f"interface@{unit}" for unit in "abcd"))
-
-
-def test_9_3_2_a_local_directory_knows_private_services_and_the_global_one_does_not(federation: Box) -> None:
-    own = federation.platform("a").ports.directory.search(service="local-instance")
-    assert [entry.unit for entry in own] == ["a"]
-    assert {each.service: each.visibility for each in own[0].services}["local-instance"] is Visibility.PRIVATE
-    seen = federation.asked("b", "a", Search(service="local-instance"), P.QUERY_REF).contents[0]
-    assert seen == Found(agents=())
 
 
 # 9.3.3  The DyKnow federation service: the messages
