@@ -3,7 +3,7 @@
 from kpl.checking.formulas import FeatureType, Vocabulary, check, read_formula
 from kpl.checking.lint import Remark, remarks
 from kpl.checking.profiles import profile_formula, unit_vocabulary
-from kpl.checking.specifications import Findings, check_specification
+from kpl.checking.specifications import Findings
 from kpl.checking.symbols import Constant, Known
 from kpl.running.instance import ConfigurationEntry, Instance
 from kpl.running.ports import Federation, Hooks
@@ -30,7 +30,6 @@ __all__ = [
     "Specification",
     "Vocabulary",
     "check",
-    "check_specification",
     "parse_chronicles",
     "parse_formula",
     "parse_specification",

@@ -13,7 +13,7 @@ from dyknow.model.values import Sort
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.formulas_in_context import FormulaChecker
 from kpl.checking.streams import ANY, Streams
-from kpl.checking.symbols import CHRONICLE, GENERATOR, MAKER, MARGIN, Known, Symbol, SymbolTable, stem
+from kpl.checking.symbols import CHRONICLE, GENERATOR, MAKER, MARGIN, Symbol, SymbolTable, stem
 from kpl.checking.warnings import warnings_of
 from kpl.syntax import specification as spec
 from reasoning.formulas.tree import Node, instantiate
@@ -30,16 +30,8 @@ class Findings(NamedTuple):
     warnings: tuple[TextError, ...]
 
 
-def check_specification(
-    specification: Iterable[spec.Declaration], known: Known | None = None, text: str = ""
-) -> Findings:
-    """Look at all declarations together; `text` is what they were read from, for the drawing of errors."""
-    every = tuple(specification)
-    return check_symbols(SymbolTable(every, known), every, text)
-
-
 def check_symbols(symbols: SymbolTable, every: Sequence[spec.Declaration], text: str = "") -> Findings:
-    """The same of declarations that are in a table already."""
+    """Look at all declarations of a table together; `text` is what they were read from, for the drawing of errors."""
     checker = _Checker(symbols, text)
     checker.check(every, every)
     return Findings(_in_order(checker.errors), _in_order(warnings_of(every, symbols, checker)))

@@ -6,6 +6,8 @@ from hypothesis import strategies as st
 
 from dyknow.model.labels import Label
 from dyknow.policies.policy import Policy
+from kpl.checking.specifications import check_symbols
+from kpl.checking.symbols import SymbolTable
 from kpl.syntax.specification import (
     ChronicleDeclaration,
     Define,
@@ -29,6 +31,13 @@ from reasoning.formulas.tree import Domain, Feature, Variable
 from tests.kpl.strategies import formulas, names, numbered
 
 TYPED_ONLY = ["link", "state", "select", "merge"]
+
+
+def check_specification(every, known=None, text=""):
+    """What an instance that holds nothing finds when it is given these declarations."""
+    return check_symbols(SymbolTable(every, known), every, text)
+
+
 made_of = names.filter(lambda name: name not in TYPED_ONLY)
 features = names | st.builds("{}.{}".format, names, names)
 labels = st.builds(Label, features, st.lists(names | numbered, max_size=3).map(tuple))

@@ -1,6 +1,7 @@
 import pytest
 
-from kpl import check_specification, parse_specification, read_formula, remarks
+from kpl import parse_specification, read_formula, remarks
+from tests.kpl.specifications import check_specification
 
 NOISY = """source float speedometer
 strmgen speed = speedometer

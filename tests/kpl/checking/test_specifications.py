@@ -7,8 +7,8 @@ from dyknow.model.errors import SourceText
 from dyknow.model.labels import Label
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import Sort
-from kpl import Findings, Known, check_specification, parse_specification
-from tests.kpl.specifications import specifications
+from kpl import Findings, Known, parse_specification
+from tests.kpl.specifications import check_specification, specifications
 from tests.kpl.syntax.test_statements import CARS
 
 KNOWN = Known(

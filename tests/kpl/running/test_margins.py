@@ -4,9 +4,10 @@ import pytest
 
 from dyknow.model.errors import TextErrors
 from dyknow.model.values import NO_VALUE
-from kpl import Known, check_specification, parse_specification
+from kpl import Known, parse_specification
 from kpl.introspection.graph import graph_of
 from tests.kpl.instances import Running, label
+from tests.kpl.specifications import check_specification
 
 BASE = "source number raw\nsource number other\nstrmgen v[car1] = raw\nstrmgen v[car2] = other\n"
 CALM = "monitor calm = always v[car1] < LIMIT with sample every 10, max delay 50\ndefine LIMIT = 5\n"

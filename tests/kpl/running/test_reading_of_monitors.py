@@ -1,7 +1,8 @@
 """What can be said of what formulas read before anything runs."""
 
 from dyknow.model.errors import SourceText
-from kpl import Known, check_specification, parse_specification
+from kpl import Known, parse_specification
+from tests.kpl.specifications import check_specification
 
 SPECIFICATION = """\
 source names cars

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from dyknow import Label, Policy, TextError
 from dyknow.model.errors import TextErrors
 from dyknow.model.labels import RESERVED
-from kpl import Known, check_specification, parse_specification
+from kpl import Known, parse_specification
 from kpl.syntax.specification import (
     Declaration,
     FromSource,
@@ -20,6 +20,7 @@ from kpl.syntax.specification import (
     StreamTerm,
     UnitDeclaration,
 )
+from tests.kpl.specifications import check_specification
 from tests.strategies import definition
 from tests.thesis.streams.kpl_grammar import KEYWORDS, labels, policies, specifications
 
