@@ -58,7 +58,8 @@ class Gateway:
         """
         if isinstance(semantic_label, Label):
             return semantic_label
-        label = self.translation.local_label(semantic_label, unit or self.unit)
+        known = semantic_label in self.ontology
+        label = self.translation.local_label(semantic_label, unit or self.unit) if known else None
         if label not in self.network.labels():
             raise UnknownLabel(semantic_label, self.offered())
         return label
@@ -148,6 +149,8 @@ class Gateway:
         """Of its values, as they are reported."""
         if isinstance(semantic_label, Label):
             return self.network.generator(semantic_label).sort
+        if semantic_label not in self.ontology:
+            raise UnknownLabel(semantic_label, self.offered())
         return self.ontology[semantic_label].sort
 
     def _semantic(self, semantic_label: str | Label, sample: Sample) -> Sample:

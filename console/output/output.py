@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
-from console.output.shown import Shown, as_text, line, printable, styled
+from console.output.shown import Shown, as_text, line, print_trimmed, printable, styled
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -63,7 +63,7 @@ class Output:
 
     def show(self, *parts: Shown, whole: bool = False) -> None:
         """One line of text; with `whole` the terminal breaks it where it ends."""
-        self._console.print(line(*parts), soft_wrap=whole)
+        print_trimmed(self._console, line(*parts), soft_wrap=whole)
 
     @property
     def _terminal(self) -> "Console":
@@ -98,7 +98,7 @@ class Output:
         for width in (6, 10, None):
             grid.add_column(min_width=width, overflow="fold")
         grid.add_row(*map(as_text, cells))
-        self._console.print(grid)
+        print_trimmed(self._console, grid)
 
     def aside(self, when: str, text: Shown) -> None:
         """As text: what happened after when, indented also where it needs several lines."""
@@ -108,7 +108,7 @@ class Output:
         grid.add_column(no_wrap=True)
         grid.add_column(overflow="fold")
         grid.add_row(styled(when, "dim"), as_text(text))
-        self._console.print(grid)
+        print_trimmed(self._console, grid)
 
     def table(
         self,

@@ -5,9 +5,10 @@ to the terminal as a command.
 """
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
     from rich.text import Text
 
 Shown: TypeAlias = "str | Text"
@@ -54,3 +55,14 @@ def as_text(shown: Shown) -> "Text":
     from rich.text import Text
 
     return Text(printable(shown)) if isinstance(shown, str) else shown
+
+
+def print_trimmed(console: "Console", shown: "RenderableType", **options: Any) -> None:
+    """Print without the blanks with which lines are filled; on a terminal, where they are not seen, as it comes."""
+    if console.is_terminal:
+        console.print(shown, **options)
+        return
+    with console.capture() as captured:
+        console.print(shown, **options)
+    console.file.write("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
+    console.file.flush()

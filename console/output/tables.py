@@ -12,7 +12,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from console.output.shown import Shown, as_text
+from console.output.shown import Shown, as_text, print_trimmed
 
 LONG = 24
 _BETWEEN, _EDGES = 3, 2
@@ -46,7 +46,7 @@ def print_table(console: Console, title: str, columns: Sequence[Column], rows: S
         table.add_column(column.name, justify=justify, overflow="fold", no_wrap=not column.wraps, width=width)
     for row in texts:
         table.add_row(*row)
-    console.print(table)
+    print_trimmed(console, table)
 
 
 def _widths(columns: Sequence[Column], rows: list[list[Text]], available: int) -> list[int] | None:
@@ -74,7 +74,7 @@ def _print_records(console: Console, title: str, columns: Sequence[Column], rows
         console.print(title, style="bold")
     for row in rows:
         for line, is_whole in _record(columns, row, console.width):
-            console.print(line, soft_wrap=is_whole)
+            print_trimmed(console, line, soft_wrap=is_whole)
         console.print()
 
 

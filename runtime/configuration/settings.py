@@ -22,7 +22,7 @@ _NAME = re.compile(r"(?=.{1,64}\Z)[a-z0-9][a-z0-9_-]*")
 
 
 def _split(given: Any) -> Any:
-    """A variable holds several items with commas between them."""
+    """A text, such as a variable, holds several items with commas between them."""
     return tuple(part.strip() for part in given.split(",") if part.strip()) if isinstance(given, str) else given
 
 
@@ -62,13 +62,13 @@ class UnitFile(Strict):
     replay: Path | None = None
     from_: str | None = Field(default=None, alias="from")
     epoch: InstantText | None = None
-    listen: tuple[str, ...] | None = None
-    connect: tuple[str, ...] | None = None
+    listen: Items | None = None
+    connect: Items | None = None
     translation: Path | None = None
     profiles: Path | None = None
     spec: Path | None = None
     """A specification, taken in again whenever the file changes."""
-    modules: tuple[str, ...] = Field(default=(), alias="units")
+    modules: Items = Field(default=(), alias="units")
     """Modules, or files that end with .py, with sources and computational units of the specification."""
     feed: Path | None = None
     govern: str | None = None

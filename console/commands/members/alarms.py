@@ -122,7 +122,9 @@ def _quantity(name: str, value: Any, alarm: Alarm) -> str:
     if not isinstance(value, int | float) or isinstance(value, bool):
         return f"{shown} {value}"
     unit = FEATURES[feature].unit if feature in FEATURES else _unit_of(feature)
-    return f"{shown} {print_span(round(value)) if unit == 'us' else f'{value:.1f} {unit}'.rstrip()}"
+    if unit == "us":
+        return f"{shown} {print_span(round(value)) if round(value) else '0 s'}"
+    return f"{shown} {value:.1f} {unit}".rstrip()
 
 
 def _unit_of(field: str) -> str:

@@ -19,6 +19,8 @@ from runtime.library.jobs import SET_UP_S, request_streams
 from runtime.library.questions import check_label
 
 MAX_DELAY_S = 1.0
+UNDECLARED_US = 100_000
+"""The period in which streams are requested whose export has none, as imports do."""
 
 
 class _Arrival(NamedTuple):
@@ -50,7 +52,9 @@ def hz(
         tasks = [
             task
             for name, period_us in periods.items()
-            for task in client.run(request_streams(client, label, [name], period_us / US_PER_S, MAX_DELAY_S))
+            for task in client.run(
+                request_streams(client, label, [name], (period_us or UNDECLARED_US) / US_PER_S, MAX_DELAY_S)
+            )
             if task.results
         ]
         with call.out.waiting(f"listening to {label}"):
@@ -66,45 +70,50 @@ def hz(
     return DONE if arrived else NO
 
 
-def _periods(client: Client, label: str, unit: str | None) -> dict[str, int]:
-    """The period of the label on each platform that has it, in microseconds."""
+def _periods(client: Client, label: str, unit: str | None) -> dict[str, int | None]:
+    """The declared period of the label on each platform that has it, in microseconds; None without one."""
     units = client.chosen(unit)
     return {
-        view.unit: entry.period_us
+        view.unit: entry.period_us or None
         for view in client.centre.platforms()
         if view.unit in units and view.entry is not None
         for entry in view.entry.labels
-        if entry.label == label and entry.period_us
+        if entry.label == label
     }
 
 
-def _record(unit: str, label: str, period_us: int, arrived: list[_Arrival]) -> dict[str, Any]:
-    """Of what lies between the first and the last sample that came; rates and losses of one alone are unknown."""
+def _record(unit: str, label: str, period_us: int | None, arrived: list[_Arrival]) -> dict[str, Any]:
+    """Of what lies between the first and the last sample that came; rates and losses of one alone are unknown.
+
+    Without a declared period it is unknown how many were due, and so is the loss.
+    """
     valid = sorted({one.valid_us for one in arrived})
     latencies = [one.latency_us for one in arrived]
     span_us = valid[-1] - valid[0] if valid else 0
-    due = span_us // period_us + 1
+    due = span_us // period_us + 1 if period_us else 0
     return {
         "unit": unit_json(unit),
         "label": label,
-        "period_ms": period_us / 1000,
+        "period_ms": period_us / 1000 if period_us else None,
         "samples": len(valid),
         "rate_hz": round((len(valid) - 1) * US_PER_S / span_us, 3) if span_us else None,
-        "loss": round(max(0.0, 1 - len(valid) / due), 4) if span_us else None,
+        "loss": round(max(0.0, 1 - len(valid) / due), 4) if span_us and due else None,
         "latency_us": round(median(latencies)) if latencies else None,
         "latency_max_us": max(latencies, default=None),
     }
 
 
 def _row(record: dict[str, Any]) -> tuple[Any, ...]:
+    period_ms, loss = record["period_ms"], record["loss"]
+    declared = f"{1000 / period_ms:.1f} Hz" if period_ms else "any update"
     if record["rate_hz"] is None:
         few = "no sample" if not record["samples"] else "one sample"
-        return (str(record["unit"]), styled(few, "red"), f"{1000 / record['period_ms']:.1f} Hz", "", "", "")
+        return (str(record["unit"]), styled(few, "red"), declared, "", "", "")
     return (
         str(record["unit"]),
         f"{record['rate_hz']:.1f} Hz",
-        f"{1000 / record['period_ms']:.1f} Hz",
-        styled(f"{record['loss']:.1%}", "red" if record["loss"] else ""),
+        declared,
+        "" if loss is None else styled(f"{loss:.1%}", "red" if loss else ""),
         print_span(record["latency_us"]),
         print_span(record["latency_max_us"]),
     )

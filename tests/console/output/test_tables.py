@@ -36,6 +36,7 @@ def printed(width: int, columns: list[Column], rows: list[list[str]]) -> str:
 def test_in_no_width_is_a_word_broken_or_a_line_too_long(width: int, rows: list[list[str]]) -> None:
     shown = printed(width, [Column("one", wraps=True), Column("two", wraps=True), Column("three")], rows)
     assert max(map(len, shown.splitlines())) <= width
+    assert all(line == line.rstrip() for line in shown.splitlines())
     said = sorted(word for row in rows for cell in row for word in cell.split())
     titles = {"one", "two", "three"}
     assert sorted(word for word in shown.split() if word not in titles and set(word) - {"\u2500"}) == said

@@ -42,6 +42,11 @@ def test_a_label_of_ones_own_is_shared_by_who_means_the_same_and_refused_to_who_
     watched = dyknow.run("watch", "gas-level", "--every", "500ms", "--count", "5")
     assert [each["valid_us"] - watched[0]["valid_us"] for each in watched] == [PERIOD_US * n for n in range(5)]
     assert all(15.0 <= each["value"]["value"] <= 65.0 for each in watched)
+    [rate] = dyknow.run("hz", "gas-level", "--for", "3s")
+    assert (rate["unit"], rate["rate_hz"]) == (7, 2.0)
+    assert (rate["period_ms"], rate["loss"]) == (None, None), "its export declares no period"
+    refused, _ = dyknow.raw("query", "gas-levl", code=1)
+    assert "this node has gas-level" in " ".join(refused.split()), "and what it could have is not listed"
     by_time = {each["valid_us"]: each["value"]["value"] for each in watched}
 
     # imported and monitored on a platform that has the label from its file

@@ -114,3 +114,11 @@ def test_a_federations_file_names_its_own_federation(tmp_path: Path) -> None:
     path = _written(tmp_path / "f.toml", 'name = "f"\nfederation = "g"')
     with pytest.raises(WrongCall, match="unknown key 'federation'"):
         load({"federation": str(path)}, None)
+
+
+def test_one_module_or_endpoint_of_a_platform_needs_no_list(tmp_path: Path) -> None:
+    file = tmp_path / "one.toml"
+    file.write_text('name = "one"\n[unit.5]\nunits = "gas.py"\nconnect = "tcp/127.0.0.1:7447"\n', encoding="utf-8")
+    (own,) = load({"federation": str(file)}, None).by_unit.values()
+    assert own.modules == (str(tmp_path / "gas.py"),)
+    assert own.connect == ("tcp/127.0.0.1:7447",)
