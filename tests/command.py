@@ -19,6 +19,8 @@ LOADED = [
     "console.commands.texts.specification_runs",
     "compunits",
 ]
+if "DYKNOW_REMOVED" in os.environ:
+    LOADED.insert(0, "tests.thesis.removing")
 """What the server imports. What a command imports of itself is for tests that start an interpreter."""
 
 
