@@ -27,11 +27,11 @@ from agents.flight.encounters import (
     climber_of,
     converge,
     flees,
-    is_clear,
     is_over,
     leaps,
     relation,
     room_m,
+    room_made_m,
     run_m,
 )
 from agents.flight.evidence import Evidence
@@ -42,6 +42,7 @@ from agents.flight.levels import (
     level_among,
     level_of,
     mover,
+    proposed_mover,
     together,
     turn,
     ways,
@@ -95,8 +96,7 @@ class Avoidance:
         return self._leave(known, reason) if reason is not None else [self._propose(known, own, other, may, now_us)]
 
     def _propose(self, known: Encounter, own: Fix, other: Fix, may: May, now_us: int) -> Propose:
-        bound = mover(self.unit, level_among(self.encounters, known), known.partner, known.their_level)
-        climber = bound or climber_of(self.unit, own, known.partner, other)
+        climber = proposed_mover(self.unit, known, own, other, level_among(self.encounters, known))
         if climber == self.unit and not isinstance(self._way(known, own, other, may), ManoeuvreRole):
             climber = known.partner
         return self._ask(known, climber, own, other, now_us)
@@ -104,7 +104,7 @@ class Avoidance:
     def _way(self, known: Encounter, own: Fix, other: Fix, may: May) -> ManoeuvreRole | str:
         """How this side makes room vertically, or why it does not."""
         level = level_among(self.encounters, known)
-        chosen = ways(level, known.their_level)
+        chosen = ways(level, known.their_level, other.altitude_m - own.altitude_m)
         refusals = [self._refusal(known, role, own, other, may, turns=level is CLIMB) for role in chosen]
         return next(
             (role for role, refused in zip(chosen, refusals, strict=True) if refused is None), refusals[0] or ""
@@ -218,7 +218,7 @@ class Avoidance:
             return []
         known = self.encounters[partner]
         known.their_level = level_of(code)
-        if known.proposed >= MOST_ASKED or (code == WOULD_HOLD and self._refusal(known, CLIMB, own, other, may)):
+        if known.proposed >= MOST_ASKED or (code == WOULD_HOLD and isinstance(self._way(known, own, other, may), str)):
             return self.on_declined(partner, own, other, may, now_us)
         if is_of_level(code):
             return [self._propose(known, own, other, may, now_us)]
@@ -352,7 +352,7 @@ class Avoidance:
             return self._end(known)
         if known.phase is MAKING_ROOM:
             return self._make_room(known, seen, own, other, may, now_us)
-        if known.phase is PASSING and seen.apart_m < CLOSE_M and converge(own, other):
+        if known.phase is PASSING and room_made_m(known, seen, own, other) < CLOSE_M and converge(own, other):
             if known.role is not HOLD or not flees(own, other):
                 return self._take(known, known.role or HOLD, own, other, now_us)
             if seen.away_m < IDLE_M:
@@ -374,7 +374,7 @@ class Avoidance:
             if (known.lost or unmoved) and seen.apart_m < CLEAR_M:
                 return self._alone(known, own, other, may, now_us)
         self._follow(known, own, other, may, now_us)
-        if is_clear(known, seen, own, other):
+        if room_made_m(known, seen, own, other) >= CLEAR_M:
             known.phase, known.place, known.idle_since_us = PASSING, None, None
             if known.role is HOLD:
                 known.altitude_m = own.altitude_m

@@ -184,17 +184,21 @@ def leaps(before: Fix, after: Fix) -> bool:
     return climbs or far_m > FLIGHT_M + FLIGHT_M_S * seconds
 
 
-def is_clear(known: Encounter, seen: Relation, own: Fix, other: Fix) -> bool:
-    """Whether they are apart; for one that holds also if they will be, as they move, before they are near."""
-    if seen.apart_m >= CLEAR_M:
-        return True
+def room_made_m(known: Encounter, seen: Relation, own: Fix, other: Fix) -> float:
+    """How far apart vertically they are; for one that holds as far as they will be, as they move, when they are near."""
     up_m, up_m_s = seen.p_m[2], seen.v_m_s[2]
     apart_m_s = up_m_s if up_m >= 0.0 else -up_m_s
     if known.role is not ManoeuvreRole.HOLD or apart_m_s < CONVERGING_M_S:
-        return False
+        return seen.apart_m
     closing_m_s = -relation(with_course_of(own, known.start), with_course_of(other, known.other_start)).opening_m_s
-    within_s = max(0.0, (seen.away_m - KEEP_M) / max(closing_m_s, CONVERGING_M_S))
-    return seen.apart_m + apart_m_s * min(within_s, SOON_S) >= CLEAR_M
+    near_s = max(0.0, (seen.away_m - KEEP_M) / max(closing_m_s, CONVERGING_M_S))
+    return seen.apart_m + apart_m_s * min(near_s + start_s(own, known.start), SOON_S)
+
+
+def start_s(own: Fix, course: Fix) -> float:
+    """How much later it arrives, since it has to gain the speed of its course first: as much as braking takes."""
+    speed_m_s = course.speed_m_s
+    return max(0.0, braking_m(course) - braking_m(own)) / max(speed_m_s, CONVERGING_M_S)
 
 
 def is_over(known: Encounter, seen: Relation, own: Fix, other: Fix, now_us: int) -> bool:

@@ -190,7 +190,9 @@ class GivingWay(Part):
             raise
         self._alarm_of[partner] = content.alarm
         what = (
-            f"leaves all of it to {self._unit}: {content.because}" if content.because else f"{content.climber} climbs"
+            f"leaves all of it to {self._unit}: {content.because}"
+            if content.because
+            else f"{content.climber} makes room"
         )
         self._tell(f"{self._unit} agrees with {partner}: {what}", now_us)
         self._do(steps, now_us)
@@ -237,7 +239,7 @@ class GivingWay(Part):
     def _agreed(self, partner: str, content: Avoid, now_us: int) -> None:
         own, other = self._pilot.fix, fix_of(self._gateway, partner)
         if content.because is None and own is not None and other is not None and self._avoidance.awaits(partner):
-            self._tell(f"{partner} agrees that {content.climber} climbs", now_us)
+            self._tell(f"{partner} agrees that {content.climber} makes room", now_us)
             self._do(self._avoidance.on_agreed(partner, own, other, self._may, now_us), now_us)
 
     def _declined(self, partner: str, content: Avoid, reason: Reason, now_us: int) -> None:

@@ -6,14 +6,18 @@ one that stays below a climber descends. Only if there is no room below does it 
 
 from collections.abc import Collection, Mapping
 
-from agents.flight.encounters import Encounter, EncounterPhase, ManoeuvreRole, room_m
+from agents.flight.encounters import Encounter, EncounterPhase, ManoeuvreRole, climber_of, room_m
+from agents.flight.places import Fix
 from agents.flight.steps import Divert, ResumeRoute
 from federation.members.directory import unit_order
 
 CLIMB, DESCEND, HOLD, ASIDE = ManoeuvreRole
 _RANK = {None: 0, ASIDE: 0, HOLD: 1, CLIMB: 2, DESCEND: 2}
 _CODE = "level-"
-SEPARATION_M = 25.0
+SEPARATION_M = 22.0
+"""How far apart vertically one goes: where the warning ends (20 m), and what altimeters and autopilots may be off."""
+LOWER_M = 2.0
+"""One that is so much lower has less far to go down than up; copters climb faster than they sink."""
 
 
 def mover(unit: str, level: ManoeuvreRole | None, partner: str, their_level: ManoeuvreRole | None) -> str | None:
@@ -28,10 +32,22 @@ def mover(unit: str, level: ManoeuvreRole | None, partner: str, their_level: Man
     return max(unit, partner, key=unit_order)
 
 
-def ways(level: ManoeuvreRole | None, their_level: ManoeuvreRole | None) -> tuple[ManoeuvreRole, ...]:
-    """How one that is to make room does so, the best first."""
+def proposed_mover(unit: str, known: Encounter, own: Fix, other: Fix, level: ManoeuvreRole | None) -> str:
+    """Which of the two is asked to make room: the bound one, else the higher one, or, of two that hold, the lower one."""
+    bound = mover(unit, level, known.partner, known.their_level)
+    if bound is None:
+        return climber_of(unit, own, known.partner, other)
+    if level is HOLD and known.proposed == 0:  # whether the partner holds for another as well, its answer says
+        return climber_of(unit, other, known.partner, own)
+    return bound
+
+
+def ways(
+    level: ManoeuvreRole | None, their_level: ManoeuvreRole | None, lower_m: float = 0.0
+) -> tuple[ManoeuvreRole, ...]:
+    """How one that is to make room does so, the best first; `lower_m`: how much lower than the other it is."""
     if level is None or level is ASIDE:
-        return (CLIMB,)
+        return (DESCEND, CLIMB) if lower_m >= LOWER_M else (CLIMB,)
     if level is CLIMB:
         return (DESCEND, CLIMB) if their_level is CLIMB else (CLIMB,)
     return (DESCEND, CLIMB)

@@ -31,7 +31,7 @@ from agents.flight.encounters import (
     run_m,
 )
 from agents.flight.evidence import BUDGET_US
-from agents.flight.levels import SEPARATION_M
+from agents.flight.levels import LOWER_M, SEPARATION_M
 from agents.flight.places import Fix
 from agents.flight.steps import Divert, LeaveToPartner, NeitherCan, Over, Propose, ResumeRoute, Step
 from navigation.geodesy import distance_m
@@ -39,6 +39,7 @@ from navigation.geodesy import distance_m
 METRE_DEG = 1 / 111_320.0
 S = 1_000_000
 HIGHER_M = 102.0
+ABOVE_M = 100.0 + SEPARATION_M
 
 
 def fix(altitude_m: float = 100.0, north_m: float = 0.0, *, at_us: int = 0, **moves: float) -> Fix:
@@ -221,7 +222,7 @@ def test_an_agreement_that_comes_twice_does_nothing_more() -> None:
 
 def test_a_proposal_is_refused_by_the_rule_that_it_breaks() -> None:
     found = Avoidance("1")
-    refused, steps = found.on_proposal("0", "1", OTHER, OWN, between(60.0, 110.0), 0, warned=True)
+    refused, steps = found.on_proposal("0", "1", OTHER, OWN, between(90.0, 110.0), 0, warned=True)
     assert (str(refused), steps) == ("outside the limits", [])
     assert found.encounters == {}
     refused, _ = found.on_proposal("0", "0", OTHER, OWN, nothing, 0, warned=True)
@@ -248,7 +249,7 @@ def test_proposals_that_cross_settle_on_the_one_of_the_unit_that_sorts_first(fir
     for hears in (zero_hears, one_hears) if first == "0" else (one_hears, zero_hears):
         hears()
     one.on_superseded("0")
-    assert altitudes(zero.on_agreed("1", *of_zero, anything, 0)) == [125.0]
+    assert altitudes(zero.on_agreed("1", *of_zero, anything, 0)) == [ABOVE_M]
     assert (role(zero), role(one, "0")) == (ManoeuvreRole.CLIMB, ManoeuvreRole.HOLD)
     assert not zero.awaits("1")
     assert not one.awaits("0")
@@ -257,7 +258,7 @@ def test_proposals_that_cross_settle_on_the_one_of_the_unit_that_sorts_first(fir
 def test_crossing_proposals_that_say_the_same_are_both_agreed_to() -> None:
     zero, one = warned(), warned("1", OTHER, OWN, partner="0")
     refused, steps = zero.on_proposal("1", "0", OWN, OTHER, anything, 0, warned=True)
-    assert (refused, altitudes(steps)) == (None, [125.0])
+    assert (refused, altitudes(steps)) == (None, [ABOVE_M])
     refused, steps = one.on_proposal("0", "0", OTHER, OWN, anything, 0, warned=True)
     assert (refused, altitudes(steps)) == (None, [None])
     assert zero.on_agreed("1", OWN, OTHER, anything, 0) == []
@@ -299,7 +300,7 @@ def test_no_partner_leads_a_vehicle_far_from_its_own_altitude() -> None:
     found = climbing()
     for second in range(1, 60):
         rises = OTHER._replace(valid_us=second * S, altitude_m=100.0 + 5.0 * second, down_m_s=-5.0)
-        own = OWN._replace(valid_us=second * S, altitude_m=125.0)
+        own = OWN._replace(valid_us=second * S, altitude_m=ABOVE_M)
         found.on_moved("1", own, rises, anything, second * S, warned=True)
         altitude_m = found.encounters["1"].altitude_m if "1" in found.encounters else None
         assert altitude_m is None or altitude_m <= HIGHER_M + MOST_CLIMB_M
@@ -312,14 +313,14 @@ def test_an_altitude_that_leaps_is_not_believed() -> None:
     found = climbing()
     assert found.on_moved("1", OWN._replace(valid_us=S // 10), leapt, anything, S // 10, warned=True) == []
     assert found.encounters["1"].other == OTHER
-    assert found.encounters["1"].altitude_m == 125.0
+    assert found.encounters["1"].altitude_m == ABOVE_M
 
 
 # -- alone -------------------------------------------------------------------------------------------------------
 
 
 def test_who_is_left_alone_climbs_if_it_is_the_higher_one() -> None:
-    assert altitudes(alone(OWN, OTHER)) == [125.0]
+    assert altitudes(alone(OWN, OTHER)) == [ABOVE_M]
 
 
 def test_who_is_left_alone_well_below_descends() -> None:
@@ -329,8 +330,8 @@ def test_who_is_left_alone_well_below_descends() -> None:
 
 def test_who_may_not_descend_climbs_and_who_may_not_climb_descends() -> None:
     above = OTHER._replace(altitude_m=108.0)
-    assert altitudes(alone(OWN, above, between(90.0, 170.0))) == [133.0]
-    assert altitudes(alone(OWN, OTHER, between(60.0, 110.0))) == [75.0]
+    assert altitudes(alone(OWN, above, between(90.0, 170.0))) == [108.0 + SEPARATION_M]
+    assert altitudes(alone(OWN, OTHER, between(60.0, 110.0))) == [100.0 - SEPARATION_M]
 
 
 def test_who_may_do_neither_goes_aside() -> None:
@@ -358,7 +359,7 @@ def test_of_two_that_climb_alone_the_one_that_is_to_hold_stops() -> None:
     """Each was left alone; the lower one sees the other rise."""
     own, other = OWN._replace(altitude_m=100.0), OTHER._replace(altitude_m=102.0)
     found = warned("0", own, other)
-    assert altitudes(found.on_declined("1", own, other, anything, 0)) == [127.0]
+    assert altitudes(found.on_declined("1", own, other, anything, 0)) == [HIGHER_M + SEPARATION_M]
     rising = other._replace(altitude_m=104.0, down_m_s=-2.0, valid_us=S)
     steps = found.on_moved("1", own._replace(altitude_m=101.0, valid_us=S), rising, anything, S, warned=True)
     assert altitudes(steps) == [None]
@@ -368,7 +369,7 @@ def test_who_climbs_stays_above_a_partner_that_rises_within_the_limits() -> None
     found = climbing()
     own = OWN._replace(altitude_m=115.0)
     moved = found.on_moved("1", own, OTHER._replace(altitude_m=106.0), anything, S, warned=True)
-    assert altitudes(moved) == [131.0]
+    assert altitudes(moved) == [106.0 + SEPARATION_M]
     assert found.on_moved("1", own, OTHER._replace(altitude_m=112.0), between(60.0, 132.0), 2 * S, warned=True) == []
 
 
@@ -381,7 +382,7 @@ def not_flown(found: Avoidance, may: May = anything, *, own: Fix = OWN, **how: b
 
 def test_a_climb_that_the_autopilot_refuses_is_tried_as_a_descent_at_once() -> None:
     found = climbing()
-    assert altitudes(not_flown(found, refused=True)) == [75.0]
+    assert altitudes(not_flown(found, refused=True)) == [100.0 - SEPARATION_M]
     assert role(found) is ManoeuvreRole.DESCEND
 
 
@@ -428,7 +429,7 @@ def test_who_holds_takes_all_of_it_when_the_partner_leaves_it() -> None:
     found = holding()
     refused, steps = found.on_proposal("0", "1", OTHER, OWN, anything, S, warned=True, because="autopilot: failed")
     assert refused is None
-    assert altitudes(steps) == [127.0]
+    assert altitudes(steps) == [HIGHER_M + SEPARATION_M]
     assert role(found, "0") is ManoeuvreRole.CLIMB
 
 
@@ -439,7 +440,7 @@ def test_who_climbs_already_goes_on_but_stops_before_one_that_does_not_hold() ->
     refused, (step,) = found.on_proposal("1", "0", OWN, far, anything, S, warned=True, because="taken over")
     assert refused is None
     assert isinstance(step, Divert)
-    assert step.altitude_m == 125.0
+    assert step.altitude_m == ABOVE_M
     assert run is not None
     assert step.place is not None
     assert step.place[0] < run[0]
@@ -486,7 +487,7 @@ def test_who_holds_for_one_that_does_not_move_takes_all_of_it() -> None:
     for second in range(UNMOVED_US // S + 1):
         own, other = OTHER._replace(valid_us=second * S), OWN._replace(valid_us=second * S)
         steps = found.on_moved("0", own, other, anything, second * S, warned=True)
-    assert altitudes(steps) == [127.0]
+    assert altitudes(steps) == [HIGHER_M + SEPARATION_M]
 
 
 def test_who_holds_sees_that_the_partner_climbs_though_it_rises_itself() -> None:
@@ -500,22 +501,35 @@ def test_who_holds_sees_that_the_partner_climbs_though_it_rises_itself() -> None
     assert role(found, "0") is ManoeuvreRole.HOLD
 
 
-def test_who_would_hold_but_not_climb_says_so_and_the_other_climbs() -> None:
-    fenced = Avoidance("0")
-    refused, _ = fenced.on_proposal("1", "0", OWN, OTHER, between(60.0, 110.0), 0, warned=True)
+@pytest.mark.parametrize(
+    ("lower_m", "makes_room"), [(LOWER_M, ManoeuvreRole.DESCEND), (LOWER_M - 0.5, ManoeuvreRole.CLIMB)]
+)
+def test_who_would_hold_but_not_climb_says_so_and_the_other_makes_room_the_shorter_way(
+    lower_m: float, makes_room: ManoeuvreRole
+) -> None:
+    fenced, own = Avoidance("0"), OTHER._replace(altitude_m=HIGHER_M - lower_m)
+    refused, _ = fenced.on_proposal("1", "0", OWN, own, between(60.0, 110.0), 0, warned=True)
     assert refused is not None
     assert refused.code == WOULD_HOLD
-    found = warned("1", OTHER, OWN, partner="0")
-    assert found.on_counter("0", WOULD_HOLD, OTHER, OWN, anything, 0) == [Propose("0", "1", SEPARATION_M + 2.0)]
-    refused, _ = fenced.on_proposal("1", "1", OWN, OTHER, between(60.0, 110.0), 0, warned=True)
+    found = warned("1", own, OWN, partner="0")
+    assert found.on_counter("0", WOULD_HOLD, own, OWN, anything, 0) == [Propose("0", "1", SEPARATION_M + lower_m)]
+    refused, _ = fenced.on_proposal("1", "1", OWN, own, between(60.0, 110.0), 0, warned=True)
     assert refused is None
-    found.on_agreed("0", OTHER, OWN, anything, 0)
-    assert (role(fenced), role(found, "0")) == (ManoeuvreRole.HOLD, ManoeuvreRole.CLIMB)
+    found.on_agreed("0", own, OWN, anything, 0)
+    assert (role(fenced), role(found, "0")) == (ManoeuvreRole.HOLD, makes_room)
+
+
+def test_who_is_much_lower_climbs_where_there_is_no_room_below() -> None:
+    found = warned("1", OTHER, OWN, may=between(90.0, 130.0), partner="0")
+    assert found.on_counter("0", WOULD_HOLD, OTHER, OWN, between(90.0, 130.0), 0)
+    found.on_agreed("0", OTHER, OWN, between(90.0, 130.0), 0)
+    assert role(found, "0") is ManoeuvreRole.CLIMB
 
 
 def test_of_two_that_may_not_climb_one_descends() -> None:
-    found = warned("1", OTHER, OWN, partner="0")
-    steps = found.on_counter("0", WOULD_HOLD, OTHER, OWN, between(60.0, 110.0), 0)
+    level = OTHER._replace(altitude_m=HIGHER_M)
+    found = warned("1", level, OWN, partner="0")
+    steps = found.on_counter("0", WOULD_HOLD, level, OWN, between(60.0, 110.0), 0)
     assert altitudes(steps) == [HIGHER_M - SEPARATION_M]
 
 
@@ -568,10 +582,23 @@ def test_who_holds_flies_on_as_soon_as_the_climb_will_do() -> None:
     assert steps == [ResumeRoute(lowered_to_m=100.0)]
 
 
+def test_who_stands_flies_on_earlier_than_who_has_its_speed_still_and_stops_again_only_if_the_climb_ends() -> None:
+    """Fifty metres away, 15.5 m apart, the other climbing at 2.5 m/s: it takes 1.5 s to gain 5 m/s."""
+    near = fix(115.5, 40.0, at_us=4 * S, north_m_s=5.0, down_m_s=-2.5)
+    moving = holding()
+    own = OTHER._replace(valid_us=4 * S)
+    assert moving.on_moved("0", own, near, anything, 4 * S, warned=True) == []
+    standing, stands = holding(), own._replace(north_m_s=0.0)
+    assert standing.on_moved("0", stands, near, anything, 4 * S, warned=True) == [ResumeRoute(lowered_to_m=100.0)]
+    low = near._replace(altitude_m=114.0)
+    assert standing.on_moved("0", stands, low._replace(down_m_s=-4.5), anything, 5 * S, warned=True) == []
+    assert altitudes(standing.on_moved("0", stands, low._replace(down_m_s=0.0), anything, 6 * S, warned=True)) == [None]
+
+
 def test_who_climbed_flies_on_above_the_other_and_comes_down_when_it_is_away() -> None:
     found = climbing()
     up = OWN._replace(altitude_m=121.0)
-    assert found.on_moved("1", up, OTHER, anything, S, warned=False) == [ResumeRoute(raised_to_m=125.0)]
+    assert found.on_moved("1", up, OTHER, anything, S, warned=False) == [ResumeRoute(raised_to_m=ABOVE_M)]
     for north_m in (60.0, 20.0, 0.0):
         passing = OTHER._replace(latitude_deg=58.0 + north_m * METRE_DEG, valid_us=2 * S)
         assert found.on_moved("1", up, passing, anything, 2 * S, warned=False) == []
@@ -589,14 +616,14 @@ def test_between_where_they_fly_on_and_where_they_stop_again_lies_a_gap() -> Non
         low = OWN._replace(altitude_m=100.0 + gap_m)
         assert found.on_moved("1", low, OTHER, anything, 2 * S, warned=True) == []
     low = OWN._replace(altitude_m=100.0 + CLOSE_M - 0.1)
-    assert altitudes(found.on_moved("1", low, OTHER, anything, 3 * S, warned=True)) == [125.0]
+    assert altitudes(found.on_moved("1", low, OTHER, anything, 3 * S, warned=True)) == [ABOVE_M]
 
 
 def test_who_descended_flies_on_below_the_other() -> None:
     found = warned("0", OWN, above := OTHER._replace(altitude_m=108.0))
     found.on_declined("1", OWN, above, anything, 0)
     moved = found.on_moved("1", OWN._replace(altitude_m=84.0), above, anything, S, warned=False)
-    assert moved == [ResumeRoute(None, 83.0)]
+    assert moved == [ResumeRoute(None, 108.0 - SEPARATION_M)]
 
 
 def test_two_that_stand_beside_each_other_afterwards_need_no_more_room() -> None:
@@ -626,16 +653,18 @@ def test_a_partner_that_is_lost_is_taken_to_stand_where_it_was_and_all_of_it_is_
     steps = found.on_moved("0", own, OWN, anything, later, warned=False)
     assert altitudes(steps) == [HIGHER_M - SEPARATION_M], "it was to climb: go down"
     found.on_gone("0")
-    low = own._replace(altitude_m=80.0, valid_us=later + S)
-    assert found.on_moved("0", low, None, anything, later + S, warned=False) == [ResumeRoute(None, 77.0)]
+    low = own._replace(altitude_m=HIGHER_M - SEPARATION_M, valid_us=later + S)
+    assert found.on_moved("0", low, None, anything, later + S, warned=False) == [
+        ResumeRoute(None, HIGHER_M - SEPARATION_M)
+    ]
 
 
 def test_of_several_encounters_the_highest_climb_is_flown_and_the_last_to_end_lets_go() -> None:
     found = climbing()
     third = OTHER._replace(altitude_m=110.0)
     _, steps = found.on_proposal("2", "0", OWN, third, anything, 0, warned=True)
-    assert altitudes(steps) == [135.0]
-    assert altitudes(found.on_grounded("2")) == [125.0]
+    assert altitudes(steps) == [110.0 + SEPARATION_M]
+    assert altitudes(found.on_grounded("2")) == [ABOVE_M]
     assert found.on_grounded("1") == [ResumeRoute(), Over("1")]
 
 

@@ -6,6 +6,7 @@ import pytest
 
 from agents.flight.flight import FlightAgent
 from agents.flight.giving_way import GivingWay
+from agents.flight.levels import SEPARATION_M
 from agents.flight.places import FlightLimits, FlightPlan, Waypoint
 from agents.monitoring.alarm_log import AlarmLog
 from dyknow import Sample
@@ -80,7 +81,7 @@ def climbs_alone(wire: Box, unit: str, other: str, why: str) -> None:
     """`unit`, the higher one, has gone up by itself, `other` has done nothing, and it is noted why."""
     (first, *_) = orders(wire, unit)
     assert isinstance(first, GoToOrder)
-    assert first.altitude_m == pytest.approx(125.0, abs=1.0)
+    assert first.altitude_m == pytest.approx(100.0 + SEPARATION_M, abs=1.0)
     assert orders(wire, other) == []
     left = (f"{other} leaves the manoeuvre to {unit}: ", f"{unit} agrees with {other}: leaves all of it to {unit}: ")
     assert any(line.startswith(left) and why in line for line in notes(wire, unit))
@@ -155,14 +156,14 @@ def test_where_neither_may_be_commanded_nobody_moves_and_nothing_is_proposed(wir
 
 
 def test_a_climb_above_the_ceiling_is_refused_and_the_other_does_what_its_own_limits_allow(wire: Box) -> None:
-    """Home is 50 m above the sea: to climb is to go to 127 m, and neither may go above 110 m."""
+    """Home is 50 m above the sea: to climb is to go above 120 m, and neither may go above 110 m."""
     low = {"limits": FlightLimits(ceiling_m=60.0)}
-    meeting(wire, zero=low, one=low)
+    meeting(wire, zero=low, one=low, altitude_m=101.0)
     wire.run(17.0)
     assert any("is above the ceiling of 60 m" in reason for reason in refusals(wire, "1"))
     (first, *_) = orders(wire, "0")
     assert isinstance(first, GoToOrder)
-    assert first.altitude_m == pytest.approx(75.0, abs=1.0), "who may not climb descends"
+    assert first.altitude_m == pytest.approx(101.0 - SEPARATION_M, abs=1.0), "who may not climb descends"
 
 
 def test_where_neither_floor_nor_ceiling_leave_room_the_one_left_alone_goes_aside(wire: Box) -> None:
@@ -241,7 +242,7 @@ def test_a_partner_that_is_silent_for_a_second_leaves_the_manoeuvre_to_the_other
     asked_us = wire.acts("0", head="avoid")[0].created_us
     (at_us, first), *_ = wire.vehicle("0").commands
     assert isinstance(first.order, GoToOrder)
-    assert first.order.altitude_m == pytest.approx(125.0, abs=1.0)
+    assert first.order.altitude_m == pytest.approx(100.0 + SEPARATION_M, abs=1.0)
     assert after_us <= at_us - asked_us <= after_us + 100_000
     assert any(line.startswith("1 leaves the manoeuvre to 0: ") for line in notes(wire, "0"))
 
