@@ -191,8 +191,9 @@ def room_made_m(known: Encounter, seen: Relation, own: Fix, other: Fix) -> float
     if known.role is not ManoeuvreRole.HOLD or apart_m_s < CONVERGING_M_S:
         return seen.apart_m
     closing_m_s = -relation(with_course_of(own, known.start), with_course_of(other, known.other_start)).opening_m_s
-    near_s = max(0.0, (seen.away_m - KEEP_M) / max(closing_m_s, CONVERGING_M_S))
-    return seen.apart_m + apart_m_s * min(near_s + start_s(own, known.start), SOON_S)
+    keep_m = MISS_M + max(braking_m(own), braking_m(known.start))  # so that it can stop still
+    near_s = max(0.0, (seen.away_m - keep_m) / max(closing_m_s, CONVERGING_M_S))
+    return seen.apart_m + apart_m_s * (min(near_s, SOON_S) + start_s(own, known.start))
 
 
 def start_s(own: Fix, course: Fix) -> float:

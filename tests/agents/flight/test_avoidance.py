@@ -583,8 +583,8 @@ def test_who_holds_flies_on_as_soon_as_the_climb_will_do() -> None:
 
 
 def test_who_stands_flies_on_earlier_than_who_has_its_speed_still_and_stops_again_only_if_the_climb_ends() -> None:
-    """Fifty metres away, 15.5 m apart, the other climbing at 2.5 m/s: it takes 1.5 s to gain 5 m/s."""
-    near = fix(115.5, 40.0, at_us=4 * S, north_m_s=5.0, down_m_s=-2.5)
+    """Ten metres before it is near, 15.5 m apart, the other climbing at 2.5 m/s: it takes 1.5 s to gain 5 m/s."""
+    near = fix(115.5, 52.5, at_us=4 * S, north_m_s=5.0, down_m_s=-2.5)
     moving = holding()
     own = OTHER._replace(valid_us=4 * S)
     assert moving.on_moved("0", own, near, anything, 4 * S, warned=True) == []
