@@ -154,18 +154,15 @@ class ImportProxy(Part):
 
         return on_grid
 
-    def push(self, sender: str, semantic_label: str, sample: Sample) -> None:
-        """`push(m, s, v)` of 9.3.3: add the sample to the local source, made at the first sample of the label.
-
-        A value that is not of the label's sort is dropped and counted.
-        """
-        self._source(sender, semantic_label)(sample.valid_us, sample.value, sample.available_us, sample.quality)
-
     def _sink(self, found: ImportedStream) -> Sink:
         found.sink = self._source(found.owner, found.label)
         return found.sink
 
     def _source(self, sender: str, semantic_label: str) -> Sink:
+        """`push(m, s, v)` of 9.3.3 for one (m, s): adds to the local source, which is made at the first sample.
+
+        A value that is not of the label's sort is dropped and counted.
+        """
         known = self._sinks.get((sender, semantic_label))
         if known is not None:
             return known

@@ -67,8 +67,9 @@ class Profile:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Semantic labels that the formula needs of each unit it is about."""
-        return needed_labels(self.features, self.vertical)
+        """Semantic labels that the formula needs of each unit it is about, and a manoeuvre if its alarms start one."""
+        manoeuvre = ("heli-position", "heli-altitude", "heli-velocity") if self.starts_avoidance else ()
+        return tuple(dict.fromkeys((*needed_labels(self.features, self.vertical), *manoeuvre)))
 
     @property
     def pairwise(self) -> bool:

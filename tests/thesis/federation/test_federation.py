@@ -167,19 +167,23 @@ def test_9_3_3_a_request_is_local_or_global(federation: Box) -> None:
 # 9.3.3  The DyKnow Gateway, the proxies: the interfaces
 
 
-def test_9_3_3_create_stream_unicast_translates_makes_a_policy_a_stream_and_exports_it(federation: Box) -> None:
+def test_9_3_3_a_unicast_is_a_multicast_to_one_receiver_translated_with_the_policy_that_is_asked_for(
+    federation: Box,
+) -> None:
     """`create stream unicast(heli-position, 0, 0, 1, 1, 0)`: "sample every 1, max delay 1"."""
     a = federation.platform("a")
     policy = stream_policy(1.0, 1.0)
     assert (policy.sample_us, policy.max_delay_us, policy.from_us, policy.to_us) == (SECOND, SECOND, 0, None)
-    assert a.ports.gateway.local("heli-position") == Label.parse("heli-position[a]")
-    policy_hash = a.ports.gateway.create_stream_multicast("heli-position", policy, ["b"], "contract-1")
+    asked = CreateMulticast(semantic_labels=("heli-position",), sample_period_s=1.0, delay_s=1.0, to_units=("b",))
+    assert federation.asked("c", "a", asked).performatives == [P.AGREE, P.INFORM]
     ((stream, receivers),) = a.ports.gateway.exporter.exports.streams()
-    assert (stream.label, stream.policy_hash, receivers) == ("heli-position", policy_hash, ("b",))
-    federation.run(2.0)
-    assert stream.tail == 2
-    a.part(FederationAgent).end_exports(["contract-1"], federation.now_us)
-    federation.settle("a")
+    assert (stream.label, stream.policy_hash, receivers) == ("heli-position", policy.content_hash(), ("b",))
+    federation.run(3.0)
+    imported = federation.platform("b").ports.network.generator(Label.parse("heli-position[a]")).history
+    found = imported.get_between(0, federation.now_us)
+    assert len(found) >= 2
+    assert satisfied(policy, found)
+    assert not federation.platform("c").ports.network.has(Label.parse("heli-position[a]")), "who asked does not receive"
 
 
 def test_9_3_3_create_stream_multicast_is_unicast_to_each_receiver_with_one_stream(federation: Box) -> None:
@@ -228,10 +232,17 @@ def test_9_3_3_a_receiver_that_is_gone_or_slow_harms_no_other(federation: Box) -
 def test_9_3_3_push_translates_the_label_and_makes_a_source_at_the_first_sample(federation: Box) -> None:
     c = federation.platform("c")
     local = Label.parse("heli-altitude[b]")
+    federation.run(1.0 - (federation.now_us - EPOCH) % SECOND / SECOND + 0.1)  # the next sample is 0.9 s away
+    asked = CreateMulticast(semantic_labels=("heli-altitude",), sample_period_s=1.0, delay_s=1.0, to_units=("c",))
+    federation.asked("a", "b", asked)
+    assert c.ports.gateway.importer.imports.streams
     assert not c.ports.network.has(local)
-    c.ports.gateway.importer.push("b", "heli-altitude", Sample(federation.now_us, federation.now_us - 5, (41.5,)))
-    assert c.ports.network.generator(local).history.get_latest().value == (41.5,)
-    assert c.ports.gateway.latest("heli-altitude", "b").valid_us == federation.now_us - 5
+    while not c.ports.network.has(local):
+        federation.run(0.05)
+    (first,) = c.ports.network.generator(local).history.get_between(0, federation.now_us)
+    assert first.value == (pytest.approx(101.0, abs=0.3),)
+    assert first.valid_us % SECOND == 0
+    assert c.ports.gateway.latest("heli-altitude", "b").valid_us == first.valid_us
 
 
 def test_9_3_3_semantic_labels_are_translated_by_each_platform_on_its_own(wire: Box) -> None:

@@ -5,7 +5,16 @@ import pytest
 from agents.admission.admission import Admission
 from agents.monitoring.alarm_log import AlarmLog
 from federation.messages.acts import Act, Performative
-from federation.messages.contents import Alarm, CreateMonitor, CreateMulticast, Done, MonitorProximity, Progress, read
+from federation.messages.contents import (
+    AddDeclarations,
+    Alarm,
+    CreateMonitor,
+    CreateMulticast,
+    Done,
+    MonitorProximity,
+    Progress,
+    read,
+)
 from tests.box import EPOCH, Box, Question, Vehicle
 
 P = Performative
@@ -119,6 +128,24 @@ def test_9_4_1_a_warning_initiates_a_manoeuvre_that_the_two_agree_on(wire: Box) 
     assert any(wire.vehicle(unit).commands for unit in "01"), "and is flown"
     alarms = {(e.monitor, e.event) for e in wire.platform("0").part(AlarmLog).events}
     assert ("proximity-warn", "opened") in alarms
+
+
+@pytest.mark.parametrize("options", ["", " with starts avoidance"])
+def test_9_4_1_an_alarm_of_any_monitor_initiates_a_manoeuvre_if_it_is_declared_to(wire: Box, options: str) -> None:
+    """Not those alone whose profile says so: a formula of one's own, added in KPL to platforms that fly."""
+    near = f"monitor near = always forall other in units - {{self}} growing: xy_dist[self, other] >= 90.0{options}"
+    for unit, east in (("0", -100.0), ("1", 100.0)):
+        vehicle = Vehicle(east_m=east, east_m_s=-east / 25, altitude_m=100.0 + 2 * int(unit))
+        wire.join(unit, vehicle, control=True)
+    wire.centre()
+    wire.run(1.0)
+    for unit in "01":
+        assert P.INFORM in wire.asked("cc", unit, AddDeclarations(text=near)).performatives
+    assert wire.question("cc", "0", MonitorProximity(profile="near")) is not None
+    wire.run(20.0)
+    assert ("near", "opened") in {(e.monitor, e.event) for e in wire.platform("0").part(AlarmLog).events}
+    assert bool(wire.acts(head="avoid")) is bool(options)
+    assert any(wire.vehicle(unit).commands for unit in "01") is bool(options)
 
 
 def test_9_4_1_a_platform_that_registers_later_is_taken_in(wire: Box) -> None:
