@@ -4,6 +4,7 @@
 Times are the node clock, but for valid and available times.
 """
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,7 +16,7 @@ from agents.exchange.gateway import PAGE, Gateway
 from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.part import Part
-from dyknow import NO_VALUE, Label, Sample, Sort
+from dyknow import NO_VALUE, Label, NoValue, Sample, Sort, Value, as_json
 from dyknow.model.errors import DyknowError, Refused, ValueNotAvailable
 from federation.members.clock import FederationClock
 from federation.members.directory import DirectoryEntry, DirectoryFacilitator
@@ -34,6 +35,7 @@ from federation.messages.contents import (
 )
 
 GLOBAL_WITHIN_US = 1_500_000
+LONGEST_VALUE = 1024
 
 
 @dataclass(slots=True)
@@ -214,9 +216,17 @@ def _reading(sort: Sort, sample: Sample) -> Reading:
     return Reading(
         valid_us=sample.valid_us,
         available_us=sample.available_us,
-        value=sort.as_record(sample.value),
+        value={name: _carried(each) for name, each in sort.as_record(sample.value).items()},
         variance=stated,
     )
+
+
+def _carried(value: Value) -> bool | float | NoValue | str:
+    """A value as an act can carry it: sets and records of a sort that is not declared as JSON text."""
+    if isinstance(value, bool | int | float | NoValue):
+        return value
+    text = value if isinstance(value, str) else json.dumps(as_json(value), ensure_ascii=False)
+    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 3]}..."
 
 
 def _answer_pages(label: str, answers: dict[str, list[Reading]]) -> list[tuple[Samples, ...]]:

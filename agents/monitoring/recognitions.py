@@ -13,10 +13,12 @@ from dyknow.model.instants import US_PER_MS
 from federation.members.clock import FederationClock
 from federation.members.deadlines import Deadlines
 from federation.messages.acts import Act, Performative
-from federation.messages.contents import Content, Reason, Recognise, Recognised
+from federation.messages.contents import MAX_LIST, Content, Expected, Reason, Recognise, Recognised
 from kpl import parse_chronicles
-from kpl.running.chronicle_streams import MAX_DELAY_US, ChronicleWatch
-from reasoning.chronicles import ChronicleInstance, Recogniser, RecognitionLimits
+from kpl.checking.error_collector import shortened
+from kpl.running.chronicle_streams import MAX_DELAY_US
+from kpl.running.chronicle_watch import ChronicleWatch, PartialWatch
+from reasoning.chronicles import ChronicleInstance, Partial, Recogniser, RecognitionLimits
 
 TIMEOUT_S = 60.0
 MOST = 4
@@ -25,17 +27,18 @@ LIMITS = RecognitionLimits(events=100_000, events_of_one_binding=1_000, waiting=
 
 
 class Open(NamedTuple):
-    """One watch, and for whom."""
+    """One watch, and for whom; `partials` looks for what may become an instance."""
 
     act: Act
     watch: ChronicleWatch
+    partials: PartialWatch | None
 
 
 class Recognitions(Part):
     """What is being watched for on one platform."""
 
     offers = (Offer(COORDINATION, (Action(Recognise, "on_recognise", SUBSCRIBED),)),)
-    answers = (Recognised,)
+    answers = (Expected, Recognised)
 
     def __init__(
         self,
@@ -82,7 +85,20 @@ class Recognitions(Part):
             self._inform(act, Reason(text=f"{label}: {said}"[:1000]))
 
         self._agent.answer(act, Performative.AGREE, None, now_us)
-        self._open[conversation] = Open(act, ChronicleWatch(network, found, delay_us, on_recognised, on_fault, LIMITS))
+        watch = ChronicleWatch(network, found, delay_us, on_recognised, on_fault, LIMITS)
+        expected = dict[str, Expected]()
+
+        def on_partials(found: tuple[Partial, ...], _valid_us: int, _now_us: int) -> None:
+            now = {repr(each): _expected(each) for each in found}
+            gone = [expected.pop(name).model_copy(update={"over": True}) for name in expected.keys() - now.keys()]
+            new = [each for name, each in now.items() if name not in expected]
+            expected.update(now)
+            for each in (*gone, *new):
+                if next(numbers) <= MOST_TOLD:
+                    self._inform(act, each)
+
+        partials = PartialWatch(network, watch, None, on_partials) if content.partial else None
+        self._open[conversation] = Open(act, watch, partials)
         self._deadlines.set(conversation, now_us + round((content.timeout_s or TIMEOUT_S) * US_PER_S))
 
     def _inform(self, act: Act, said: Content) -> None:
@@ -109,6 +125,8 @@ class Recognitions(Part):
     def _drop(self, conversation: str) -> Open:
         found = self._open.pop(conversation)
         self._deadlines.set(conversation, None)
+        if found.partials is not None:
+            found.partials.cancel()
         found.watch.cancel()
         return found
 
@@ -119,4 +137,14 @@ def _said(instance: ChronicleInstance) -> Recognised:
         bindings=dict(instance.bindings),
         instants={name: at_ms * US_PER_MS for name, at_ms in instance.instants.items()},
         recognised_us=instance.recognised_ms * US_PER_MS,
+    )
+
+
+def _expected(partial: Partial) -> Expected:
+    return Expected(
+        chronicle=partial.chronicle,
+        bindings=dict(partial.bindings),
+        instants={name: at_ms * US_PER_MS for name, at_ms in partial.instants.items()},
+        missing=tuple(map(shortened, partial.missing[:MAX_LIST])),
+        until_us=None if partial.dies_ms is None else partial.dies_ms * US_PER_MS,
     )

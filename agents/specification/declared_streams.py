@@ -9,7 +9,7 @@ from kpl.syntax.specification import Import
 
 
 class DeclaredStreams:
-    """The streams that a specification makes, those derived on demand, and those of the vehicle.
+    """The streams that a specification makes, those derived on demand or recognised, and those of the vehicle.
 
     What is exported to some only, or to none, is for these under its own label, too. What is imported, its owner has.
     """
@@ -18,7 +18,7 @@ class DeclaredStreams:
         self, unit: str, network: Network, translation: Translation, agreements: LabelAgreements, instance: Instance
     ) -> None:
         self._unit, self._network, self._translation = unit, network, translation
-        self._agreements, self._held = agreements, instance.parts.held
+        self._agreements, self._held, self._chronicles = agreements, instance.parts.held, instance.chronicles
 
     def find(self, unit: str, text: str) -> Label:
         """The label of the stream, `self` put in, if `unit` may ask for it.
@@ -42,7 +42,11 @@ class DeclaredStreams:
         semantic = self._translation.semantic_label(carrier, self._unit)
         if semantic is not None:
             self._agreements.check(unit, semantic)
-        elif held is None and not self._network.is_implicit(carrier):
+        elif (
+            held is None
+            and not self._network.is_implicit(carrier)
+            and not any(carrier in each.labels for each in self._chronicles.values())
+        ):
             raise self._unknown(text)
         return label
 

@@ -14,7 +14,7 @@ from dyknow.model.instants import print_span
 from dyknow.model.labels import RESERVED, Label
 from dyknow.model.sample import Sample, Value
 from dyknow.model.values import NO_VALUE
-from dyknow.network.process import Input, ProcessNetwork
+from dyknow.network.process import FAR_US, Input, ProcessNetwork
 from dyknow.network.processes import EVER_US, OnDemand
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.policies.sampling import Grid
@@ -276,9 +276,11 @@ class Failover(Relay):
 
     @property
     def deadline_us(self) -> int | None:
-        """When the one in use will be silent."""
-        if not self.running or self.used is None:
+        """When the one in use will be silent; far away, and not none, while all are."""
+        if not self.running:
             return None
+        if self.used is None:
+            return FAR_US
         if self._begins:
             return self._network.now_us if self._network is not None else None
         return self._heard[self.used].last_us + self._silence_us(self.used) + 1

@@ -269,7 +269,10 @@ class _Checker(DeclarationErrors):
             if label.feature == MARGIN and label.objects[0] not in variables:
                 self._formulas.margin(label.objects[0], term)
             return
-        if label.feature == spec.RECOGNISED and any(self.symbols.named(CHRONICLE, name) for name in label.objects[:1]):
+        recognised = any(self.symbols.named(CHRONICLE, name) for name in label.objects[:1])
+        if recognised and (
+            label.feature == spec.RECOGNISED or (label.feature == spec.PARTIAL and len(label.objects) == 1)
+        ):
             return
         if self.streams.has(label, variables):
             lacking = self.streams.lacks(label, variables)

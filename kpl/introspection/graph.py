@@ -49,7 +49,8 @@ class GraphNode:
         held: samples in its history; about `held_bytes` of memory.
         note: what else there is to say, e.g. why there is no state yet.
         states: of a monitor: the streams that its states are made of, in KPL.
-        counted: of a monitor: states that lacked something or came in no good order, by reason.
+        counted: of a monitor: states that lacked something or came in no good order, by reason; of chronicles: samples
+            that were ignored.
     """
 
     name: str
@@ -116,7 +117,7 @@ def graph_of(instance: Instance) -> Graph:
         nodes.append(_monitor_node(name, declared, monitor))
         edges += [_edge(str(proxy.label), name, proxy) for proxy in monitor.states.proxies]
     for path, chronicles in instance.chronicles.items():
-        nodes.append(GraphNode(path, "chronicles"))
+        nodes.append(GraphNode(path, "chronicles", counted=chronicles.watch.ignored))
         edges += [_edge(str(proxy.label), path, proxy) for proxy in chronicles.watch.proxies.values()]
         edges += [Edge(path, str(label)) for label in chronicles.labels]
     for label, family in instance.families.members.items():
@@ -328,7 +329,8 @@ def as_text(graph: Graph) -> str:
         lines += [f"    <- {edge.source}{_conditions(edge)}" for edge in graph.edges if edge.target == node.name]
         lines += [f"    {each}" for each in (*node.note, *node.states.splitlines())]
         if node.counted:
-            lines.append(f"    states {', '.join(f'{reason}: {count}' for reason, count in node.counted.items())}")
+            what = "ignored" if node.kind == "chronicles" else "states"
+            lines.append(f"    {what} {', '.join(f'{reason}: {count}' for reason, count in node.counted.items())}")
     return "".join(f"{line}\n" for line in lines)
 
 

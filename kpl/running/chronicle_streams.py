@@ -1,169 +1,28 @@
-"""Chronicles over the streams of one instance: what happens is what changes in them (thesis 8.7.3).
-
-An attribute `link[car1]:(?, no_link)` is the stream labelled `link[car1]`, or the attribute of a stream of records: a
-sample with another value than the one before is an event, the first one a change from unknown (C2). A message
-`in_crossing[car1, x2]` is the stream with that label: each sample is one. Streams are taken as they come to be there.
-
-Samples of several streams come in another order than they are valid. They wait for the declared `max delay`, one second
-by default, and are then passed on in the order of their valid times; what is later still is ignored and counted (C3).
+"""The streams of chronicles: what is recognised, and what may yet be (thesis 8.4, 8.7.3).
 
 What is recognised of a chronicle `overtake` is the stream `chronicle[overtake]`, valid at the recognition; its values
 are the arguments of the chronicle, then what its variables and its instants (ms) are. `chronicle[overtake, car1, car2]`
 is what of that has these arguments.
+
+`partial[overtake]` is the stream of what may become an overtake. Its value is the list of these, each with what its
+variables and its instants (ms) are so far, what is missing, and the clock at which it is given up at the latest. There is
+a sample when that changes.
 """
 
-from collections.abc import Callable
-from functools import partial
-from heapq import heappop, heappush
-from typing import Final, NamedTuple
+from typing import Final
 
-from dyknow import NO_VALUE, Inputs, Label, Network, Policy, Sample, Sort, UnitPrototype, Value
+from dyknow import NO_VALUE, Inputs, Label, Network, Sample, Sort, UnitPrototype, Value
 from dyknow.model.instants import US_PER_MS, US_PER_S
-from dyknow.network.process import FAR_US, Input, Process
+from dyknow.network.process import Input, Process
+from dyknow.network.processes import OnDemand
 from dyknow.network.refinement import RefinementProcess
-from dyknow.network.stream_proxy import StreamProxy
-from kpl.syntax.specification import RECOGNISED, ChronicleDeclaration
+from kpl.running.chronicle_watch import ChronicleWatch, PartialWatch
+from kpl.syntax.specification import PARTIAL, RECOGNISED, ChronicleDeclaration
 from reasoning import chronicles
-from reasoning.chronicles.definition.compilation import Pattern
-from reasoning.chronicles.recognition.changes import symbol
 
 SORT: Final = Sort("recognition", is_open=True)
+PARTIAL_SORT: Final = Sort("partial", is_open=True)
 MAX_DELAY_US: Final = US_PER_S
-MAX_FAULTS: Final = 64
-
-
-class QueuedSample(NamedTuple):
-    """A sample that waits for its turn; `number` keeps the order in which samples of one time came."""
-
-    valid_us: int
-    number: int
-    label: Label
-    value: Value
-
-
-class ChronicleWatch:
-    """Chronicles recognised over the streams of a network; raises ChronicleError if they cannot be.
-
-    Args:
-        delay_us: how late samples may come.
-        on_recognised: called with every instance, and when (federation time).
-        on_fault: called once for what is wrong with a stream or a chronicle.
-        max_age_ms: instances last no longer; None: as their chronicles say.
-        initially: the first values of streams have been so since ever (8.4).
-
-    Attributes:
-        proxies: the streams that are taken.
-        delay_us: how late their samples may come.
-        recogniser: what has happened so far; it can be asked for partial instances.
-    """
-
-    def __init__(
-        self,
-        network: Network,
-        content: chronicles.ChronicleFile,
-        delay_us: int,
-        on_recognised: Callable[[chronicles.ChronicleInstance, int], None],
-        on_fault: Callable[[Label, str], None],
-        limits: chronicles.RecognitionLimits | None = None,
-        *,
-        max_age_ms: int | None = None,
-        initially: bool = False,
-    ) -> None:
-        compiled = [chronicles.compile_chronicle(each, content, max_age_ms) for each in content.chronicles.values()]
-        self.recogniser = chronicles.Recogniser(compiled, limits)
-        self._events = chronicles.ChangeEvents(self.recogniser, initially=initially)
-        self.proxies: dict[Label, StreamProxy] = {}
-        self._network, self.delay_us = network, delay_us
-        self._on_recognised, self._on_fault = on_recognised, on_fault
-        self._changes: dict[tuple[str, int], list[Pattern]] = {}
-        self._messages: dict[tuple[str, int], list[Pattern]] = {}
-        for pattern in (pattern for each in compiled for pattern in each.patterns):
-            if pattern.change:
-                self._changes.setdefault((pattern.name, pattern.arity), []).append(pattern)
-            elif pattern.name not in content.chronicles:
-                self._messages.setdefault((pattern.name, pattern.arity), []).append(pattern)
-        self._waiting: list[QueuedSample] = []
-        self._count = 0
-        self._told = set[tuple[Label, str]]()
-        self._unmeet = network.meet(self._on_label)
-        network.step(self)
-
-    @property
-    def deadline_us(self) -> int:
-        """When something waits no more; `FAR_US`: perhaps later."""
-        due_us = self._waiting[0].valid_us if self._waiting else FAR_US
-        if self.recogniser.deadline_ms is not None:
-            due_us = min(due_us, self.recogniser.deadline_ms * US_PER_MS)
-        return min(due_us + self.delay_us, FAR_US)
-
-    def cancel(self) -> None:
-        """Take no more streams."""
-        self._unmeet()
-        self._network.unstep(self)
-        for proxy in tuple(self.proxies.values()):
-            proxy.cancel()
-        self.proxies.clear()
-
-    def on_time(self, now_us: int) -> None:
-        """What waited long enough is passed on in its order, and the clock is moved."""
-        clock_us = now_us - self.delay_us
-        while self._waiting and self._waiting[0].valid_us <= clock_us:
-            self._tell(heappop(self._waiting), now_us)
-        self._bring(self.recogniser.on_time(clock_us // US_PER_MS), now_us)
-
-    # Which streams
-
-    def _on_label(self, label: Label) -> None:
-        """A stream is there: take what of it are events."""
-        objects = len(label.objects)
-        for name, arity in (*self._changes, *self._messages):
-            if arity == objects and (name == label.feature or name.rpartition(".")[0] == label.feature):
-                self._take(Label(name, label.objects))
-
-    def _take(self, label: Label) -> None:
-        key = (label.feature, len(label.objects))
-        patterns = (*self._changes.get(key, ()), *self._messages.get(key, ()))
-        if label in self.proxies or not any(_can_be(pattern, label) for pattern in patterns):
-            return
-        policy = Policy(max_delay_us=self.delay_us)
-        consumer, on_link = partial(self._on_sample, label), partial(self._on_link, label)
-        self.proxies[label] = self._network.connect(label, policy, consumer, on_link, current=True)
-
-    def _on_link(self, label: Label, linked: bool) -> None:
-        if not linked:
-            proxy = self.proxies.pop(label, None)
-            self._events.forget(label)
-            if proxy is not None:
-                proxy.cancel()
-
-    # What happens
-
-    def _on_sample(self, label: Label, sample: Sample) -> None:
-        self._count += 1
-        heappush(self._waiting, QueuedSample(sample.valid_us, self._count, label, sample.value))
-        self.on_time(sample.available_us)
-
-    def _tell(self, event: QueuedSample, now_us: int) -> None:
-        label, key = event.label, (event.label.feature, len(event.label.objects))
-        if key in self._messages and event.value is not NO_VALUE:
-            self._bring(self.recogniser.on_message(event.valid_us // US_PER_MS, *label), now_us)
-        if key in self._changes:
-            if event.value is not NO_VALUE and symbol(event.value) is None:
-                self._once(label, f"{event.value!r} is no symbol: what a chronicle speaks of has discrete values")
-            self._bring(self._events.on_sample(label, event.valid_us, event.value), now_us)
-
-    def _bring(self, found: list[chronicles.ChronicleInstance], now_us: int) -> None:
-        for each in found:
-            self._on_recognised(each, now_us)
-        for name, reasons in self.recogniser.incomplete.items():
-            for reason in reasons:
-                self._once(Label(RECOGNISED, (name,)), f"instances may be missing: {reason}")
-
-    def _once(self, label: Label, said: str) -> None:
-        """Tell a fault the first time."""
-        if len(self._told) < MAX_FAULTS and (label, said) not in self._told:
-            self._told.add((label, said))
-            self._on_fault(label, said)
 
 
 class ChronicleStreams:
@@ -182,15 +41,19 @@ class ChronicleStreams:
             max_age_ms=declaration.max_age_ms,
             initially=declaration.since_ever,
         )
+        for name in content.chronicles:
+            network.add_process(Label(PARTIAL, (name,)), PARTIAL_SORT, Prediction(self.watch, name))
 
     @property
     def labels(self) -> tuple[Label, ...]:
-        """The streams of what is recognised."""
-        return tuple(each.label for each in self._out.values())
+        """The streams of what is recognised, and of what may be."""
+        return tuple(Label(feature, (name,)) for feature in (RECOGNISED, PARTIAL) for name in self._out)
 
     def cancel(self) -> None:
         """Recognise nothing from now on."""
         self.watch.cancel()
+        for name in self._content.chronicles:
+            self._network.remove(Label(PARTIAL, (name,)))
         for generator in self._out.values():
             self._network.remove(generator.label)
 
@@ -207,13 +70,34 @@ class ChronicleStreams:
         self._out[found.chronicle].push(found.recognised_ms * US_PER_MS, value, now_us)
 
 
-def _can_be(pattern: Pattern, label: Label) -> bool:
-    """Whether a stream may bring events of the pattern, by the objects it names."""
-    objects = label.objects
-    same = [(left, right) for left, right in pattern.equal if max(left, right) < len(objects)]
-    named = [(at, symbol) for at, symbol in pattern.constants if at < len(objects)]
-    is_so = pattern.name == label.feature and all(objects[at] == symbol for at, symbol in named)
-    return is_so and all(objects[left] == objects[right] for left, right in same)
+class Prediction(OnDemand):
+    """The stream of the partial instances of one chronicle; they are looked for while it is wanted."""
+
+    def __init__(self, watch: ChronicleWatch, name: str) -> None:
+        super().__init__()
+        self._watch, self._name = watch, name
+        self._partials: PartialWatch | None = None
+
+    def begin(self) -> None:
+        if self._network is not None:
+            self._partials = PartialWatch(self._watch.network, self._watch, self._name, self._tell)
+
+    def since_us(self) -> int:
+        """There was no list before."""
+        return super().since_us() if self.running or self._network is None else self._network.now_us
+
+    def end(self) -> None:
+        if self._partials is not None:
+            self._partials.cancel()
+            self._partials = None
+
+    def _tell(self, found: tuple[chronicles.Partial, ...], valid_us: int, now_us: int) -> None:
+        self.emit(valid_us, tuple(map(_value, found)), now_us)
+
+
+def _value(partial: chronicles.Partial) -> Value:
+    given_up = NO_VALUE if partial.dies_ms is None else partial.dies_ms
+    return tuple(partial.bindings.items()), tuple(partial.instants.items()), partial.missing, given_up
 
 
 def recognitions(network: Network, label: Label) -> tuple[Sort, Process] | None:

@@ -20,6 +20,8 @@ ANY_UPDATE = Policy()
 ExportVisibility: TypeAlias = Literal["public", "protected", "private"]
 RECOGNISED = "chronicle"
 """The feature of streams of recognitions: `chronicle[overtake]`."""
+PARTIAL = "partial"
+"""The feature of streams of partial instances: `partial[overtake]`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -270,7 +270,7 @@ class _StatementReader(FormulaReader):
             except (TextError, OSError, UnicodeDecodeError) as wrong:
                 self.error(f"{path} cannot be read: {wrong}", place, "the path, from where this file lies")
             if content is None:
-                self.unread.add(spec.RECOGNISED)
+                self.unread.update((spec.RECOGNISED, spec.PARTIAL))
         max_age_us = self._age(ages[0]) if ages else None
         return spec.ChronicleDeclaration(path, policy, content, max_age_us, "since_ever" in kinds, place=place)
 

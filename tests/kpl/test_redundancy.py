@@ -75,8 +75,12 @@ def test_when_all_are_silent_that_is_told_and_the_first_to_be_heard_is_used():
     run.feed(2000, a=(1000, 9000), b=(1000, 9000), c=(1000, 1800))
     assert [each[2] for each in run.producers] == [None, "x[c]"]
     assert run.made_by[-1] == "x[c]"
-    run.feed(4000, a=(0, 9000))
-    assert [each[2] for each in run.producers] == [None, "x[c]", "x[b]"], "preferred to c, and back for a while"
+    run.feed(2500, a=(0, 9000))
+    assert run.network.deadline_us is not None
+    run.wait(3_000_000)
+    assert [each[2] for each in run.producers] == [None, "x[c]", None], "told without any sample"
+    run.feed(5000, a=(0, 9000), b=(0, 4000))
+    assert [each[2] for each in run.producers][3:] == ["x[c]", "x[b]"], "preferred to c, and back for a while"
 
 
 @pytest.mark.parametrize("value", ["nonsense", ("a", 1), NO_VALUE])

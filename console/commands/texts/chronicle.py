@@ -18,7 +18,7 @@ from dyknow.model.errors import ChronicleError, SourceText, TextError, WrongCall
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 
 if TYPE_CHECKING:
-    from federation.messages.contents import Content
+    from federation.messages.contents import Content, Expected
     from reasoning.chronicles import ChronicleFile, ChronicleInstance, Recogniser
     from reasoning.chronicles.recognition.events import RecordedEvent
 
@@ -40,7 +40,7 @@ def chronicle(
         str | None, typer.Option(metavar="TIME", help="Instances last no longer than this; bounds what is remembered.")
     ] = None,
     partial: Annotated[
-        bool, typer.Option("--partial", help="Also what may become an instance when the events end, and until when.")
+        bool, typer.Option("--partial", help="Also what may become an instance, and until when.")
     ] = False,
 ) -> int:
     """Chronicles in recorded events, or over a platform's live streams; exit 1 if nothing was recognised."""
@@ -55,13 +55,11 @@ def chronicle(
         recognition.notes()
         return DONE if recognition.count else NO
     if events is None and unit is not None:
-        if partial:
-            raise WrongCall("--partial: a platform tells what is recognised; it is for --events FILE.jsonl.")
         if max_age is not None:
             raise WrongCall("--max-age: a platform bounds what it remembers itself; it is for --events FILE.jsonl.")
         delay_s = None if max_delay is None else duration_us(max_delay, option="--max-delay", least_us=0) / 1e6
         seconds = duration_us(timeout, option="--timeout", least_us=SHORTEST_US) / 1e6
-        return _live(call, file, unit, seconds, delay_s)
+        return _live(call, file, unit, seconds, delay_s, partial=partial)
     raise WrongCall("give --events FILE.jsonl for recorded events, or --unit U for the live streams of a platform.")
 
 
@@ -221,7 +219,7 @@ def _shown(at_ms: int) -> int | str:
     return "-oo" if at_ms == MINUS_INFINITY else at_ms
 
 
-def _live(call: Call, file: Path, unit: str, seconds: float, delay_s: float | None) -> int:
+def _live(call: Call, file: Path, unit: str, seconds: float, delay_s: float | None, *, partial: bool) -> int:
     """Each instance on a platform as it becomes certain; 0 if something was recognised, 1 if nothing."""
     from console.centre.client import connected
     from federation.messages.acts import Performative
@@ -235,7 +233,7 @@ def _live(call: Call, file: Path, unit: str, seconds: float, delay_s: float | No
     count = heard = 0
     with connected(call) as client:
         client.chosen(unit)
-        content = Recognise(text=text, timeout_s=seconds + 5.0, delay_s=delay_s)
+        content = Recognise(text=text, timeout_s=seconds + 5.0, delay_s=delay_s, partial=partial or None)
         dialogue = client.say(unit, Performative.SUBSCRIBE, content, standing=True)
 
         def has_news() -> bool:
@@ -256,17 +254,20 @@ def _live(call: Call, file: Path, unit: str, seconds: float, delay_s: float | No
 
 def _tell_live(call: Call, unit: str, said: "Content") -> bool:
     """Print a note or an instance of a platform; whether it is an instance."""
-    from federation.messages.contents import Reason, Recognised
+    from federation.messages.contents import Expected, Reason, Recognised
     from reasoning.chronicles.recognition.changes import symbol
 
     if isinstance(said, Reason):
         call.out.note(f"note: {said.text}")
-    if not isinstance(said, Recognised):
+    if not isinstance(said, Recognised | Expected):
         return False
     instants = {name: int(str(at_us)) for name, at_us in said.instants.items()}
     bindings = {name: symbol(found) for name, found in said.bindings.items()}
     words = [f"{name}={found}" for name, found in bindings.items()]
     words += [f"{name}={clock_time(at_us)}" for name, at_us in instants.items()]
+    if isinstance(said, Expected):
+        _tell_expected(call, unit, said, bindings, {name: _ms(at_us) for name, at_us in instants.items()}, words)
+        return False
     call.out.say(
         line(f"{clock_time(said.recognised_us)}  ", styled(said.chronicle, "bold"), f"  {' '.join(words)}"),
         unit=unit_json(unit),
@@ -276,6 +277,29 @@ def _tell_live(call: Call, unit: str, said: "Content") -> bool:
         recognised_ms=_ms(said.recognised_us),
     )
     return True
+
+
+def _tell_expected(
+    call: Call,
+    unit: str,
+    said: "Expected",
+    bindings: dict[str, str | None],
+    instants: dict[str, int],
+    words: list[str],
+) -> None:
+    """Print what may become an instance, or that it will not."""
+    until = "" if said.until_us is None else f" until {clock_time(said.until_us)}"
+    state = "over" if said.over else f"waits for {'; '.join(said.missing)}{until}"
+    call.out.say(
+        line("  partial  ", styled(said.chronicle, "bold"), f"  {' '.join(words)}  ", styled(state, "dim")),
+        unit=unit_json(unit),
+        partial=said.chronicle,
+        bindings=bindings,
+        instants=instants,
+        missing=list(said.missing),
+        dies_ms=None if said.until_us is None else _ms(said.until_us),
+        over=said.over,
+    )
 
 
 def _ms(at_us: int) -> int:

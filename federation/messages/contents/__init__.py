@@ -1,7 +1,7 @@
 """What acts say: one strict model for each head an expression may have; `read` understands, `expr()` says."""
 
 from federation.messages.contents.answers import Cancel, Done, Progress, Reason
-from federation.messages.contents.chronicles import Recognise, Recognised
+from federation.messages.contents.chronicles import Expected, Recognise, Recognised
 from federation.messages.contents.flight import Avoid, Fault, Goto, Hold, Land, Resume, ReturnHome
 from federation.messages.contents.monitors import (
     IDLE,
@@ -84,6 +84,7 @@ __all__ = [
     "DirectoryEvent",
     "Done",
     "EndStream",
+    "Expected",
     "Fault",
     "Found",
     "Goto",

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from federation.messages.contents.parts import Content, Instant, Period, Seconds, Values, Word
+from federation.messages.contents.parts import MAX_LIST, Content, Instant, Line, Period, Seconds, Values, Word
 from federation.messages.sexpr import QuotedText
 
 LONGEST = 32_768
@@ -12,11 +12,15 @@ Chronicles = Annotated[str, Field(min_length=1, max_length=LONGEST), AfterValida
 
 
 class Recognise(Content):
-    """Recognise the chronicles of a text over live streams for `timeout_s`; samples may be `delay_s` late."""
+    """Recognise the chronicles of a text over live streams for `timeout_s`; samples may be `delay_s` late.
+
+    `partial`: tell as well what may become an instance.
+    """
 
     text: Chronicles
     timeout_s: Period | None = None
     delay_s: Seconds | None = None
+    partial: bool | None = None
 
 
 class Recognised(Content):
@@ -26,3 +30,17 @@ class Recognised(Content):
     bindings: Values = Field(default_factory=dict)
     instants: Values = Field(default_factory=dict)
     recognised_us: Instant
+
+
+class Expected(Content):
+    """What may become an instance: symbols and times (us) so far, what is `missing`, and until when it is waited for.
+
+    With `over` it is expected no more: it has become another one, an instance, or is given up.
+    """
+
+    chronicle: Word
+    bindings: Values = Field(default_factory=dict)
+    instants: Values = Field(default_factory=dict)
+    missing: Annotated[tuple[Line, ...], Field(max_length=MAX_LIST)] = ()
+    until_us: Instant | None = None
+    over: bool = False

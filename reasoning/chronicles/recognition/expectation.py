@@ -35,9 +35,9 @@ class Partial(NamedTuple):
     dies_ms: int | None
 
 
-def partial_instances(matcher: Matcher, clock_ms: int, limit: int) -> Iterator[Partial]:
-    """Instances of one chronicle that wait, then the sets of events that may become one; at most `limit`."""
-    open_ = _Enumeration(matcher, clock_ms).partials({}, {}, 0)
+def partial_instances(matcher: Matcher, clock_ms: int, limit: int, tried: int = LIMIT_TRIED) -> Iterator[Partial]:
+    """Instances of one chronicle that wait, then the sets of events that may become one; at most `limit`, of `tried` sets."""
+    open_ = _Enumeration(matcher, clock_ms, tried).partials({}, {}, 0)
     yield from islice(chain(_complete(matcher, clock_ms), open_), limit)
 
 
@@ -77,8 +77,8 @@ def _partial(
 class _Enumeration:
     """Each event is matched by one of those remembered, or left open."""
 
-    def __init__(self, matcher: Matcher, clock_ms: int) -> None:
-        self._matcher, self._clock_ms = matcher, clock_ms
+    def __init__(self, matcher: Matcher, clock_ms: int, most: int) -> None:
+        self._matcher, self._clock_ms, self._most = matcher, clock_ms, most
         self._events = matcher.compiled.events
         self._tried = 0
 
@@ -87,7 +87,7 @@ class _Enumeration:
     ) -> Iterator[Partial]:
         """Continue with the event at `at`; those in `open_` are left open."""
         self._tried += 1
-        if self._tried > LIMIT_TRIED:
+        if self._tried > self._most:
             return
         if at == len(self._events):
             if open_ and times and (partial := self._made(symbols, times, open_)) is not None:

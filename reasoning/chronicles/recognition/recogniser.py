@@ -13,7 +13,7 @@ from dyknow.model.errors import ChronicleError
 from reasoning.chronicles.definition.compilation import Compiled, Pattern, compile_chronicle
 from reasoning.chronicles.definition.model import ChronicleFile
 from reasoning.chronicles.definition.times import LIMIT_MS
-from reasoning.chronicles.recognition.expectation import Partial, partial_instances
+from reasoning.chronicles.recognition.expectation import LIMIT_TRIED, Partial, partial_instances
 from reasoning.chronicles.recognition.matching import ChronicleInstance, Matcher, RecognitionLimits
 from reasoning.chronicles.recognition.stores import MINUS_INFINITY, Values
 
@@ -266,16 +266,22 @@ class Recogniser:
         for matcher in self._matchers:
             matcher.sweep(MINUS_INFINITY if self.clock_ms is None else self.clock_ms)
 
-    def partial_instances(self, limit: int = 1000) -> Iterator[Partial]:
+    def partial_instances(
+        self, limit: int = 1000, chronicle: str | None = None, tried: int = LIMIT_TRIED
+    ) -> Iterator[Partial]:
         """What may become an instance, chronicle by chronicle: what is matched, and when it is given up at the latest.
 
         Args:
             limit: most that are made.
+            chronicle: of this one alone.
+            tried: sets of events that are tried for each chronicle, at most.
         """
         clock_ms = MINUS_INFINITY if self.clock_ms is None else self.clock_ms
         left = limit
         for matcher in self._matchers:
-            for partial in partial_instances(matcher, clock_ms, left):
+            if chronicle not in {None, matcher.compiled.name}:
+                continue
+            for partial in partial_instances(matcher, clock_ms, left, tried):
                 left -= 1
                 yield partial
 

@@ -1,5 +1,6 @@
 """Streams that are asked for by the labels of the platform's own instance, exported or not."""
 
+import json
 from typing import Any
 
 import pytest
@@ -135,3 +136,11 @@ def test_what_is_imported_is_asked_of_its_owner(sensor: Box) -> None:
     assert question.reason == "gas[uav7] is imported from 7: ask 7 for gas-level"
     assert asked(sensor, "gas-level[7]", by="9", to="8").performatives == [P.REFUSE], "nor by another name"
     assert asked(sensor, "gas[self]", by="9").contents[0].code == "no-receiver"
+
+
+def test_values_that_no_act_carries_are_told_as_text(sensor: Box) -> None:
+    specify(sensor, f"{MAKES}strmgen both = state(gas[self], double[self]) with sample every 500, max delay 100\n")
+    [said] = asked(sensor, "both").contents
+    assert isinstance(said, StreamSamples)
+    one, two = json.loads(str(said.samples[0].value["value"]))  # type: ignore[index]
+    assert two == 2 * one

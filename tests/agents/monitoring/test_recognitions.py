@@ -6,7 +6,7 @@ from agents.config import PlatformConfig
 from agents.monitoring.recognitions import MOST, Recognitions
 from dyknow import prototypes_in, source
 from federation.messages.acts import Performative
-from federation.messages.contents import Reason, Recognise, Recognised
+from federation.messages.contents import Expected, Reason, Recognise, Recognised
 from sim_uavs.world.world import World
 
 TURN = """
@@ -108,3 +108,35 @@ def test_there_are_no_more_than_so_many(world):
     dialogues = [ask(world) for _ in range(MOST + 1)]
     world.run_for(1)
     assert [dialogue.said[0][0].performative.value for dialogue in dialogues] == ["agree"] * MOST + ["refuse"]
+
+
+def test_what_may_become_an_instance_is_told_as_it_begins_and_when_it_is_over(world):
+    dialogue = ask(world, delay_s=0.2, partial=True)
+    world.run_for(6)
+    told = [said for said in dialogue.results if isinstance(said, Expected)]
+    begun = [each for each in told if not each.over]
+    left = [each for each in begun if set(each.instants) == {"t1"}]
+    assert {(each.bindings["?car"], each.bindings["?from"]) for each in left} == {("a", "l1"), ("a", "l2")}
+    assert all(each.missing == ("event(link[?car]:(no_link, ?to), t2)",) for each in left)
+    assert all(each.until_us - each.instants["t1"] == 1_001_000 for each in left)
+    ends = [each.model_copy(update={"over": False}) for each in told if each.over]
+    assert ends
+    assert all(begun.index(each) >= 0 for each in ends)
+    assert len(recognised(dialogue)) in {4, 5}
+    world.cancel("0", "1", dialogue.conversation)
+    world.run_for(1)
+    assert running(world) == []
+
+
+def test_samples_that_come_later_than_they_may_are_reported(world):
+    part = world.platform("1").part(Recognitions)
+    dialogue = ask(world, delay_s=0.0)
+    world.run_for(1)
+    (opened,) = part._open.values()
+    network = world.platform("1").ports.network
+    generator = network.generator("link[a]")
+    now_us = network.now_us
+    generator.push(now_us - PERIOD_US // 2, "l3", now_us)
+    world.run_for(2)
+    assert opened.watch.ignored["late"] == 1
+    assert [said.text for said in dialogue.results if isinstance(said, Reason) and "1 late" in said.text]

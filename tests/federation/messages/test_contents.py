@@ -68,6 +68,7 @@ TEXTS = [
     '(check-formula text: "always (speed[self] <= 30)" timeout: 5.0)',
     "(verdict verdict: false valid: 5 index: 13)",
     '(recognise text: "chronicle t[?a] { event(landed[?a], t1) }" timeout: 5.0 delay: 0.2)',
+    '(expected chronicle: t bindings: (record "?a": uav1) instants: (record t1: 5) missing: (sequence "event(a, t2)") until: 9 over: true)',
     '(recognised chronicle: t bindings: (record "?a": uav1) instants: (record t1: 5) recognised: 9)',
     "(tasks)",
     "(task-list tasks: (sequence (task conversation: 1-2-3 task: monitor-proximity unit: 0 state: running delegator: interface@1)))",

@@ -5,6 +5,7 @@ import pytest
 from dyknow import Network
 from dyknow.model.errors import SourceText, TextErrors
 from kpl import Hooks, Instance, parse_specification, print_specification
+from kpl.introspection.graph import as_text, graph_of
 
 MS = 1000
 TURNS = """
@@ -240,3 +241,71 @@ def test_options_of_chronicles_that_cannot_be_are_told_with_their_place(options,
         switched(options)
     (wrong,) = refused.value.errors
     assert (wrong.line, said in wrong.message) == (3, True)
+
+
+PARTIAL = STREAMS + "stream may_turn = partial[enters]\n"
+
+
+def lists(run):
+    """The lists of partial instances that came: when, and of each its variables, instants and end."""
+    return [
+        (sample.available_us // MS, [(dict(bound), dict(at), dies) for bound, at, _, dies in sample.value])
+        for name, sample in run.told
+        if name == "may_turn"
+    ]
+
+
+def test_what_may_become_an_instance_is_a_stream_that_changes_when_it_grows_and_when_it_is_given_up():
+    run = Run(PARTIAL)
+    run.feed("cars", 0, ("a",))
+    drive(run)
+    run.at(4500)
+    left = ({"?car": "a", "?from": "l1"}, {"t1": 2000}, 12001)
+    crossed = ({"?car": "a", "?from": "l1", "?x": "x2"}, {"t1": 2000, "t2": 3000}, 12001)
+    found = lists(run)
+    assert found[0] == (0, [])
+    assert (2100, [left]) in found, "100 ms after it was valid, as what is recognised"
+    assert all(left in each for at_ms, each in found if 2100 <= at_ms < 4100)
+    assert any(crossed in each for at_ms, each in found if at_ms >= 3100)
+    missing = {one for name, sample in run.told if name == "may_turn" for _, _, each, _ in sample.value for one in each}
+    assert missing >= {"event(in_crossing[?car, ?x], t2)", "event(link[?car]:(no_link, ?to), t3)"}
+    run.at(20_000)
+    at_ms, last = lists(run)[-1]
+    assert last == [], "nothing is expected when the ten seconds are over"
+    assert at_ms > 12_000
+
+
+def test_partial_instances_are_looked_for_while_they_are_wanted_and_end_with_their_file():
+    run = Run(PARTIAL)
+    (watch,) = (each.watch for each in run.instance.chronicles.values())
+    assert len(watch.listeners) == 1
+    run.change(STREAMS)
+    assert not watch.listeners
+    run.change(PARTIAL)
+    run.chronicles = TURNS.replace("10s", "5s")
+    run.change(PARTIAL)
+    (watch,) = (each.watch for each in run.instance.chronicles.values())
+    assert len(watch.listeners) == 1
+    run.feed("cars", 100, ("a",))
+    run.feed("links", 1000, "l1")
+    run.feed("links", 2000, "no_link")
+    run.at(2300)
+    assert [dies for _, _, dies in lists(run)[-1][1]] == [7001]
+    with pytest.raises(TextErrors, match="nothing makes"):
+        run.change(STREAMS + "stream s = partial[other]\n")
+
+
+def test_samples_that_are_too_late_are_counted_reported_and_in_the_graph():
+    run = Run()
+    run.feed("cars", 0, ("a",))
+    for n in range(30):
+        run.feed("links", 1000 * n, f"l{n}", 1000 * n + 500)
+        run.feed("others", 1000 * n + 500, 0.5)
+    (watch,) = (each.watch for each in run.instance.chronicles.values())
+    assert watch.ignored["late"] == 30
+    assert watch.ignored["no symbol"] >= 29
+    told = [each for each in run.faults if "ignored until now" in each]
+    assert len(told) == 2, "the first, and ten times as many"
+    node = next(each for each in graph_of(run.instance).nodes if each.kind == "chronicles")
+    assert node.counted == watch.ignored
+    assert "ignored no symbol: 29, late: 30" in as_text(graph_of(run.instance))

@@ -121,7 +121,7 @@ def test_chronicles_are_recognised_in_the_live_streams_of_a_platform(dyknow: Dyk
     chronicles.write_text(TURNS, encoding="utf-8")
     spec.write_text(
         'source link links\nstrmgen link[a] = links\nchronicle file "turns.chr" with max delay 100\n'
-        "stream turned = chronicle[turns]\n",
+        "stream turned = chronicle[turns]\nstream may_turn = partial[turns]\n",
         encoding="utf-8",
     )
     joined = dyknow.start("join", "--unit", "0", "--spec", str(spec), "--units", str(units), "--json")
@@ -130,6 +130,18 @@ def test_chronicles_are_recognised_in_the_live_streams_of_a_platform(dyknow: Dyk
     watched = dyknow.run("chronicle", str(chronicles), "--unit", "0", "--timeout", "3s", "--max-delay", "200ms")
     assert {(each["bindings"]["?from"], each["bindings"]["?to"]) for each in watched} == {("l1", "l2"), ("l2", "l1")}
     assert all(each["instants"]["t2"] - each["instants"]["t1"] == 250 for each in watched)
+    told = dyknow.run(
+        "chronicle", str(chronicles), "--unit", "0", "--timeout", "3s", "--max-delay", "100ms", "--partial"
+    )
+    waiting = [each for each in told if "partial" in each and not each["over"] and set(each["instants"]) == {"t1"}]
+    assert {each["bindings"]["?from"] for each in waiting} == {"l1", "l2"}
+    assert all(each["dies_ms"] == each["instants"]["t1"] + 401 for each in waiting)
+    assert {each["partial"] for each in told if each.get("over")} == {"turns"}
+    out, _ = dyknow.raw("query", "partial[turns]", "--unit", "0")
+    assert "link[?car]:(no_link, ?to)" in " ".join(out.split())
+    [graph] = dyknow.run("kpl", "graph", "--unit", "0")
+    [counted] = [node["counted"] for node in graph["nodes"] if node["kind"] == "chronicles"]
+    assert "late" not in counted
 
 
 def test_a_formula_is_checked_over_the_live_streams_of_a_specification(dyknow: Dyknow, tmp_path: Path) -> None:

@@ -1,0 +1,255 @@
+"""What changes in the streams of one instance as the events of chronicles, and what comes of them (thesis 8.7.3).
+
+An attribute `link[car1]:(?, no_link)` is the stream labelled `link[car1]`, or the attribute of a stream of records: a
+sample with another value than the one before is an event, the first one a change from unknown (C2). A message
+`in_crossing[car1, x2]` is the stream with that label: each sample is one. Streams are taken as they come to be there.
+
+Samples of several streams come in another order than they are valid. They wait for the declared `max delay`, one second
+by default, and are then passed on in the order of their valid times; what is later still is ignored and counted (C3).
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from heapq import heappop, heappush
+from typing import Final, NamedTuple
+
+from dyknow import NO_VALUE, Label, Network, Policy, Sample, Value
+from dyknow.model.instants import US_PER_MS, US_PER_S
+from dyknow.network.process import FAR_US
+from dyknow.network.stream_proxy import StreamProxy
+from kpl.syntax.specification import RECOGNISED
+from reasoning import chronicles
+from reasoning.chronicles.definition.compilation import Pattern
+from reasoning.chronicles.recognition.changes import symbol
+
+MAX_FAULTS: Final = 64
+NO_EVENTS: Final = frozenset({"no value", "no symbol", "no change"})
+"""Reasons for which a sample is not an event, though it came in time."""
+PERIOD_US: Final = 100 * US_PER_MS
+"""How far apart partial instances are looked for, at least."""
+MOST: Final = 64
+"""Partial instances that are listed."""
+TRIED: Final = 5_000
+"""Sets of events that are tried for one list."""
+
+
+class QueuedSample(NamedTuple):
+    """A sample that waits for its turn; `number` keeps the order in which samples of one time came."""
+
+    valid_us: int
+    number: int
+    label: Label
+    value: Value
+
+
+class ChronicleWatch:
+    """Chronicles recognised over the streams of a network; raises ChronicleError if they cannot be.
+
+    Args:
+        delay_us: how late samples may come.
+        on_recognised: called with every instance, and when (federation time).
+        on_fault: called once for what is wrong with a stream or a chronicle.
+        max_age_ms: instances last no longer; None: as their chronicles say.
+        initially: the first values of streams have been so since ever (8.4).
+
+    Attributes:
+        proxies: the streams that are taken.
+        delay_us: how late their samples may come.
+        recogniser: what has happened so far; it can be asked for partial instances.
+        listeners: called when the clock has moved, with the present time.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        content: chronicles.ChronicleFile,
+        delay_us: int,
+        on_recognised: Callable[[chronicles.ChronicleInstance, int], None],
+        on_fault: Callable[[Label, str], None],
+        limits: chronicles.RecognitionLimits | None = None,
+        *,
+        max_age_ms: int | None = None,
+        initially: bool = False,
+    ) -> None:
+        compiled = [chronicles.compile_chronicle(each, content, max_age_ms) for each in content.chronicles.values()]
+        self.recogniser = chronicles.Recogniser(compiled, limits)
+        self._events = chronicles.ChangeEvents(self.recogniser, initially=initially)
+        self.proxies: dict[Label, StreamProxy] = {}
+        self.network, self.delay_us = network, delay_us
+        self.listeners: list[Callable[[int], None]] = []
+        self._dropped = Counter[str]()
+        self._look_us = self._ignored_said = 0
+        self._on_recognised, self._on_fault = on_recognised, on_fault
+        self._changes: dict[tuple[str, int], list[Pattern]] = {}
+        self._messages: dict[tuple[str, int], list[Pattern]] = {}
+        for pattern in (pattern for each in compiled for pattern in each.patterns):
+            if pattern.change:
+                self._changes.setdefault((pattern.name, pattern.arity), []).append(pattern)
+            elif pattern.name not in content.chronicles:
+                self._messages.setdefault((pattern.name, pattern.arity), []).append(pattern)
+        self._waiting: list[QueuedSample] = []
+        self._count = 0
+        self._told = set[tuple[Label, str]]()
+        self._unmeet = network.meet(self._on_label)
+        network.step(self)
+
+    @property
+    def deadline_us(self) -> int:
+        """When something waits no more; `FAR_US`: perhaps later."""
+        due_us = self._waiting[0].valid_us if self._waiting else FAR_US
+        if self.recogniser.deadline_ms is not None:
+            due_us = min(due_us, self.recogniser.deadline_ms * US_PER_MS)
+        return min(due_us + self.delay_us, FAR_US)
+
+    def cancel(self) -> None:
+        """Take no more streams."""
+        self._unmeet()
+        self.network.unstep(self)
+        for proxy in tuple(self.proxies.values()):
+            proxy.cancel()
+        self.proxies.clear()
+
+    def on_time(self, now_us: int) -> None:
+        """What waited long enough is passed on in its order, and the clock is moved."""
+        clock_us = now_us - self.delay_us
+        while self._waiting and self._waiting[0].valid_us <= clock_us:
+            self._tell(heappop(self._waiting), now_us)
+        self._bring(self.recogniser.on_time(clock_us // US_PER_MS), now_us)
+        if now_us >= self._look_us:
+            self._look_us = now_us + US_PER_S
+            self._tell_ignored()
+        for listener in tuple(self.listeners):
+            listener(now_us)
+
+    @property
+    def ignored(self) -> Counter[str]:
+        """What was not taken as events, by reason: later than `delay_us`, out of order, no value, no symbol (C3)."""
+        counts = self._dropped + self._events.ignored + self.recogniser.ignored
+        for proxy in self.proxies.values():
+            counts += proxy.adapter.dropped
+        return counts
+
+    def _tell_ignored(self) -> None:
+        """At the first, and whenever there are ten times as many as were reported; values that are no events are not lost."""
+        ignored = Counter({reason: count for reason, count in self.ignored.items() if reason not in NO_EVENTS})
+        if ignored.total() >= max(1, 10 * self._ignored_said):
+            self._ignored_said = ignored.total()
+            reasons = ", ".join(f"{count} {reason}" for reason, count in ignored.items())
+            self._on_fault(Label(RECOGNISED), f"ignored until now: {reasons}; `max delay` says how late samples may be")
+
+    # Which streams
+
+    def _on_label(self, label: Label) -> None:
+        """A stream is there: take what of it are events."""
+        objects = len(label.objects)
+        for name, arity in (*self._changes, *self._messages):
+            if arity == objects and (name == label.feature or name.rpartition(".")[0] == label.feature):
+                self._take(Label(name, label.objects))
+
+    def _take(self, label: Label) -> None:
+        key = (label.feature, len(label.objects))
+        patterns = (*self._changes.get(key, ()), *self._messages.get(key, ()))
+        if label in self.proxies or not any(_can_be(pattern, label) for pattern in patterns):
+            return
+        policy = Policy(max_delay_us=self.delay_us)
+        consumer, on_link = partial(self._on_sample, label), partial(self._on_link, label)
+        self.proxies[label] = self.network.connect(label, policy, consumer, on_link, current=True)
+
+    def _on_link(self, label: Label, linked: bool) -> None:
+        if not linked:
+            proxy = self.proxies.pop(label, None)
+            self._events.forget(label)
+            if proxy is not None:
+                self._dropped += proxy.adapter.dropped
+                proxy.cancel()
+
+    # What happens
+
+    def _on_sample(self, label: Label, sample: Sample) -> None:
+        self._count += 1
+        heappush(self._waiting, QueuedSample(sample.valid_us, self._count, label, sample.value))
+        self.on_time(sample.available_us)
+
+    def _tell(self, event: QueuedSample, now_us: int) -> None:
+        label, key = event.label, (event.label.feature, len(event.label.objects))
+        if key in self._messages and event.value is not NO_VALUE:
+            self._bring(self.recogniser.on_message(event.valid_us // US_PER_MS, *label), now_us)
+        if key in self._changes:
+            if event.value is not NO_VALUE and symbol(event.value) is None:
+                self._once(label, f"{event.value!r} is no symbol: what a chronicle speaks of has discrete values")
+            self._bring(self._events.on_sample(label, event.valid_us, event.value), now_us)
+
+    def _bring(self, found: list[chronicles.ChronicleInstance], now_us: int) -> None:
+        for each in found:
+            self._on_recognised(each, now_us)
+        for name, reasons in self.recogniser.incomplete.items():
+            for reason in reasons:
+                self._once(Label(RECOGNISED, (name,)), f"instances may be missing: {reason}")
+
+    def _once(self, label: Label, said: str) -> None:
+        """Tell a fault the first time."""
+        if len(self._told) < MAX_FAULTS and (label, said) not in self._told:
+            self._told.add((label, said))
+            self._on_fault(label, said)
+
+
+class PartialWatch:
+    """Lists what may become an instance when the clock of a watch has moved, and when one is given up.
+
+    Args:
+        name: of the chronicle; None: of all.
+        on_partials: called with the list, the valid time and the present time, where the list differs from the last one.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        watch: ChronicleWatch,
+        name: str | None,
+        on_partials: Callable[[tuple[chronicles.Partial, ...], int, int], None],
+    ) -> None:
+        self._network, self._watch, self._name, self._on_partials = network, watch, name, on_partials
+        self._last: tuple[chronicles.Partial, ...] | None = None
+        self._due_us = network.now_us
+        self._next_us = network.now_us
+        watch.listeners.append(self._on_clock)
+        network.step(self)
+
+    def cancel(self) -> None:
+        """Look no more."""
+        self._watch.listeners.remove(self._on_clock)
+        self._network.unstep(self)
+
+    @property
+    def deadline_us(self) -> int:
+        """When to look, or when one is given up; `FAR_US`: perhaps later."""
+        return self._due_us
+
+    def on_time(self, now_us: int) -> None:
+        """Move the clock of the watch, and look."""
+        self._due_us = self._next_us = now_us
+        self._watch.on_time(now_us)
+
+    def _on_clock(self, now_us: int) -> None:
+        if now_us < self._next_us:
+            self._due_us = min(self._due_us, self._next_us)
+            return
+        self._next_us = now_us + PERIOD_US
+        recogniser = self._watch.recogniser
+        found = tuple(recogniser.partial_instances(MOST, self._name, TRIED))
+        ends_us = (each.dies_ms * US_PER_MS + self._watch.delay_us for each in found if each.dies_ms is not None)
+        self._due_us = min((each for each in ends_us if each > now_us), default=FAR_US)
+        if found != self._last:
+            self._last = found
+            clock_us = now_us - self._watch.delay_us
+            self._on_partials(found, clock_us // US_PER_MS * US_PER_MS, now_us)
+
+
+def _can_be(pattern: Pattern, label: Label) -> bool:
+    """Whether a stream may bring events of the pattern, by the objects it names."""
+    objects = label.objects
+    same = [(left, right) for left, right in pattern.equal if max(left, right) < len(objects)]
+    named = [(at, symbol) for at, symbol in pattern.constants if at < len(objects)]
+    is_so = pattern.name == label.feature and all(objects[at] == symbol for at, symbol in named)
+    return is_so and all(objects[left] == objects[right] for left, right in same)
