@@ -148,7 +148,6 @@ def test_what_may_become_an_instance_is_told_with_what_is_missing_and_until_when
     assert "60101" in shown
     files[1].write_text("\n".join(json.dumps(event) for event in [*EVENTS, {"t_ms": 70_000}]))
     assert "partial" not in run(dyknow, files, "--partial", "--json").stdout
-    assert dyknow("chronicle", str(files[0]), "--unit", "0", "--partial").returncode == 2
 
 
 def test_a_time_constraint_without_parameters_is_about_the_instants_of_where_it_is_used(
