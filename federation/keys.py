@@ -8,7 +8,8 @@ The sender is a chunk of the key at a fixed place, so that access control can bi
     <unit>/df                                              queryable: its description
     hb/<unit>                                              its heartbeat
     acl/<receiver>/<sender>/<agent>                        a speech act; receiver `all` is every platform
-    x/<owner>/<label>/<policy hash>                        a stream for all that requested that policy
+    x/<owner>/<label>/<policy hash>                        a stream for all that requested that policy, and others that
+                                                           the same receivers get
     q/<owner>/<label>                                      queryable: the history of a stream
     time/<unit>                                            queryable: clock ping
 

@@ -5,21 +5,22 @@ from collections.abc import Callable, Iterable
 from dyknow import Label, Network, Policy, Sample
 from dyknow.model.errors import UnknownLabel
 from dyknow.network.stream_proxy import StreamProxy
-from federation.messages.codec import WireSample
+from federation.messages.codec import MAX_RIDERS, Rider, WireSample
 from federation.sharing.exports import ContractEnded, ExportEvent, Exports, StreamEnded, StreamName
 from federation.sharing.streams import ExportStream
 from federation.sharing.translation import Translation
 from federation.transport import Put
 
 BATCH = 64
-"""Samples of one stream that are put together at most: a payload stays far below 64 KiB."""
+"""Samples that are put together at most: a payload stays far below 64 KiB."""
 
 
 class ExportProxy:
     """Subscribes locally once per (semantic label, policy), whatever the number of receivers.
 
     A receiver that is slow or dead cannot be noticed here: a sample is put once, for all, and never waited for. What
-    one batch of events brought is put in one go by `flush`, which `pending` asks for.
+    one batch of events brought is put in one go by `flush`, which `pending` asks for: position, altitude and velocity
+    of one instant, which the same platforms want, are one message, not three.
     """
 
     def __init__(
@@ -61,11 +62,24 @@ class ExportProxy:
         return bool(self._waiting)
 
     def flush(self) -> None:
-        """Put what waits, one payload a stream."""
-        if self._waiting:
-            for stream, entries in self._waiting.items():
-                self._put(stream.put(entries))
-            self._waiting.clear()
+        """Put what waits; what the same receivers get travels together."""
+        if not self._waiting:
+            return
+        loads: dict[frozenset[str], list[ExportStream]] = {}
+        for stream in self._waiting:
+            loads.setdefault(self.exports.receivers(stream.label, stream.policy_hash), []).append(stream)
+        for first, *others in loads.values():
+            entries, riders = self._waiting[first], list[Rider]()
+            room = BATCH - len(entries)
+            for other in others:
+                carried = self._waiting[other]
+                if len(carried) > room or len(riders) == MAX_RIDERS:
+                    self._put(other.put(carried))
+                else:
+                    riders.append(other.ride(carried))
+                    room -= len(carried)
+            self._put(first.put(entries, riders))
+        self._waiting.clear()
 
     def on_events(self, events: Iterable[ExportEvent]) -> list[ContractEnded]:
         """End the local subscriptions of ended streams; returns the contracts whose receivers are to be notified."""

@@ -89,14 +89,27 @@ class Imports:
         key, at_us, payload = event
         imported = self._by_key.get(key)
         if imported is None:
-            return type(keys.parse_key(key)) is keys.StreamKey
-        boot, entries = decode_samples(payload)
+            name = keys.parse_key(key)
+            if type(name) is not keys.StreamKey:
+                return False
+            boot, entries, riders = decode_samples(payload)
+            owner = name.owner
+        else:
+            boot, entries, riders = decode_samples(payload)
+            self._take(imported, boot, entries, at_us)
+            owner = imported.stream.owner
+        for label, policy_hash, carried in riders:
+            imported = self.streams.get((owner, label, policy_hash))
+            if imported is not None:
+                self._take(imported, boot, carried, at_us)
+        return True
+
+    def _take(self, imported: ImportRecord, boot: int, entries: Sequence[WireSample], at_us: int) -> None:
         imported.heard_us = at_us
         new = imported.stream.on_samples(boot, entries, at_us)
         if new is not entries:  # what comes in order leaves as much missing as before
             self._schedule(imported)
         imported.take(new, at_us)
-        return True
 
     def on_tails(self, owner: str, boot: int, tails: Sequence[tuple[str, str, int]], now_us: int) -> bool:
         """A heartbeat of `owner` names the newest number of each stream, so that a lost last sample is noticed.

@@ -26,6 +26,7 @@ from federation.messages.sexpr import MAX_DEPTH, MAX_INTEGER, MIN_INTEGER, Expr,
 from federation.messages.unpacking import named, pack
 
 MAX_ACKS: Final = 256
+MAX_RIDERS: Final = 16
 
 Signature: TypeAlias = bytes
 """Ed25519 over the body of an act, 64 bytes."""
@@ -62,6 +63,22 @@ class QualifiedSample(NamedTuple):
 
 
 WireSample: TypeAlias = StreamSample | QualifiedSample
+
+
+class Rider(NamedTuple):
+    """Samples of another stream of the same owner that travel in one message, since the same receivers get both."""
+
+    label: str
+    policy_hash: str
+    samples: Sequence[WireSample]
+
+
+class StreamedSamples(NamedTuple):
+    """What is put on the key of a stream: which life of its owner sent it, samples of that stream, and the riders."""
+
+    boot: int
+    samples: Sequence[WireSample]
+    riders: Sequence[Rider]
 
 
 class Range(NamedTuple):
@@ -287,16 +304,33 @@ def _text(value: bytes) -> QuotedText:
 _new = tuple.__new__  # makes a NamedTuple in half the time
 
 
-def encode_samples(boot: int, samples: Sequence[WireSample], pack: Callable[[object], bytes] = pack) -> bytes:
-    """Samples of one stream; the key they are put on says which."""
-    return pack((unpacking.VERSION, boot, samples))
+def encode_samples(
+    boot: int,
+    samples: Sequence[WireSample],
+    pack: Callable[[object], bytes] = pack,
+    riders: Sequence[Rider] = (),
+) -> bytes:
+    """Samples of one stream, which the key they are put on names, and of others of that owner that travel with it."""
+    return pack((unpacking.VERSION, boot, samples, riders) if riders else (unpacking.VERSION, boot, samples))
 
 
 @lru_cache(maxsize=256)
-def decode_samples(payload: bytes) -> tuple[int, Sequence[WireSample]]:
-    """Which life of the owner sent them, and the samples; raises DecodeError. Read once for all in a process."""
-    boot, samples = unpacking.array(payload, 2)
-    return unpacking.count(boot), tuple(_samples(samples))
+def decode_samples(payload: bytes) -> StreamedSamples:
+    """What was put on the key of a stream; raises DecodeError. Read once for all in a process."""
+    found = unpacking.unpack(payload)
+    boot, samples, *riders = unpacking.versioned(found, 2, 3)
+    return StreamedSamples(unpacking.count(boot), tuple(_samples(samples)), _riders(*riders) if riders else ())
+
+
+def _riders(found: Any) -> tuple[Rider, ...]:
+    return tuple(
+        [
+            Rider(named(keys.label, label), unpacking.digest(policy_hash), tuple(_samples(samples)))
+            for label, policy_hash, samples in [
+                unpacking.fields(rider, 3) for rider in unpacking.items(found, MAX_RIDERS)
+            ]
+        ]
+    )
 
 
 def _samples(found: Any) -> list[WireSample]:

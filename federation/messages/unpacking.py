@@ -81,8 +81,12 @@ def packer() -> Callable[[object], bytes]:
 
 def array(payload: bytes, length: int) -> tuple[Any, ...]:
     """The fields behind the version of a message of `length` fields."""
-    found = unpack(payload)
-    if type(found) is not tuple or len(found) != length + 1:
+    return versioned(unpack(payload), length, length)
+
+
+def versioned(found: Any, least: int, most: int) -> tuple[Any, ...]:
+    """The fields behind the version of a message of `least` to `most` fields."""
+    if type(found) is not tuple or not least < len(found) <= most + 1:
         fail("shape")
     if type(found[0]) is not int or found[0] != VERSION:
         fail("version")

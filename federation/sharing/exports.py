@@ -89,6 +89,7 @@ class Exports:
         self._contracts: dict[str, _Contract] = {}
         self._absent: dict[str, tuple[int, int | None]] = {}
         self._tails: dict[StreamName, int] = {}
+        self._receivers: dict[StreamName, frozenset[str]] = {}
         self._due_us: int | None = None
 
     def open(self, contract: str, label: str, policy: Policy, receivers: Iterable[str]) -> tuple[ExportStream, bool]:
@@ -114,6 +115,7 @@ class Exports:
         export.retired_us = None
         export.contracts.add(contract)
         self._contracts.setdefault(contract, _Contract(name, set())).receivers |= wanted
+        self._receivers.clear()
         return export.stream, is_new
 
     def stop(self, contract: str, now_us: int, receivers: Iterable[str] | None = None) -> list[ExportEvent]:
@@ -121,6 +123,7 @@ class Exports:
         held = self._contracts.get(contract)
         if held is not None and receivers is not None and (stay := held.receivers.difference(receivers)):
             gone, held.receivers = held.receivers - stay, stay
+            self._receivers.clear()
             return [ContractEnded(contract, *held.stream, tuple(sorted(gone)), EndReason.STOPPED)] if gone else []
         return self._end(contract, EndReason.STOPPED, now_us)
 
@@ -154,12 +157,13 @@ class Exports:
 
     def receivers(self, label: str, policy_hash: str) -> frozenset[str]:
         """Receivers of the stream of that name, by any contract."""
-        export = self._exports.get((label, policy_hash))
-        return (
-            frozenset()
-            if export is None
-            else frozenset().union(*(self._contracts[c].receivers for c in export.contracts))
-        )
+        found = self._receivers.get((label, policy_hash))
+        if found is None:
+            export = self._exports.get((label, policy_hash))
+            contracts = () if export is None else export.contracts
+            found = frozenset[str]().union(*(self._contracts[c].receivers for c in contracts))
+            self._receivers[label, policy_hash] = found
+        return found
 
     def is_shared(self, prefix: str) -> bool:
         """Whether all receivers of the contracts whose names begin with `prefix` get the same streams by others, too."""
@@ -236,6 +240,7 @@ class Exports:
 
     def _drop(self, unit: str, now_us: int) -> list[ExportEvent]:
         events: list[ExportEvent] = []
+        self._receivers.clear()
         for contract, held in list(self._contracts.items()):
             held.receivers.discard(unit)
             if not held.receivers:
@@ -248,6 +253,7 @@ class Exports:
             return []
         export = self._exports[held.stream]
         export.contracts.discard(contract)
+        self._receivers.clear()
         events: list[ExportEvent] = [ContractEnded(contract, *held.stream, tuple(sorted(held.receivers)), why)]
         if not export.contracts:
             export.retired_us = now_us

@@ -287,8 +287,18 @@ def quality(certainty: Any, covariance: Any) -> bool:
 
 @valid
 def samples(payload: bytes) -> bool:
-    boot, found = _message(payload, 2)
-    return count(boot) and entries(found)
+    riders: list[Any] = []
+    try:
+        boot, found = _message(payload, 2)
+    except Invalid:
+        boot, found, riders = _message(payload, 3)
+    return (
+        count(boot)
+        and entries(found)
+        and _is(list, riders)
+        and len(riders) <= 16
+        and all(_is(list, r) and len(r) == 3 and label(r[0]) and eight_hex(r[1]) and entries(r[2]) for r in riders)
+    )
 
 
 @valid

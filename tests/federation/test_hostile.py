@@ -145,8 +145,8 @@ def _act_again(payload: bytes) -> None:
 
 
 def _samples_again(payload: bytes) -> None:
-    boot, samples = codec.decode_samples(payload)
-    assert codec.decode_samples(codec.encode_samples(boot, samples)) == (boot, samples)
+    boot, samples, riders = codec.decode_samples(payload)
+    assert codec.decode_samples(codec.encode_samples(boot, samples, riders=riders)) == (boot, samples, riders)
 
 
 def _again(decode: Callable[[bytes], Any], encode_it: Callable[[Any], bytes]) -> Callable[[bytes], None]:

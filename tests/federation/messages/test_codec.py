@@ -57,7 +57,11 @@ def test_the_signature_is_over_the_bytes_that_travel(act: Act, mark: bytes) -> N
 @given(COUNTS, SAMPLES)
 def test_samples_come_back_as_they_were_sent(boot: int, samples: list[StreamSample]) -> None:
     payload = codec.encode_samples(boot, samples)
-    assert codec.decode_samples(payload) == (boot, tuple(samples))
+    assert codec.decode_samples(payload) == (boot, tuple(samples), ())
+    assert schema.samples(payload)
+    riders = (codec.Rider("heli-altitude", "0123abcd", tuple(samples)), codec.Rider("heli-height", "deadbeef", ()))
+    payload = codec.encode_samples(boot, samples, riders=riders)
+    assert codec.decode_samples(payload) == (boot, tuple(samples), riders)
     assert schema.samples(payload)
     answer = Recovered(boot, 1, 5, samples)
     assert codec.decode_recovered(codec.encode_recovered(answer)) == answer
@@ -104,6 +108,13 @@ def test_the_other_messages_come_back_as_they_were_sent() -> None:
         (encode([1, 5, [[1, 5, {"a": 1}]]]), "type"),
         (encode([1, 5, [[1, 5, [[[[[1.0]]]]]]]]), "nesting"),
         (encode([1, 5, [[1, 5, 1.0]] * 1025]), "malformed"),
+        (encode([1, 5, [], 7]), "shape"),
+        (encode([1, 5, [], [], []]), "shape"),
+        (encode([1, 5, [], [["heli-altitude", "0123abcd"]]]), "shape"),
+        (encode([1, 5, [], [["no label", "0123abcd", []]]]), "name"),
+        (encode([1, 5, [], [["heli-altitude", "../*/**0", []]]]), "name"),
+        (encode([1, 5, [], [["heli-altitude", "0123abcd", [[0, 5, 1.0]]]]]), "number"),
+        (encode([1, 5, [], [["heli-altitude", "0123abcd", []]] * 17]), "shape"),
     ],
 )
 def test_samples_are_refused_for_a_reason(payload: bytes, reason: str) -> None:

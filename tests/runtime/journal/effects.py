@@ -1,6 +1,7 @@
 """A journal's replayed effects in a form that outlives the code: decoded, without class names and without prose."""
 
 import json
+import re
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from runtime.configuration.config import NodeConfig
 from runtime.configuration.resolved import platform_config
 from runtime.journal.journal import replayed
 
+_FRACTION = re.compile(r"-?\d+\.\d+(?:e[+-]?\d+)?")
 PROSE = {"text", "reason"}
 """Fields that hold sentences: a sentence may be worded better without being another effect."""
 
@@ -52,35 +54,46 @@ def replayed_effects(path: Path) -> dict[str, list[Any]]:
     effects: dict[str, list[Any]] = defaultdict(list)
     for now_us, step in replayed(read_journal(path), platform):
         for effect in step:
-            kind, content = _plain(effect)
-            if kind:
+            for kind, content in _plain(effect):
                 effects[kind].append([now_us - started_us, *content])
     return json.loads(json.dumps(effects), parse_float=lambda text: float(f"{float(text):.9g}"))
 
 
-def _plain(effect: Any) -> tuple[str, list[Any]]:
+def _in_digits(content: str) -> str:
+    """Numbers within the text of an act, in nine digits as everywhere here."""
+    return _FRACTION.sub(lambda found: f"{float(found[0]):.9g}", content)
+
+
+def _plain(effect: Any) -> list[tuple[str, list[Any]]]:
     match effect:
         case Put(key, payload):
-            return _put(key, keys.parse_key(key), payload)
+            parsed = keys.parse_key(key)
+            return (
+                _samples(key, parsed, payload) if isinstance(parsed, keys.StreamKey) else [_put(key, parsed, payload)]
+            )
         case Command(number, order):
-            return "commands", [number, type(order).__name__.removesuffix("Order").lower(), *order]
+            return [("commands", [number, type(order).__name__.removesuffix("Order").lower(), *order])]
         case Tell(record):
-            return "told", [{name: value for name, value in record.items() if name not in PROSE}]
+            return [("told", [{name: value for name, value in record.items() if name not in PROSE}])]
         case Ask(_, key, _, timeout_us):
-            return "questions", [key, timeout_us]
+            return [("questions", [key, timeout_us])]
         case Answer(_, key, payload):
-            return "answers", [key, len(payload)]
+            return [("answers", [key, len(payload)])]
         case InjectFault():
-            return "faults", list(effect)
+            return [("faults", list(effect))]
         case _:
-            return "", []
+            return []
+
+
+def _samples(key: str, parsed: keys.StreamKey, payload: bytes) -> list[tuple[str, list[Any]]]:
+    """One entry a stream, whichever travel together."""
+    boot, samples, riders = decode_samples(payload)
+    streams = [(key, samples), *((keys.stream(parsed.owner, *rider[:2]), rider.samples) for rider in riders)]
+    return [("samples", [name, boot, [list(sample) for sample in each]]) for name, each in streams]
 
 
 def _put(key: str, parsed: Any, payload: bytes) -> tuple[str, list[Any]]:
     match parsed:
-        case keys.StreamKey():
-            boot, samples = decode_samples(payload)
-            return "samples", [key, boot, [list(sample) for sample in samples]]
         case keys.HeartbeatKey():
             return "heartbeats", list(decode_heartbeat(payload))
         case keys.AnnouncementKey():
@@ -93,7 +106,7 @@ def _put(key: str, parsed: Any, payload: bytes) -> tuple[str, list[Any]]:
                 act.performative,
                 str(act.sender),
                 str(act.receiver),
-                None if act.content is None else str(act.content),
+                None if act.content is None else _in_digits(str(act.content)),
                 act.conversation_id,
                 act.reply_by_us,
                 act.boot,
