@@ -206,10 +206,10 @@ class PositionFilter:
     def _estimate(self, state: MotionState) -> Estimate:
         frame = self._frame
         assert frame is not None  # noqa: S101 - set together with the motion
-        n, e, d, vn, ve, vd = state.mean.tolist()
-        var_n, var_e, *others = state.covariance.diagonal().tolist()
+        (n, vn, var_n, _, var_vn), (e, ve, var_e, _, var_ve), (d, vd, var_d, _, var_vd) = state.axes
         drift = self._drift_m2(state.valid_us)
-        return Estimate(*frame.from_ned(n, e, d), vn, ve, vd, var_n + drift, var_e + drift, *others)
+        place = frame.from_ned(n, e, d)
+        return Estimate(*place, vn, ve, vd, var_n + drift, var_e + drift, var_d, var_vn, var_ve, var_vd)
 
     def _on_position(self, report: vehicle.PositionReport, now_us: int) -> list[Sample]:
         reason = faults.implausible_position(report)
@@ -288,23 +288,19 @@ class PositionFilter:
 
     def _agrees(self, measured: Measurement, motion: Motion) -> bool:
         """Innovation gate, with what sources may honestly disagree by; and nothing is faster than `speed_m_s`."""
-        state = motion.at(measured.valid_us)
-        mean, spread = state.mean.tolist(), state.covariance.diagonal().tolist()
+        axes = motion.at(measured.valid_us).axes
         allowed = self._limits.allowance_m**2 + self._drift_m2(measured.valid_us)
-        squares = (
-            (value - there) ** 2 / (predicted + variance + allowed)
-            for value, variance, there, predicted in zip(
-                measured.values, measured.variances, mean, spread, strict=False
-            )
-        )
-        return sum(squares) <= self._limits.gate and self._reachable(measured, motion)
+        squares = 0.0
+        for value, variance, axis in zip(measured.values, measured.variances, axes, strict=False):
+            squares += (value - axis.place) ** 2 / (axis.var_place + variance + allowed)
+        return squares <= self._limits.gate and self._reachable(measured, motion)
 
     def _reachable(self, measured: Measurement, motion: Motion) -> bool:
         latest = motion.latest
-        moved = math.dist(measured.values[:2], latest.mean[:2].tolist())
+        moved = math.dist(measured.values[:2], latest.places[:2])
         seconds = abs(measured.valid_us - latest.valid_us) / 1e6
         drift = self._drift_m2(measured.valid_us)
-        spread = math.sqrt(float(latest.covariance[0, 0]) + measured.variances[0] + drift)
+        spread = math.sqrt(latest.axes[0].var_place + measured.variances[0] + drift)
         return moved <= self._limits.speed_m_s * seconds + 5 * spread + 3 * self._limits.allowance_m
 
     def _on_disagreement(self, report: vehicle.PositionReport, reason: str, now_us: int) -> list[Sample]:
@@ -350,8 +346,8 @@ class PositionFilter:
         if report.valid_us < motion.oldest_us:
             return
         state = motion.at(report.valid_us)
-        off = math.dist(values, state.mean[3 : 3 + len(values)].tolist())
-        spread = math.sqrt(float(state.covariance[3, 3]) + variance)
+        off = math.dist(values, state.speeds[: len(values)])
+        spread = math.sqrt(state.axes[0].var_speed + variance)
         if off > 5 * spread + _VELOCITY_ALLOWANCE_M_S:
             self.rejected[faults.VELOCITY_JUMP] += 1
             return
@@ -362,7 +358,7 @@ class PositionFilter:
         """What the vehicle says of its speed, else what the positions showed before."""
         if self._velocity is not None and abs(valid_us - self._velocity.valid_us) <= self._horizon_us:
             return math.hypot(*self._velocity.values[:2])
-        return 0.0 if self._motion is None else math.hypot(*self._motion.latest.mean[3:5].tolist())
+        return 0.0 if self._motion is None else math.hypot(*self._motion.latest.speeds[:2])
 
     def _refuse(self, reason: str) -> None:
         self.rejected[reason] += 1
@@ -371,9 +367,9 @@ class PositionFilter:
     def _reanchor(self) -> None:
         """Keep the frame near the vehicle: over 2 km the tangent plane turns by a third of a milliradian."""
         frame, motion = self._frame, self._motion
-        if frame is None or motion is None or math.hypot(*motion.latest.mean[:2].tolist()) < _REANCHOR_M:
+        if frame is None or motion is None or math.hypot(*motion.latest.places[:2]) < _REANCHOR_M:
             return
-        north, east, down = motion.latest.mean[:3].tolist()
+        north, east, down = motion.latest.places
         self._frame = LocalFrame(*frame.from_ned(north, east, down))
         motion.move_origin((north, east, down))
 
