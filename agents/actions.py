@@ -16,6 +16,8 @@ from federation.messages.contents import Cancel, Content, Done, Reason
 P = Performative
 REQUESTED: Final = frozenset({P.REQUEST})
 QUERIED: Final = frozenset({P.QUERY_REF, P.REQUEST})
+CHECKED: Final = frozenset({P.QUERY_IF, P.REQUEST})
+"""Whether something is true: a query, or a task to find out."""
 SUBSCRIBED: Final = frozenset({P.SUBSCRIBE})
 INFORMED: Final = frozenset({P.INFORM})
 COMMON_ANSWERS: Final[tuple[type[Content], ...]] = (Reason, Done, Cancel)

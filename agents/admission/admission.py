@@ -29,6 +29,16 @@ class Denied(errors.Refused):
     """Refused at the door: the audit log counts it by its code."""
 
 
+NOT_TAKEN = {
+    P.PROXY: "an act that is passed on would have the authority of this platform, not that of its sender: ask the platforms "
+    "themselves, or this one for all by (query ... scope: global)",
+    P.REQUEST_WHENEVER: "nothing is done again and again with nobody asking: declare a monitor, follow its alarms, or ask once "
+    "by request-when",
+    P.CFP: "platforms make no bids here: request of the one you choose; the directory says what each offers",
+}
+"""Performatives that no service takes, and why."""
+
+
 def reason_of(error: errors.DyknowError) -> Reason:
     """Why something was refused, failed or not understood, as it is answered."""
     text = str(error)[:LONGEST_REASON]
@@ -89,6 +99,14 @@ class Admission(Part):
             self._interface.member.follow(change, now_us)
         self._admit_all(now_us)
 
+    @property
+    def deadline_us(self) -> int | None:
+        """At once, for a request whose condition has become true."""
+        return 0 if self._interface.requests else None
+
+    def on_time(self, now_us: int) -> None:
+        self._admit_all(now_us)
+
     def flush(self) -> None:
         """Acknowledge what no act of this step did."""
         self._interface.acts.flush()
@@ -140,6 +158,8 @@ class Admission(Part):
         if act.performative is P.CANCEL:
             self._cancel(act, now_us)
             return
+        if act.performative in NOT_TAKEN:
+            raise Denied(f"{act.performative} is not taken: {NOT_TAKEN[act.performative]}", "performative")
         if act.content is None:
             raise errors.ContentError("an act without content says nothing")
         content = read(act.content)

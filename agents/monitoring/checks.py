@@ -1,4 +1,7 @@
-"""A formula over a platform's live states, on request (thesis 7.5). Node clock but for states."""
+"""A formula over a platform's live states, on request (thesis 7.5), and what is to be done when one becomes true.
+
+Node clock but for states.
+"""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -6,39 +9,46 @@ from functools import partial
 
 from agents.actions import COORDINATION, Offer
 from agents.exchange.gateway import Gateway
+from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.monitoring.reasons import because
 from agents.part import Part
 from agents.tasks.life import TaskLife
-from agents.tasks.requests import CHECK_FORMULA
+from agents.tasks.requests import CHECK_FORMULA, LATER, WHEN
+from agents.tasks.task import Task
 from dyknow import NO_VALUE, US_PER_S, Policy
 from dyknow.model.errors import ContentError, Refused, TextError, UnknownLabel
 from federation.members.clock import FederationClock
 from federation.members.deadlines import Deadlines
 from federation.messages.acts import Act, Performative
-from federation.messages.contents import CheckFormula, Verdict
+from federation.messages.contents import CheckFormula, Reason, Verdict, When, read
 from federation.messages.contents.parts import MAX_LIST
 from kpl import Instance, print_specification
 from kpl.running.asking import read_over
 from kpl.running.formula_states import FormulaState, FormulaStates
 from reasoning import Formula, Progressing, make_progression
+from reasoning.formulas.tree import Eventually
 
 PERIOD_US = 100_000
+MOST_WAITING, MOST_OF_ONE = 16, 4
+"""Requests that wait for a condition: of all members, and of one."""
 POLICY = Policy(change="sample", sample_us=PERIOD_US, max_delay_us=500_000)
 TIMEOUT_S = 10.0
 MOST = 16
 MOST_REASONS = 8
 """Characters of a formula in an answer, so that it fits into one act."""
 LONGEST_STATES = 4000
+LONGEST_STATE = 200
 
 
 @dataclass(slots=True)
 class Check:
-    """One formula being progressed, and for whom."""
+    """One formula being progressed, and for whom; `do`: what to do when it is true."""
 
     act: Act
     progression: Progressing
     made: FormulaStates
+    do: When | None = None
     states: int = 0
     valid_us: int | None = None
     valued: set[str] = field(default_factory=set)
@@ -56,7 +66,7 @@ class Check:
 class Checks(Part):
     """The formulas under check on one platform, over the streams of its instance, derived ones too."""
 
-    offers = (Offer(COORDINATION, (CHECK_FORMULA,)),)
+    offers = (Offer(COORDINATION, (CHECK_FORMULA, WHEN)),)
     answers = (Verdict,)
 
     def __init__(
@@ -66,7 +76,9 @@ class Checks(Part):
         gateway: Gateway,
         tasks: TaskLife,
         instance: Instance,
+        agreements: LabelAgreements,
     ) -> None:
+        self._agreements = agreements
         self._clock, self._agent, self._gateway = clock, agent, gateway
         self._tasks, self._instance = tasks, instance
         self._open: dict[str, Check] = {}
@@ -78,31 +90,78 @@ class Checks(Part):
         Raises:
             ContentError: the formula is wrong, and where; or one of its streams has no producer.
             UnknownLabel: nothing here gives what a derived feature is made from.
-            Refused: too many formulas are under check.
+            Refused: too many formulas are under check; the requester may not see one of its streams.
         """
+        if sum(check.do is None for check in self._open.values()) >= MOST:
+            raise Refused(f"{MOST} formulas are under check here already; wait for one to end")
+        self._begin(act, self._read(content.text), None, now_us)
+        self._set_due(act, content.timeout_s or TIMEOUT_S, now_us)
+
+    def on_when(self, act: Act, content: When, now_us: int) -> None:
+        """`(when do: (create-multicast ...) condition: "gas[self] > 40")`: agree, and do it once that is true.
+
+        It is a task until then, and is done as if its requester had asked at that moment, in the same conversation:
+        limits and roles are those of then. It fails when the time is over.
+
+        Raises:
+            ContentError, UnknownLabel: as `on_check`, or what is to be done is not understood.
+            Refused: it may not be asked for in advance; too many requests wait; as `on_check`.
+        """
+        if content.do.head not in LATER:
+            raise Refused(
+                f"({content.do.head} ...) is not done on a condition, with nobody watching: only what can be cancelled is, "
+                f"{', '.join(sorted(LATER))}; follow the condition (dyknow alarms --follow) and ask then",
+                "not-in-advance",
+            )
+        read(content.do)
+        sender = act.sender.unit
+        waiting = [check.act.sender.unit for check in self._open.values() if check.do is not None]
+        if len(waiting) >= MOST_WAITING or waiting.count(sender) >= MOST_OF_ONE:
+            text = f"{len(waiting)} requests wait for their conditions here, {waiting.count(sender)} of {sender}; cancel one"
+            raise Refused(text, "too-many-waiting")
+        conversation = self._begin(act, Eventually(self._read(content.condition)), content, now_us)
+        state = f"{content.do.head} when {content.condition}"[:LONGEST_STATE]
+
+        def take_down(_at_us: int) -> tuple[str, ...]:
+            self._drop(conversation)
+            return ()
+
+        self._tasks.add(Task(conversation, sender, When.head, take_down, " ".join(state.split()), now_us))
+        self._set_due(act, content.timeout_s, now_us)
+
+    def _read(self, text: str) -> Formula:
+        try:
+            return read_over(self._instance, text)
+        except TextError as wrong:
+            raise ContentError(str(wrong)) from None
+
+    def _begin(self, act: Act, formula: Formula, do: When | None, now_us: int) -> str:
         conversation = self._tasks.check_free(act.conversation_id)
         if conversation in self._open:
             raise Refused(f"conversation {conversation} is about another formula")
-        if len(self._open) >= MOST:
-            raise Refused(f"{MOST} formulas are under check here already; wait for one to end")
-        try:
-            formula = read_over(self._instance, content.text)
-        except TextError as wrong:
-            raise ContentError(str(wrong)) from None
-        made = self._states_of(formula, partial(self._on_state, conversation))
-        self._open[conversation] = Check(act, make_progression(formula, PERIOD_US), made)
+        made = self._states_of(formula, act.sender.unit, partial(self._on_state, conversation))
+        self._open[conversation] = Check(act, make_progression(formula, PERIOD_US), made, do)
         self._gateway.network.step(made)
         self._agent.answer(act, Performative.AGREE, None, now_us)
-        self._deadlines.set(conversation, now_us + round((content.timeout_s or TIMEOUT_S) * US_PER_S))
+        return conversation
 
-    def _states_of(self, formula: Formula, on_state: Callable[[FormulaState], None]) -> FormulaStates:
-        """Raise UnknownLabel if nothing here gives what a derived feature is made from."""
+    def _set_due(self, act: Act, timeout_s: float, now_us: int) -> None:
+        self._deadlines.set(act.conversation_id or "", now_us + round(timeout_s * US_PER_S))
+
+    def _states_of(self, formula: Formula, unit: str, on_state: Callable[[FormulaState], None]) -> FormulaStates:
+        """Raise UnknownLabel if nothing here gives what a derived feature is made from, Refused if `unit` may not see it."""
         network = self._gateway.network
         made = FormulaStates(network, formula, POLICY, on_state, since_us=network.now_us)
         try:
-            for label, unit in made.derived_from:
-                self._gateway.local(label, unit)
-        except UnknownLabel:
+            for label, owner in made.derived_from:
+                self._gateway.local(label, owner)
+                if owner == self._gateway.unit:
+                    self._agreements.check(unit, label)
+            for each in made.inputs:
+                stream = network.behind(each.label)
+                if stream is not None:
+                    self._agreements.check_stream(unit, stream.label)
+        except (UnknownLabel, Refused):
             made.cancel()
             raise
         return made
@@ -139,6 +198,9 @@ class Checks(Part):
     def _end(self, conversation: str, now_us: int) -> None:
         check = self._open[conversation]
         verdict, made = check.progression.verdict, check.made
+        if check.do is not None:
+            self._do(conversation, check, check.do, now_us)
+            return
         decided = verdict != "undecided"
         silent, text = made.silent, print_specification(made.declarations("check"))
         said = Verdict(
@@ -152,6 +214,17 @@ class Checks(Part):
         )
         self._drop(conversation)
         self._agent.answer(check.act, Performative.INFORM, said, now_us)
+
+    def _do(self, conversation: str, check: Check, when: When, now_us: int) -> None:
+        """The condition is true: the request comes in as any other. Or time is over."""
+        self._drop(conversation)
+        self._tasks.forget(conversation)
+        if check.progression.verdict == "true":
+            asked = check.act._replace(performative=Performative.REQUEST, content=when.do)
+            self._agent.requests.append(asked)
+        else:
+            text = f"{when.condition} was not true within {when.timeout_s:g} s"
+            self._agent.answer(check.act, Performative.FAILURE, Reason(text=text, code="not-true"), now_us)
 
     def _drop(self, conversation: str) -> None:
         check = self._open.pop(conversation)

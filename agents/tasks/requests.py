@@ -2,8 +2,9 @@
 
 from typing import Final
 
-from agents.actions import Action, Role
+from agents.actions import CHECKED, Action, Role
 from federation.messages import contents
+from federation.messages.acts import Performative
 
 MONITOR_PROXIMITY: Final = Action(contents.MonitorProximity, "on_monitor_proximity", lasting=True, typed=True)
 CREATE_MONITOR: Final = Action(
@@ -14,7 +15,8 @@ CREATE_MONITOR: Final = Action(
     inner=("coordinator", "delegate", "delegator", "generation", "parameters", "profile", "task"),
 )
 REMOVE_MONITOR: Final = Action(contents.RemoveMonitor, "on_remove_monitor", typed=True)
-CHECK_FORMULA: Final = Action(contents.CheckFormula, "on_check", typed=True)
+CHECK_FORMULA: Final = Action(contents.CheckFormula, "on_check", CHECKED, typed=True)
+WHEN: Final = Action(contents.When, "on_when", frozenset({Performative.REQUEST_WHEN}), lasting=True)
 CREATE_MULTICAST: Final = Action(contents.CreateMulticast, "on_create_multicast", lasting=True, typed=True)
 STOP_MULTICAST: Final = Action(contents.StopMulticast, "on_stop_multicast", typed=True)
 FLIGHT: Final = tuple(
@@ -32,6 +34,8 @@ MEMBERSHIP: Final = tuple(
     for content, handler in ((contents.Leave, "on_leave"), (contents.Rejoin, "on_rejoin"))
 )
 RESET: Final = Action(contents.Reset, "on_reset", role=Role.COMMAND_CENTRE, typed=True)
+LATER: Final = frozenset({MONITOR_PROXIMITY.head, CREATE_MONITOR.head, CREATE_MULTICAST.head})
+"""What a platform does when a condition becomes true, as it can be cancelled; orders to aircraft are given by those who watch."""
 DEFAULT_TASK: Final = ("proximity", "proximity-warn")
 """What `monitor-proximity` monitors unless a profile is named: the violation, and what starts avoidance."""
 TYPED: Final = (

@@ -16,6 +16,7 @@ CLOSING = frozenset({P.REFUSE, P.FAILURE, P.NOT_UNDERSTOOD, P.ACCEPT_PROPOSAL, P
 RESULTS = frozenset({P.INFORM, P.INFORM_IF, P.INFORM_REF, P.CONFIRM, P.DISCONFIRM, P.PROPOSE})
 PROTOCOLS = {
     P.REQUEST: "fipa-request",
+    P.REQUEST_WHEN: "fipa-request-when",
     P.QUERY_IF: "fipa-query",
     P.QUERY_REF: "fipa-query",
     P.SUBSCRIBE: "fipa-subscribe",

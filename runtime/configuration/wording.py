@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any, get_args, get_origin
 from pydantic import ValidationError
 
 from dyknow.model.errors import WrongCall, did_you_mean
-from federation.messages.contents import Content
-from runtime.configuration.instants import duration_us, instant_us
+from federation.messages.contents import Content, When
+from runtime.configuration.instants import SHORTEST_US, duration_us, instant_us
 
 if TYPE_CHECKING:
     from agents.actions import Action
 
+LONGEST_WAIT_S = 3600
 _WORDS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 
 
@@ -71,6 +72,22 @@ def content_with(task: str, given: Mapping[str, Any], now_us: int, extensions: t
     except ValidationError as error:
         said = [_sentence(task, mistake["loc"], mistake["type"], mistake["msg"]) for mistake in error.errors()]
         raise WrongCall("\n".join([*said, _keys(task, names)])) from None
+
+
+def content_when(content: Content, condition: str, waits: str) -> Content:
+    """The content that asks for `content` once a formula is true, if it is within a time.
+
+    Raises:
+        TextError: the formula is wrong.
+        WrongCall: the time is none, or too long.
+    """
+    from kpl import parse_formula
+
+    parse_formula(condition)
+    waits_s = duration_us(waits, option="--for", least_us=SHORTEST_US) / 1e6
+    if waits_s > LONGEST_WAIT_S:
+        raise WrongCall(f"--for: a platform waits for a condition an hour at most, and {waits} is longer; write 1h.")
+    return When(do=content.expr(), condition=condition, timeout_s=waits_s)
 
 
 def _fields(task: str, extensions: tuple[str, ...]) -> dict[str, str]:

@@ -146,9 +146,9 @@ class _Face:
         return feed
 
     def _delegate(
-        self, task: str, to: str | int | None, given: dict[str, Any], within: str
+        self, task: str, to: str | int | None, given: dict[str, Any], within: str, when: tuple[str, str] | None
     ) -> Generator[Any, bool, tuple[Dialogue, Feed[Content]]]:
-        dialogue = yield from jobs.delegate(self._client, task, _name(to), given, within)
+        dialogue = yield from jobs.delegate(self._client, task, _name(to), given, within, when)
         feed: Feed[Content] = Feed()
         self._thread.post(jobs.follow_task(dialogue, feed))
         return dialogue, feed
@@ -273,13 +273,22 @@ class FederationClient(_Face):
         """
         return self._do(self._watch(label, unit, every, max_delay))
 
-    def delegate(self, task: str, *, to: str | int | None = None, within: str = "3s", **content: Any) -> DelegatedTask:
+    def delegate(
+        self,
+        task: str,
+        *,
+        to: str | int | None = None,
+        within: str = "3s",
+        when: tuple[str, str] | None = None,
+        **content: Any,
+    ) -> DelegatedTask:
         """Ask a platform for a task, as `dyknow delegate` does; returns once it is agreed to.
 
         Args:
             task: `monitor-proximity`, `goto`, `hold`, `land`, `check-formula`, ...
             to: the platform; may be left out where any will do, or only one is there.
             within: how long to wait for an answer.
+            when: a formula and a time, `("gas[self] > 40", "10min")`: do it once that is true, if it is in this time.
             content: what the task takes, e.g. `profile="proximity"`, `sample_period="1s"`.
 
         Raises:
@@ -288,7 +297,7 @@ class FederationClient(_Face):
             NothingFound: the platform is not there.
             FederationFailed: no answer came, or the task failed.
         """
-        return DelegatedTask(self, *self._do(self._delegate(task, to, content, within)))
+        return DelegatedTask(self, *self._do(self._delegate(task, to, content, within, when)))
 
     def monitors(self) -> list[MonitorEntry]:
         """The monitors of all platforms: `.by`, `.name`, `.units`, `.verdict`, `.inputs`, `.shows`, `.since_us`.
@@ -334,10 +343,16 @@ class AsyncFederationClient(_Face):
         return await self._done(self._watch(label, unit, every, max_delay))
 
     async def delegate(
-        self, task: str, *, to: str | int | None = None, within: str = "3s", **content: Any
+        self,
+        task: str,
+        *,
+        to: str | int | None = None,
+        within: str = "3s",
+        when: tuple[str, str] | None = None,
+        **content: Any,
     ) -> AsyncDelegatedTask:
         """See `FederationClient.delegate`."""
-        return AsyncDelegatedTask(self, *await self._done(self._delegate(task, to, content, within)))
+        return AsyncDelegatedTask(self, *await self._done(self._delegate(task, to, content, within, when)))
 
     async def monitors(self) -> list[MonitorEntry]:
         """See `FederationClient.monitors`."""

@@ -33,7 +33,7 @@ from federation.messages.contents import (
 from federation.messages.dialogue import Dialogue
 from runtime.client import SETTLE_S, Client, Job, Wait
 from runtime.configuration.instants import SHORTEST_US, duration_us
-from runtime.configuration.wording import content_with
+from runtime.configuration.wording import content_when, content_with
 from runtime.library.meanings import disagreement_with, record_of
 from runtime.library.questions import (
     Which,
@@ -173,9 +173,6 @@ def listed_tasks(client: Client, units: Sequence[str]) -> Job[list[tuple[str, Ta
     return [(unit, task) for unit, answer in answers for task in answer.tasks]
 
 
-# WatchedStreams and subscriptions
-
-
 class WatchedStreams:
     """The feeds that take imported samples, by semantic label and policy hash."""
 
@@ -300,13 +297,21 @@ class Subscriptions:
 # Tasks
 
 
-def begin_task(client: Client, task: str, to: str | None, given: Mapping[str, Any], within_s: float) -> Job[Dialogue]:
-    """Request a task of the platform that shall do it; the answers come in the dialogue."""
+def begin_task(
+    client: Client,
+    task: str,
+    to: str | None,
+    given: Mapping[str, Any],
+    within_s: float,
+    when: tuple[str, str] | None = None,
+) -> Job[Dialogue]:
+    """Request a task of the platform that shall do it, `when` a formula is true within a time; its answers follow."""
     content_with(task, given, client.federation_us(), client.extensions)
     yield from platforms(client)  # the federation's clock may be learned meanwhile
     content = content_with(task, given, client.federation_us(), client.extensions)
     unit = receiver_of(client, content, to)
-    return client.say(unit, P.REQUEST, content, within_s=within_s, standing=True)
+    how, what = (P.REQUEST, content) if when is None else (P.REQUEST_WHEN, content_when(content, *when))
+    return client.say(unit, how, what, within_s=within_s, standing=True)
 
 
 def running_already(client: Client, task: str, to: str | None, given: Mapping[str, Any]) -> Job[TaskEntry | None]:
@@ -350,10 +355,17 @@ def _is_of_platform(client: Client, entry: TaskEntry) -> bool:
     return (found is not None and found.kind == "uav") or not entry.conversation.startswith(f"{delegator}-")
 
 
-def delegate(client: Client, task: str, to: str | None, given: Mapping[str, Any], within: str) -> Job[Dialogue]:
+def delegate(
+    client: Client,
+    task: str,
+    to: str | None,
+    given: Mapping[str, Any],
+    within: str,
+    when: tuple[str, str] | None = None,
+) -> Job[Dialogue]:
     """Delegate a task; returns its conversation once it is agreed to, or raises why it is not."""
     within_s = duration_us(within, option="within", least_us=SHORTEST_US) / 1e6
-    dialogue = yield from begin_task(client, task, to, given, within_s)
+    dialogue = yield from begin_task(client, task, to, given, within_s, when)
     yield Wait(lambda: bool(dialogue.said or dialogue.over), within_s + GRACE_S)
     if dialogue.trouble is not None or not dialogue.said:
         raise failure_of(dialogue, "no answer in time")

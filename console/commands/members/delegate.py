@@ -57,13 +57,18 @@ def delegate(
     *,
     to: Annotated[str | None, typer.Option(metavar="U", help="The platform that gets the task.")] = None,
     wait: Annotated[bool, typer.Option("--wait", "-w", help="Continue with what it reports.")] = False,
+    when: Annotated[
+        str | None, typer.Option(metavar="FORMULA", help="Once this is true on that platform, and not before.")
+    ] = None,
+    waits: Annotated[str, typer.Option("--for", metavar="TIME", help="How long it waits for --when.")] = "10min",
 ) -> int:
     """A task for a platform, as a speech act to its interface agent; it continues when the command ends."""
     with connected(call) as client:
         given = values_of(task, pairs or (), client.extensions)
-        if (running := client.run(running_already(client, task, to, given))) is not None:
+        condition = None if when is None else (when, waits)
+        if condition is None and (running := client.run(running_already(client, task, to, given))) is not None:
             return _runs_already(call, running)
-        dialogue = client.run(begin_task(client, task, to, given, ANSWER_S))
+        dialogue = client.run(begin_task(client, task, to, given, ANSWER_S, condition))
         heard = 0
 
         def report() -> None:

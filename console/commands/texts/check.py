@@ -118,7 +118,7 @@ def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:
     with connected(call) as client:
         client.chosen(unit)
         content = CheckFormula(text=text, timeout_s=timeout_s)
-        dialogue = client.say(unit, Performative.REQUEST, content, standing=True)
+        dialogue = client.say(unit, Performative.QUERY_IF, content, standing=True)
         with call.out.waiting(f"platform {unit} is watching its states"):
             client.wait_for(lambda: bool(dialogue.trouble or dialogue.results), timeout_s + 3.0)
         found = next((said for said in dialogue.results if isinstance(said, Verdict)), None)

@@ -20,6 +20,7 @@ from federation.messages.contents.monitors import (
     Monitors,
     RemoveMonitor,
     Verdict,
+    When,
 )
 from federation.messages.contents.parts import MAX_LIST, Content, ContentPart, prepare, read
 from federation.messages.contents.platform import (
@@ -129,6 +130,7 @@ __all__ = [
     "TaskList",
     "Tasks",
     "Verdict",
+    "When",
     "prepare",
     "read",
 ]

@@ -1,11 +1,12 @@
 """Monitors, their alarms, and formulas (thesis 9.4)."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from federation.messages.contents import parts
 from federation.messages.descriptions import Count
+from federation.messages.sexpr import Expr
 
 
 class MonitorProximity(parts.Content):
@@ -160,6 +161,20 @@ class CheckFormula(parts.Content):
 
     text: parts.Formula
     timeout_s: parts.Period | None = None
+
+
+def _expression(value: Any) -> Expr:
+    if not isinstance(value, Expr):
+        raise ValueError("an expression is expected, e.g. (create-monitor name: energy)")  # noqa: TRY004  (pydantic)
+    return value
+
+
+class When(parts.Content):
+    """Do what `do` asks for, once, as soon as the formula `condition` is true; give up after `timeout_s`."""
+
+    do: Annotated[Any, AfterValidator(_expression)]
+    condition: parts.Formula
+    timeout_s: Annotated[float, Field(gt=0, le=3600)] = 600.0
 
 
 class Verdict(parts.Content):

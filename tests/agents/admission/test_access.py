@@ -3,18 +3,19 @@
 import pytest
 
 from agents.actions import COORDINATION, Action, Offer, ServiceTable
-from agents.admission.admission import Admission
+from agents.admission.admission import NOT_TAKEN, Admission
 from agents.flight.giving_way import GivingWay
 from agents.monitoring.alarm_log import AlarmLog
 from agents.platform import Platform
 from dyknow.model.errors import ContentError
 from federation.members.offers import Visibility
-from federation.messages.acts import Act, AgentName, Performative
+from federation.messages.acts import Act, AgentName, Performative, print_act
 from federation.messages.codec import encode_act
 from federation.messages.contents import (
     Alarms,
     Avoid,
     Goto,
+    Hold,
     MonitorProximity,
     Query,
     Reason,
@@ -22,7 +23,7 @@ from federation.messages.contents import (
     Tasks,
     read,
 )
-from federation.messages.sexpr import Expr
+from federation.messages.sexpr import Expr, QuotedText
 from tests.box import Box
 from tests.federation.expressions import parse_expr
 
@@ -111,7 +112,32 @@ def test_a_command_is_carried_out_only_if_it_is_requested(
     wire.run(1.0)
     said(wire, "interface@0", Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=100.0).expr(), performative)
     assert wire.vehicle("0").commands == []
-    assert node.ports.agent.audit_log.refused == {"not understood": 1}
+    assert node.ports.agent.audit_log.refused == {"performative" if performative in NOT_TAKEN else "not understood": 1}
+
+
+@pytest.mark.parametrize(
+    ("performative", "reason"),
+    [
+        (P.PROXY, "not that of its sender"),
+        (P.REQUEST_WHENEVER, "ask once by request-when"),
+        (P.CFP, "platforms make no bids"),
+    ],
+)
+def test_what_no_service_takes_is_refused_with_the_reason_and_nothing_is_passed_on(
+    wire: Box, node: Platform, performative: Performative, reason: str
+) -> None:
+    wire.run(1.0)
+    before = len(wire.acts(sender="0", receiver="1"))
+    inner = print_act(
+        Act(P.REQUEST, AgentName("interface", "9"), AgentName("interface", "1"), MonitorProximity().expr())
+    )
+    for content in (None, Expr("proxy", {"act": QuotedText(inner)}), Hold().expr()):
+        said(wire, "interface@0", content, performative, conversation_id=f"9-7-{next(wire.numbers)}")
+    heard = answers(wire)
+    assert [act.performative for act in heard] == [P.REFUSE] * 3
+    assert all(reason in str(act.content) for act in heard)
+    assert len(wire.acts(sender="0", receiver="1")) == before
+    assert node.ports.agent.audit_log.refused == {"performative": 3}
 
 
 def test_a_not_understood_answers_no_other(wire: Box, node: Platform) -> None:

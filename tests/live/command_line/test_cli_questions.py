@@ -1,4 +1,5 @@
-"""Questions and requests of every kind to running platforms: samples by number, a history that is reset."""
+"""Questions and requests of every kind to running platforms: samples by number, a history that is reset,
+whether something is true, what is to be done when it becomes true."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -56,3 +57,41 @@ def test_the_history_of_a_declared_stream_is_reset_and_that_of_the_vehicle_is_no
     assert after[0]["valid_us"] > before[-1]["valid_us"]
     [refused] = dyknow.run("query", "gas[self]", "--at", str(before[0]["valid_us"]), "--unit", "7", code=1)
     assert "before the first gas[7] that is held" in refused["error"]
+
+
+def test_a_request_waits_for_its_condition_and_what_is_not_done_so_is_refused(dyknow: Dyknow) -> None:
+    dyknow.run("up", "2", "--scenario", "hover", "--detach")
+    [verdict] = dyknow.run("check", "altitude[self] > 0", "--unit", "0")
+    assert verdict["verdict"] == "true"
+    [verdict] = dyknow.run("check", "altitude[self] > 9000", "--unit", "0", code=1)
+    assert verdict["verdict"] == "false"
+    acts = [each["act"] for each in dyknow.run("acts", "--unit", "0") if each["act"]]
+    assert any(act.startswith("(query-if ") for act in acts)
+
+    asked = ("delegate", "create-monitor", "name=energy", "--to", "0")
+    late = dyknow.run(*asked, "--when", "altitude[self] > 9000", "--for", "1s", "--wait", code=3)
+    assert [each["performative"] for each in late] == ["agree", "failure"]
+    assert "was not true within 1 s" in late[1]["content"]
+    [waits] = dyknow.run(*asked, "--when", "altitude[self] > 9000")
+    [task] = dyknow.run("tasks")
+    assert (task["task"], task["conversation"]) == ("when", waits["conversation"])
+    assert task["state"] == "create-monitor when altitude[self] > 9000"
+    dyknow.run("cancel", waits["conversation"])
+    dyknow.run("tasks", code=1)
+    dyknow.run(*asked, "--when", "altitude[self] > 0")
+    dyknow.until("tasks", task="create-monitor", state="running")
+    assert {each["monitor"] for each in dyknow.run("monitors")} == {"energy"}
+    [refused] = dyknow.run("delegate", "land", "--to", "0", "--when", "altitude[self] > 0", code=1)
+    assert refused["performative"] == "refuse"
+    assert "is not done on a condition" in refused["content"]
+    _, err = dyknow.raw(*asked, "--when", "altitude[self] >", code=2)
+    assert "expected" in err
+    _, err = dyknow.raw(*asked, "--when", "altitude[self] > 0", "--for", "2h", code=2)
+    assert "an hour at most" in err
+
+    with library.connect(dyknow.federation) as fed:
+        multicast = {"semantic_labels": ("battery",), "sample_period": "1s", "delay": "1s", "to_units": ("0",)}
+        task = fed.delegate("create-multicast", to=1, when=("altitude[self] > 0", "1min"), **multicast)
+        assert next(iter(task.events)).head == "done"
+    asked = [each["act"] for each in dyknow.run("acts", "--unit", "1") if each["act"]]
+    assert any(act.startswith("(request-when ") for act in asked)
