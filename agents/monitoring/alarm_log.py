@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from agents.actions import QUERIED, SUBSCRIBED, Action, Offer, Role
 from agents.interface import InterfaceAgent
-from agents.monitoring.reasons import LONGEST_LABEL, because, scalar
+from agents.monitoring.reasons import LONGEST_LABEL, reasons, scalar
 from agents.part import Part
 from agents.subscribers import Subscribers
 from agents.tasks.life import TaskLife
@@ -20,8 +20,6 @@ from reasoning import AlarmEvent
 KEPT = 1000
 ALARMS_A_PAGE = 20
 MOST_VALUES = 256
-MOST_REASONS, LONGEST_PART = 3, 200
-"""Of an alarm, and characters of each."""
 ALARMS: Final = Service("alarms", "alarms", Visibility.PUBLIC)
 
 
@@ -79,7 +77,7 @@ def alarm_content(event: AlarmEvent, by: str) -> Alarm:
         detected_us=event.detected_us,
         values=_scalars(event.values),
         samples=_scalars(event.samples_us),
-        because=tuple(because(each, LONGEST_PART) for each in event.because[:MOST_REASONS]),
+        because=reasons(event.because),
     )
 
 

@@ -8,6 +8,7 @@ from agents.interface import InterfaceAgent
 from agents.monitoring.alarm_log import ALARMS
 from agents.monitoring.monitor_plans import states_declaration
 from agents.monitoring.monitors import UnitMonitors
+from agents.monitoring.reasons import reasons
 from agents.part import Part
 from agents.subscribers import Subscribers
 from agents.tasks.life import TaskLife
@@ -16,7 +17,6 @@ from federation.messages.acts import Act, Performative
 from federation.messages.contents import (
     IDLE,
     MAX_LIST,
-    Content,
     MonitorChange,
     MonitorChanges,
     MonitorEntry,
@@ -153,7 +153,7 @@ class MonitorQueries(Part):
 
     # -- queries -----------------------------------------------------------------------------------------------
 
-    def on_monitors(self, act: Act, _content: Content, now_us: int) -> None:
+    def on_monitors(self, act: Act, content: Monitors, now_us: int) -> None:
         """`(monitors)`: those over units, then those that the specification declares over its streams."""
         of_plans = (
             (named.plan.name, each.monitor, states_declaration(named.plan, each.maker, self._translation))
@@ -163,7 +163,8 @@ class MonitorQueries(Part):
         specified = ((each.monitor.name, each.monitor, each.states) for each in self._instance.monitors.values())
         own = ((name, monitor, states.declarations(name)) for name, monitor, states in specified)
         entries = [
-            self._entry(name, monitor, print_specification(declared)) for name, monitor, declared in (*of_plans, *own)
+            self._entry(name, monitor, print_specification(declared), explain=bool(content.explain))
+            for name, monitor, declared in (*of_plans, *own)
         ]
         entries += [
             MonitorEntry(
@@ -176,7 +177,7 @@ class MonitorQueries(Part):
             act, entries, MONITORS_A_PAGE, lambda page, more: MonitorList(monitors=page, more=more), now_us
         )
 
-    def _entry(self, name: str, monitor: Monitor, states: str) -> MonitorEntry:
+    def _entry(self, name: str, monitor: Monitor, states: str, *, explain: bool) -> MonitorEntry:
         return MonitorEntry(
             by=self._unit,
             name=name,
@@ -188,6 +189,7 @@ class MonitorQueries(Part):
             which=_missing(monitor),
             states=states if len(states) <= LONGEST_STATES else "",
             counted=dict(monitor.counted),
+            because=reasons(monitor.explanation) if explain and monitor.verdict == "false" else (),
         )
 
 

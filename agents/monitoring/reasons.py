@@ -1,5 +1,6 @@
 """Why a formula was decided, as acts say it."""
 
+from collections.abc import Iterable
 from itertools import islice
 from math import isfinite
 from typing import Final
@@ -14,6 +15,9 @@ from reasoning.progression.explaining import Explanation
 MOST_SAMPLES: Final = 8
 LONGEST: Final = 1000
 LONGEST_LABEL: Final = 256
+MOST_REASONS: Final = 3
+LONGEST_PART: Final = 200
+"""Of an alarm or a monitor: its reasons, and characters of each."""
 
 
 def because(reason: Explanation, longest: int = LONGEST) -> Because:
@@ -30,6 +34,11 @@ def because(reason: Explanation, longest: int = LONGEST) -> Because:
         since_us=reason.since_us,
         until_us=reason.until_us,
     )
+
+
+def reasons(found: Iterable[Explanation]) -> tuple[Because, ...]:
+    """The first of several reasons, with shorter parts."""
+    return tuple(because(each, LONGEST_PART) for each in islice(found, MOST_REASONS))
 
 
 def scalar(value: Value) -> bool | float | NoValue | str:

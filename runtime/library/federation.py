@@ -299,13 +299,15 @@ class FederationClient(_Face):
         """
         return DelegatedTask(self, *self._do(self._delegate(task, to, content, within, when)))
 
-    def monitors(self) -> list[MonitorEntry]:
+    def monitors(self, *, explain: bool = False) -> list[MonitorEntry]:
         """The monitors of all platforms: `.by`, `.name`, `.units`, `.verdict`, `.inputs`, `.shows`, `.since_us`.
+
+        With `explain`, those in alarm say in `.because` which parts of their formulas do not hold, by which samples.
 
         Raises:
             NothingFound: no platform is there.
         """
-        return self._do(jobs.monitors(self._client))
+        return self._do(jobs.monitors(self._client, explain=explain))
 
     def ls(self) -> list[PlatformView]:
         """The platforms: `.unit`, `.state` (`alive`, `suspect`, `gone`, `refused`), `.labels`, `.services`.
@@ -354,9 +356,9 @@ class AsyncFederationClient(_Face):
         """See `FederationClient.delegate`."""
         return AsyncDelegatedTask(self, *await self._done(self._delegate(task, to, content, within, when)))
 
-    async def monitors(self) -> list[MonitorEntry]:
+    async def monitors(self, *, explain: bool = False) -> list[MonitorEntry]:
         """See `FederationClient.monitors`."""
-        return await self._done(jobs.monitors(self._client))
+        return await self._done(jobs.monitors(self._client, explain=explain))
 
     async def ls(self) -> list[PlatformView]:
         """See `FederationClient.ls`."""

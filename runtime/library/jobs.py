@@ -153,10 +153,10 @@ def lists(client: Client, units: Sequence[str], content: Content, kind: type[C])
     return [(one.unit, said) for one in dialogues for said in one.results if isinstance(said, kind)]
 
 
-def monitors(client: Client) -> Job[list[MonitorEntry]]:
+def monitors(client: Client, *, explain: bool = False) -> Job[list[MonitorEntry]]:
     """Ask every platform for its monitors, by platform, name and units."""
     yield from platforms(client)
-    found = yield from lists(client, client.pick(None), Monitors(), MonitorList)
+    found = yield from lists(client, client.pick(None), Monitors(explain=explain or None), MonitorList)
     own = [m for unit, said in found for m in said.monitors if m.by == unit]  # of its own monitors only
     return sorted(own, key=lambda m: (m.by, m.name, m.units))
 

@@ -1,6 +1,6 @@
 """`dyknow alarms`: what monitors of all platforms report, once or as it happens."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any
 
 import typer
@@ -162,10 +162,13 @@ def alarm_json(alarm: Alarm) -> dict[str, Any]:
         "detected_us": alarm.detected_us,
         "values": values,
         "samples": {name.replace(", ", ","): valid_us for name, valid_us in alarm.samples.items()},
-        "because": [
-            {"part": each.part, "holds": each.holds, "samples": _known(each.samples)} for each in alarm.because
-        ],
+        "because": because_json(alarm.because),
     }
+
+
+def because_json(reasons: Iterable[Because]) -> list[dict[str, Any]]:
+    """The reasons of an alarm as a JSON line has them."""
+    return [{"part": each.part, "holds": each.holds, "samples": _known(each.samples)} for each in reasons]
 
 
 def _tell_change(call: Call, change: MonitorChange | PlatformChange) -> None:

@@ -6,7 +6,7 @@ import typer
 
 from console.centre.client import connected
 from console.command import Call, command
-from console.commands.members.alarms import input_names, tell_unknown
+from console.commands.members.alarms import because_json, input_names, reason_text, tell_unknown
 from console.commands.members.ended_tasks import warn_of_ended
 from console.errors import DONE, NO
 from console.output.output import unit_json
@@ -24,11 +24,15 @@ def monitors(
     call: Call,
     *,
     long: Annotated[bool, typer.Option("--long", "-l", "--all", help="Every monitor, with its inputs.")] = False,
+    explain: Annotated[
+        bool,
+        typer.Option("--explain", help="Of those in alarm: which part of the formula does not hold, by which samples."),
+    ] = False,
 ) -> int:
     """What is watched, and what it shows: a line for each kind of monitor; exit 1 if there is none."""
     with connected(call) as client:
         with call.out.waiting("asking for monitors"):
-            found = client.run(all_monitors(client))
+            found = client.run(all_monitors(client, explain=explain))
             warn_of_ended(call, client, client.chosen(None))
         for monitor in found if call.out.json_lines else ():
             call.out.line(_monitor_json(monitor))
@@ -43,8 +47,20 @@ def monitors(
         else:
             for name in sorted({monitor.name for monitor in found}):
                 _show_kind(call, name, [monitor for monitor in found if monitor.name == name])
+        if explain and not call.out.json_lines:
+            _explain(call, found)
         tell_unknown(call, client, found)
     return DONE if found else NO
+
+
+def _explain(call: Call, found: list[MonitorEntry]) -> None:
+    """Why the formula of each monitor in alarm does not hold."""
+    for one in found:
+        whose = line(styled(one.name, "bold"), f" of {', '.join(one.units)} by {one.by}: ")
+        for reason in one.because:
+            call.out.show(whose, reason_text(reason), whole=True)
+    if not any(one.because for one in found):
+        call.out.note("no alarm is open that could be explained.")
 
 
 def _monitor_json(monitor: MonitorEntry) -> dict[str, Any]:
@@ -59,6 +75,7 @@ def _monitor_json(monitor: MonitorEntry) -> dict[str, Any]:
         "which": list(monitor.which),
         "states": monitor.states,
         "counted": dict(monitor.counted),
+        **({"because": because_json(monitor.because)} if monitor.because else {}),
     }
 
 

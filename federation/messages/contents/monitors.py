@@ -51,8 +51,24 @@ class RemoveMonitor(parts.Content):
     task: parts.Conversation | None = None
 
 
+class Because(parts.ContentPart):
+    """One part of a formula that the deciding state settled: its samples, for which members, and within which temporal
+    part of the formula, since when and until when.
+    """
+
+    part: parts.Formula
+    holds: bool
+    samples: parts.Values = Field(default_factory=dict)
+    members: parts.Values = Field(default_factory=dict)
+    within: parts.Formula | None = None
+    since_us: parts.Instant | None = None
+    until_us: parts.Instant | None = None
+
+
 class Monitors(parts.Content):
-    """Which monitors are there?"""
+    """Which monitors are there? With `explain`, also why the formulas of those in alarm do not hold."""
+
+    explain: bool | None = None
 
 
 IDLE = "idle"
@@ -62,7 +78,8 @@ IDLE = "idle"
 class MonitorEntry(parts.ContentPart):
     """One monitor: its verdict, and the state of its inputs (`which` are not fresh, since when).
 
-    `states` says in KPL what its states are made of, unless that is long, `counted` how many lacked something, and what.
+    `states` says in KPL what its states are made of, unless that is long, `counted` how many lacked something, and what. `because` are the parts of the formula that opened
+    the alarm that is open, if that was asked for.
     """
 
     head: ClassVar[str] = "monitor"
@@ -77,6 +94,7 @@ class MonitorEntry(parts.ContentPart):
     task: parts.Conversation | None = None
     states: parts.Text = ""
     counted: parts.Values = Field(default_factory=dict)
+    because: Annotated[tuple[Because, ...], Field(max_length=parts.MAX_LIST)] = ()
 
 
 class MonitorList(parts.Content):
@@ -110,20 +128,6 @@ class MonitorChange(parts.Content):
 
 class Alarms(parts.Content):
     """Subscribe: tell me of every alarm as it opens and closes."""
-
-
-class Because(parts.ContentPart):
-    """One part of a formula that the deciding state settled: its samples, for which members, and within which temporal
-    part of the formula, since when and until when.
-    """
-
-    part: parts.Formula
-    holds: bool
-    samples: parts.Values = Field(default_factory=dict)
-    members: parts.Values = Field(default_factory=dict)
-    within: parts.Formula | None = None
-    since_us: parts.Instant | None = None
-    until_us: parts.Instant | None = None
 
 
 class Alarm(parts.Content):

@@ -16,6 +16,7 @@ from federation.messages.contents import (
     CreateMonitor,
     LoadSpecification,
     MonitorProximity,
+    Monitors,
     NamedText,
     Reason,
     RemoveDeclarations,
@@ -268,6 +269,26 @@ def test_a_declared_monitor_over_streams_of_the_instance_is_a_named_one_too(pair
     assert "no monitor is called 'slow' here" in pair.refused(CreateMonitor(name="slow"), "1").text
     again = pair.refused(CreateMonitor(name="slow", sample_period_s=7.0))
     assert "slow is monitored here already, as sample every" in again.text
+
+
+def test_a_monitor_in_alarm_is_explained_on_request(pair):
+    pair.changed(
+        AddDeclarations(
+            text="monitor under = always alt.altitude_m[self] < -1000\nmonitor over = always alt.altitude_m[self] > -1000\n"
+        )
+    )
+    pair.world.run_for(3)
+    plain, explained = (pair.world.ask("cc", "0", each, P.QUERY_REF) for each in (Monitors(), Monitors(explain=True)))
+    pair.world.run_for(1)
+    assert not any(each.because for each in plain.results[0].monitors)
+    reasons = {each.name: each.because for each in explained.results[0].monitors}
+    [reason] = reasons["under"]
+    assert (reason.part, reason.holds, list(reason.samples)) == (
+        "alt.altitude_m[0] < -1000",
+        False,
+        ["alt.altitude_m[0]"],
+    )
+    assert reasons["over"] == ()
 
 
 def test_what_starts_avoidance_is_printed_and_read_back(pair):

@@ -70,6 +70,10 @@ def test_simulated_uavs_run_a_specification_that_is_changed_from_elsewhere(dykno
     assert (reason["part"], reason["holds"]) == ("height[1] < -1000", False)
     out, _ = dyknow.raw("alarms", "--explain")
     assert "because height[1] < -1000 is false: height[1]" in " ".join(out.split())
+    [explained] = [each for each in dyknow.run("monitors", "--explain") if each.get("monitor") == "under"]
+    assert explained["because"][0]["part"] == "height[1] < -1000"
+    out, _ = dyknow.raw("monitors", "--explain")
+    assert "under of 1 by 1: because height[1] < -1000 is false: height[1]" in " ".join(out.split())
     dyknow.run("kpl", "remove", "under", "--unit", "1")
     told = {each["event"]: each["id"] for each in dyknow.run("alarms") if each.get("monitor") == "under"}
     assert told["ended"] == told["opened"]
