@@ -4,6 +4,7 @@ from itertools import count
 from typing import NamedTuple
 
 from agents.actions import COORDINATION, SUBSCRIBED, Action, Offer
+from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.part import Part
 from agents.tasks.life import TaskLife
@@ -46,7 +47,9 @@ class Recognitions(Part):
         agent: InterfaceAgent,
         network: Network,
         tasks: TaskLife,
+        agreements: LabelAgreements,
     ) -> None:
+        self._agreements = agreements
         self._clock, self._agent, self._network, self._tasks = clock, agent, network, tasks
         self._open: dict[str, Open] = {}
         self._deadlines: Deadlines[str] = Deadlines()
@@ -84,8 +87,16 @@ class Recognitions(Part):
         def on_fault(label: Label, said: str) -> None:
             self._inform(act, Reason(text=f"{label}: {said}"[:1000]))
 
+        def refusal(label: Label) -> str:
+            stream = network.behind(label)
+            try:
+                self._agreements.check_stream(act.sender.unit, label if stream is None else stream.label)
+            except Refused as refused:
+                return str(refused)
+            return ""
+
         self._agent.answer(act, Performative.AGREE, None, now_us)
-        watch = ChronicleWatch(network, found, delay_us, on_recognised, on_fault, LIMITS)
+        watch = ChronicleWatch(network, found, delay_us, on_recognised, on_fault, LIMITS, refusal=refusal)
         expected = dict[str, Expected]()
 
         def on_partials(found: tuple[Partial, ...], _valid_us: int, _now_us: int) -> None:

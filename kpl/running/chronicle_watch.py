@@ -52,6 +52,7 @@ class ChronicleWatch:
         on_fault: called once for what is wrong with a stream or a chronicle.
         max_age_ms: instances last no longer; None: as their chronicles say.
         initially: the first values of streams have been so since ever (8.4).
+        refusal: why a stream is not taken, a fault of it; empty if it is.
 
     Attributes:
         proxies: the streams that are taken.
@@ -71,6 +72,7 @@ class ChronicleWatch:
         *,
         max_age_ms: int | None = None,
         initially: bool = False,
+        refusal: Callable[[Label], str] = lambda _label: "",
     ) -> None:
         compiled = [chronicles.compile_chronicle(each, content, max_age_ms) for each in content.chronicles.values()]
         self.recogniser = chronicles.Recogniser(compiled, limits)
@@ -80,7 +82,7 @@ class ChronicleWatch:
         self.listeners: list[Callable[[int], None]] = []
         self._dropped = Counter[str]()
         self._look_us = self._ignored_said = 0
-        self._on_recognised, self._on_fault = on_recognised, on_fault
+        self._on_recognised, self._on_fault, self._refusal = on_recognised, on_fault, refusal
         self._changes: dict[tuple[str, int], list[Pattern]] = {}
         self._messages: dict[tuple[str, int], list[Pattern]] = {}
         for pattern in (pattern for each in compiled for pattern in each.patterns):
@@ -151,6 +153,9 @@ class ChronicleWatch:
         key = (label.feature, len(label.objects))
         patterns = (*self._changes.get(key, ()), *self._messages.get(key, ()))
         if label in self.proxies or not any(_can_be(pattern, label) for pattern in patterns):
+            return
+        if why := self._refusal(label):
+            self._once(label, why)
             return
         policy = Policy(max_delay_us=self.delay_us)
         consumer, on_link = partial(self._on_sample, label), partial(self._on_link, label)

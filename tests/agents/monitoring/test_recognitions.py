@@ -140,3 +140,15 @@ def test_samples_that_come_later_than_they_may_are_reported(world):
     world.run_for(2)
     assert opened.watch.ignored["late"] == 1
     assert [said.text for said in dialogue.results if isinstance(said, Reason) and "1 late" in said.text]
+
+
+def test_no_chronicle_tells_of_a_stream_what_its_requester_may_not_see(world):
+    label = 'label car-link : link in text "where a car is"\n'
+    for receiver, seen in (("9", False), ("0", True)):
+        export = f"{label}source link links\nstrmgen link[a] = links\nexport car-link = link[a] to {receiver}\n"
+        world.specify("1", export)
+        world.run_for(1)
+        dialogue = ask(world)
+        world.run_for(9)
+        assert bool(recognised(dialogue)) is seen
+        assert any("car-link" in said.text for said in dialogue.results if isinstance(said, Reason)) is not seen
