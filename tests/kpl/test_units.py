@@ -5,6 +5,7 @@ import json
 import pytest
 
 from tests.command import run as dyknow
+from tests.kpl.instances import Running
 
 UNITS = """
 import itertools
@@ -31,6 +32,10 @@ def first(number):
 @value_unit("number", "number", name="Second")
 def second(number):
     return next(turn)
+
+@value_unit("number", "number", name="Costly", cost_us=30_000)
+def costly(number):
+    return number
 
 @computational_unit("number", "number", name="Slowly", supports=lambda policy: (policy.sample_us or 0) >= 1_000_000)
 def slowly(_now_us, number):
@@ -107,3 +112,35 @@ def test_what_becomes_available_at_one_instant_is_one_element_of_the_join(run, t
     dyknow(["kpl", "run", *words, "--feed", "a.jsonl", "--record", "a.record"], {"PATH": ""}, tmp_path)
     verified = dyknow(["kpl", "verify", *words, "--journal", "a.record"], {"PATH": ""}, tmp_path)
     assert verified.returncode == 0, verified.stdout
+
+
+def test_the_figures_that_a_governor_watches_have_processing_in_them(run):
+    """Thesis 3.2, 10.7: what a unit makes is available when it has finished, and `max delay` counts from when it was valid."""
+    done = run(
+        "source number one\nstrmgen a = one\nstrmgen b = Costly(a)\nstream made = b\nstream late = b with max delay 29\n"
+        "stream told = stream_delay[made]\nstream worst = stream_delay[worst]",
+        *[{"one": at} for at in range(200)],
+    )
+    found = values(done)
+    assert len(found["made"]) > 10
+    assert found["told"][-1] >= 30
+    assert found["worst"][-1] >= 30
+    assert "late" not in found
+
+
+def test_what_comes_after_a_later_one_is_waited_for_by_states_and_dropped_by_an_order(run):
+    """Thesis 3.3.5: a generator "could wait"; an ordered stream delays nothing that is punctual."""
+    fed = [{"t_ms": t, "at_ms": at, "one": t} for t, at in ((0, 0), (200, 210), (100, 250), (300, 310))]
+    done = run(
+        "source number one\nstrmgen a = one\nstrmgen s = state(a) with sample every 100, from 0 to 300, max delay 200\n"
+        "stream ordered = a with monotone order, max delay 1s\nstream states = s",
+        *fed,
+    )
+    assert values(done) == {"ordered": [0, 200, 300], "states": [[0], [100], [200], [300]]}
+
+
+def test_two_generators_of_one_source_are_one_element_of_the_join():
+    running = Running("source number one\nstrmgen a = one\nstrmgen b = one\nstrmgen c = Add(a, b)\nstream out = c")
+    running.push("one", 1)
+    running.push("one", 10)
+    assert running.values("out") == [2, 20]

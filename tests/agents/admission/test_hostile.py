@@ -16,7 +16,17 @@ from dyknow.model.errors import DecodeError
 from federation import keys
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import decode_act, encode_act
-from federation.messages.contents import Goto, Hold, MonitorProximity, Query
+from federation.messages.contents import (
+    AddDeclarations,
+    Goto,
+    Hold,
+    LoadSpecification,
+    MonitorProximity,
+    Query,
+    RemoveDeclarations,
+    RestoreSpecification,
+    Specification,
+)
 from federation.security.trust import Roster, RosterMember, Signer, Trust, Verifier
 from federation.transport import Arrived
 from tests.box import EPOCH, Box
@@ -147,6 +157,26 @@ def test_with_a_roster_a_command_centre_alone_commands_flight(signed: Box) -> No
 def test_an_observer_asks_and_delegates_nothing(signed: Box) -> None:
     assert signed.asked("eye", "0", MonitorProximity()).performatives == [P.REFUSE]
     assert signed.asked("eye", "0", Query(semantic_label="heli-position"), P.QUERY_REF).performatives == [P.INFORM]
+
+
+WATCHED = "monitor low = always heli-height.height_m[self] > 5"
+
+
+def test_with_a_roster_a_command_centre_alone_changes_or_restores_what_a_platform_declares(signed: Box) -> None:
+    """Else anybody could have a safety monitor forgotten; the whole text is told to no observer."""
+    assert signed.asked("cc", "0", AddDeclarations(text=WATCHED)).performatives[-1] is P.INFORM
+    for by in ("1", "eye"):
+        for content in (
+            RestoreSpecification(number=0),
+            LoadSpecification(text=""),
+            RemoveDeclarations(names=("low",)),
+            AddDeclarations(text="monitor other = always heli-height.height_m[self] > 6"),
+        ):
+            assert signed.asked(by, "0", content).performatives == [P.REFUSE]
+    assert signed.asked("eye", "0", Specification(), P.QUERY_REF).performatives == [P.REFUSE]
+    assert set(signed.platform("0").ports.monitors.named) == {"low"}
+    assert signed.asked("cc", "0", RestoreSpecification(number=0)).performatives[-1] is P.INFORM
+    assert not signed.platform("0").ports.monitors.named
 
 
 def test_who_is_revoked_is_not_listened_to(signed: Box) -> None:

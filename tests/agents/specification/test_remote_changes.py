@@ -2,10 +2,8 @@
 
 import pytest
 
-from agents.actions import Role
 from agents.config import PlatformConfig
 from agents.monitoring.coordination import Coordination
-from agents.parts import PARTS
 from agents.specification.remote_changes import CHANGES_BURST
 from agents.specification.specification_part import OWNER
 from federation.messages.acts import Performative
@@ -223,12 +221,6 @@ def test_a_file_that_changes_tells_what_it_replaces(pair):
     pair.changed(AddDeclarations(text="stream far = dist[uav1]"))
     pair.specify("0", text_of("uav0.kpl"))
     assert pair.notes("0")[-1] == "0.kpl replaces what other members had added: stream far = dist[uav1]"
-
-
-def test_platforms_and_observers_may_not_change_a_specification():
-    actions = {each.head: each.role for part in PARTS for offer in part.offers for each in offer.actions}
-    for content in (AddDeclarations, RemoveDeclarations, LoadSpecification, RestoreSpecification):
-        assert actions[content.head] is Role.COMMAND_CENTRE
 
 
 NEAR = "monitor near = always forall other in units - {self} growing: xy_dist[self, other] >= 5 with starts avoidance\n"
