@@ -249,7 +249,7 @@ def _is_open(events: list[Any], valid_us: int, by_us: int) -> bool:
 
 
 def unfounded(watched: Watched, end_us: int) -> list[str]:
-    """Property (a), the other way: alarms that opened or closed at a state that does not say so."""
+    """Property (a), the other way: alarms that opened or closed at a state that does not say so, or ended without their monitor."""
     wrong = []
     for span in spans(watched, end_us):
         judge = MONITORS[span.monitor]
@@ -257,7 +257,11 @@ def unfounded(watched: Watched, end_us: int) -> list[str]:
         for event in _events(watched, span):
             state = by_time.get(event.valid_us)
             verdict = None if state is None else judge(state)
-            if state is None or verdict is (event.event == "closed"):
+            if event.event == "ended":
+                is_wrong = event.detected_us < span.to_us - PERIOD_US
+            else:
+                is_wrong = state is None or verdict is (event.event == "closed")
+            if is_wrong:
                 wrong.append(
                     f"{watched.platform.unit}: {span.monitor} over {span.other} {event.event} at {event.valid_us}"
                 )
