@@ -1,5 +1,6 @@
 """What is written wrong in our texts, read from the TOML files next to this module at the first error, not before."""
 
+import re
 import tomllib
 from collections.abc import Collection, Mapping
 from functools import cache
@@ -14,11 +15,21 @@ _IN_CHRONICLE: Final = ("chronicle c {{ {} }}", "chronicle c {{ event(a, t1) {} 
 
 
 class Mistake(NamedTuple):
-    """A message, what to write instead, and samples; each stops the parser as the mistake does."""
+    """A message, what to write instead, and samples; each stops the parser as the mistake does.
+
+    `rewrites` are a pattern and a replacement that make the repair from the line of the mistake, where it matches.
+    """
 
     message: str
     repair: str
     samples: tuple[str, ...]
+    rewrites: tuple[str, str] | None = None
+
+    def repaired(self, line: str) -> str:
+        """The line as it should be; an example where it is too far from that."""
+        if self.rewrites is not None and re.search(self.rewrites[0], line):
+            return re.sub(*self.rewrites, line, count=1).strip()
+        return self.repair
 
 
 class TerminalGroup(NamedTuple):
@@ -90,6 +101,7 @@ def _mistakes(data: Mapping[str, Any]) -> list[Mistake]:
                 *each.get("samples", ()),
                 *(form.format(statement) for statement in each.get("statements", ()) for form in _IN_CHRONICLE),
             ),
+            tuple(each["rewrites"]) if "rewrites" in each else None,
         )
         for each in data["mistakes"]
     ]

@@ -94,7 +94,8 @@ def _diagnose(
     if has_suggestions and (diagnosis := suggest(context)):
         return diagnosis
     if mistake := marks().get(_mark(error)):
-        return context.diagnosis(mistake.message, mistake.repair)
+        line = text[text.rfind("\n", 0, offset) + 1 :].partition("\n")[0]
+        return context.diagnosis(mistake.message, mistake.repaired(line))
     if has_suggestions and (diagnosis := suggest_constraint(context)):
         return diagnosis
     begins_line = not text[text.rfind("\n", 0, offset) + 1 : offset].strip()

@@ -33,4 +33,5 @@ def test_printing_and_reading_back_gives_the_same(file):
 def test_each_sample_mistake_teaches_its_message(mistake, sample):
     with pytest.raises(TextError) as told:
         parse_tree(sample, "chronicles")
-    assert (told.value.message, told.value.repair) == (mistake.message, mistake.repair)
+    assert told.value.message == mistake.message
+    assert told.value.repair in {mistake.repaired(line) for line in sample.splitlines()}

@@ -169,3 +169,24 @@ def test_a_time_constraint_without_parameters_that_is_used_where_its_instants_ar
     done = run(dyknow, files)
     assert done.returncode == 2
     assert "6:5: nothing happens at t3: it is only compared" in done.stderr
+
+
+def test_what_a_mistake_says_to_write_is_made_of_what_was_written_and_repairs_it(tmp_path: Path, dyknow: Run) -> None:
+    file = tmp_path / "mistaken.chr"
+    lines = [
+        "message landed[?uav]",
+        "chronicle twice[?car1] {",
+        "event(landed[?car1], t1)",
+        "event(landed(?car1), t2)",
+        "noevent(landed[?car1], t2)",
+        "t2 - t1 in [1, 5)",
+        "}",
+    ]
+    file.write_text("\n".join(lines))
+    errors = [json.loads(line) for line in dyknow("kpl", "check", str(file), "--json").stdout.splitlines()]
+    assert [error["line"] for error in errors] == [4, 5, 6]
+    for error in errors:
+        lines[error["line"] - 1] = error["repair"]
+    file.write_text("\n".join(lines))
+    done = dyknow("kpl", "check", str(file), "--json")
+    assert (done.returncode, done.stdout) == (0, "")
