@@ -153,7 +153,8 @@ class HostDesk:
             instance.offer(host.prototypes, federation_us)
             for label, prototype in host.own.items():
                 assert prototype.elsewhere is not None  # noqa: S101  (made so by `Host`)
-                instance.network.add_process(label, instance.sort(prototype.sort), prototype.elsewhere())
+                sort = next(iter(prototype.checked_sorts), None) or instance.sort(prototype.sort)
+                instance.network.add_process(label, sort, prototype.elsewhere())
         except DyknowError as wrong:
             self._withdraw(host, federation_us)
             host.out.clear()
@@ -174,7 +175,7 @@ class HostDesk:
         for prototype in host.prototypes:
             if instance.prototypes.find(prototype.name) is not None:
                 raise PrototypeExists(prototype.name)
-            check_offer(prototype, instance.symbols)
+            check_offer(prototype, instance.current_symbols())
         for label in host.own:
             if instance.network.has(label):
                 raise LabelAlreadyExists(str(label))

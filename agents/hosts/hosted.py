@@ -7,9 +7,10 @@ to the host as messages, what it makes comes back later; so its streams cannot b
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
-from dyknow import Label, Policy, Prototype, SourcePrototype, UnitPrototype
+from dyknow import Label, Policy, Prototype, Sort, SourcePrototype, UnitPrototype
 from dyknow.model.errors import ContentError, DecodeError, SortError, TooEarly
 from dyknow.model.sample import Sample
+from dyknow.model.values import Field
 from dyknow.network.computational_unit import UnitFunction
 from dyknow.network.process import Input
 from dyknow.network.processes import OnDemand
@@ -48,6 +49,12 @@ class Host:
         self.loose: dict[HostedProcess, None] = {}
         self.delivering: tuple[int, int] | None = None
         self._processes_begun = self._serial = 0
+        self._sorts = {
+            each.name: Sort(each.name, tuple(Field(*part) for part in each.fields), unit=each.unit)
+            for each in said.sorts
+        }
+        if len(self._sorts) < len(said.sorts):
+            raise DecodeError("duplicate sort")
         self.prototypes: list[Prototype] = [
             *map(self._unit, said.units), *(self._source(each) for each in said.sources if not each.label)
         ]  # fmt: skip
@@ -142,6 +149,7 @@ class Host:
             offer.cheaper,
             priority=offer.priority,
             elsewhere=elsewhere,
+            checked_sorts=self._checked(offer.sort, *offer.inputs),
         )
         return prototype
 
@@ -149,8 +157,14 @@ class Host:
         def elsewhere() -> OnDemand:
             return HostedProcess(self, prototype)
 
-        prototype = SourcePrototype(offer.name, offer.sort, label=offer.label, elsewhere=elsewhere)
+        prototype = SourcePrototype(
+            offer.name, offer.sort, label=offer.label, elsewhere=elsewhere, checked_sorts=self._checked(offer.sort)
+        )
         return prototype
+
+    def _checked(self, *names: str) -> tuple[Sort, ...]:
+        """Those of the sorts that the host has declared with units or fields."""
+        return tuple(self._sorts[name] for name in dict.fromkeys(names) if name in self._sorts)
 
 
 class HostedProcess(OnDemand):

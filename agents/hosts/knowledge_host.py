@@ -88,7 +88,14 @@ class KnowledgeHost:
             for p in self._prototypes.values()
             if isinstance(p, SourcePrototype)
         ]
-        return messages.Register(self._pid, self._module, self._train, tuple(units), tuple(sources))
+        shapes = dict.fromkeys(shape for p in self._prototypes.values() for shape in p.checked_sorts)
+        sorts = [
+            messages.SortOffer(
+                each.name, each.unit, tuple(messages.FieldOffer(part.name, part.unit) for part in each.fields)
+            )
+            for each in shapes
+        ]
+        return messages.Register(self._pid, self._module, self._train, tuple(units), tuple(sources), tuple(sorts))
 
     @property
     def is_train(self) -> bool:

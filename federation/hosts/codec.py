@@ -188,8 +188,9 @@ _UNIT: Final = record(
     messages.UnitOffer, _name, _name, many(_name, MAX_INPUTS), _flag, count, _empty_or(_name), instant
 )
 _SOURCE: Final = record(messages.SourceOffer, _name, _name, _empty_or(_LABEL))
+_SORT: Final = record(messages.SortOffer, _name, _text, many(record(messages.FieldOffer, _name, _text), MAX_INPUTS))
 _FROM_HOST: Final[dict[type[Any], Check]] = {
-    messages.Register: record(messages.Register, count, _text, _flag, many(_unit), many(_SOURCE)),
+    messages.Register: record(messages.Register, count, _text, _flag, many(_unit), many(_SOURCE), many(_SORT)),
     messages.HostOutput: record(messages.HostOutput, count, count, count, _flag, many(_output)),
     messages.HostFault: record(messages.HostFault, count, _text),
     messages.Beat: record(messages.Beat, count),

@@ -45,14 +45,33 @@ class SourceOffer(NamedTuple):
     label: str
 
 
+class FieldOffer(NamedTuple):
+    """A field of a sort, and its unit; empty: a number without one."""
+
+    name: str
+    unit: str
+
+
+class SortOffer(NamedTuple):
+    """What the values of a sort are that is declared with a unit or fields."""
+
+    name: str
+    unit: str
+    fields: tuple[FieldOffer, ...]
+
+
 class Register(NamedTuple):
-    """The first message of a host: its identity, whether it lets processes follow each other, and what it offers."""
+    """The first message of a host: its identity, whether it lets processes follow each other, and what it offers.
+
+    `sorts`: what the values are of those sorts of its prototypes that are declared with units or fields.
+    """
 
     pid: int
     module: str
     train: bool
     units: tuple[UnitOffer, ...]
     sources: tuple[SourceOffer, ...]
+    sorts: tuple[SortOffer, ...] = ()
 
 
 class HostInput(NamedTuple):

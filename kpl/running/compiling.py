@@ -113,7 +113,7 @@ class Compiler:
         match made:
             case spec.FromSource(name):
                 prototype = self._prototypes.find(name)
-                sort = self._shape(self._declared_sort(name))
+                sort = self._shape(self._declared_sort(name), prototype)
                 if isinstance(prototype, SourcePrototype) and (process := process_of(prototype)) is not None:
                     return CompiledGenerator(sort, process, unit=name)
                 if name in self.withdrawn:
@@ -129,7 +129,7 @@ class Compiler:
                     process = process_of(unit, inputs, None if policy == Policy() else self._served(policy))
                 except PolicyNotSupported as wrong:
                     raise located(made, str(wrong), f"{name}(...), and the policy where it is taken") from None
-                return CompiledGenerator(self._shape(named), process, unit=name)
+                return CompiledGenerator(self._shape(named, unit), process, unit=name)
             case spec.StateStream(terms, policy):
                 inputs = [self.input(term, members) for term in terms]
                 try:
@@ -279,8 +279,11 @@ class Compiler:
                 f"at least {print_duration(LEAST_PERIOD_US)}",
             )
 
-    def _shape(self, sort: str) -> Sort:
-        return self.symbols.shape(sort) or self._sort(sort)
+    def _shape(self, sort: str, maker: Prototype | None) -> Sort:
+        """What the values are: as it is declared, else as what makes them says."""
+        shapes = () if maker is None else maker.checked_sorts
+        made = next((each for each in shapes if each.name == sort), None)
+        return self.symbols.shape(sort) or made or self._sort(sort)
 
     def _declared_sort(self, source: str) -> str:
         declared = self.symbols.maker(source)
@@ -321,6 +324,10 @@ def too_many(declarations: int, text: str) -> TextError:
 
 def check_offer(prototype: Prototype, symbols: SymbolTable) -> None:
     """Refuse what is offered under a name that is declared with other sorts; raises SortError."""
+    for shape in prototype.checked_sorts:
+        known = symbols.shape(shape.name)
+        if known is not None and known != shape:
+            raise SortError(f"the sort {shape.name} is {known} here; {prototype.name} is offered with {shape}")
     declared = symbols.maker(prototype.name)
     match declared:
         case spec.UnitDeclaration(sort, _, inputs):

@@ -13,15 +13,17 @@ from dyknow import (
     Policy,
     Quality,
     Sample,
+    Sort,
     SourcePrototype,
     UnitPrototype,
     computational_unit,
     of_values,
     prototypes_in,
 )
-from dyknow.model.errors import ValueNotAvailable
+from dyknow.model.errors import TextErrors, ValueNotAvailable
 from dyknow.network.refinement import RefinementProcess
 from federation.hosts.messages import KEPT, WINDOW, Begin, Chain, End, HostInputs, Want
+from kpl import parse_specification
 from kpl.introspection.governor import Governor
 from kpl.introspection.graph import graph_of
 from tests.agents.hosting import Guest, Site
@@ -127,12 +129,17 @@ def test_who_connects_and_does_not_register_is_sent_away() -> None:
     assert site.desk.deadline_us is None
 
 
+PERCENT = Sort("gas", unit="percent")
+METER = UnitPrototype("meter", "gas", ("number",), lambda: of_values(abs), checked_sorts=(PERCENT,))
+
+
 @pytest.mark.parametrize(
     ("text", "offered", "why"),
     [
         ("", [TWICE, unit("taken")], "taken"),
         (TEXT, [UnitPrototype("twice", "number", ("number", "number"), lambda: of_values(max))], "declared as"),
         (TEXT, [SourcePrototype("own", "number", label="r")], "exists already"),
+        ("sort gas in ppm\n", [METER], "the sort gas is gas in ppm here; meter is offered with gas in percent"),
         ("", [SourcePrototype("one", "number", label="x"), SourcePrototype("other", "number", label="x")], ""),
     ],
 )
@@ -387,3 +394,14 @@ def test_the_graph_says_what_is_made_at_a_host_and_the_governor_leaves_it_there(
     node = next(node for node in graph_of(site.instance).nodes if node.name == "t")
     assert (node.kind, node.made_by, node.running) == ("unit", "twice at a host", True)
     assert Governor(site.instance, lambda: 0, 0)._unit("twice") is None
+
+
+def test_the_sorts_of_a_host_are_those_that_its_module_declares_and_its_values_are_checked() -> None:
+    text = (
+        "source number raw\nstrmgen raw = raw\ncompunit gas meter(number)\nstrmgen gas = meter(raw)\nstream out = gas\n"
+    )
+    site = Site(text)
+    assert site.open(METER).is_there
+    assert site.network.generator(Label("gas")).sort == PERCENT
+    with pytest.raises(TextErrors, match="the sort gas is declared already, as gas in percent"):
+        site.instance.change(parse_specification(f"{text}sort gas in ppm\n"), site.now_us)
