@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import dyknow as library
 from tests.live.command_line.command import Dyknow, lines
 
 pytestmark = pytest.mark.live
@@ -84,3 +85,30 @@ def test_a_label_of_ones_own_is_shared_by_who_means_the_same_and_refused_to_who_
     [refused] = dyknow.run("query", "gas-level", "--unit", "7", "--ontology", str(other), code=1)
     assert "other.toml:2" in str(refused)
     assert dyknow.run("query", "gas-level", "--unit", "7", "--ontology", gas)
+
+
+def test_a_program_takes_labels_from_its_file_as_a_platform_and_as_a_client(dyknow: Dyknow, tmp_path: Path) -> None:
+    other, gas = tmp_path / "other.toml", EXAMPLES / "gas.toml"
+    other.write_text(IN_PERCENT, encoding="utf-8")
+    sensor = dyknow.start(
+        "join", "--unit", "7", "--spec", str(EXAMPLES / "gas.kpl"), "--units", str(EXAMPLES / "sniffer.py"), "--json"
+    )
+    assert next(line for line in lines(sensor) if line["event"] == "specified")
+    with library.join("8", federation=dyknow.federation, ontology=gas) as platform:
+        platform.declare("import gas-level from 7 as gas[uav7] with sample every 500, max delay 1000")
+        platform.declare("stream seen = gas[uav7]")
+        name, _, value = next(iter(platform.samples))
+        assert (name, 15.0 <= value <= 65.0) == ("seen", True)
+    with library.connect(federation=dyknow.federation, ontology=gas) as fed:
+        [latest] = fed.query("gas-level", unit="7")
+        assert 15.0 <= latest.value["value"] <= 65.0
+    with library.connect(federation=dyknow.federation, ontology=other) as fed:
+        refused = fed.query("gas-level", unit="7")
+        assert not refused
+        assert "other.toml:2" in refused.missing["7"]
+    with library.join("9", federation=dyknow.federation, ontology=other) as platform:
+        platform.declare(
+            "import gas-level from 7 as gas[uav7] with sample every 500, max delay 1000\nstream seen = gas[uav7]"
+        )
+        note = next(each for each in platform.notes if "is not shared with 7" in each)
+        assert "here it is gas in percent" in note
