@@ -1,7 +1,7 @@
 """Presence of platforms: tokens and heartbeats together (neither alone is a failure detector).
 
 A transport's token is withdrawn within milliseconds of a crash, and may stay for ten seconds behind a cut; a heartbeat of our
-own at 5 Hz is never wrong for longer than 2.5 s. A platform appears with its first heartbeat, is suspected when its
+own, at 5 Hz, at 2 Hz among twenty members or more, is never wrong for longer than 2.5 s. A platform appears with its first heartbeat, is suspected when its
 token is withdrawn or after 1 s of silence, and is gone 0.5 s after that or after 2.5 s of silence, unless it returns:
 by its token, or by heartbeats that cannot all have been under way when the token was withdrawn.
 
