@@ -19,7 +19,7 @@ BATCH = 64
 _LOOK_US: Final = 500_000
 _TOLERATED, _CROWDED = 0.01, 0.10
 """Parts of the time that a thread waits for a processor: below the one nothing changes, from the other on pauses are longest."""
-_LONGEST_PAUSE_S: Final = 0.010
+_LONGEST_PAUSE_S: Final = 0.020
 _STATISTICS: Final = Path("/proc/thread-self/schedstat")
 
 

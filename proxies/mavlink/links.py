@@ -20,7 +20,7 @@ from typing import Protocol
 from dyknow.model.errors import EndpointFailed
 from proxies.mavlink.endpoints import Endpoint
 
-TICK_S = 0.02
+TICK_S = 0.05
 AGAIN_S = 1.0
 _SILENT_S = 5.0
 _DATAGRAM = 65_535

@@ -99,9 +99,9 @@ def test_a_loop_pauses_the_longer_the_more_its_thread_waits_for_a_processor(tmp_
         statistics(tmp_path / "schedstat", waited_ns)
         pauses.append(pressure.pause_s(half_second * 500_000))
     assert pauses[:11] == [0.0] * 11
-    assert 0.003 < pauses[20] < 0.005
-    assert pauses[30] == 0.010
-    assert pauses[40] < 0.001, "and no more when the machine is free again"
+    assert 0.006 < pauses[20] < 0.010
+    assert pauses[30] == 0.020
+    assert pauses[40] < 0.002, "and no more when the machine is free again"
 
 
 def test_a_loop_never_pauses_where_nothing_says_how_long_threads_wait(tmp_path: Path) -> None:

@@ -8,10 +8,10 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from federation.members.clock import FederationClock
-from sim_uavs.autopilot.server import AutopilotServer
+from sim_uavs.autopilot.server import AutopilotServer, together
 from sim_uavs.dynamics.faults import SimulatedFault
 from sim_uavs.dynamics.settings import VehicleConfig
-from tests.sim_uavs.station import HOME, decoded
+from tests.sim_uavs.station import HOME
 from tests.sim_uavs.truth import true_motion_of
 
 pytestmark = pytest.mark.live
@@ -28,9 +28,16 @@ def ear():
 def heard(ear, name):
     """The next message of a type, or a TimeoutError."""
     while True:
-        message = decoded(ear.recvfrom(2000)[0])
-        if message.get_type() == name:
-            return message
+        for message in mavlink.MAVLink(None).parse_buffer(ear.recvfrom(2000)[0]) or ():
+            if message.get_type() == name:
+                return message
+
+
+def test_what_leaves_in_one_go_is_few_datagrams_in_order() -> None:
+    one, other = ("127.0.0.1", 1), ("127.0.0.1", 2)
+    sent = [(one, b"a" * 300), (other, b"x"), (one, b"b" * 300), (one, b"c" * 900), (other, b"y")]
+    assert list(together(sent)) == [(one, b"a" * 300 + b"b" * 300), (one, b"c" * 900), (other, b"xy")]
+    assert list(together([])) == []
 
 
 def test_it_tells_its_given_peers_and_obeys_who_speaks_to_its_port(ear) -> None:
