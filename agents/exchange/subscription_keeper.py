@@ -23,7 +23,11 @@ from federation.messages.contents import Content, CreateMulticast
 
 FIRST_US = 250_000
 CHECK_US = 250_000
-AGAIN_US = 1_500_000
+AGAIN_US, AGAIN_MOST_US = 1_500_000, 6_000_000
+"""A platform is asked again after the one, and each time that nothing came of it later, at most after the other: what is late
+because there is too much to do is not made later still by more requests."""
+AT_ONCE = 8
+"""How many platforms are asked in one look."""
 SILENT_US = 1_000_000
 AGES_US = 2**62
 """How long ago what never came was heard."""
@@ -63,6 +67,7 @@ class SubscriptionKeeper(Part):
         self._imported: Needs = {}
         self._both: tuple[Needs, Needs, Needs] = ({}, {}, {})
         self._asked_us: dict[str, int] = {}
+        self._again_us: dict[str, int] = {}
         self._open: dict[str, list[str]] = {}
         self._asked_for: dict[str, AbstractSet[tuple[str, int, int]]] = {}
         self._renew: set[str] = set()
@@ -125,19 +130,27 @@ class SubscriptionKeeper(Part):
             return
         due = [unit for unit in needs if now_us >= self._look_us.get(unit, 0) or unit in self._renew]
         heard_us = importer.heard_us() if due else {}
+        asked = 0
         for unit in due:
+            if asked == AT_ONCE:
+                return
             silent_at_us = {
                 label: heard_us.get((unit, label), now_us - AGES_US) + SILENT_US + 2 * period_us
                 for label, period_us, _ in needs[unit]
             }
             self._look_us[unit] = min(silent_at_us.values()) + 1
-            if self._lacks(unit, {label for label, at_us in silent_at_us.items() if now_us > at_us}, now_us):
+            silent = {label for label, at_us in silent_at_us.items() if now_us > at_us}
+            if not silent:
+                self._again_us.pop(unit, None)
+            if self._lacks(unit, silent, now_us):
                 self._ask(unit, needs[unit], now_us)
+                asked += 1
         self._next_us = min((self._look_us[unit] for unit in needs), default=0)
 
     def _forget(self, unit: str) -> None:
         """The platform is gone, and the conversations with it: what it exported to us is asked for if it returns."""
         self._asked_us.pop(unit, None)
+        self._again_us.pop(unit, None)
         self._asked_for.pop(unit, None)
         if self._open.pop(unit, None):
             self._renew.add(unit)
@@ -145,7 +158,9 @@ class SubscriptionKeeper(Part):
     def _lacks(self, unit: str, silent: set[str], now_us: int) -> bool:
         """Whether to ask for streams again: those of labels that are silent, or all after a return or for less."""
         is_renewed = unit in self._renew
-        if not (silent or is_renewed) or now_us < self._asked_us.get(unit, -AGAIN_US) + AGAIN_US:
+        if not (silent or is_renewed):
+            return False
+        if unit in self._asked_us and now_us < self._asked_us[unit] + self._again_us.get(unit, AGAIN_US):
             return False
         if not self._directory.is_present(unit):
             return False
@@ -164,6 +179,8 @@ class SubscriptionKeeper(Part):
 
     def _ask(self, unit: str, wanted: AbstractSet[tuple[str, int, int]], now_us: int) -> None:
         """Ask for all of it; what stood ends when all of that is agreed to, so that no stream ends in between."""
+        if unit in self._asked_us:
+            self._again_us[unit] = min(2 * self._again_us.get(unit, AGAIN_US // 2), AGAIN_MOST_US)
         self._asked_us[unit], self._asked_for[unit] = now_us, set(wanted)
         self._renew.discard(unit)
         offered = self._offered(unit)

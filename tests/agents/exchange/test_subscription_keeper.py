@@ -175,3 +175,31 @@ def test_whatever_cuts_come_one_after_the_other_no_sample_is_missed(wire: Box, t
     wire.run(10.0)
     assert_nothing_lost(wire, before, lasted + 10.0)
     assert watched(wire) == alike("fresh")
+
+
+def test_who_stays_silent_is_asked_less_and_less_often_and_at_once_after_it_was_heard(wire: Box, task: str) -> None:
+    def asked(since_us: int) -> list[int]:
+        """When platform 1 asked platform 2 for streams."""
+        return [
+            crossed.at_us
+            for crossed in wire.wire.log
+            if crossed.at_us >= since_us
+            and crossed.put.key.startswith("acl/2/1/")
+            and act_of(crossed.put) == "create-multicast"
+        ]
+
+    def silence(seconds: float) -> list[int]:
+        since_us = wire.now_us
+        wire.wire.drop = lambda sender, _receiver, put: sender == "2" and put.key.startswith("x/")
+        wire.run(seconds)
+        wire.wire.drop = lambda _sender, _receiver, _put: False
+        return asked(since_us)
+
+    times = silence(30.0)
+    pauses = [later - sooner for sooner, later in zip(times, times[1:], strict=False)]
+    assert len(times) <= 8
+    assert pauses == sorted(pauses)
+    assert pauses[-1] >= 5_500_000
+    wire.run(8.0)
+    assert watched(wire) == alike("fresh")
+    assert len(silence(4.0)) == 2, "after 1.2 s, and 1.5 s later"

@@ -15,8 +15,10 @@ from federation.messages.codec import Heartbeat, decode_act, encode_act, encode_
 from federation.messages.contents import Alarm, Cancel, Content, CreateMonitor, Goto, HandOver, Hold
 from federation.messages.descriptions import Description, ServiceEntry
 from federation.security.trust import Roster, Signer
-from proxies.zenoh.configuration import ZenohOptions, zenoh_config
+from proxies.zenoh.configuration import zenoh_config
+from runtime.configuration.config import WireConfig
 from runtime.configuration.run_directory import STATE_FILE
+from runtime.configuration.session import wire_options
 from tests.live.command_line.command import Dyknow
 
 pytestmark = pytest.mark.live
@@ -31,16 +33,16 @@ class Member:
     """Unit 3 of the roster: its own session, key and certificate, and no filter of its own."""
 
     def __init__(self, directory: Path, federation: str, endpoints: list[str]) -> None:
-        security = json.loads((directory / "roster.d/3.wire.json").read_text())
-        for name in ("access_control", "low_pass_filter"):
-            security.pop(name, None)
-        options = ZenohOptions(
+        own = WireConfig(
             federation=federation,
             listen=("tls/127.0.0.1:0",),
             connect=tuple(endpoints),
             discover="none",
-            security=security,
+            security=directory / "roster.d/3.wire.json",
         )
+        options = wire_options(own)
+        for name in ("access_control", "low_pass_filter"):
+            (options.security or {}).pop(name, None)
         self.session = zenoh.open(zenoh.Config.from_json5(json.dumps(zenoh_config(options, lambda _: "127.0.0.1"))))
         self.roster = Roster.parse((directory / "roster.toml").read_text()).fingerprint
         self._signer = Signer(bytes.fromhex((directory / "roster.d/keys/3.key").read_text().strip()), federation)
