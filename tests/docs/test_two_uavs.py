@@ -69,6 +69,7 @@ def come(lines: "Queue[str]", wanted: list[str]) -> None:
             left.pop(0)
 
 
+@pytest.mark.full  # the whole page is walked in test_hour
 def test_the_two_uavs_of_the_tutorial_know_of_each_other(
     start: Start, place: Path, surroundings: dict[str, str]
 ) -> None:
