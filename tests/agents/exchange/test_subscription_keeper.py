@@ -1,5 +1,6 @@
 """What a platform's monitors live on keeps coming, or comes again: after silence, loss, cuts and deaths."""
 
+from itertools import pairwise
 from random import Random
 
 import pytest
@@ -196,7 +197,7 @@ def test_who_stays_silent_is_asked_less_and_less_often_and_at_once_after_it_was_
         return asked(since_us)
 
     times = silence(30.0)
-    pauses = [later - sooner for sooner, later in zip(times, times[1:], strict=False)]
+    pauses = [later - sooner for sooner, later in pairwise(times)]
     assert len(times) <= 8
     assert pauses == sorted(pauses)
     assert pauses[-1] >= 5_500_000
