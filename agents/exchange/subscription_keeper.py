@@ -24,10 +24,10 @@ from federation.messages.contents import Content, CreateMulticast
 FIRST_US = 250_000
 CHECK_US = 250_000
 AGAIN_US, AGAIN_MOST_US = 1_500_000, 6_000_000
-"""A platform is asked again after the one, and each time that nothing came of it later, at most after the other: what is late
-because there is too much to do is not made later still by more requests."""
+"""The pause before a platform gets the next request: it doubles while nothing comes, up to the second. What is late because
+there is too much to do is not made later still by more requests."""
 AT_ONCE = 8
-"""How many platforms are asked in one look."""
+"""How many platforms get a request in one look."""
 SILENT_US = 1_000_000
 AGES_US = 2**62
 """How long ago what never came was heard."""
