@@ -32,7 +32,7 @@ class Denied(errors.Refused):
 NOT_TAKEN = {
     P.PROXY: "an act that is passed on would have the authority of this platform, not that of its sender: ask the platforms "
     "themselves, or this one for all by (query ... scope: global)",
-    P.REQUEST_WHENEVER: "nothing is done again and again with nobody asking: declare a monitor, follow its alarms, or ask once "
+    P.REQUEST_WHENEVER: "a task is not repeated without a request for each time: declare a monitor, follow its alarms, or ask once "
     "by request-when",
     P.CFP: "platforms make no bids here: request of the one you choose; the directory says what each offers",
 }

@@ -109,7 +109,7 @@ class Checks(Part):
         """
         if content.do.head not in LATER:
             raise Refused(
-                f"({content.do.head} ...) is not done on a condition, with nobody watching: only what can be cancelled is, "
+                f"({content.do.head} ...) is not done on a condition, unattended: only what can be cancelled is, "
                 f"{', '.join(sorted(LATER))}; follow the condition (dyknow alarms --follow) and ask then",
                 "not-in-advance",
             )

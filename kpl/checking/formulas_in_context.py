@@ -65,7 +65,7 @@ class FormulaChecker(Checker):
         return node, self._sort(node, *label_of(node))
 
     def bound(self, bound: tree.Bound) -> int:
-        """What is defined may be a time; that a definition is circular is told where it is."""
+        """A definition may stand for a time. A circular definition is reported where it is declared."""
         try:
             return super().bound(self._definitions.put_in(bound))
         except TextError:

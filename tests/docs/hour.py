@@ -32,7 +32,7 @@ WORD = 5
 STROKES_A_SECOND = 40 * WORD / 60
 PATIENCE_S = 60.0
 AGAIN_S = 15.0
-"""For how long a step may be asked again, beyond the time of typing it, which nobody waits for."""
+"""How long a step may be repeated, beyond the time of typing it. The typing itself is not waited for."""
 _ANY_FENCE = re.compile(r"^```(\w*)([^\n`]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _COMMAND = re.compile(r"(dyknow|make|export|python|openssl|chmod|sed|cp|echo) ")
 LEFT_OUT = {"make test": "is what runs this", "python -m bench": "measures for minutes"}

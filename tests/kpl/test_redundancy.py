@@ -1,4 +1,4 @@
-"""Redundant producers of one stream: `first of`, from KPL to what is told of who produces now (3.2)."""
+"""Redundant producers of one stream (3.2): `first of` in KPL, failover, and the report of the active producer."""
 
 from itertools import pairwise
 

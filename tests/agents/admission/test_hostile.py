@@ -163,7 +163,7 @@ WATCHED = "monitor low = always heli-height.height_m[self] > 5"
 
 
 def test_with_a_roster_a_command_centre_alone_changes_or_restores_what_a_platform_declares(signed: Box) -> None:
-    """Else anybody could have a safety monitor forgotten; the whole text is told to no observer."""
+    """Otherwise any member could remove a safety monitor. An observer does not get the whole text."""
     assert signed.asked("cc", "0", AddDeclarations(text=WATCHED)).performatives[-1] is P.INFORM
     for by in ("1", "eye"):
         for content in (

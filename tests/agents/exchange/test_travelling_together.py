@@ -1,4 +1,4 @@
-"""Streams of one platform that the same receivers get travel in one message; nobody gets a stream that is not for it."""
+"""Streams with the same receivers are sent in one message. A stream is sent to its own receivers only."""
 
 from agents.platform import Platform
 from federation import keys
@@ -9,7 +9,7 @@ from tests.box import Box
 
 
 def put_of(wire: Box, owner: str, since: int) -> list[tuple[str, StreamedSamples]]:
-    """What an owner put on keys of streams since so many puts: the label, and what was there."""
+    """The label and the content of each message of samples that `owner` has sent since that many puts."""
     found = [(keys.parse_key(crossed.put.key), crossed.put.payload) for crossed in wire.wire.log[since:]]
     return [
         (key.label, decode_samples(data)) for key, data in found if type(key) is keys.StreamKey and key.owner == owner

@@ -89,7 +89,7 @@ def lines(process: "subprocess.Popen[str]") -> Iterator[dict[str, Any]]:
 
 
 def test_the_stack_monitors_without_containers(tmp_path: Path) -> None:
-    """Router, platforms, command centre, in the order of the stack; all of them end when they are told to."""
+    """Starts router, platforms and command centre in the order of the stack. Each ends on its signal."""
     place = checkout(tmp_path / "srv")
     with lab_of(len(STACK)) as lab:
         resolved = Path("/etc/netns") / lab.hosts[0].namespace

@@ -1,4 +1,4 @@
-"""One stream of two platforms: when the one in use is killed the other takes over, and it is told who produces."""
+"""A stream with producers on two platforms: when the active one is killed the other takes over, which is reported."""
 
 from pathlib import Path
 
@@ -30,7 +30,7 @@ def test_a_platform_that_is_killed_is_replaced_by_the_other_until_it_is_back(dyk
     assert next(line["of"] for line in receiver if line.get("stream") == "gas" and line["event"] == "sample")
 
     def until_from(producer: str) -> list[str]:
-        """The producers that are told until this one is, and its first sample has come."""
+        """The reported producers, up to this one and its first sample."""
         told = []
         for line in receiver:
             if line["event"] == "producer":
