@@ -9,7 +9,7 @@ do not touch each other, neither in the motion nor in what is measured, so each 
 and predicting in one step or in several gives the same covariance. Measurements may come out of order: the last second
 of states is kept, and a late one is fused where it belongs.
 
-The steps are written out in plain numbers: they are those of filterpy over six, within rounding, in a tenth of the time;
+The steps are written out in plain numbers: they are those of filterpy over six, within rounding, in a third of the time;
 every vehicle takes some thirty of them a second.
 """
 
