@@ -141,7 +141,7 @@ def test_chronicles_are_recognised_in_the_live_streams_of_a_platform(dyknow: Dyk
     assert {each["bindings"]["?from"] for each in waiting} == {"l1", "l2"}
     assert all(each["dies_ms"] == each["instants"]["t1"] + 401 for each in waiting)
     assert {each["partial"] for each in told if each.get("over")} == {"turns"}
-    out, _ = dyknow.raw("query", "partial[turns]", "--unit", "0")
+    out, _ = dyknow.raw("query", "partial[turns]", "--unit", "0", "--last", "4")
     assert "link[?car]:(no_link, ?to)" in " ".join(out.split())
     [graph] = dyknow.run("kpl", "graph", "--unit", "0")
     [counted] = [node["counted"] for node in graph["nodes"] if node["kind"] == "chronicles"]
