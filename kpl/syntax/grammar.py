@@ -1,13 +1,25 @@
 """The parsers of our texts: two grammars, each read once, and the limits every text passes first.
 
+To build the tables of a parser takes longer than to read most specifications: they are kept for later processes, in
+`$XDG_CACHE_HOME/dyknow-grammars` or `~/.cache/dyknow-grammars`. Reading such a file runs what is written in it (it is a
+pickle): folder and file are used only if they belong to this user, and no other may write there. Where tables cannot be
+kept, they are built each time.
+
 A hostile text can neither exhaust the stack nor the clock: length and bracket depth are looked at before parsing,
 nesting of the parse tree before anything walks it recursively.
 """
 
-from collections.abc import Mapping
+import os
+import sys
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import cache
+from hashlib import sha256
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from pathlib import Path
+from stat import S_ISDIR, S_ISREG, S_IWGRP, S_IWOTH
+from tempfile import NamedTemporaryFile
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, NamedTuple
 
 from dyknow.model.errors import TextError, file_of
 from kpl.diagnostics.languages import Mistake, language
@@ -40,17 +52,61 @@ TEXTS: Final[Mapping[str, Text]] = {
 
 @cache
 def parser(grammar: str = "kpl.lark") -> "Lark":
-    """The parser of a grammar, for all its beginnings; lark is imported here, at use."""
-    from lark import Lark
+    """The parser of a grammar, for all its beginnings, with the tables that an earlier process kept.
 
-    return Lark(
-        files("kpl.syntax").joinpath(grammar).read_text(encoding="utf-8"),
-        parser="lalr",
-        lexer="basic",
-        start=sorted({text.begin for text in TEXTS.values() if text.grammar == grammar}),
-        maybe_placeholders=False,
-        propagate_positions=True,
+    lark is imported here, at use.
+    """
+    from lark import Lark, __version__
+
+    written = files("kpl.syntax").joinpath(grammar).read_text(encoding="utf-8")
+    begins = sorted({text.begin for text in TEXTS.values() if text.grammar == grammar})
+    name = sha256("\n".join([__version__, sys.version, *begins, written]).encode()).hexdigest()
+    try:
+        file = _tables_folder() / f"{name}.tables"
+    except (OSError, RuntimeError):  # no home, or not this user's alone
+        file = None
+    with suppress(Exception):  # whatever is wrong with the file: the tables are built, and written again
+        if file is not None:
+            with _checked(file) as tables:
+                return Lark.load(tables)
+    built = Lark(
+        written, parser="lalr", lexer="basic", start=begins, maybe_placeholders=False, propagate_positions=True
     )
+    if file is not None:
+        with suppress(OSError):
+            _keep(built, file)
+    return built
+
+
+def _tables_folder() -> Path:
+    """Where tables are kept; raises OSError if it is not this user's alone, RuntimeError if there is no home."""
+    cache_home = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    folder = (cache_home if cache_home.is_absolute() else Path.home() / ".cache") / "dyknow-grammars"
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _check(os.lstat(folder), S_ISDIR)
+    return folder
+
+
+def _checked(file: Path) -> BinaryIO:
+    tables = file.open("rb")
+    try:
+        _check(os.fstat(tables.fileno()), S_ISREG)
+    except OSError:
+        tables.close()
+        raise
+    return tables
+
+
+def _check(found: os.stat_result, is_kind: Callable[[int], bool]) -> None:
+    if not is_kind(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & (S_IWGRP | S_IWOTH):
+        raise PermissionError("it may be written by others")
+
+
+def _keep(built: "Lark", file: Path) -> None:
+    """Whole or not at all: other processes may read it, or write it, now."""
+    with NamedTemporaryFile(dir=file.parent, delete=False) as tables:
+        built.save(tables)
+    Path(tables.name).replace(file)
 
 
 @cache
