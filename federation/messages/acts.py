@@ -1,5 +1,6 @@
 """Speech acts: the messages of FIPA ACL (SC00061G), with what makes them reliable on a lossy wire."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
@@ -189,14 +190,14 @@ def parse_act(text: str) -> Act:
 
 
 def _parameter(reader: ExprReader, attribute: str) -> Any:
-    refused = reader.wrong(f"this cannot be the {attribute.removesuffix('_us').replace('_', '-')} of an act")
+    begins = reader.position
     value: ExprValue = reader.value(1)
     if attribute in _AGENTS:
-        try:
-            return AgentName.parse(value) if isinstance(value, str) else _fail(refused)
-        except NameRefused:
-            raise refused from None
-    if attribute == "content":
+        with suppress(NameRefused):
+            if isinstance(value, str):
+                return AgentName.parse(value)
+        fits = False
+    elif attribute == "content":
         fits = isinstance(value, Expr)
     elif attribute in _NUMBERS:
         fits = type(value) is int
@@ -204,8 +205,6 @@ def _parameter(reader: ExprReader, attribute: str) -> Any:
         fits = isinstance(value, tuple) and all(type(seq) is int for seq in value)
     else:
         fits = isinstance(value, str)
-    return value if fits else _fail(refused)
-
-
-def _fail(error: TextError) -> Any:
-    raise error
+    if not fits:
+        raise reader.wrong(f"this cannot be the {attribute.removesuffix('_us').replace('_', '-')} of an act", at=begins)
+    return value

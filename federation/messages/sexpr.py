@@ -148,6 +148,11 @@ class ExprReader:
             return self._error(message, offset, min(len(token), 40), repair)
         return self._error(f"{message}, but the text ends", len(self._text), 1, repair)
 
+    @property
+    def position(self) -> int:
+        """The number of the token that comes next, for `wrong`."""
+        return self._next
+
     def peek(self) -> str:
         """The next token, or the empty string at the end."""
         return self._tokens[self._next][1] if self._next < len(self._tokens) else ""

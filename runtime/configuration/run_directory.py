@@ -8,9 +8,10 @@ process is known by its id together with its start time: ids are used again.
 import json
 import os
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import psutil
+if TYPE_CHECKING:
+    from psutil import Process
 
 STATE_FILE = "state.json"
 JOINED = "joined"
@@ -24,8 +25,10 @@ class Running(NamedTuple):
     pid: int
     started: float
 
-    def process(self) -> psutil.Process | None:
+    def process(self) -> "Process | None":
         """The process itself, or None if it has ended, even if its id is in use again."""
+        import psutil  # a tenth of the time of a command, which mostly has nothing to look up here
+
         try:
             found = psutil.Process(self.pid)
             alive = found.create_time() == self.started and found.status() != psutil.STATUS_ZOMBIE
@@ -36,7 +39,9 @@ class Running(NamedTuple):
 
 def this_process() -> Running:
     """The process that calls, as a supervisor of platforms."""
-    mine = psutil.Process()
+    from psutil import Process
+
+    mine = Process()
     return Running("", mine.pid, mine.create_time())
 
 

@@ -93,6 +93,16 @@ def check_name(label: str) -> None:
     Label.parse(label) if is_own_label(label) else label_name(label)
 
 
+def check_streamed(label: str) -> None:
+    """Raises WrongCall for a platform's own label, NameRefused for what is none: streams have semantic labels."""
+    if is_own_label(label):
+        raise WrongCall(
+            f"{label} is what a platform's own instance calls a stream: dyknow query {label} has its samples; to have it "
+            f"streamed, export it there under a semantic label (export NAME = {label}) and give that name."
+        )
+    label_name(label)
+
+
 def is_own_label(label: str) -> bool:
     """Whether this is how a platform's own instance calls a stream, `speed[self]`, and no semantic label."""
     return "[" in label
@@ -148,8 +158,17 @@ def check_label(client: Client, label: str, *, answered: bool) -> None:
     """Raises NothingFound, with the labels there are, if no platform answered because none has the label."""
     if is_own_label(label):
         return
-    known = sorted({name for view in client.centre.platforms() for name in view.labels})
-    if not answered and known and label not in known:
+    there = client.centre.platforms()
+    known = sorted({name for view in there for name in view.labels})
+    if answered or label in known:
+        return
+    declaring = [view.unit for view in there if view.entry is not None and label in view.entry.definitions]
+    if declaring:
+        raise NothingFound(
+            f"no platform offers {label!r}; platform {', '.join(declaring)} knows the label and exports no stream "
+            f"under it: add `export {label} = STREAM` to its specification."
+        )
+    if known:
         meant = f" Known: {', '.join(known)}." if label in client.ontology else did_you_mean(label, known)
         raise NothingFound(f"no platform offers {label!r}.{meant}")
 

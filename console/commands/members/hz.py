@@ -1,5 +1,6 @@
 """`dyknow hz`: rate, loss and latency of a label, platform by platform."""
 
+from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import Annotated, Any, NamedTuple
 
@@ -12,11 +13,13 @@ from console.options.arguments import Label, Unit
 from console.output.output import unit_json
 from console.output.shown import styled
 from dyknow.model.instants import US_PER_S, print_span
-from federation.keys import label as label_name
+from federation.messages.acts import Performative
+from federation.messages.contents import Query, Samples
+from federation.messages.dialogue import Dialogue
 from runtime.client import Client
 from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.library.jobs import SET_UP_S, request_streams
-from runtime.library.questions import check_label
+from runtime.library.questions import GRACE_S, check_label, check_streamed
 
 MAX_DELAY_S = 1.0
 UNDECLARED_US = 100_000
@@ -37,7 +40,7 @@ def hz(
     duration: Annotated[str, typer.Option("--for", metavar="TIME", help="How long to listen.")] = "3s",
 ) -> int:
     """Rate, loss and latency of a label, platform by platform, at the platform's own period; exit 1 without a sample."""
-    label_name(label)
+    check_streamed(label)
     for_s = duration_us(duration, option="--for", least_us=SHORTEST_US) / 1e6
     arrived: dict[str, list[_Arrival]] = {}
     with connected(call) as client:
@@ -49,14 +52,13 @@ def hz(
         client.centre.on_sample = take
         periods = _periods(client, label, unit)
         check_label(client, label, answered=bool(periods))
-        tasks = [
-            task
-            for name, period_us in periods.items()
-            for task in client.run(
-                request_streams(client, label, [name], (period_us or UNDECLARED_US) / US_PER_S, MAX_DELAY_S)
-            )
-            if task.results
-        ]
+        requested = {name: period_us or UNDECLARED_US for name, period_us in periods.items()}
+        tasks = _request(client, label, requested, None)
+        with call.out.waiting(f"looking for samples of {label}"):
+            first_s = 2 * max(requested.values(), default=0) / US_PER_S + GRACE_S
+            client.wait_for(lambda: all(len(arrived.get(task.unit, ())) > 1 for task in tasks), first_s)
+            off_grid = [task.unit for task in tasks if len(arrived.get(task.unit, ())) < 2]
+            tasks += _request(client, label, requested, _newest(client, label, off_grid))
         with call.out.waiting(f"listening to {label}"):
             client.wait_for(lambda: False, for_s)
         ends = [client.cancel(task.unit, task.conversation) for task in tasks if not task.over]
@@ -79,6 +81,29 @@ def _periods(client: Client, label: str, unit: str | None) -> dict[str, int | No
         if view.unit in units and view.entry is not None
         for entry in view.entry.labels
         if entry.label == label
+    }
+
+
+def _request(
+    client: Client, label: str, periods: Mapping[str, int], begin_us: Mapping[str, int] | None
+) -> list[Dialogue]:
+    """Have platforms export the stream: on the grid of the epoch, or on that of an instant for each platform."""
+    found: list[Dialogue] = []
+    for name in periods if begin_us is None else begin_us:
+        phase_us = None if begin_us is None else begin_us[name] % periods[name]
+        asked = request_streams(client, label, [name], periods[name] / US_PER_S, MAX_DELAY_S, phase_us)
+        found += [task for task in client.run(asked) if task.results]
+    return found
+
+
+def _newest(client: Client, label: str, units: Sequence[str]) -> dict[str, int]:
+    """The valid time of the newest sample on each platform that has one."""
+    asked = client.ask(units, Query(semantic_label=label), Performative.QUERY_REF, SET_UP_S)
+    return {
+        dialogue.unit: said.samples[-1].valid_us
+        for dialogue in asked
+        for said in dialogue.results
+        if isinstance(said, Samples) and said.samples
     }
 
 

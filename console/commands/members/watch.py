@@ -14,7 +14,6 @@ from console.output.shown import styled
 from dyknow.model.errors import FederationFailed, WrongCall
 from dyknow.model.instants import print_span
 from dyknow.model.values import NO_VALUE
-from federation.keys import label as label_name
 from federation.messages.acts import Performative
 from federation.messages.codec import WireSample
 from federation.messages.contents import Query, Samples
@@ -23,7 +22,7 @@ from runtime.client import Client
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us, instant_us
 from runtime.library.jobs import SET_UP_S, agreeing, request_streams
 from runtime.library.meanings import differing, meaning_to, record_of
-from runtime.library.questions import check_label
+from runtime.library.questions import check_label, check_streamed
 
 SILENT_US = 2_000_000
 """After this long, or two periods, without a sample the reason is printed."""
@@ -45,7 +44,7 @@ def watch(
     count: Count = None,
 ) -> int:
     """A federated stream under a policy, sample by sample; it ends with the command."""
-    label_name(label)
+    check_streamed(label)
     every_us = duration_us(every, option="--every", least_us=SHORTEST_US)
     delay_us = duration_us(max_delay, option="--max-delay", least_us=SHORTEST_US)
     seen = 0

@@ -18,6 +18,31 @@ sort = "gas"
 unit = "percent"
 meaning = "gas in the air around the platform"
 """
+WIND_US, WIND_PHASE_US = 200_000, 33_000
+WIND = """\
+source wind anemometer
+label local-wind : wind (north in m/s, east in m/s) "wind around the platform"
+label kept-wind : wind (north in m/s, east in m/s) "wind that is kept"
+strmgen wind[self] = anemometer
+export local-wind = wind[self]
+"""
+ANEMOMETER = f"""\
+from dyknow import source
+
+@source("wind")
+def anemometer(from_us):
+    valid_us = -(-from_us // {WIND_US}) * {WIND_US} + {WIND_PHASE_US}
+    while True:
+        yield valid_us, (1.0, 2.0)
+        valid_us += {WIND_US}
+"""
+
+
+def spec_of_wind(folder: Path) -> Path:
+    """A specification whose samples lie between the instants that others ask for, and the module of its source."""
+    (folder / "anemometer.py").write_text(ANEMOMETER, encoding="utf-8")
+    (spec := folder / "wind.kpl").write_text(WIND, encoding="utf-8")
+    return spec
 
 
 def noted(platform: "subprocess.Popen[str]", said: str) -> str:
@@ -85,6 +110,35 @@ def test_a_label_of_ones_own_is_shared_by_who_means_the_same_and_refused_to_who_
     [refused] = dyknow.run("query", "gas-level", "--unit", "7", "--ontology", str(other), code=1)
     assert "other.toml:2" in str(refused)
     assert dyknow.run("query", "gas-level", "--unit", "7", "--ontology", gas)
+
+
+def test_a_label_that_a_specification_declares_is_watched_and_measured_without_a_file(
+    dyknow: Dyknow, tmp_path: Path
+) -> None:
+    platform = dyknow.start(
+        "join",
+        "--unit",
+        "5",
+        "--spec",
+        str(spec_of_wind(tmp_path)),
+        "--units",
+        str(tmp_path / "anemometer.py"),
+        "--json",
+    )
+    assert next(line for line in lines(platform) if line["event"] == "specified")["exports"] == ["local-wind"]
+    [latest] = dyknow.run("query", "local-wind")
+    assert latest["value"] == {"north": 1.0, "east": 2.0}
+    [first, second] = dyknow.run("watch", "local-wind", "--count", "2")
+    assert [each["value"] for each in (first, second)] == [latest["value"]] * 2
+    assert first["valid_us"] % WIND_US == second["valid_us"] % WIND_US == WIND_PHASE_US
+    [rate] = dyknow.run("hz", "local-wind", "--for", "2s")
+    assert (rate["unit"], rate["rate_hz"]) == (5, 5.0), "its instants lie off the grid of the epoch"
+    for command in ("query", "watch", "hz"):
+        _, said = dyknow.raw(command, "kept-wind", code=1)
+        assert "export kept-wind = STREAM" in " ".join(said.split()), "it is declared, and not exported"
+    for command in ("watch", "hz"):
+        _, said = dyknow.raw(command, "wind[self]", code=2)
+        assert "dyknow query wind[self]" in " ".join(said.split())
 
 
 def test_a_program_takes_labels_from_its_file_as_a_platform_and_as_a_client(dyknow: Dyknow, tmp_path: Path) -> None:
