@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from agents.part import Part
+from agents.part import Timed
 
 
 class EarliestDeadline:
@@ -16,7 +16,7 @@ class EarliestDeadline:
         due_us: the earliest, as far as it is known; None when everything may have changed.
     """
 
-    def __init__(self, parts: Sequence[Part]) -> None:
+    def __init__(self, parts: Sequence[Timed]) -> None:
         self._parts = parts
         self.due_us: int | None = None
 
@@ -24,11 +24,14 @@ class EarliestDeadline:
         """Everything may have changed."""
         self.due_us = None
 
-    def hasten(self, part: Part) -> None:
-        """`part` may be due earlier than it was."""
-        due_us, known_us = part.deadline_us, self.due_us
-        if due_us is not None and known_us is not None and due_us < known_us:
-            self.due_us = due_us
+    def hasten(self, timed: Sequence[Timed]) -> None:
+        """These may be due earlier than they were."""
+        known_us = self.due_us
+        if known_us is not None:
+            for each in timed:
+                due_us = each.deadline_us
+                if due_us is not None and due_us < known_us:
+                    self.due_us = known_us = due_us
 
     def earliest_us(self, now_us: int) -> int:
         """The earliest of all, `now_us` for what is overdue.

@@ -1,7 +1,7 @@
 """A part of a platform: what it understands, which events it takes, when it is due. A new capability is a new part."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import ClassVar, Final, NamedTuple, TypeAlias
+from typing import ClassVar, Final, NamedTuple, Protocol, TypeAlias
 
 from agents.actions import Offer
 from federation.members.directory import DirectoryEvent
@@ -12,7 +12,7 @@ from reasoning import AlarmEvent
 
 
 class ClockCompared(NamedTuple):
-    """The clock of `unit` was compared with ours once more."""
+    """The clock of `unit`, compared with ours, can be relied on more, or less, than before."""
 
     unit: str
 
@@ -21,12 +21,20 @@ PeerChange: TypeAlias = DirectoryEvent | ClockCompared
 """Something about another platform: it, a service or a label came or went, or its clock was compared."""
 
 
+class Timed(Protocol):
+    """What has work at a time: a part, or something in it that has a deadline of its own."""
+
+    @property
+    def deadline_us(self) -> int | None:
+        """When it has work next, or a little earlier (node clock); 0 for at once."""
+
+
 class Part:
     """One agent, proxy or store of a platform. Every method has a default that does nothing; times are the node clock.
 
     A handler of an event takes (event, node clock) and returns what may follow from it: None when anything may (the
-    default), an empty tuple when nothing does, a tuple of parts when all that follows is that these may be due
-    earlier, or `NOT_MINE` when the event is for another part. The last three are for events that come by the
+    default), an empty tuple when nothing does but the effects emitted, a tuple of what may be due earlier when that is
+    all, or `NOT_MINE` when the event is for another part. The last three are for events that come by the
     thousand.
 
     Attributes:
@@ -87,12 +95,12 @@ class Part:
         return False
 
 
-class _NotMine(tuple[Part, ...]):
+class _NotMine(tuple[Timed, ...]):
     __slots__ = ()
 
 
-NOT_MINE: Final[Sequence[Part]] = _NotMine()
-Followed: TypeAlias = Sequence[Part] | None
+NOT_MINE: Final[Sequence[Timed]] = _NotMine()
+Followed: TypeAlias = Sequence[Timed] | None
 Handler: TypeAlias = Callable[..., Followed]
 
 

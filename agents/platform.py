@@ -122,9 +122,8 @@ class Platform:
         if followed is None:
             return self.settle()
         if not followed:
-            return []
-        for part in followed:
-            self.deadlines.hasten(part)
+            return self._effects() if self._out else []
+        self.deadlines.hasten(followed)
         return self.settle() if self.is_owing else []
 
     def on_time(self, now_us: int) -> list[Effect]:

@@ -70,8 +70,10 @@ class DirectoryAgent(Part):
     arrivals = {"hb": "on_heartbeat", "x": "on_samples"}  # noqa: RUF012  (declarations)
     takes = {  # noqa: RUF012
         LeaveRequested: "on_leave_requested",
+        Answered: "on_answered",
         AskEnded: "on_ask_ended",
-        **dict.fromkeys((TokenChanged, Answered, keys.ClockKey, keys.DescribeKey), "on_wire"),
+        keys.ClockKey: "on_clock_asked",
+        **dict.fromkeys((TokenChanged, keys.DescribeKey), "on_wire"),
         Impaired: "on_impaired",
     }
 
@@ -98,7 +100,9 @@ class DirectoryAgent(Part):
         self._missing: dict[str, int] = {}
         self._to_ask = ASKED
         self._own: Followed = (self,)
-        self._fed: Followed = (self, *fed)
+        self._clocks: Followed = (member.offsets,)
+        self._imports: Followed = (member.imports,)
+        self._fed: Followed = (member.imports, *fed)
 
     # -- our own entry -----------------------------------------------------------------------------------------
 
@@ -148,7 +152,7 @@ class DirectoryAgent(Part):
 
     def on_heartbeat(self, event: Arrived, now_us: int) -> Followed:
         follows = self._member.on_heartbeat(event, now_us)
-        return self._own if follows is None else None if follows else ()
+        return self._imports if follows is None else None if follows else ()
 
     def on_samples(self, event: Arrived, _now_us: int) -> Followed:
         """Samples were put on the key of a stream; raises DecodeError for malformed ones."""
@@ -156,13 +160,21 @@ class DirectoryAgent(Part):
             raise DecodeError("key")
         return self._fed
 
-    def on_wire(self, event: TokenChanged | Answered | Asked, now_us: int) -> Followed:
+    def on_wire(self, event: TokenChanged | Asked, now_us: int) -> Followed:
         self._member.dispatch(event, now_us)
         return None
 
+    def on_clock_asked(self, event: Asked, now_us: int) -> Followed:
+        """A peer compares its clock with ours, as each does with each all the time."""
+        self._member.dispatch(event, now_us)
+        return ()
+
+    def on_answered(self, event: Answered, now_us: int) -> Followed:
+        return None if self._member.on_answered(event, now_us) else self._clocks
+
     def on_ask_ended(self, event: AskEnded, now_us: int) -> Followed:
         self._member.dispatch(event, now_us)
-        return self._fed
+        return self._own
 
     def _on_own(self, change: PeerChange, now_us: int) -> None:
         """What is this platform's own affair: its name, its clock, its members."""

@@ -37,7 +37,7 @@ class MemberAgents(ActAgents, Protocol):
         """Something changed in the directory: pass it to `Member.follow` once its own consequences are drawn."""
 
     def on_clock(self, unit: str, now_us: int) -> None:
-        """The clock of a peer was compared with ours."""
+        """The clock of a peer, compared with ours, can be relied on more, or less, than before."""
 
 
 class Member:
@@ -144,7 +144,7 @@ class Member:
             case transport.Asked():
                 self._on_asked(event, now_us)
             case transport.Answered():
-                self._on_answered(event, now_us)
+                self.on_answered(event, now_us)
             case transport.AskEnded():
                 if not (self.offsets.on_ask_ended(event) or self.imports.on_ask_ended(event)):
                     self.directory.on_ask_ended(event)
@@ -254,12 +254,20 @@ class Member:
                 self.refused["key"] += 1
                 self._emit(transport.AnswerEnd(event.ask))
 
-    def _on_answered(self, event: transport.Answered, now_us: int) -> None:
-        unit = self.offsets.on_answered(event)
-        if unit is not None:
-            self._agents.on_clock(unit, now_us)
-        elif not self.imports.on_answered(event) and not self._learns_clock(event):
+    def on_answered(self, event: transport.Answered, now_us: int) -> bool:
+        """An answer to a question of ours; whether anything may follow but another question to the same clock.
+
+        Raises:
+            DecodeError: it is malformed.
+        """
+        compared = self.offsets.on_answered(event)
+        if compared is not None:
+            if compared.is_news:
+                self._agents.on_clock(compared.unit, now_us)
+            return compared.is_news
+        if not self.imports.on_answered(event) and not self._learns_clock(event):
             self.take(self.directory.on_answered(event), now_us)
+        return True
 
     def _learns_clock(self, event: transport.Answered | transport.Arrived) -> bool:
         """Adopt the clock that the first platform describes; whether ours was another, and the directory begins again."""

@@ -1,6 +1,7 @@
 """Asks every peer what its clock says, and answers the same question of others."""
 
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 from dyknow.model.errors import DecodeError
 from federation import keys
@@ -12,6 +13,13 @@ from federation.transport import Answer, Answered, AnswerEnd, Ask, Asked, AskEnd
 ABSENT = 512
 SETTLE_US = 100_000
 """How long a peer is met before its clock is asked for: the rush of meeting would spoil what is measured."""
+
+
+class Compared(NamedTuple):
+    """The clock of `unit` was compared with ours; `is_news`: it stands otherwise than before."""
+
+    unit: str
+    is_news: bool
 
 
 class ClockOffsets:
@@ -77,8 +85,8 @@ class ClockOffsets:
         pong = Pong(self.boot, ping.sent_us, asked.at_us, max(asked.at_us, now_us))
         return [Answer(asked.ask, asked.key, encode_pong(pong)), AnswerEnd(asked.ask)]
 
-    def on_answered(self, answered: Answered) -> str | None:
-        """An answer; whose it is, or None if the question is none of ours."""
+    def on_answered(self, answered: Answered) -> Compared | None:
+        """An answer; what came of it, or None if the question is none of ours."""
         unit, sent_us = self._asked.pop(answered.question, ("", 0))
         estimator = self._estimators.get(unit)
         if estimator is None:
@@ -87,13 +95,14 @@ class ClockOffsets:
             pong = decode_pong(answered.payload)
         except DecodeError:
             self.refused += 1
-            return unit
+            return Compared(unit, is_news=False)
         if pong.sent_us != sent_us:
             self.refused += 1
-            return unit
+            return Compared(unit, is_news=False)
+        before = estimator.standing
         estimator.on_stamps(pong.boot, sent_us, pong.received_us, pong.answered_us, answered.at_us)
         self._due.set(unit, estimator.deadline_us)
-        return unit
+        return Compared(unit, estimator.standing is not before)
 
     def on_ask_ended(self, ended: AskEnded) -> bool:
         """No answer will come; False if the question is none of ours, or was answered."""
