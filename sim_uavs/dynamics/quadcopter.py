@@ -12,6 +12,7 @@ from numpy.random import Generator
 
 GRAVITY_M_S2 = 9.80665
 _IDLE_W = 8.0  # avionics, motors off
+_new = tuple.__new__  # makes a NamedTuple in half the time; a step makes a dozen vectors
 
 
 class Vector(NamedTuple):
@@ -22,12 +23,12 @@ class Vector(NamedTuple):
     down: float
 
     def plus(self, other: "Vector", factor: float = 1.0) -> "Vector":
-        return Vector(
-            self.north + factor * other.north, self.east + factor * other.east, self.down + factor * other.down
-        )
+        (north, east, down), (to_north, to_east, to_down) = self, other
+        return _new(Vector, (north + factor * to_north, east + factor * to_east, down + factor * to_down))
 
     def minus(self, other: "Vector") -> "Vector":
-        return Vector(self.north - other.north, self.east - other.east, self.down - other.down)
+        (north, east, down), (from_north, from_east, from_down) = self, other
+        return _new(Vector, (north - from_north, east - from_east, down - from_down))
 
     @property
     def horizontal(self) -> float:
@@ -124,23 +125,17 @@ def step(
     is compensated as far as thrust allows.
     """
     if not motors and body.on_ground:
-        return _drained(body._replace(velocity=ZERO, acceleration=ZERO, yaw_rate_rad_s=0.0), ZERO, dt_s, limits, motors)
+        charge, power_w = _drained(body.charge, ZERO, ZERO, dt_s, limits, motors)
+        return Body(body.position, ZERO, ZERO, body.yaw_rad, 0.0, charge, power_w)
     velocity = _next_velocity(body.velocity, demand, wind, dt_s, limits, motors)
     position = body.position.plus(velocity, dt_s)
     if position.down >= 0.0:
         position, velocity = Vector(position.north, position.east, 0.0), ZERO
     turn = _turn(wrapped(yaw_rad - body.yaw_rad), limits.yaw_rate_rad_s * dt_s) if motors else 0.0
     north, east, down = velocity.minus(body.velocity)
-    moved = Body(
-        position,
-        velocity,
-        Vector(north / dt_s, east / dt_s, down / dt_s),
-        wrapped(body.yaw_rad + turn),
-        turn / dt_s,
-        body.charge,
-        body.power_w,
-    )
-    return _drained(moved, velocity.minus(wind), dt_s, limits, motors)
+    charge, power_w = _drained(body.charge, velocity, velocity.minus(wind), dt_s, limits, motors)
+    acceleration = _new(Vector, (north / dt_s, east / dt_s, down / dt_s))
+    return Body(position, velocity, acceleration, wrapped(body.yaw_rad + turn), turn / dt_s, charge, power_w)
 
 
 def _next_velocity(
@@ -148,12 +143,14 @@ def _next_velocity(
 ) -> Vector:
     north, east, down = wind.minus(velocity)
     drag_per_s = limits.drag_per_s
-    drag = Vector(drag_per_s * north, drag_per_s * east, drag_per_s * down)
+    drag = _new(Vector, (drag_per_s * north, drag_per_s * east, drag_per_s * down))
     if not motors:
         return velocity.plus(drag.plus(Vector(0.0, 0.0, GRAVITY_M_S2)), dt_s)
     north, east, down = _within_speed(demand, limits).minus(velocity)
     response_s = max(limits.response_s, dt_s)
-    wanted = Vector(north / response_s - drag.north, east / response_s - drag.east, down / response_s - drag.down)
+    wanted = _new(
+        Vector, (north / response_s - drag.north, east / response_s - drag.east, down / response_s - drag.down)
+    )
     thrust = _within_acceleration(wanted, limits)
     return _within_speed(velocity.plus(_within_acceleration(thrust.plus(drag), limits), dt_s), limits)
 
@@ -161,14 +158,14 @@ def _next_velocity(
 def _within_speed(velocity: Vector, limits: AirframeLimits) -> Vector:
     north, east, down = velocity
     scale = _shortened(hypot(north, east), limits.speed_m_s)
-    return Vector(north * scale, east * scale, min(limits.descent_m_s, max(-limits.climb_m_s, down)))
+    return _new(Vector, (north * scale, east * scale, min(limits.descent_m_s, max(-limits.climb_m_s, down))))
 
 
 def _within_acceleration(wanted: Vector, limits: AirframeLimits) -> Vector:
     north, east, down = wanted
     scale = _shortened(hypot(north, east), limits.acceleration_m_s2)
     most = limits.vertical_acceleration_m_s2
-    return Vector(north * scale, east * scale, min(most, max(-most, down)))
+    return _new(Vector, (north * scale, east * scale, min(most, max(-most, down))))
 
 
 def _shortened(length: float, most: float) -> float:
@@ -176,15 +173,19 @@ def _shortened(length: float, most: float) -> float:
     return min(1.0, most / length) if length > 0 else 1.0
 
 
-def _drained(body: Body, airspeed: Vector, dt_s: float, limits: AirframeLimits, motors: bool) -> Body:
-    """Power: hovering, plus a third of it at full speed through the air, plus what lifting the mass takes."""
+def _drained(
+    charge: float, velocity: Vector, airspeed: Vector, dt_s: float, limits: AirframeLimits, motors: bool
+) -> tuple[float, float]:
+    """The charge that is left, and the power in W: hovering, plus a third of it at full speed through the air, plus
+    what lifting the mass takes.
+    """
     power_w = _IDLE_W
     if motors:
         fast = airspeed.horizontal / limits.speed_m_s
-        lift_w = limits.mass_kg * GRAVITY_M_S2 * max(0.0, -body.velocity.down)
+        lift_w = limits.mass_kg * GRAVITY_M_S2 * max(0.0, -velocity.down)
         power_w += limits.hover_w * (1.0 + fast * fast / 3.0) + lift_w
     used = power_w * dt_s / 3600.0 / limits.capacity_wh
-    return body._replace(charge=max(0.0, body.charge - used), power_w=power_w)
+    return max(0.0, charge - used), power_w
 
 
 def _turn(error_rad: float, most_rad: float) -> float:
