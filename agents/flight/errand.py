@@ -97,7 +97,7 @@ class Errand:
     @property
     def is_over(self) -> bool:
         """Whether nothing more can come of it."""
-        return self.progress in {_P.REFUSED, _P.OVERTAKEN}
+        return self.progress is _P.REFUSED or self.progress is _P.OVERTAKEN
 
     @property
     def is_taken(self) -> bool:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from agents.flight.errand import Errand, OrderProgress
 from agents.flight.places import Bounds, Fix, FlightLimits, FlightPlan, between
 from agents.flight.rules import HEARD_WITHIN_US, in_words, unguided, unready
-from dyknow import Sample
+from dyknow import Sample, earlier
 from dyknow.model.errors import Refused
 from navigation import vehicle
 
@@ -209,8 +209,8 @@ class Pilot:
     @property
     def deadline_us(self) -> int | None:
         """When time alone changes something."""
-        due = [errand.deadline_us for errand in (self.errand, self.diversion) if errand is not None]
-        return min((each for each in due if each is not None), default=None)
+        due_us = None if self.errand is None else self.errand.deadline_us
+        return due_us if self.diversion is None else earlier(due_us, self.diversion.deadline_us)
 
     # -- the plan ----------------------------------------------------------------------------------------------
 

@@ -84,13 +84,15 @@ class HostDesk:
     @property
     def deadline_us(self) -> int | None:
         """When `on_time` has work next (node clock)."""
+        if not self._heard_us:
+            return None
         dues = [due_us for each in self._heard_us.items() if (due_us := self._due_us(*each)) is not None]
         return min(dues, default=None)
 
     @property
     def is_owing(self) -> bool:
         """Whether `flush` has something."""
-        return bool(self._out) or any(host.is_owing for host in self._hosts.values())
+        return bool(self._out) or (bool(self._hosts) and any(host.is_owing for host in self._hosts.values()))
 
     def flush(self) -> list[HostEffect]:
         """What is to be done now: call it at the end of a step, so that samples of one step travel together."""

@@ -42,6 +42,7 @@ class Questions:
     def __init__(self, agenda: Agenda, send: Send) -> None:
         self._agenda, self._send = agenda, send
         self._queryables = DeclaredRoutes()
+        self._recipients: dict[str, tuple[Session, ...]] = {}  # by key, until a queryable comes or goes
         self._asks = 0
         self._asked: dict[int, AskOf] = {}
         self._open: dict[tuple[int, int], WorldQuestion] = {}
@@ -55,7 +56,10 @@ class Questions:
     def ask(self, asker: Session, effect: Ask) -> None:
         """Ask every session whose queryable matches; those out of reach keep the requester waiting."""
         question = self._open[asker.number, effect.question] = WorldQuestion(asker, effect.question)
-        for session in self._queryables.matching(effect.key):
+        recipients = self._recipients.get(effect.key)
+        if recipients is None:
+            recipients = self._recipients[effect.key] = tuple(self._queryables.matching(effect.key))
+        for session in recipients:
             transport = asker.transports.get(session.number)
             if transport is not None and transport.up:
                 self._asks += 1
@@ -71,11 +75,13 @@ class Questions:
         """From now on `session` gets questions that match."""
         session.queryables.setdefault(key_expr)
         self._queryables.add(session, key_expr)
+        self._recipients.clear()
 
     def open(self, session: Session) -> None:
         """A session is there that has declared already what the one before it did."""
         for key_expr in session.queryables:
             self._queryables.add(session, key_expr)
+        self._recipients.clear()
 
     def answer(self, by: Session, effect: Answer) -> None:
         asked = self._asked.get(effect.ask)
@@ -119,6 +125,7 @@ class Questions:
         """Forget a closed session as requester and as recipient."""
         for key_expr in asker.queryables:
             self._queryables.discard(asker, key_expr)
+        self._recipients.clear()
         for question in self.of(asker):
             for ask in question.open:
                 self._asked.pop(ask, None)
