@@ -7,7 +7,7 @@ from functools import partial
 from typing import TypeAlias
 
 from agents.part import Part, PeerChange
-from dyknow import SURE, Label, Network, Policy, PolicyAdapter, Quality, Sample, Value
+from dyknow import Label, Network, Policy, PolicyAdapter, Quality, Sample, Value
 from dyknow.model.errors import SortError
 from federation.members.clock import FederationClock, Offset, Standing
 from federation.members.imports import ImportName, Imports
@@ -173,15 +173,17 @@ class ImportProxy(Part):
             self._network.generator(local).push,
         )
 
+        is_same = to_local.is_same
+
         def add(valid_us: int, value: Value, now_us: int, quality: Quality) -> None:
             try:
                 check(value)
             except SortError:
                 self.refused["sort"] += 1
                 return
-            if quality is not SURE:
-                quality = to_local.quality(quality)
-            push(valid_us, to_local(value), now_us, quality)
+            if not is_same:
+                value, quality = to_local(value), to_local.quality(quality)
+            push(valid_us, value, now_us, quality)
 
         self._sinks[sender, semantic_label] = add
         return add

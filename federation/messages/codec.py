@@ -32,6 +32,7 @@ Signature: TypeAlias = bytes
 """Ed25519 over the body of an act, 64 bytes."""
 
 _IDENTIFIER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,95}")
+_quality = lru_cache(maxsize=256)(Quality)
 
 
 class StreamSample(NamedTuple):
@@ -58,8 +59,8 @@ class QualifiedSample(NamedTuple):
 
     @property
     def quality(self) -> Quality:
-        """As the local instance has it."""
-        return Quality(self.certainty, self.covariance)
+        """As the local instance has it; one for all receivers in a process, since each keeps it."""
+        return _quality(self.certainty, self.covariance)
 
 
 WireSample: TypeAlias = StreamSample | QualifiedSample
