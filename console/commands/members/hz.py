@@ -59,6 +59,7 @@ def hz(
             client.wait_for(lambda: all(len(arrived.get(task.unit, ())) > 1 for task in tasks), first_s)
             off_grid = [task.unit for task in tasks if len(arrived.get(task.unit, ())) < 2]
             tasks += _request(client, label, requested, _newest(client, label, off_grid))
+        arrived.clear()
         with call.out.waiting(f"listening to {label}"):
             client.wait_for(lambda: False, for_s)
         ends = [client.cancel(task.unit, task.conversation) for task in tasks if not task.over]
