@@ -33,6 +33,9 @@ _LEAD_PER_UNIT_US = 200_000
 class FleetStart:
     """Events of platforms that start: which joined, which found all others, and their notes, each once.
 
+    Attributes:
+        notes: which platforms noted it, by text.
+
     Args:
         units: the platforms that start.
         present: those that run already.
@@ -44,7 +47,7 @@ class FleetStart:
         self.joined_us: dict[str, int] = {}
         self.labels: dict[str, list[str]] = {}
         self.complete_us: dict[str, int] = {}
-        self.notes: list[str] = []
+        self.notes: dict[str, list[str]] = {}
 
     def on_heard(self, unit: str, said: dict[str, Any]) -> None:
         if said.get("event") == "joined":
@@ -54,8 +57,8 @@ class FleetStart:
             found = {str(name) for name in said["units"]} | {unit}
             if found >= self._all:
                 self.complete_us.setdefault(unit, int(said["at_us"]))
-        elif said.get("event") == "note" and (text := str(said["text"])) not in self.notes:
-            self.notes.append(text)
+        elif said.get("event") == "note" and unit not in (noting := self.notes.setdefault(str(said["text"]), [])):
+            noting.append(unit)
 
     def all_joined(self) -> bool:
         return self.joined_us.keys() >= self.units
@@ -221,10 +224,10 @@ def _say_ready(call: Call, fleet: Fleet, gathering: FleetStart, present: list[st
 
 
 def tell_notes(call: Call, gathering: FleetStart) -> None:
-    """Print the notes of platforms that have started, such as that the federation is open."""
-    if not call.out.json_lines:
-        for text in gathering.notes:
-            call.out.note(text, style="dim")
+    """Print the notes of platforms that have started, and whose they are, such as that the federation is open."""
+    for text, units in gathering.notes.items() if not call.out.json_lines else ():
+        names = f"platform{'' if len(units) == 1 else 's'} {', '.join(sorted(units, key=unit_order))}: "
+        call.out.note(f"{names if len(gathering.units) > 1 else ''}{text}", style="dim")
 
 
 def _stay(call: Call, fleet: Fleet) -> int:

@@ -29,11 +29,19 @@ def gathering() -> FleetStart:
     return found
 
 
-def test_what_all_of_them_note_is_told_once(gathering: FleetStart, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_note_is_told_once_with_those_whose_it_is(gathering: FleetStart, capsys: pytest.CaptureFixture[str]) -> None:
     assert gathering.all_found()
+    gathering.on_heard("1", {"event": "note", "unit": "1", "text": "position ok", "at_us": 4})
     tell_notes(Call(Settings(federation="test"), Output(json_lines=False)), gathering)
     caught = capsys.readouterr()
-    assert (caught.out, caught.err) == ("", f"{OPEN}\n")
+    assert (caught.out, caught.err) == ("", f"platforms 0, 1: {OPEN}\nplatform 1: position ok\n")
+
+
+def test_the_notes_of_one_that_starts_alone_need_no_name(capsys: pytest.CaptureFixture[str]) -> None:
+    alone = FleetStart(["7"])
+    alone.on_heard("7", {"event": "note", "unit": "7", "text": OPEN, "at_us": 1})
+    tell_notes(Call(Settings(federation="test"), Output(json_lines=False)), alone)
+    assert capsys.readouterr().err == f"{OPEN}\n"
 
 
 def test_json_lines_hold_no_notes(gathering: FleetStart, capsys: pytest.CaptureFixture[str]) -> None:
