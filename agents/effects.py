@@ -44,6 +44,13 @@ class Fed(NamedTuple):
     quality: Quality = SURE
 
 
+class FedTogether(NamedTuple):
+    """What several sources have at one instant: it becomes available at once, as one element of every join (4.3.16)."""
+
+    at_us: int
+    samples: tuple[Fed, ...]
+
+
 class Waited(NamedTuple):
     """How long this process has waited for something to do, all in all; for the governor, if there is one."""
 
@@ -90,7 +97,9 @@ class Impaired(NamedTuple):
 
 
 HostEvent: TypeAlias = HostCame | HostSaid | HostLeft
-Event: TypeAlias = WireEvent | Reported | LeaveRequested | Specify | Fed | Waited | Computed | Impaired | HostEvent
+Event: TypeAlias = (
+    WireEvent | Reported | LeaveRequested | Specify | Fed | FedTogether | Waited | Computed | Impaired | HostEvent
+)
 
 
 class Compute(NamedTuple):

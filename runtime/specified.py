@@ -5,9 +5,11 @@ Threads read; the node thread is given text that was read before, and samples wh
 
 import threading
 from collections.abc import Callable
+from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 
-from agents.effects import Fed, Specify
+from agents.effects import Fed, FedTogether, Specify
 from agents.specification.specification_part import read
 from dyknow.model.errors import DyknowError, SourceText, SpecificationFailed
 from dyknow.model.instants import US_PER_S
@@ -21,7 +23,8 @@ LOOK_S = 0.5
 class Specified:
     """Posts the specification now and whenever its file changes, and the samples of a feed at their times.
 
-    The feed begins at the next full second of federation time, so that its samples lie on the grids that others ask for.
+    Samples that become available at one time, as those of one line, are one event. The feed begins at the next full
+    second of federation time, so that its samples lie on the grids that others ask for.
 
     Args:
         post: takes events for the node.
@@ -36,7 +39,7 @@ class Specified:
         self,
         path: Path,
         feed: Path | None,
-        post: Callable[[Specify | Fed], None],
+        post: Callable[[Specify | FedTogether], None],
         note: Callable[[str], None],
         now_us: Callable[[], int],
         federation_us: Callable[[int], int],
@@ -89,11 +92,13 @@ class Specified:
 
     def _feed(self) -> None:
         begins_us = -(-self._federation_us(self._now_us()) // US_PER_S) * US_PER_S
-        for sample in self._samples:
-            while (left_us := begins_us + sample.at_us - self._federation_us(self._now_us())) > 0:
+        for at_us, together in groupby(self._samples, attrgetter("at_us")):
+            while (left_us := begins_us + at_us - self._federation_us(self._now_us())) > 0:
                 if self._over.wait(left_us / 1e6):
                     return
-            self._post(Fed(self._now_us(), sample.source, begins_us + sample.valid_us, sample.value))
+            now_us = self._now_us()
+            samples = [Fed(now_us, each.source, begins_us + each.valid_us, each.value) for each in together]
+            self._post(FedTogether(now_us, tuple(samples)))
 
 
 def _samples(feed: Path | None) -> list[FedSample]:

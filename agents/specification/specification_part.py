@@ -10,7 +10,7 @@ from functools import lru_cache, partial
 from typing import Any, Final
 
 from agents.config import PlatformConfig
-from agents.effects import Effect, Fed, HostCame, HostEvent, HostLeft, HostSaid, Specify, Tell, Waited
+from agents.effects import Effect, Fed, FedTogether, HostCame, HostEvent, HostLeft, HostSaid, Specify, Tell, Waited
 from agents.exchange.import_proxy import ImportProxy
 from agents.exchange.label_agreements import LabelAgreements, Restriction
 from agents.exchange.local_instance import LocalInstance
@@ -88,7 +88,7 @@ class SpecificationPart(Part):
     """
 
     takes = {  # noqa: RUF012  (a declaration)
-        Specify: "on_specify", Fed: "on_fed", Waited: "on_waited",
+        Specify: "on_specify", Fed: "on_fed", FedTogether: "on_fed_together", Waited: "on_waited",
         HostCame: "on_host", HostSaid: "on_host", HostLeft: "on_host",
     }  # fmt: skip
 
@@ -147,6 +147,12 @@ class SpecificationPart(Part):
         """A source that is fed from outside has a sample. Node clock."""
         now_us = self._clock.federation_us(now_us)
         self.instance.push(event.source, event.valid_us, event.value, now_us, event.quality)
+
+    def on_fed_together(self, event: FedTogether, now_us: int) -> None:
+        """Sources that are fed from outside have samples of one instant. Node clock."""
+        with self.instance.network.instant.whole():
+            for each in event.samples:
+                self.on_fed(each, now_us)
 
     def _specify(self, given: Specify, now_us: int) -> None:
         """Become this specification; if it is wrong, report that and keep the previous one. Federation time."""

@@ -20,7 +20,18 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 
-from agents.effects import Computed, Event, Fed, HostEvent, Impaired, LeaveRequested, Reported, Specify, Waited
+from agents.effects import (
+    Computed,
+    Event,
+    Fed,
+    FedTogether,
+    HostEvent,
+    Impaired,
+    LeaveRequested,
+    Reported,
+    Specify,
+    Waited,
+)
 from dyknow import NO_VALUE, Quality, Sample
 from dyknow.model.errors import DecodeError
 from dyknow.network.process import Outcome
@@ -44,6 +55,7 @@ _KINDS: dict[str, type[Any]] = {
         LeaveRequested,
         Specify,
         Fed,
+        FedTogether,
         Waited,
         Impaired,
         Computed,
