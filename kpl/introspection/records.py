@@ -6,10 +6,14 @@ from typing import Any
 
 from dyknow import Label, Sample, as_json
 from dyknow.states.synchronization import Origin
+from kpl.syntax.printing import print_formula
 from reasoning import AlarmEvent
+from reasoning.progression.explaining import Explanation
 
 TOLD = 3
 """Faults of one stream that are reported."""
+MOST_REASONS = 3
+"""Parts of a formula that an alarm names."""
 _NONE: Mapping[str, Origin] = {}
 
 
@@ -44,7 +48,7 @@ def producer_record(label: Label, producer: Label | None, since_us: int) -> dict
 
 
 def alarm_record(event: AlarmEvent) -> dict[str, Any]:
-    """An alarm that opened or closed."""
+    """An alarm that opened, with the reasons, or that closed or ended."""
     return {
         "event": f"alarm-{event.event}",
         "monitor": event.monitor,
@@ -54,6 +58,20 @@ def alarm_record(event: AlarmEvent) -> dict[str, Any]:
         "detected_us": event.detected_us,
         "values": {label: as_json(value) for label, value in event.values.items()},
         "samples": dict(event.samples_us),
+        "because": [_reason(each) for each in event.because[:MOST_REASONS]],
+    }
+
+
+def _reason(found: Explanation) -> dict[str, Any]:
+    """A part of the formula that the deciding state settled, by its samples; `in` which temporal part needed it."""
+    return {
+        "part": print_formula(found.part),
+        "holds": found.holds,
+        "samples": {label: as_json(value) for label, value in found.samples.items()},
+        "members": dict(found.binding),
+        "in": None if found.obligation is None else print_formula(found.obligation),
+        "since_us": found.since_us,
+        "until_us": found.until_us,
     }
 
 

@@ -168,7 +168,18 @@ def alarm_json(alarm: Alarm) -> dict[str, Any]:
 
 def because_json(reasons: Iterable[Because]) -> list[dict[str, Any]]:
     """The reasons of an alarm as a JSON line has them."""
-    return [{"part": each.part, "holds": each.holds, "samples": _known(each.samples)} for each in reasons]
+    return [
+        {
+            "part": each.part,
+            "holds": each.holds,
+            "samples": _known(each.samples),
+            "members": _known(each.members),
+            "in": each.within,
+            "since_us": each.since_us,
+            "until_us": each.until_us,
+        }
+        for each in reasons
+    ]
 
 
 def _tell_change(call: Call, change: MonitorChange | PlatformChange) -> None:
