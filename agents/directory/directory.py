@@ -72,8 +72,8 @@ class DirectoryAgent(Part):
         LeaveRequested: "on_leave_requested",
         Answered: "on_answered",
         AskEnded: "on_ask_ended",
-        keys.ClockKey: "on_clock_asked",
-        **dict.fromkeys((TokenChanged, keys.DescribeKey), "on_wire"),
+        **dict.fromkeys((keys.ClockKey, keys.DescribeKey), "on_asked"),
+        TokenChanged: "on_token",
         Impaired: "on_impaired",
     }
 
@@ -160,12 +160,12 @@ class DirectoryAgent(Part):
             raise DecodeError("key")
         return self._fed
 
-    def on_wire(self, event: TokenChanged | Asked, now_us: int) -> Followed:
+    def on_token(self, event: TokenChanged, now_us: int) -> Followed:
         self._member.dispatch(event, now_us)
         return None
 
-    def on_clock_asked(self, event: Asked, now_us: int) -> Followed:
-        """A peer compares its clock with ours, as each does with each all the time."""
+    def on_asked(self, event: Asked, now_us: int) -> Followed:
+        """A peer compares its clock with ours, or what it knows of us, as each does with each all the time."""
         self._member.dispatch(event, now_us)
         return ()
 

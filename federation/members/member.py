@@ -255,7 +255,7 @@ class Member:
                 self._emit(transport.AnswerEnd(event.ask))
 
     def on_answered(self, event: transport.Answered, now_us: int) -> bool:
-        """An answer to a question of ours; whether anything may follow but another question to the same clock.
+        """An answer to a question of ours; whether anything may follow but another question to the same peer.
 
         Raises:
             DecodeError: it is malformed.
@@ -265,9 +265,11 @@ class Member:
             if compared.is_news:
                 self._agents.on_clock(compared.unit, now_us)
             return compared.is_news
-        if not self.imports.on_answered(event) and not self._learns_clock(event):
-            self.take(self.directory.on_answered(event), now_us)
-        return True
+        if self.imports.on_answered(event) or self._learns_clock(event):
+            return True
+        outcome = self.directory.on_answered(event)
+        self.take(outcome, now_us)
+        return bool(outcome)
 
     def _learns_clock(self, event: transport.Answered | transport.Arrived) -> bool:
         """Adopt the clock that the first platform describes; whether ours was another, and the directory begins again."""
