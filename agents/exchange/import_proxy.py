@@ -7,14 +7,14 @@ from functools import partial
 from typing import TypeAlias
 
 from agents.part import Part, PeerChange
-from dyknow import Label, Network, Policy, PolicyAdapter, Quality, Sample, Value
+from dyknow import Generator, Label, Network, Policy, PolicyAdapter, Quality, Sample, Sort, Value
 from dyknow.model.errors import SortError
 from federation.members.clock import FederationClock, Offset, Standing
 from federation.members.imports import ImportName, Imports
 from federation.members.offers import DefinitionsChanged
 from federation.messages.codec import WireSample
 from federation.sharing.ontology import Ontology
-from federation.sharing.translation import Convert, Translation
+from federation.sharing.translation import Convert, LabelConversion, Translation
 from federation.transport import WireEffect
 
 MAX_STREAMS = 4096
@@ -167,23 +167,26 @@ class ImportProxy(Part):
         if known is not None:
             return known
         local, _ = self._declare(semantic_label, sender)
-        check, to_local, push = (
-            self._ontology[semantic_label].sort.check,
-            self._translation.to_local(semantic_label),
-            self._network.generator(local).push,
-        )
-
-        is_same = to_local.is_same
-
-        def add(valid_us: int, value: Value, now_us: int, quality: Quality) -> None:
-            try:
-                check(value)
-            except SortError:
-                self.refused["sort"] += 1
-                return
-            if not is_same:
-                value, quality = to_local(value), to_local.quality(quality)
-            push(valid_us, value, now_us, quality)
-
+        sort, to_local = self._ontology[semantic_label].sort, self._translation.to_local(semantic_label)
+        add = partial(self._add, sort, to_local, self._network.generator(local))
         self._sinks[sender, semantic_label] = add
         return add
+
+    def _add(
+        self,
+        sort: Sort,
+        to_local: LabelConversion,
+        generator: Generator,
+        valid_us: int,
+        value: Value,
+        now_us: int,
+        quality: Quality,
+    ) -> None:
+        try:
+            sort.check(value)
+        except SortError:
+            self.refused["sort"] += 1
+            return
+        if not to_local.is_same:
+            value, quality = to_local(value), to_local.quality(quality)
+        generator.push(valid_us, value, now_us, quality)

@@ -8,6 +8,7 @@ all of them is synchronised once. Federation time.
 from collections.abc import Callable, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TypeAlias
 
 from agents.monitoring.monitor_plans import MonitorPlan, StateMaker
@@ -301,14 +302,19 @@ class UnitMonitors:
         return feed
 
     def _feed(self, named: NamedMonitor, states: SharedSynchronizer[str], strand: Strand[str], index: int) -> Feed:
-        on_own, take = states.on_own, self._take
+        return partial(self._on_own, named, states, strand, index)
 
-        def feed(sample: Sample) -> None:
-            found = on_own(strand, index, sample, sample.available_us)
-            if found:
-                take(named, found, sample.available_us)
-
-        return feed
+    def _on_own(
+        self,
+        named: NamedMonitor,
+        states: SharedSynchronizer[str],
+        strand: Strand[str],
+        index: int,
+        sample: Sample,
+    ) -> None:
+        found = states.on_own(strand, index, sample, sample.available_us)
+        if found:
+            self._take(named, found, sample.available_us)
 
     def _tap(self, unit: str, label: str, plan: MonitorPlan, feed: Feed) -> tuple[Tap, Feed]:
         policy = Policy(change="sample", sample_us=plan.period_us, from_us=0, max_delay_us=plan.max_delay_us)

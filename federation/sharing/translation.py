@@ -103,6 +103,9 @@ class LabelConversion:
         )
 
 
+_SAME = LabelConversion(None)
+
+
 @dataclass(frozen=True, slots=True)
 class LocalField:
     """Where a platform keeps one field of a semantic label: its own name, unit and sign."""
@@ -205,7 +208,7 @@ def _converter(steps: list[tuple[int, str, str, bool]]) -> LabelConversion:
     if all(
         at == place and source == target and not negated for place, (at, source, target, negated) in enumerate(steps)
     ):
-        return LabelConversion(None)
+        return _SAME
     return LabelConversion(
         [(at, convert_units(source, target), -1.0 if negated else 1.0) for at, source, target, negated in steps]
     )
