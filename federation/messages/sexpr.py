@@ -8,8 +8,9 @@ expressions. Blanks and line ends between them are free.
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from math import isfinite
 from typing import Any, TypeAlias
 
@@ -25,7 +26,8 @@ _SYMBOL = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./@\[\],-]{0,255}")
 _NAME = re.compile(r"(?=.{1,64}\Z)[a-z][a-z0-9]*([-_][a-z0-9]+)*")
 _INTEGER = re.compile(r"-?(0|[1-9][0-9]*)")
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
-_TOKEN = re.compile(r'[\s]+|(?P<token>[()]|"(?:[^"\\]|\\.)*":?|[^\s()"]+)', re.DOTALL)
+_TOKEN = re.compile(r'[()]|"(?:[^"\\]|\\.)*":?|[^\s()"]+|"', re.DOTALL)
+"""A quote alone is the beginning of a quoted text without end."""
 _WORDS: dict[str, Any] = {"true": True, "false": False, "no_value": NO_VALUE}
 _FORMS = frozenset({"sequence", "record"})
 
@@ -122,18 +124,10 @@ class ExprReader:
         if len(text) > MAX_TEXT:
             raise TextError(f"an expression has at most {MAX_TEXT} characters, this one {len(text)}")
         self._text = text
-        self._tokens = list(self._scan())
+        self._tokens: list[str] = _TOKEN.findall(text)
         self._next = 0
-
-    def _scan(self) -> Iterator[tuple[int, str]]:
-        at = 0
-        while at < len(self._text):
-            found = _TOKEN.match(self._text, at)
-            if found is None:
-                raise self._error("this quoted text has no end", at, 1, '"..."')
-            if found["token"]:
-                yield at, found["token"]
-            at = found.end()
+        if '"' in self._tokens:
+            raise self.wrong("this quoted text has no end", at=self._tokens.index('"'), repair='"..."')
 
     def _error(self, message: str, offset: int, width: int, repair: str) -> TextError:
         line = self._text.count("\n", 0, offset) + 1
@@ -144,8 +138,8 @@ class ExprReader:
         """The error to raise about token number `at`, by default the one that comes next."""
         number = self._next if at is None else at
         if number < len(self._tokens):
-            offset, token = self._tokens[number]
-            return self._error(message, offset, min(len(token), 40), repair)
+            token = next(islice(_TOKEN.finditer(self._text), number, None))
+            return self._error(message, token.start(), min(len(token[0]), 40), repair)
         return self._error(f"{message}, but the text ends", len(self._text), 1, repair)
 
     @property
@@ -155,7 +149,7 @@ class ExprReader:
 
     def peek(self) -> str:
         """The next token, or the empty string at the end."""
-        return self._tokens[self._next][1] if self._next < len(self._tokens) else ""
+        return self._tokens[self._next] if self._next < len(self._tokens) else ""
 
     def take(self, token: str) -> None:
         """Step over `token`, which must come next."""

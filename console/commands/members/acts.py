@@ -34,11 +34,9 @@ class _Log:
 
     def chosen(self, entries: Iterable[tuple[str, ActLog]]) -> list[tuple[str, ActLog, Act | None]]:
         """Those to be printed. JSON lines have them all."""
-        return [
-            (unit, log, act)
-            for unit, log in entries
-            if self._is_shown(log, act := _act(log)) or self._call.out.json_lines or self._is_whole
-        ]
+        if self._call.out.json_lines:
+            return [(unit, log, None) for unit, log in entries]
+        return [(unit, log, act) for unit, log in entries if self._is_shown(log, act := _act(log)) or self._is_whole]
 
     def _is_shown(self, log: ActLog, act: Act | None) -> bool:
         if act is None:  # its text was too long to be kept, as of this command's own answers, or it was no act
