@@ -81,15 +81,15 @@ class Admission(Part):
 
     # -- events ------------------------------------------------------------------------------------------------
 
-    def on_act(self, event: Arrived, _now_us: int) -> Followed:
+    def on_act(self, event: Arrived, now_us: int) -> Followed:
         """Bytes on an act key; raises DecodeError for what is none."""
         key = keys.parse_key(event.key)
         if not isinstance(key, keys.ActKey):
             raise errors.DecodeError("key")
         if key.sender == self._unit:
             self._refuse("our own name")
-        elif self._interface.acts.on_arrived(event, key):
-            self._admit_all(event.at_us)
+        elif self._interface.acts.on_arrived(event, key, now_us):
+            self._admit_all(now_us)
         else:
             return ()
         return None

@@ -193,15 +193,15 @@ class Correspondence:
 
     # -- acts in -----------------------------------------------------------------------------------------------
 
-    def on_arrived(self, event: Arrived, key: keys.ActKey) -> bool:
+    def on_arrived(self, event: Arrived, key: keys.ActKey, now_us: int) -> bool:
         """Bytes on an act key addressed to us: only genuine acts, each once, reach the agents.
 
         Returns whether anything may follow from it; nothing does from a receipt.
         """
-        self._now_us = event.at_us
+        self._now_us = now_us
         try:
             if key.agent == RECEIPT_AGENT:
-                self.conversations.on_receipt(key.sender, decode_receipt(event.payload))
+                self.conversations.on_receipt(key.sender, decode_receipt(event.payload), now_us)
                 return False
             act, signature, body = decode_act(event.payload)
         except DecodeError as error:
@@ -216,9 +216,9 @@ class Correspondence:
             if reason is not None:
                 self._audit(event.at_us, "in", key.sender, act, reason)
                 if reason == "replayed":  # it is genuine, and its receipt may have been lost
-                    self.conversations.delivery.on_act(act)
+                    self.conversations.delivery.on_act(act, now_us)
                 return True
-        self.on_act(act, event.at_us)
+        self.on_act(act, now_us)
         return True
 
     def on_act(self, act: Act, now_us: int) -> None:

@@ -211,7 +211,7 @@ class Member:
                 if key.sender == self.unit:
                     self.refused["our own name"] += 1
                 else:
-                    self.acts.on_arrived(event, key)
+                    self.acts.on_arrived(event, key, now_us)
             case keys.HeartbeatKey():
                 self.on_heartbeat(event, now_us)
             case keys.AnnouncementKey(unit):

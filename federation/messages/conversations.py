@@ -9,7 +9,7 @@ so that no conversation is open on one side only.
 """
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from dyknow import earlier
 from dyknow.model.errors import Refused
@@ -37,6 +37,7 @@ GIVEN_UP = Expr("cancel", {"because": "silence"})
 Outcome: TypeAlias = Put | protocols.ConversationEvent
 """What a step returns: puts for the wire and events for the agents, in order."""
 
+_K = TypeVar("_K")
 _Name: TypeAlias = tuple[str, str, bool]
 """Conversation id, unit of the peer, whether we opened it."""
 
@@ -56,6 +57,7 @@ class Conversations:
         self._prefix = f"{unit}-{boot:x}-"
         self._dropped: dict[str, tuple[int | None, list[Act]]] = {}
         self._answered: dict[str, None] = {}
+        self._ended: dict[tuple[str, str], None] = {}
 
     def new_conversation(self, receiver: str) -> str:
         """An id that no other platform and no other life of this one uses; it names both platforms.
@@ -165,7 +167,7 @@ class Conversations:
 
     def on_act(self, act: Act, now_us: int) -> list[Outcome]:
         """An act arrived whose sender was verified. Duplicates are only acknowledged."""
-        if not self.delivery.on_act(act):
+        if not self.delivery.on_act(act, now_us):
             return []
         conversation, sender, performative = act.conversation_id, act.sender.unit, act.performative
         if conversation is not None and performative is not P.CANCEL:
@@ -181,9 +183,9 @@ class Conversations:
             return self._asked(conversation, act, now_us)
         return [protocols.Incoming(act)]
 
-    def on_receipt(self, sender: str, receipt: Receipt) -> None:
+    def on_receipt(self, sender: str, receipt: Receipt, now_us: int) -> None:
         """A bare acknowledgement arrived."""
-        self.delivery.on_receipt(sender, receipt)
+        self.delivery.on_receipt(sender, receipt, now_us)
 
     def peer_gone(self, unit: str) -> list[Outcome]:
         """The directory calls a platform gone: everything that is open with it has failed."""
@@ -245,9 +247,7 @@ class Conversations:
         closed = found.peer != keys.EVERYBODY and found.heard(act, now_us)
         if closed:
             del self._open[conversation, found.peer, True]
-            self._answered[conversation] = None
-            while len(self._answered) > ANSWERED:
-                del self._answered[next(iter(self._answered))]
+            _remember(self._answered, conversation)
         else:
             self._wake(found.due_us)
         return [protocols.Reply(conversation, act, found.opening, closed)]
@@ -275,6 +275,11 @@ class Conversations:
             and act.performative in protocols.OPENING
         ):
             return [self.delivery.send(self._no(act, P.REFUSE, "this conversation is about something else"), now_us)[1]]
+        if act.performative is P.CANCEL:
+            if known is None:
+                _remember(self._ended, (conversation, peer))
+        elif (conversation, peer) in self._ended:  # its cancel overtook it
+            return [self.delivery.send(self._no(act, P.REFUSE, "this conversation was cancelled"), now_us)[1]]
         if known is None and self._count(peer, ours=False) >= OPEN_PER_PEER:
             return [self.delivery.send(self._no(act, P.REFUSE, "too many open conversations"), now_us)[1]]
         phase = protocols.Phase.CANCELLING if act.performative is P.CANCEL else protocols.Phase.ASKED
@@ -318,6 +323,12 @@ class Conversations:
     def _wake(self, due_us: int | None) -> None:
         if due_us is not None and (self._due_us is None or due_us < self._due_us):
             self._due_us = due_us
+
+
+def _remember(ended: dict[_K, None], name: _K) -> None:
+    ended[name] = None
+    while len(ended) > ANSWERED:
+        del ended[next(iter(ended))]
 
 
 def is_lost(cancel: Act) -> bool:

@@ -1,8 +1,9 @@
 """Acts made reliable on a wire that drops: acknowledgement, retransmission, duplicate suppression.
 
-An act is put again every 200 ms, three times, until it is acknowledged, by a list of numbers that any act of the
-receiver carries or by a receipt. What ends or answers something is worth more patience than a question, which is
-of no use after its reply-by: it is put again every second after that, ten times. Acts to all are put once. A platform that hears an act twice acknowledges it
+An act is put again three times until it is acknowledged, by a list of numbers that any act of the receiver carries or
+by a receipt: every 200 ms, or later where the receiver takes longer to acknowledge (`round_trip.py`). What ends or
+answers something is worth more patience than a question, which is of no use after its reply-by: it is put again every
+second after that, or later, ten times. Acts to all are put once. A platform that hears an act twice acknowledges it
 twice and acts once.
 """
 
@@ -14,9 +15,9 @@ from federation import keys
 from federation.messages.acts import Act
 from federation.messages.codec import MAX_ACKS
 from federation.messages.receipts import Receipt, encode_receipt, receipt_key
+from federation.messages.round_trip import LEAST_US, RoundTrip
 from federation.transport import Put, Urgency
 
-RETRANSMIT_US = 200_000
 RETRANSMISSIONS = 3
 SLOW_US = 1_000_000
 SLOW_RETRANSMISSIONS = 10
@@ -58,20 +59,29 @@ class SeenActs:
 class _Pending:
     act: Act
     put: Put
+    put_us: int
     due_us: int
     is_patient: bool
     quick: int = RETRANSMISSIONS
     slow: int = SLOW_RETRANSMISSIONS
 
-    def again(self, now_us: int) -> bool:
+    @property
+    def is_repeated(self) -> bool:
+        return self.quick < RETRANSMISSIONS
+
+    def again(self, now_us: int, peer: RoundTrip) -> bool:
         """Whether it is put again; then it is due later."""
-        if self.quick:
-            self.quick, self.due_us = self.quick - 1, now_us + RETRANSMIT_US
-        elif self.slow and self.is_patient:
-            self.slow, self.due_us = self.slow - 1, now_us + SLOW_US
-        else:
+        if not self.is_patient and self.act.reply_by_us is not None and now_us >= self.act.reply_by_us:
             return False
-        return True
+        if self.quick:
+            self.quick, self.due_us = self.quick - 1, now_us + peer.pause_us
+            return True
+        if self.slow == SLOW_RETRANSMISSIONS:
+            peer.on_silence()
+        if self.slow and self.is_patient:
+            self.slow, self.due_us = self.slow - 1, now_us + max(SLOW_US, peer.pause_us)
+            return True
+        return False
 
 
 class Delivery:
@@ -83,6 +93,7 @@ class Delivery:
         self._encode = encode
         self._seq = 0
         self._pending: dict[tuple[str, int], _Pending] = {}
+        self._peers: dict[str, RoundTrip] = {}
         self._due_us: int | None = None
         self._seen: dict[str, SeenActs] = {}
         self._owed: dict[str, tuple[int, list[int]]] = {}
@@ -118,14 +129,18 @@ class Delivery:
         if act.receiver.unit != keys.EVERYBODY:
             if len(self._pending) >= UNACKNOWLEDGED:
                 self._give_up(now_us)
-            self._pending[act.receiver.unit, act.seq] = _Pending(act, put, now_us + RETRANSMIT_US, patient)
-            self._wake(now_us + RETRANSMIT_US)
+            pause_us = self._peer(act.receiver.unit).pause_us
+            if not patient and act.reply_by_us is not None:  # it is put twice while it is of use
+                pause_us = min(pause_us, max(LEAST_US, (act.reply_by_us - now_us) // 2))
+            due_us = now_us + pause_us
+            self._pending[act.receiver.unit, act.seq] = _Pending(act, put, now_us, due_us, patient)
+            self._wake(due_us)
         return put
 
-    def on_act(self, act: Act) -> bool:
+    def on_act(self, act: Act, now_us: int) -> bool:
         """Note an act that arrived and the acknowledgements it carries; False if it was seen before."""
         sender = act.sender.unit
-        self._acknowledged(sender, act.acks)
+        self._acknowledged(sender, act.acks, now_us)
         seen = self._seen.pop(sender, None) or SeenActs(act.boot)
         self._seen[sender] = seen
         if len(self._seen) > SENDERS:
@@ -136,10 +151,10 @@ class Delivery:
         self.counts["received" if is_new else "duplicate"] += 1
         return is_new
 
-    def on_receipt(self, sender: str, receipt: Receipt) -> None:
+    def on_receipt(self, sender: str, receipt: Receipt, now_us: int) -> None:
         """A bare acknowledgement of `sender`; one of acts of an earlier life of ours is ignored."""
         if receipt.boot == self.boot:
-            self._acknowledged(sender, receipt.seqs)
+            self._acknowledged(sender, receipt.seqs, now_us)
 
     def flush(self) -> list[Put]:
         """Receipts for what no act of this step acknowledged. Call at the end of a step."""
@@ -160,7 +175,7 @@ class Delivery:
         puts, undelivered = [], []
         for name, pending in list(self._pending.items()):
             if now_us >= pending.due_us:
-                if not pending.again(now_us):
+                if not pending.again(now_us, self._peer(name[0])):
                     del self._pending[name]
                     undelivered.append(pending.act)
                     continue
@@ -173,6 +188,7 @@ class Delivery:
     def peer_gone(self, unit: str) -> None:
         """Nothing more is put to it; answers and ends that it may lack wait for its return."""
         self._owed.pop(unit, None)
+        self._peers.pop(unit, None)
         waiting = [name for name in self._pending if name[0] == unit]
         acts = [pending.act for name in waiting if (pending := self._pending.pop(name)).is_patient]
         if acts:
@@ -209,9 +225,19 @@ class Delivery:
             oldest.quick, oldest.slow, oldest.due_us = 0, 0, now_us
             self._wake(now_us)
 
-    def _acknowledged(self, sender: str, seqs: Iterable[int]) -> None:
+    def _acknowledged(self, sender: str, seqs: Iterable[int], now_us: int) -> None:
         for seq in seqs:
-            self._pending.pop((sender, seq), None)
+            pending = self._pending.pop((sender, seq), None)
+            if pending is not None and not pending.is_repeated:
+                self._peer(sender).on_measured(now_us - pending.put_us)
+
+    def _peer(self, unit: str) -> RoundTrip:
+        peer = self._peers.get(unit)
+        if peer is None:
+            if len(self._peers) >= SENDERS:
+                del self._peers[next(iter(self._peers))]
+            peer = self._peers[unit] = RoundTrip()
+        return peer
 
     def _owe(self, sender: str, boot: int, seq: int) -> None:
         owed = self._owed.get(sender)

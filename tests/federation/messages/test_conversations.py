@@ -39,7 +39,7 @@ def hear(node: Conversations, put: object, now_us: int = 0) -> list[object]:
     assert isinstance(key, keys.ActKey)
     assert key.receiver in (node.unit, keys.EVERYBODY)
     if key.agent == "receipt":
-        node.on_receipt(key.sender, decode_receipt(put.payload))
+        node.on_receipt(key.sender, decode_receipt(put.payload), now_us)
         return []
     return list(node.on_act(decode_act(put.payload)[0], now_us))
 
@@ -114,8 +114,8 @@ def test_an_act_that_arrives_twice_is_acknowledged_twice_and_said_once() -> None
 def test_a_receipt_for_an_earlier_life_says_nothing() -> None:
     a, _ = two()
     a.send(act(P.REQUEST), 0)
-    a.on_receipt("b", Receipt(77, (1,)))
-    a.on_receipt("c", Receipt(1, (1,)))
+    a.on_receipt("b", Receipt(77, (1,)), 0)
+    a.on_receipt("c", Receipt(1, (1,)), 0)
     assert len(a.on_time(200_000)) == 1
 
 
@@ -182,7 +182,7 @@ def test_one_answer_that_is_no_agree_ends_a_request(answer: Performative) -> Non
 
 def test_silence_is_a_failure_at_the_reply_by() -> None:
     a, _, said = opened()
-    a.on_receipt("b", Receipt(1, (said.seq,)))
+    a.on_receipt("b", Receipt(1, (said.seq,)), 0)
     assert (a.on_time(REPLY_BY_US - 1), a.deadline_us) == ([], REPLY_BY_US)
     assert a.on_time(REPLY_BY_US) == [TimedOut("a-1-1.b", said, "no answer in time")]
     assert (a.conversations(), a.deadline_us) == ([], None)
@@ -268,9 +268,9 @@ def test_a_standing_request_lives_beyond_its_result() -> None:
 def test_a_cancel_that_is_not_answered_is_a_failure() -> None:
     a, b, said = opened(P.SUBSCRIBE)
     hear(a, b.answer(said, P.AGREE, GOTO, 0)[0])
-    a.on_receipt("b", Receipt(1, (1,)))
+    a.on_receipt("b", Receipt(1, (1,)), 0)
     a.cancel("a-1-1.b", "b", 1_000_000)
-    a.on_receipt("b", Receipt(1, (2,)))
+    a.on_receipt("b", Receipt(1, (2,)), 0)
     assert a.on_time(1_000_000 + REPLY_BY_US) == [TimedOut("a-1-1.b", said, "no answer to cancel in time")]
 
 
@@ -285,14 +285,14 @@ def test_a_cancel_of_what_was_lost_or_another_member_opened_is_answered_or_fails
         if is_answered:
             assert only_reply(hear(a, b.answer(incoming.act, P.INFORM, DONE, 1)[0])).closed
         else:
-            a.on_receipt("b", Receipt(1, (1, 2)))
+            a.on_receipt("b", Receipt(1, (1, 2)), 0)
             assert a.on_time(REPLY_BY_US) == [TimedOut(conversation, said, "no answer to cancel in time")]
         assert a.conversations() == []
 
 
 def test_a_standing_request_that_failed_in_silence_is_cancelled_too() -> None:
     a, b, said = opened(standing=True)
-    a.on_receipt("b", Receipt(1, (1,)))
+    a.on_receipt("b", Receipt(1, (1,)), 0)
     timed_out, cancel = a.on_time(REPLY_BY_US)
     assert timed_out == TimedOut("a-1-1.b", said, "no answer in time")
     (incoming,) = hear(b, cancel)
@@ -305,7 +305,7 @@ def test_a_standing_request_that_failed_in_silence_is_cancelled_too() -> None:
 def test_who_agrees_too_late_is_told_to_stop() -> None:
     a, b, said = opened()
     agree = b.answer(said, P.AGREE, GOTO, 0)[0]
-    a.on_receipt("b", Receipt(1, (1,)))
+    a.on_receipt("b", Receipt(1, (1,)), 0)
     a.on_time(REPLY_BY_US)
     (cancel,) = hear(a, agree, REPLY_BY_US + 1)
     (incoming,) = hear(b, cancel)

@@ -1,0 +1,39 @@
+"""How long a peer takes to acknowledge: what is late because there is much to do is not made later by being said again.
+
+The estimate of RFC 6298 with Karn's rule: only what was put once is measured, since nobody knows which of several puts
+an acknowledgement is for. A peer that leaves all puts of an act unacknowledged is given twice the time, until one is
+measured again.
+"""
+
+from typing import Final
+
+LEAST_US: Final = 200_000
+MOST_US: Final = 4_000_000
+
+
+class RoundTrip:
+    """The estimate for one peer.
+
+    Attributes:
+        pause_us: how long to wait for an acknowledgement before the act is put again.
+    """
+
+    __slots__ = ("_deviation_us", "_smoothed_us", "pause_us")
+
+    def __init__(self) -> None:
+        self._smoothed_us: int | None = None
+        self._deviation_us = 0
+        self.pause_us = LEAST_US
+
+    def on_measured(self, took_us: int) -> None:
+        """An act that was put once was acknowledged after so long."""
+        if self._smoothed_us is None:
+            self._smoothed_us, self._deviation_us = took_us, took_us // 2
+        else:
+            self._deviation_us += (abs(took_us - self._smoothed_us) - self._deviation_us) // 4
+            self._smoothed_us += (took_us - self._smoothed_us) // 8
+        self.pause_us = max(LEAST_US, min(MOST_US, self._smoothed_us + 4 * self._deviation_us))
+
+    def on_silence(self) -> None:
+        """No put of an act was acknowledged in time."""
+        self.pause_us = min(MOST_US, 2 * self.pause_us)
