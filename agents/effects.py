@@ -58,6 +58,13 @@ class Waited(NamedTuple):
     waited_us: int
 
 
+class Pressed(NamedTuple):
+    """How much of its time, 0 to 1, the node thread has waited for a processor; reported while that is much, and once when it no longer is."""
+
+    at_us: int
+    part: float
+
+
 class HostCame(NamedTuple):
     """An operating system process of this machine has opened the local channel; `host` counts connections."""
 
@@ -98,7 +105,17 @@ class Impaired(NamedTuple):
 
 HostEvent: TypeAlias = HostCame | HostSaid | HostLeft
 Event: TypeAlias = (
-    WireEvent | Reported | LeaveRequested | Specify | Fed | FedTogether | Waited | Computed | Impaired | HostEvent
+    WireEvent
+    | Reported
+    | LeaveRequested
+    | Specify
+    | Fed
+    | FedTogether
+    | Waited
+    | Pressed
+    | Computed
+    | Impaired
+    | HostEvent
 )
 
 

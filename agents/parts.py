@@ -44,6 +44,7 @@ from agents.monitoring.monitors import Needs, UnitMonitors
 from agents.monitoring.recognitions import Recognitions
 from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.part import Part, PeerChange
+from agents.shedding import Shedding
 from agents.specification.declared_streams import DeclaredStreams
 from agents.specification.remote_changes import SpecificationChanges
 from agents.specification.specification_part import SpecificationPart
@@ -66,7 +67,7 @@ from reasoning import AlarmEvent
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    FlightAgent, Faults, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports,
+    FlightAgent, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports,
     Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, MessageLog, DirectoryAgent,
@@ -224,10 +225,14 @@ class Ports:
         return Exports(self.unit, self.boot, self.clock.wall_us)
 
     @cached_property
+    def exporter(self) -> ExportProxy:
+        return ExportProxy(self.exports, self.network, self.translation, self.emit)
+
+    @cached_property
     def gateway(self) -> Gateway:
         """The local instance under semantic labels; `network` is the instance itself."""
-        exporter = ExportProxy(self.exports, self.network, self.translation, self.emit)
-        return Gateway(self.unit, self.network, self.ontology, self.translation, exporter, self.part(ImportProxy))
+        importer = self.part(ImportProxy)
+        return Gateway(self.unit, self.network, self.ontology, self.translation, self.exporter, importer)
 
     @cached_property
     def streams(self) -> VehicleStreams:

@@ -18,8 +18,9 @@ BATCH = 64
 
 _LOOK_US: Final = 500_000
 _TOLERATED, _CROWDED = 0.01, 0.10
-"""Parts of the time that a thread waits for a processor: below the one nothing changes, from the other on pauses are longest."""
-_LONGEST_PAUSE_S: Final = 0.020
+"""Parts of the time that a thread waits for a processor: below the one nothing changes, at the other a pause is 20 ms."""
+NOTEWORTHY: Final = 0.05
+_PAUSE_S, _LONGEST_PAUSE_S = 0.020, 0.060
 _STATISTICS: Final = Path("/proc/thread-self/schedstat")
 
 
@@ -80,10 +81,11 @@ class Pressure:
 
     A loop that wakes for each sample pays for each with cold caches and two switches of threads. On an idle machine
     that is the quickest way; where threads wait for a processor it is work that makes others late. So the loop takes
-    more in one go, the more it has had to wait. On systems other than Linux it never pauses.
+    more in one go, the more it has had to wait, and still more where there is too much to do. On systems other than Linux it never pauses.
 
     Attributes:
         part: of the last half second, waiting for a processor: 0 to 1, smoothed.
+        is_news: whether `part` was measured since `reported` was called, and is or was above `NOTEWORTHY`.
     """
 
     def __init__(self, statistics: Path = _STATISTICS) -> None:
@@ -91,12 +93,20 @@ class Pressure:
         self._looked_us: int | None = None
         self._waited_ns = 0
         self.part = 0.0
+        self.is_news = self._was_noteworthy = False
+
+    def reported(self) -> float:
+        """Return `part`; it is no news any more."""
+        self.is_news, self._was_noteworthy = False, self.part >= NOTEWORTHY
+        return self.part
 
     def pause_s(self, now_us: int) -> float:
         """Return how long to wait for further events after one, in seconds; the load is measured twice a second."""
         if self._looked_us is None or now_us >= self._looked_us + _LOOK_US:
             self._look(now_us)
-        return _LONGEST_PAUSE_S * min(1.0, max(0.0, (self.part - _TOLERATED) / (_CROWDED - _TOLERATED)))
+        if self.part > _CROWDED:
+            return min(_LONGEST_PAUSE_S, _PAUSE_S * self.part / _CROWDED)
+        return _PAUSE_S * max(0.0, (self.part - _TOLERATED) / (_CROWDED - _TOLERATED))
 
     def _look(self, now_us: int) -> None:
         try:
@@ -106,4 +116,5 @@ class Pressure:
         if self._looked_us is not None:
             part = (waited_ns - self._waited_ns) / 1000 / (now_us - self._looked_us)
             self.part += 0.3 * (min(1.0, part) - self.part)
+            self.is_news = self._was_noteworthy or self.part >= NOTEWORTHY
         self._looked_us, self._waited_ns = now_us, waited_ns

@@ -25,6 +25,7 @@ from agents.effects import (
     InjectFault,
     LeaveRequested,
     Note,
+    Pressed,
     Reported,
     Tell,
     Waited,
@@ -180,7 +181,10 @@ class PlatformProcess:
 
     def step(self, timeout_s: float | None = None) -> None:
         """Wait for the next event or deadline, at most `timeout_s`, and act on it."""
-        self.mailbox.pause_s = self._pressure.pause_s(self.clock.now_us()) / max(1.0, self.config.clock.speed)
+        now_us = self.clock.now_us()
+        self.mailbox.pause_s = self._pressure.pause_s(now_us) / max(1.0, self.config.clock.speed)
+        if self._pressure.is_news:
+            self.mailbox.post(Pressed(now_us, self._pressure.reported()))
         step(self._node, self.mailbox, self.clock.now_us, self._perform, timeout_s)
         if self._accepted is not None:
             self._accepted.step()

@@ -13,6 +13,7 @@ from random import Random
 from typing import Any, NamedTuple
 
 from agents.config import PlatformConfig
+from agents.effects import Event
 from agents.platform import Platform
 from federation import keys
 from federation.members.clock import FederationClock
@@ -325,6 +326,11 @@ class Box(World):
     def settle(self, unit: str) -> None:
         """Send what a platform has to say after it was stepped by hand."""
         self.speak(unit, lambda _member, _now_us: None)
+
+    def happens(self, unit: str, event: Event) -> None:
+        """An event that is not of the wire reaches a platform."""
+        self._step(self.nodes[unit], event)
+        self._wake(self.nodes[unit])
 
     def put(self, key: str, payload: bytes) -> None:
         """Somebody who is no platform puts bytes on a key."""

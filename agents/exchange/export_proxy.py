@@ -1,11 +1,12 @@
 """The export proxy of a platform: local streams go out under semantic labels (thesis 9.3.3)."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 
 from dyknow import Label, Network, Policy, Sample
 from dyknow.model.errors import UnknownLabel
 from dyknow.network.stream_proxy import StreamProxy
-from federation.messages.codec import MAX_RIDERS, Rider, WireSample
+from federation.messages.codec import MAX_EVERY, MAX_RIDERS, Rider, WireSample
 from federation.sharing.exports import ContractEnded, ExportEvent, Exports, StreamEnded, StreamName
 from federation.sharing.streams import ExportStream
 from federation.sharing.translation import Translation
@@ -21,6 +22,10 @@ class ExportProxy:
     A receiver that is slow or dead cannot be noticed here: a sample is put once, for all, and never waited for. What
     one batch of events brought is put in one go by `flush`, which `pending` asks for: position, altitude and velocity
     of one instant, which the same platforms want, are one message, not three.
+
+    Attributes:
+        shed: how much less often than its period a stream of importance 1 is sent; more important ones suffer less.
+        omitted: by semantic label, how many samples were not sent because of it.
     """
 
     def __init__(
@@ -30,6 +35,9 @@ class ExportProxy:
         self._network, self._translation, self._put = network, translation, put
         self._subscriptions: dict[StreamName, StreamProxy] = {}
         self._waiting: dict[ExportStream, list[WireSample]] = {}
+        self._importance: dict[str, float] = {}
+        self.shed = 1
+        self.omitted = Counter[str]()
 
     def start_exporting(
         self, local: Label, semantic_label: str, receivers: Iterable[str], policy: Policy, contract: str
@@ -47,6 +55,8 @@ class ExportProxy:
             to_semantic, waiting, number = self._translation.to_semantic(semantic_label), self._waiting, stream.number
 
             def export(sample: Sample) -> None:
+                if self.shed > 1 and self._is_omitted(semantic_label, policy, sample.valid_us):
+                    return
                 entry = number(to_semantic.sample(sample))
                 batch = waiting.setdefault(stream, [])
                 batch.append(entry)
@@ -65,21 +75,44 @@ class ExportProxy:
         """Put what waits; what the same receivers get travels together."""
         if not self._waiting:
             return
-        loads: dict[frozenset[str], list[ExportStream]] = {}
+        loads: dict[tuple[int, frozenset[str]], list[ExportStream]] = {}
         for stream in self._waiting:
-            loads.setdefault(self.exports.receivers(stream.label, stream.policy_hash), []).append(stream)
-        for first, *others in loads.values():
+            receivers = self.exports.receivers(stream.label, stream.policy_hash)
+            loads.setdefault((self._every(stream), receivers), []).append(stream)
+        for (every, _), (first, *others) in loads.items():
             entries, riders = self._waiting[first], list[Rider]()
             room = BATCH - len(entries)
             for other in others:
                 carried = self._waiting[other]
                 if len(carried) > room or len(riders) == MAX_RIDERS:
-                    self._put(other.put(carried))
+                    self._put(other.put(carried, every=every))
                 else:
                     riders.append(other.ride(carried))
                     room -= len(carried)
-            self._put(first.put(entries, riders))
+            self._put(first.put(entries, riders, every))
         self._waiting.clear()
+
+    def rank(self, semantic_label: str, importance: float) -> None:
+        """How important the owner holds a stream to be; 1 by default."""
+        self._importance[semantic_label] = importance
+
+    def every(self, semantic_label: str, policy: Policy) -> int:
+        """Of how many samples of its period a stream is sent one: a power of two. What has no period is always sent."""
+        if self.shed == 1 or policy.sample_us is None:
+            return 1
+        wanted = self.shed / self._importance.get(semantic_label, 1.0)
+        return min(MAX_EVERY, 1 << max(0, int(wanted).bit_length() - 1))
+
+    def _every(self, stream: ExportStream) -> int:
+        subscription = self._subscriptions.get((stream.label, stream.policy_hash))
+        return 1 if subscription is None else self.every(stream.label, subscription.policy)
+
+    def _is_omitted(self, semantic_label: str, policy: Policy, valid_us: int) -> bool:
+        every_us = (policy.sample_us or 1) * self.every(semantic_label, policy)
+        if not (valid_us - (policy.from_us or 0)) % every_us:
+            return False
+        self.omitted[semantic_label] += 1
+        return True
 
     def on_events(self, events: Iterable[ExportEvent]) -> list[ContractEnded]:
         """End the local subscriptions of ended streams; returns the contracts whose receivers are to be notified."""

@@ -250,16 +250,18 @@ class FederationAgent(Part):
 
     def on_import_list(self, act: Act, _content: contents.Content, now_us: int) -> None:
         """`(import-list)`: which streams come in, and what became of their samples: gaps show here."""
-        streams = [record.stream for record in self._gateway.importer.imports.streams.values()]
+        records = self._gateway.importer.imports.streams.values()
         imports = [
             contents.ImportAccount(
                 owner=stream.owner,
                 semantic_label=stream.label,
                 hash=stream.policy_hash,
                 missing=stream.missing,
+                every=record.every,
                 **asdict(stream.account),
             )
-            for stream in streams
+            for record in records
+            for stream in (record.stream,)
         ]
         self._agent.answer_pages(
             act,

@@ -53,6 +53,7 @@ class ImportProxy(Part):
 
     Attributes:
         policies: of the streams that are expected, as their owners announced them.
+        on_every: called with (unit, semantic label, period, every): only each `every`-th sample comes from now on.
     """
 
     def __init__(
@@ -73,6 +74,8 @@ class ImportProxy(Part):
         self._sinks: dict[tuple[str, str], Sink] = {}
         self.refused: Counter[str] = Counter()
         self.policies: dict[ImportName, Policy] = {}
+        self.on_every: Callable[[str, str, int, int], None] = lambda _unit, _label, _period_us, _every: None
+        imports.on_every = self._thinned
 
     def expect(self, owner: str, semantic_label: str, policy_hash: str, policy: Policy, now_us: int) -> None:
         """`owner` announced a stream for us: listen to it. Saying it twice is saying it once."""
@@ -104,17 +107,27 @@ class ImportProxy(Part):
 
     def end(self, owner: str, semantic_label: str, policy_hash: str) -> None:
         """The stream ended; its source and history stay for queries."""
+        self._thinned((owner, semantic_label, policy_hash), 1)
         self.policies.pop((owner, semantic_label, policy_hash), None)
         for effect in self.imports.end((owner, semantic_label, policy_hash)):
             self._emit(effect)
 
     def heard_us(self) -> dict[tuple[str, str], int]:
-        """By owner and semantic label, when a stream that is expected was last heard of."""
+        """By owner and semantic label, when a stream that is expected was last heard of.
+
+        One that comes less often, since its owner has too much to do, counts as heard so much later.
+        """
         heard: dict[tuple[str, str], int] = {}
-        for (owner, semantic_label, _), found in self.imports.streams.items():
-            name = owner, semantic_label
-            heard[name] = max(found.heard_us, heard.get(name, found.heard_us))
+        for name, found in self.imports.streams.items():
+            policy, key = self.policies.get(name), name[:2]
+            longer_us = 0 if policy is None else 2 * (found.every - 1) * (policy.sample_us or 0)
+            heard[key] = max(found.heard_us + longer_us, heard.get(key, found.heard_us))
         return heard
+
+    def _thinned(self, name: ImportName, every: int) -> None:
+        policy = self.policies.get(name)
+        if policy is not None and policy.sample_us is not None:
+            self.on_every(*name[:2], policy.sample_us, every)
 
     def _deliver(self, found: ImportedStream, entries: Sequence[WireSample], at_us: int) -> None:
         offset = self._offset_of(found.owner)

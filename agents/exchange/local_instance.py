@@ -10,7 +10,7 @@ from dyknow.network.process import Work
 from federation.members.clock import FederationClock
 from federation.sharing.translation import LabelConversion, Translation
 
-IMPORTED_HISTORY = 1200
+IMPORTED_HISTORY = 600
 """How many samples of an imported stream are kept."""
 
 

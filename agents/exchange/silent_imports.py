@@ -11,6 +11,7 @@ from agents.interface import InterfaceAgent
 from agents.part import Part
 from dyknow import Policy
 from dyknow.model.instants import print_duration
+from federation.members.directory import DirectoryFacilitator
 from federation.members.imports import ImportName
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Content, Query, Reading, Samples
@@ -30,10 +31,12 @@ class SilentImports(Part):
         self,
         agent: InterfaceAgent,
         importer: ImportProxy,
+        directory: DirectoryFacilitator,
         note: Callable[[str], None],
         offer: Callable[[int], None],
     ) -> None:
         self._agent, self._importer, self._note, self._offer = agent, importer, note, offer
+        self._directory = directory
         self._causes: dict[ImportName, ConditionEntry] = {}
         self._asked: set[ImportName] = set()
         self._changes, self._look_us = -1, 0
@@ -65,7 +68,7 @@ class SilentImports(Part):
             policy = self._importer.policies.get(name)
             if policy is None or policy.sample_us is None:
                 continue
-            if now_us < silent[name].heard_us + SILENT_US + 2 * policy.sample_us:
+            if self._directory.is_busy or now_us < silent[name].heard_us + SILENT_US + 2 * policy.sample_us:
                 self._is_waiting = True
                 continue
             self._asked.add(name)

@@ -29,6 +29,7 @@ there is too much to do is not made later still by more requests."""
 AT_ONCE = 8
 """How many platforms get a request in one look."""
 SILENT_US = 1_000_000
+REPLY_US = 2_000_000
 AGES_US = 2**62
 """How long ago what never came was heard."""
 Needs: TypeAlias = Mapping[str, AbstractSet[tuple[str, int, int]]]
@@ -49,6 +50,9 @@ class SubscriptionKeeper(Part):
 
     Args:
         monitored: what the monitors need; it gives the same object while that does not change.
+
+    Attributes:
+        patience: how much longer than usual it waits for samples and answers, since there is too much to do.
     """
 
     def __init__(
@@ -76,6 +80,7 @@ class SubscriptionKeeper(Part):
         self._next_us = 0
         self._needs: Needs | None = None
         self._changes = -1
+        self.patience = 1
 
     def needs(self) -> Needs:
         """What monitors and specification need of other units; the same object while that does not change."""
@@ -135,7 +140,7 @@ class SubscriptionKeeper(Part):
             if asked == AT_ONCE:
                 return
             silent_at_us = {
-                label: heard_us.get((unit, label), now_us - AGES_US) + SILENT_US + 2 * period_us
+                label: heard_us.get((unit, label), now_us - AGES_US) + SILENT_US * self.patience + 2 * period_us
                 for label, period_us, _ in needs[unit]
             }
             self._look_us[unit] = min(silent_at_us.values()) + 1
@@ -160,7 +165,9 @@ class SubscriptionKeeper(Part):
         is_renewed = unit in self._renew
         if not (silent or is_renewed):
             return False
-        if unit in self._asked_us and now_us < self._asked_us[unit] + self._again_us.get(unit, AGAIN_US):
+        if unit in self._asked_us and now_us < self._asked_us[unit] + self.patience * self._again_us.get(
+            unit, AGAIN_US
+        ):
             return False
         if not self._directory.is_present(unit):
             return False
@@ -215,7 +222,16 @@ class SubscriptionKeeper(Part):
             if is_held():
                 self._renew.add(batch.unit)
 
-        asked.append(self._agent.delegate(batch.unit, content, now_us, on_reply=on_reply, on_silence=on_silence))
+        asked.append(
+            self._agent.delegate(
+                batch.unit,
+                content,
+                now_us,
+                on_reply=on_reply,
+                on_silence=on_silence,
+                reply_within_us=REPLY_US * self.patience,
+            )
+        )
         return asked[0]
 
     def _agreed(self, batch: PendingRenewal, now_us: int) -> None:

@@ -26,6 +26,7 @@ class MonitorInstance:
 
     monitor: Monitor
     maker: StateMaker
+    strand: Strand[str] | None = None
     taps: list[tuple["Tap", "Feed"]] = field(default_factory=list)
 
 
@@ -106,6 +107,8 @@ class UnitMonitors:
         self._network, self._source, self._on_alarm = network, source, on_alarm
         self._taps: dict[tuple[str, str, Policy], Tap] = {}
         self._members: dict[str, str | None] = {}
+        self._every: dict[tuple[str, str, int], int] = {}
+        self._shed = 1
         self.on_members: list[Callable[[], None]] = []
         self._needs: dict[str, set[tuple[str, int, int]]] | None = None
         self._count = 0
@@ -213,6 +216,35 @@ class UnitMonitors:
                         found.setdefault(unit, set()).add((label, named.plan.period_us, named.plan.max_delay_us))
         return found
 
+    # -- less often --------------------------------------------------------------------------------------------
+
+    def on_every(self, unit: str, label: str, period_us: int, every: int) -> None:
+        """Of a stream of `unit` only each `every`-th sample comes from now on: there are states for these only."""
+        if every == 1:
+            self._every.pop((unit, label, period_us), None)
+        else:
+            self._every[unit, label, period_us] = every
+        for named in self.named.values():
+            if named.plan.period_us == period_us:
+                for instance in named.instances.values():
+                    if (label, unit) in instance.maker.own:
+                        self._thin(named, instance)
+
+    def shed(self, every: int) -> None:
+        """This platform has too much to do: its monitors look at each `every`-th state only; 1: at all again."""
+        self._shed = every
+        for named in self.named.values():
+            for instance in named.instances.values():
+                self._thin(named, instance)
+
+    def _thin(self, named: NamedMonitor, instance: MonitorInstance) -> None:
+        period_us, every = named.plan.period_us, self._every
+        most = max((every.get((unit, label, period_us), 1) for label, unit in instance.maker.own), default=1)
+        if named.states is not None and instance.strand is not None:
+            named.states.thin(instance.strand, max(self._shed, most))
+
+    # -- members -----------------------------------------------------------------------------------------------
+
     def has_member(self, unit: str) -> bool:
         """Whether there are monitors over `unit`, or would be."""
         return unit in self._members
@@ -286,7 +318,8 @@ class UnitMonitors:
             states = named.states = SharedSynchronizer(shared, plan.period_us, plan.max_delay_us, self._hasten)
             for index, (label, unit) in enumerate(maker.shared):
                 named.taps.append(self._tap(unit, label, plan, self._shared_feed(named, states, index)))
-        strand = states.add(member, len(maker.own))
+        strand = instance.strand = states.add(member, len(maker.own))
+        self._thin(named, instance)
         for index, (label, unit) in enumerate(maker.own):
             instance.taps.append(self._tap(unit, label, plan, self._feed(named, states, strand, index)))
         reason = self._members.get(member)

@@ -1,6 +1,7 @@
 """The monitors of a platform in a federation whose members come, go and have clocks of their own (thesis 9.4.2)."""
 
 from agents.actions import FEDERATION
+from agents.exchange.import_proxy import ImportProxy
 from agents.monitoring.monitors import UnitMonitors
 from agents.part import ClockCompared, Part, PeerChange
 from dyknow import earlier
@@ -31,7 +32,9 @@ class UnitMonitoring(Part):
         directory: DirectoryFacilitator,
         monitors: UnitMonitors,
         offsets: ClockOffsets,
+        importer: ImportProxy,
     ) -> None:
+        importer.on_every = monitors.on_every
         self._unit, self._clock, self._directory = unit, clock, directory
         self.monitors, self._standing_of = monitors, offsets.standing
         self._standing: dict[str, Standing] = {}

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from agents.config import PlatformConfig
 from agents.effects import Effect, Fed, FedTogether, HostCame, HostEvent, HostLeft, HostSaid, Specify, Tell, Waited
+from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.import_proxy import ImportProxy
 from agents.exchange.label_agreements import LabelAgreements, Restriction
 from agents.exchange.local_instance import LocalInstance
@@ -105,6 +106,7 @@ class SpecificationPart(Part):
         keeper: SubscriptionKeeper,
         agreements: LabelAgreements,
         importer: ImportProxy,
+        exporter: ExportProxy,
         offer: Callable[[int], None],
         now_us: Callable[[], int],
         on_alarm: Callable[[AlarmEvent], None],
@@ -114,7 +116,7 @@ class SpecificationPart(Part):
         self._config, self._unit, self._clock, self._agent = config, config.unit, config.clock, agent
         self._network, self._translation, self._source, self._monitors = network, translation, local.source, monitors
         self._agreements, self._importer, self._ontology = agreements, importer, translation.ontology
-        self._plans = plans
+        self._plans, self._exporter = plans, exporter
         self._keeper, self._offer, self._now_us, self._emit, self._note = keeper, offer, now_us, emit, note
         self._followed: Followed = (self, monitoring, local)
         self._exported: dict[str, LabelEntry] = {}
@@ -286,6 +288,7 @@ class SpecificationPart(Part):
                 period_us=term.policy.sample_us or 0,
                 receivers=declaration.receivers,
             )
+        self._exporter.rank(semantic, term.policy.importance)
         if local == term.label and term.policy == Policy():
             self._offer(self._now_us())
             return partial(self._withdraw, semantic)
@@ -365,6 +368,7 @@ class SpecificationPart(Part):
         return undo, in_instance
 
     def _withdraw(self, semantic: str) -> None:
+        self._exporter.rank(semantic, 1.0)
         self._exported.pop(semantic, None)
         self._agreements.restrict(semantic, None)
         self._offer(self._now_us())

@@ -65,12 +65,13 @@ class Strand(Generic[K]):
     Attributes:
         blind_us: by shared input, the last valid time that came before this stream was there.
         hidden_us: the greatest of them; beyond it the shared inputs are as everybody sees them.
+        step_us: distance of its states: the period, or a multiple of it while there is too much to do.
     """
 
-    __slots__ = ("blind_us", "hidden_us", "key", "side", "sync_us")
+    __slots__ = ("blind_us", "hidden_us", "key", "side", "step_us", "sync_us")
 
-    def __init__(self, key: K, inputs: int, blind_us: Sequence[int]) -> None:
-        self.key, self.side = key, _Side(inputs)
+    def __init__(self, key: K, inputs: int, blind_us: Sequence[int], step_us: int) -> None:
+        self.key, self.side, self.step_us = key, _Side(inputs), step_us
         self.sync_us = _NEVER_US
         self.blind_us = tuple(blind_us)
         self.hidden_us = max(blind_us, default=-_NEVER_US)
@@ -126,7 +127,7 @@ class SharedSynchronizer(Generic[K]):
 
     def add(self, key: K, inputs: int) -> Strand[K]:
         """One more stream, with `inputs` inputs of its own. What came before is not for it."""
-        strand = self._strands[key] = self._idle[key] = Strand(key, inputs, self._shared.latest_us)
+        strand = self._strands[key] = self._idle[key] = Strand(key, inputs, self._shared.latest_us, self._period_us)
         self._hidden_us = max(self._hidden_us, strand.hidden_us)
         return strand
 
@@ -134,6 +135,12 @@ class SharedSynchronizer(Generic[K]):
         """A stream ends."""
         del self._strands[key]
         self._idle.pop(key, None)
+
+    def thin(self, strand: Strand[K], every: int) -> None:
+        """From now on `strand` has states at each `every`-th synchronisation point only, since its inputs come so."""
+        strand.step_us = every * self._period_us
+        if strand.sync_us != _NEVER_US and strand.sync_us not in strand.side.rows:
+            strand.sync_us = -(-strand.sync_us // strand.step_us) * strand.step_us
 
     def on_shared(self, i: int, sample: Sample, now_us: int) -> list[SharedState[K]]:
         """A sample of shared input `i` became available at `now_us`; the states that are ready by it."""
@@ -188,7 +195,7 @@ class SharedSynchronizer(Generic[K]):
     def _begin(self, strand: Strand[K], sample: Sample, now_us: int) -> None:
         """With the first sample; what was due by then had no listener."""
         del self._idle[strand.key]
-        strand.sync_us = -(-sample.valid_us // self._period_us) * self._period_us
+        strand.sync_us = -(-sample.valid_us // strand.step_us) * strand.step_us
         self._skip(strand, now_us, 0)
         self._await(min(self._least_us, strand.sync_us))
         self._on_begin()
@@ -203,19 +210,21 @@ class SharedSynchronizer(Generic[K]):
         self._settle(strand, clock_us, found)
 
     def _skip(self, strand: Strand[K], now_us: int, spared: int) -> None:
-        overdue = -((strand.sync_us + self._max_delay_us - now_us) // self._period_us)
+        overdue = -((strand.sync_us + self._max_delay_us - now_us) // strand.step_us)
         if overdue > spared:
             self.skipped += overdue - spared
-            strand.sync_us += (overdue - spared) * self._period_us
+            strand.sync_us += (overdue - spared) * strand.step_us
             strand.side.forget(strand.sync_us)
 
     def _settle(self, strand: Strand[K], clock_us: int, found: list[SharedState[K]]) -> None:
         """Put out what is ready when every timer up to `clock_us` has gone off."""
         side, sync_us, due_us = strand.side, strand.sync_us, clock_us - self._max_delay_us
-        known_us = min(side.known_us, self._shared.known_us)
+        known_us, step_us = min(side.known_us, self._shared.known_us), strand.step_us
         while sync_us <= due_us or (sync_us <= known_us and (sync_us > strand.hidden_us or self._has_seen(strand))):
             found.append(_new(SharedState, (strand.key, sync_us, self._values(strand, sync_us))))
-            sync_us = strand.sync_us = sync_us + self._period_us
+            sync_us = strand.sync_us = (sync_us // step_us + 1) * step_us
+            if step_us != self._period_us:
+                side.forget(sync_us)
 
     def _has_seen(self, strand: Strand[K]) -> bool:
         """Whether each shared input has brought a sample for this strand."""

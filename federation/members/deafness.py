@@ -66,6 +66,10 @@ class DeafnessWatchdog:
     def deadline_us(self) -> int:
         return self._next_us
 
+    def excuse(self, now_us: int) -> None:
+        """This process is known to be late: it judges no peer until it has been on time for a while."""
+        self._late_us = now_us
+
     def on_time(self, peers: Mapping[str, Peer], now_us: int) -> str | None:
         """Why the session should be reopened now, or None."""
         if now_us < self._next_us:

@@ -69,6 +69,9 @@ class DirectoryFacilitator:
 
     Every step returns effects and events. `tails` are those of the platform's exports, for the heartbeat. `goes_on` is
     `on_heartbeat` for those that tell nothing new, nearly all: whether this is one.
+
+    Attributes:
+        is_busy: this machine has too much to do; what seems lost may only be late, and no session is opened again.
     """
 
     def __init__(
@@ -91,6 +94,7 @@ class DirectoryFacilitator:
         self.goes_on = self._liveness.goes_on
         self._replicas = Replicas(self._peers, questions or count(1), self._clock, roster)
         self._watchdog = DeafnessWatchdog(unit, now_us)
+        self.is_busy = False
         self._offers = NO_OFFERS
         self._conditions: tuple[ConditionEntry, ...] = ()
         self._described: bytes | None = None
@@ -303,6 +307,8 @@ class DirectoryFacilitator:
         outcome += self._replicas.on_time(now_us)
         if self.beats_at(now_us):
             outcome += self._beat(now_us, tails)
+        if self.is_busy:
+            self._watchdog.excuse(now_us)
         why = self._watchdog.on_time(self._peers, now_us)
         if why is not None and self._started:
             self.on_reopened()

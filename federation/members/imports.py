@@ -21,12 +21,16 @@ Take: TypeAlias = Callable[[Sequence[WireSample], int], None]
 
 @dataclass(slots=True)
 class ImportRecord:
-    """One stream of one owner: its subscriber, when it was last heard of, when it asks for what is missing."""
+    """One stream of one owner: its subscriber, when it was last heard of, when it asks for what is missing.
+
+    Only each `every`-th sample of its period comes; more than 1 while the owner sheds load.
+    """
 
     stream: ImportStream
     take: Take
     heard_us: int
     due_us: int | None = None
+    every: int = 1
 
 
 class Imports:
@@ -39,6 +43,7 @@ class Imports:
         streams: by owner, semantic label and policy hash.
         changes: how many streams have begun or ended.
         tails: by owner, the tails that need not be compared again.
+        on_every: called when the `every` of a stream changes.
     """
 
     def __init__(self, questions: Iterator[int]) -> None:
@@ -49,6 +54,7 @@ class Imports:
         self._by_key: dict[str, ImportRecord] = {}
         self._asked: dict[int, ImportRecord] = {}
         self._due: Deadlines[ImportName] = Deadlines()
+        self.on_every: Callable[[ImportName, int], None] = lambda _name, _every: None
 
     def begin(self, name: ImportName, take: Take, now_us: int) -> list[Subscribe]:
         """Listen to a stream that its owner announced; nothing if it is imported already."""
@@ -92,20 +98,23 @@ class Imports:
             name = keys.parse_key(key)
             if type(name) is not keys.StreamKey:
                 return False
-            boot, entries, riders = decode_samples(payload)
+            boot, entries, riders, every = decode_samples(payload)
             owner = name.owner
         else:
-            boot, entries, riders = decode_samples(payload)
-            self._take(imported, boot, entries, at_us)
+            boot, entries, riders, every = decode_samples(payload)
+            self._take(imported, boot, entries, every, at_us)
             owner = imported.stream.owner
         for label, policy_hash, carried in riders:
             imported = self.streams.get((owner, label, policy_hash))
             if imported is not None:
-                self._take(imported, boot, carried, at_us)
+                self._take(imported, boot, carried, every, at_us)
         return True
 
-    def _take(self, imported: ImportRecord, boot: int, entries: Sequence[WireSample], at_us: int) -> None:
+    def _take(self, imported: ImportRecord, boot: int, entries: Sequence[WireSample], every: int, at_us: int) -> None:
         imported.heard_us = at_us
+        if every != imported.every:
+            imported.every, stream = every, imported.stream
+            self.on_every((stream.owner, stream.label, stream.policy_hash), every)
         new = imported.stream.on_samples(boot, entries, at_us)
         if new is not entries:  # what comes in order leaves as much missing as before
             self._schedule(imported)

@@ -10,7 +10,7 @@ quoted text = bin, `no_value` = nil.
 
 import re
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from pydantic import ValidationError
@@ -27,6 +27,7 @@ from federation.messages.unpacking import named, pack
 
 MAX_ACKS: Final = 256
 MAX_RIDERS: Final = 16
+MAX_EVERY: Final = 16
 
 Signature: TypeAlias = bytes
 """Ed25519 over the body of an act, 64 bytes."""
@@ -75,11 +76,12 @@ class Rider(NamedTuple):
 
 
 class StreamedSamples(NamedTuple):
-    """What is put on the key of a stream: which life of its owner sent it, samples of that stream, and the riders."""
+    """What is put on the key of a stream: which life of its owner sent it, samples, riders; of how many samples one is sent."""
 
     boot: int
     samples: Sequence[WireSample]
     riders: Sequence[Rider]
+    every: int = 1
 
 
 class Range(NamedTuple):
@@ -310,28 +312,28 @@ def encode_samples(
     samples: Sequence[WireSample],
     pack: Callable[[object], bytes] = pack,
     riders: Sequence[Rider] = (),
+    every: int = 1,
 ) -> bytes:
     """Samples of one stream, which the key they are put on names, and of others of that owner that travel with it."""
-    return pack((unpacking.VERSION, boot, samples, riders) if riders else (unpacking.VERSION, boot, samples))
+    more = (riders, every) if every > 1 else (riders,) if riders else ()
+    return pack((unpacking.VERSION, boot, samples, *more))
 
 
 @lru_cache(maxsize=256)
 def decode_samples(payload: bytes) -> StreamedSamples:
     """What was put on the key of a stream; raises DecodeError. Read once for all in a process."""
     found = unpacking.unpack(payload)
-    boot, samples, *riders = unpacking.versioned(found, 2, 3)
-    return StreamedSamples(unpacking.count(boot), tuple(_samples(samples)), _riders(*riders) if riders else ())
+    boot, samples, *more = unpacking.versioned(found, 2, 4)
+    riders, every = more + [(), 1][len(more) :]
+    if not 1 <= unpacking.count(every) <= MAX_EVERY:
+        unpacking.fail("number")
+    return StreamedSamples(unpacking.count(boot), tuple(_samples(samples)), _riders(riders), every)
 
 
 def _riders(found: Any) -> tuple[Rider, ...]:
-    return tuple(
-        [
-            Rider(named(keys.label, label), unpacking.digest(policy_hash), tuple(_samples(samples)))
-            for label, policy_hash, samples in [
-                unpacking.fields(rider, 3) for rider in unpacking.items(found, MAX_RIDERS)
-            ]
-        ]
-    )
+    riders = [unpacking.fields(rider, 3) for rider in unpacking.items(found, MAX_RIDERS)]
+    label, digest = partial(named, keys.label), unpacking.digest
+    return tuple([Rider(label(name), digest(policy), tuple(_samples(samples))) for name, policy, samples in riders])
 
 
 def _samples(found: Any) -> list[WireSample]:

@@ -21,6 +21,9 @@ from federation.transport import Put, Urgency
 RETRANSMISSIONS = 3
 SLOW_US = 1_000_000
 SLOW_RETRANSMISSIONS = 10
+REPEATS, REPEATS_PER_S = 64, 16
+"""Limits of the puts that are repeated, at once and in a second; each acknowledgement allows another one. More would be
+late, too: an act whose turn it is then waits for its next turn."""
 UNACKNOWLEDGED = 4096
 WINDOW = 1024
 SENDERS = 512
@@ -64,10 +67,7 @@ class _Pending:
     is_patient: bool
     quick: int = RETRANSMISSIONS
     slow: int = SLOW_RETRANSMISSIONS
-
-    @property
-    def is_repeated(self) -> bool:
-        return self.quick < RETRANSMISSIONS
+    is_repeated: bool = False
 
     def again(self, now_us: int, peer: RoundTrip) -> bool:
         """Whether it is put again; then it is due later."""
@@ -77,7 +77,7 @@ class _Pending:
             self.quick, self.due_us = self.quick - 1, now_us + peer.pause_us
             return True
         if self.slow == SLOW_RETRANSMISSIONS:
-            peer.on_silence()
+            peer.on_silence(now_us)
         if self.slow and self.is_patient:
             self.slow, self.due_us = self.slow - 1, now_us + max(SLOW_US, peer.pause_us)
             return True
@@ -94,6 +94,8 @@ class Delivery:
         self._seq = 0
         self._pending: dict[tuple[str, int], _Pending] = {}
         self._peers: dict[str, RoundTrip] = {}
+        self._repeats: float = REPEATS
+        self._refilled_us = 0
         self._due_us: int | None = None
         self._seen: dict[str, SeenActs] = {}
         self._owed: dict[str, tuple[int, list[int]]] = {}
@@ -172,15 +174,22 @@ class Delivery:
         if self._due_us is None or now_us < self._due_us:
             return [], []
         self._due_us = None
-        puts, undelivered = [], []
+        puts: list[Put] = []
+        undelivered: list[Act] = []
+        self._repeats = min(REPEATS, self._repeats + (now_us - self._refilled_us) * REPEATS_PER_S / 1e6)
+        self._refilled_us = now_us
         for name, pending in list(self._pending.items()):
             if now_us >= pending.due_us:
                 if not pending.again(now_us, self._peer(name[0])):
                     del self._pending[name]
                     undelivered.append(pending.act)
                     continue
-                puts.append(pending.put)
+                if len(puts) < self._repeats:
+                    puts.append(pending.put)
+                    pending.is_repeated = True
+                    self._pending[name] = self._pending.pop(name)  # the next time others come first
             self._wake(pending.due_us)
+        self._repeats -= len(puts)
         self.counts["retransmitted"] += len(puts)
         self.counts["undelivered"] += len(undelivered)
         return puts, undelivered
@@ -228,7 +237,10 @@ class Delivery:
     def _acknowledged(self, sender: str, seqs: Iterable[int], now_us: int) -> None:
         for seq in seqs:
             pending = self._pending.pop((sender, seq), None)
-            if pending is not None and not pending.is_repeated:
+            self._repeats += pending is not None
+            if pending is not None and pending.is_repeated:
+                self._peer(sender).on_late(now_us)
+            elif pending is not None:
                 self._peer(sender).on_measured(now_us - pending.put_us)
 
     def _peer(self, unit: str) -> RoundTrip:

@@ -1,14 +1,16 @@
-"""How long a peer takes to acknowledge: what is late because there is much to do is not made later by being said again.
+"""How long a peer takes to acknowledge: what is late because there is much to do is not made later by repetition.
 
-The estimate of RFC 6298 with Karn's rule: only what was put once is measured, since nobody knows which of several puts
-an acknowledgement is for. A peer that leaves all puts of an act unacknowledged is given twice the time, until one is
-measured again.
+The estimate of RFC 6298 with Karn's rule: only what was put once is measured, since it is not known which of several puts
+an acknowledgement is for. A peer that leaves all puts of an act unacknowledged, or whose acknowledgements all come after a
+second put, is given twice the time, until one is measured again.
 """
 
 from typing import Final
 
 LEAST_US: Final = 200_000
-MOST_US: Final = 4_000_000
+MOST_US: Final = 16_000_000
+LATE: Final = 8
+"""When this number of acts in a row had to be put again, that is not chance, but a peer that takes longer."""
 
 
 class RoundTrip:
@@ -18,15 +20,16 @@ class RoundTrip:
         pause_us: how long to wait for an acknowledgement before the act is put again.
     """
 
-    __slots__ = ("_deviation_us", "_smoothed_us", "pause_us")
+    __slots__ = ("_again_us", "_deviation_us", "_late", "_smoothed_us", "pause_us")
 
     def __init__(self) -> None:
         self._smoothed_us: int | None = None
-        self._deviation_us = 0
+        self._deviation_us = self._again_us = self._late = 0
         self.pause_us = LEAST_US
 
     def on_measured(self, took_us: int) -> None:
         """An act that was put once was acknowledged after so long."""
+        self._late = 0
         if self._smoothed_us is None:
             self._smoothed_us, self._deviation_us = took_us, took_us // 2
         else:
@@ -34,6 +37,15 @@ class RoundTrip:
             self._smoothed_us += (took_us - self._smoothed_us) // 8
         self.pause_us = max(LEAST_US, min(MOST_US, self._smoothed_us + 4 * self._deviation_us))
 
-    def on_silence(self) -> None:
-        """No put of an act was acknowledged in time."""
-        self.pause_us = min(MOST_US, 2 * self.pause_us)
+    def on_late(self, now_us: int) -> None:
+        """An act that was put again was acknowledged."""
+        self._late += 1
+        if self._late == LATE:
+            self._late = 0
+            self.on_silence(now_us)
+
+    def on_silence(self, now_us: int) -> None:
+        """No put of an act was acknowledged in time; several acts at once count as one."""
+        if now_us >= self._again_us:
+            self.pause_us = min(MOST_US, 2 * self.pause_us)
+            self._again_us = now_us + self.pause_us

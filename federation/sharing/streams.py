@@ -67,9 +67,9 @@ class ExportStream:
         self._ring.append(entry)
         return entry
 
-    def put(self, entries: Sequence[codec.WireSample], riders: Sequence[codec.Rider] = ()) -> Put:
+    def put(self, entries: Sequence[codec.WireSample], riders: Sequence[codec.Rider] = (), every: int = 1) -> Put:
         """Put numbered samples in one go, in their order, and those of other streams that travel with them."""
-        return Put(self.key, codec.encode_samples(self.boot, entries, self._pack, riders), Urgency.STREAM)
+        return Put(self.key, codec.encode_samples(self.boot, entries, self._pack, riders, every), Urgency.STREAM)
 
     def ride(self, entries: Sequence[codec.WireSample]) -> codec.Rider:
         """Numbered samples that travel with those of another stream."""

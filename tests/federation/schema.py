@@ -288,12 +288,18 @@ def quality(certainty: Any, covariance: Any) -> bool:
 @valid
 def samples(payload: bytes) -> bool:
     riders: list[Any] = []
+    every = 1
     try:
         boot, found = _message(payload, 2)
     except Invalid:
-        boot, found, riders = _message(payload, 3)
+        try:
+            boot, found, riders = _message(payload, 3)
+        except Invalid:
+            boot, found, riders, every = _message(payload, 4)
     return (
-        count(boot)
+        count(every)
+        and 1 <= every <= 16
+        and count(boot)
         and entries(found)
         and _is(list, riders)
         and len(riders) <= 16

@@ -145,8 +145,9 @@ def _act_again(payload: bytes) -> None:
 
 
 def _samples_again(payload: bytes) -> None:
-    boot, samples, riders = codec.decode_samples(payload)
-    assert codec.decode_samples(codec.encode_samples(boot, samples, riders=riders)) == (boot, samples, riders)
+    boot, samples, riders, every = codec.decode_samples(payload)
+    again = codec.encode_samples(boot, samples, riders=riders, every=every)
+    assert codec.decode_samples(again) == (boot, samples, riders, every)
 
 
 def _again(decode: Callable[[bytes], Any], encode_it: Callable[[Any], bytes]) -> Callable[[bytes], None]:

@@ -100,8 +100,24 @@ def test_a_loop_pauses_the_longer_the_more_its_thread_waits_for_a_processor(tmp_
         pauses.append(pressure.pause_s(half_second * 500_000))
     assert pauses[:11] == [0.0] * 11
     assert 0.006 < pauses[20] < 0.010
-    assert pauses[30] == 0.020
+    assert pauses[30] == 0.060
     assert pauses[40] < 0.002, "and no more when the machine is free again"
+
+
+def test_a_process_says_how_long_its_thread_waits_while_that_is_much_and_once_when_it_is_over(tmp_path: Path) -> None:
+    waited_ns, told = 0, []
+    pressure = Pressure(statistics(tmp_path / "schedstat", 0))
+    for half_second in range(40):
+        waited_ns += 200_000_000 if 10 <= half_second < 20 else 0
+        statistics(tmp_path / "schedstat", waited_ns)
+        pressure.pause_s(half_second * 500_000)
+        if pressure.is_news:
+            told.append((half_second, pressure.reported()))
+        assert not pressure.is_news
+    at, parts = zip(*told, strict=True)
+    assert at == tuple(range(10, at[-1] + 1))
+    assert max(parts) == parts[9] > 0.35
+    assert parts[-1] < 0.05 <= parts[-2]
 
 
 def test_a_loop_never_pauses_where_nothing_says_how_long_threads_wait(tmp_path: Path) -> None:

@@ -105,8 +105,7 @@ def test_what_is_removed_is_there_once_and_its_test_too(one: Removed) -> None:
 
 def fails_without(at: int) -> bool:
     words = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "tests.thesis.removing", "-p", "no:cacheprovider"]
-    environment = {name: value for name, value in os.environ.items() if name != "DYKNOW_FULL"}
-    environment |= {VARIABLE: str(at), "PYTHONPATH": str(ROOT)}
+    environment = {**os.environ, VARIABLE: str(at), "PYTHONPATH": str(ROOT), "DYKNOW_FULL": "1"}  # properties draw more
     done = subprocess.run(
         [*words, f"tests/{REMOVED[at].test}"], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
     )

@@ -171,7 +171,8 @@ class Answers(parts.Content):
 class ImportAccount(parts.ContentPart):
     """What became of the samples of one imported stream, by number (`federation.sharing.streams.StreamAccount`).
 
-    `missing` are known to exist and asked for, `lost` are no longer held; both 0: no gap.
+    `missing` are known to exist and asked for, `lost` are no longer held; both 0: no gap. Of each `every` samples of its
+    period one is sent: more than 1 while the owner has too much to do.
     """
 
     owner: parts.Unit
@@ -183,6 +184,7 @@ class ImportAccount(parts.ContentPart):
     stale: Count = 0
     lost: Count = 0
     missing: Count = 0
+    every: Count = 1
 
 
 class ImportList(parts.Content):

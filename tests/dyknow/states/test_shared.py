@@ -144,3 +144,42 @@ def test_after_a_long_silence_of_the_caller_older_points_are_skipped_and_counted
 def test_what_cannot_be_computed_is_refused(period_us: int, max_delay_us: int) -> None:
     with pytest.raises(PolicyError):
         SharedSynchronizer[str](1, period_us, max_delay_us)
+
+
+@given(
+    st.sampled_from([2, 4, 8]),
+    st.lists(st.tuples(st.integers(0, 70), st.booleans(), st.integers(0, 45)), max_size=40),
+    st.integers(0, 30),
+)
+def test_a_thinned_stream_has_the_states_of_the_coarser_grid_and_no_others(
+    every: int, steps: list[tuple[int, bool, int]], begins: int
+) -> None:
+    """Whatever comes, late or not: at each point of the coarser grid it is what it would have been."""
+    full, thin = (SharedSynchronizer[str](1, PERIOD_US, MAX_DELAY_US) for _ in range(2))
+    strands = full.add("a", 1), thin.add("a", 1)
+    arrivals = sorted(
+        (number * PERIOD_US + late_us, number * PERIOD_US, is_shared)
+        for number, is_shared, late_us in {(number, is_shared): (number, is_shared, late) for number, is_shared, late in steps}.values()
+        if is_shared or number % every == 0
+    )  # fmt: skip
+    found: tuple[list[SharedState[str]], list[SharedState[str]]] = [], []
+    newest_us, is_thinned = -1, False
+    for i, (now_us, valid_us, is_shared) in enumerate(arrivals):
+        if is_shared and valid_us <= newest_us:
+            continue
+        newest_us = valid_us if is_shared else newest_us
+        if i >= begins and not is_thinned:
+            thin.thin(strands[1], every)
+            is_thinned, since_us = True, now_us
+        sample = Sample(now_us, valid_us, f"{is_shared}{valid_us}")
+        for one, strand, got in zip((full, thin), strands, found, strict=True):
+            got.extend(one.on_time(now_us - 1))
+            got.extend(one.on_shared(0, sample, now_us) if is_shared else one.on_own(strand, 0, sample, now_us))
+    for one, got in zip((full, thin), found, strict=True):
+        got.extend(one.on_time(1_000))
+    if is_thinned:
+        coarse = [state for state in found[1] if state.valid_us > since_us]
+        assert all(state.valid_us % (every * PERIOD_US) == 0 for state in coarse)
+        assert coarse == [
+            state for state in found[0] if state.valid_us > since_us and not state.valid_us % (every * PERIOD_US)
+        ]

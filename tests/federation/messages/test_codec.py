@@ -57,11 +57,14 @@ def test_the_signature_is_over_the_bytes_that_travel(act: Act, mark: bytes) -> N
 @given(COUNTS, SAMPLES)
 def test_samples_come_back_as_they_were_sent(boot: int, samples: list[StreamSample]) -> None:
     payload = codec.encode_samples(boot, samples)
-    assert codec.decode_samples(payload) == (boot, tuple(samples), ())
+    assert codec.decode_samples(payload) == (boot, tuple(samples), (), 1)
     assert schema.samples(payload)
     riders = (codec.Rider("heli-altitude", "0123abcd", tuple(samples)), codec.Rider("heli-height", "deadbeef", ()))
     payload = codec.encode_samples(boot, samples, riders=riders)
-    assert codec.decode_samples(payload) == (boot, tuple(samples), riders)
+    assert codec.decode_samples(payload) == (boot, tuple(samples), riders, 1)
+    assert schema.samples(payload)
+    payload = codec.encode_samples(boot, samples, riders=riders, every=8)
+    assert codec.decode_samples(payload) == (boot, tuple(samples), riders, 8)
     assert schema.samples(payload)
     answer = Recovered(boot, 1, 5, samples)
     assert codec.decode_recovered(codec.encode_recovered(answer)) == answer
@@ -109,7 +112,10 @@ def test_the_other_messages_come_back_as_they_were_sent() -> None:
         (encode([1, 5, [[1, 5, [[[[[1.0]]]]]]]]), "nesting"),
         (encode([1, 5, [[1, 5, 1.0]] * 1025]), "malformed"),
         (encode([1, 5, [], 7]), "shape"),
-        (encode([1, 5, [], [], []]), "shape"),
+        (encode([1, 5, [], [], []]), "number"),
+        (encode([1, 5, [], [], 0]), "number"),
+        (encode([1, 5, [], [], 17]), "number"),
+        (encode([1, 5, [], [], 2, 2]), "shape"),
         (encode([1, 5, [], [["heli-altitude", "0123abcd"]]]), "shape"),
         (encode([1, 5, [], [["no label", "0123abcd", []]]]), "name"),
         (encode([1, 5, [], [["heli-altitude", "../*/**0", []]]]), "name"),

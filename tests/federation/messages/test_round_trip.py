@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.conversations import Conversations
-from federation.messages.delivery import RETRANSMISSIONS, SLOW_US
+from federation.messages.delivery import REPEATS, REPEATS_PER_S, RETRANSMISSIONS, SLOW_US
 from federation.messages.receipts import Receipt
 from federation.messages.round_trip import LEAST_US, MOST_US, RoundTrip
 from federation.messages.sexpr import Expr
@@ -39,7 +39,7 @@ def puts_of(acts: int, answers_us: int) -> list[int]:
 
 def test_a_slow_peer_soon_gets_each_act_once() -> None:
     puts = puts_of(200, 2_500_000)
-    assert max(puts) <= 1 + RETRANSMISSIONS + 2
+    assert max(puts) <= 1 + RETRANSMISSIONS + 2, "before it is known"
     assert set(puts[100:]) == {1}
 
 
@@ -67,11 +67,26 @@ def test_a_question_is_put_again_while_it_is_of_use_and_no_longer() -> None:
     assert puts == [11_000_000]
 
 
+def test_what_is_put_again_is_bounded_by_time_and_by_what_is_acknowledged() -> None:
+    node = Conversations("a", 1)
+    for _ in range(1_000):
+        node.send(SAID, 0)
+    again = sum(isinstance(each, Put) for at_us in range(0, 1_000_000, 20_000) for each in node.on_time(at_us))
+    assert REPEATS <= again <= REPEATS + REPEATS_PER_S
+    node.on_receipt("b", Receipt(1, tuple(range(1, 41))), 1_000_000)
+    more = sum(isinstance(each, Put) for at_us in range(1_000_000, 10_000_000, 20_000) for each in node.on_time(at_us))
+    assert 40 <= more <= 40 + 10 * REPEATS_PER_S
+    while node.deadline_us is not None:
+        assert node.deadline_us < 300_000_000
+        node.on_time(node.deadline_us)
+    assert node.delivery.unacknowledged == 0, "and it is given up as early as ever"
+
+
 @given(st.lists(st.one_of(st.none(), st.integers(0, 30_000_000))))
 def test_the_pause_is_bounded_and_comes_back(measured: list[int | None]) -> None:
     peer = RoundTrip()
-    for took_us in measured:
-        peer.on_silence() if took_us is None else peer.on_measured(took_us)
+    for at, took_us in enumerate(measured):
+        peer.on_late(at * MOST_US) if took_us is None else peer.on_measured(took_us)
         assert LEAST_US <= peer.pause_us <= MOST_US
     for _ in range(100):
         peer.on_measured(5_000)

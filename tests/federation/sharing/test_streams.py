@@ -26,7 +26,7 @@ def sample(number: int) -> Sample:
 
 
 def arrived(stream: ImportStream, put: Put, now_us: int) -> list[int]:
-    boot, entries, _ = decode_samples(put.payload)
+    boot, entries, *_ = decode_samples(put.payload)
     return [entry.seq for entry in stream.on_samples(boot, entries, now_us)]
 
 
@@ -203,7 +203,7 @@ class LossyStream(RuleBasedStateMachine):
         put = self.flying[at % len(self.flying)]
         if not keep:
             self.flying.remove(put)
-        boot, entries, _ = decode_samples(put.payload)
+        boot, entries, *_ = decode_samples(put.payload)
         self.take(self.stream.on_samples(boot, entries, self.now_us))
 
     @rule(later_us=st.integers(0, 3_000_000))

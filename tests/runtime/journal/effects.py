@@ -87,7 +87,7 @@ def _plain(effect: Any) -> list[tuple[str, list[Any]]]:
 
 def _samples(key: str, parsed: keys.StreamKey, payload: bytes) -> list[tuple[str, list[Any]]]:
     """One entry a stream, whichever travel together."""
-    boot, samples, riders = decode_samples(payload)
+    boot, samples, riders, _ = decode_samples(payload)
     streams = [(key, samples), *((keys.stream(parsed.owner, *rider[:2]), rider.samples) for rider in riders)]
     return [("samples", [name, boot, [list(sample) for sample in each]]) for name, each in streams]
 

@@ -1,0 +1,129 @@
+"""A platform that has too much to do does less, by declared importance, and reports it.
+
+Beyond what a machine can do every message makes the others later, until nothing is in time. So a platform whose thread
+waits for a processor sends its streams less often, and looks at its monitors less often: the least important first.
+Each message of samples states how often they come; `ls` shows it as a condition. When there is time again all is as
+declared.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from agents.effects import Pressed
+from agents.exchange.export_proxy import ExportProxy
+from agents.exchange.subscription_keeper import SubscriptionKeeper
+from agents.monitoring.monitors import UnitMonitors
+from agents.part import Part
+from federation.members.directory import DirectoryFacilitator
+from federation.messages.descriptions import ConditionEntry
+from reasoning import AlarmEvent
+
+EVERY: Final = (1, 2, 8)
+"""By level: the number of samples of a stream of importance 1 of which one is sent. Monitors with half of the samples are fresh as
+before; with less they are unknown, and say so."""
+TOO_MUCH: Final = 0.30
+ENOUGH: Final = 0.12
+"""Parts of the time without a processor: above the one less is done, below the other more again."""
+HARDER_US: Final = 2_000_000
+"""Between two steps down: what the first one saves must show first."""
+EASIER_US: Final = 2_500_000
+EASIER_MOST_US: Final = 40_000_000
+"""How long there must be time before more is done again; it doubles when that was too early."""
+TOLD_US: Final = 5_000_000
+"""So long after the end the condition is shown: it is not withdrawn and renewed all the time."""
+
+
+class Shedding(Part):
+    """See the module. Times are the node clock.
+
+    Attributes:
+        level: 0 while all is done as declared.
+    """
+
+    takes = {Pressed: "on_pressed"}  # noqa: RUF012  (a declaration)
+
+    def __init__(
+        self,
+        exporter: ExportProxy,
+        monitors: UnitMonitors,
+        keeper: SubscriptionKeeper,
+        directory: DirectoryFacilitator,
+        note: Callable[[str], None],
+        offer: Callable[[int], None],
+    ) -> None:
+        self._exporter, self._monitors, self._keeper = exporter, monitors, keeper
+        self._directory, self._note, self._offer = directory, note, offer
+        self._alarms: set[str] = set()
+        self.level = 0
+        self._changed_us = self._eased_us = 0
+        self._calm_us: int | None = None
+        self._easier_us = EASIER_US
+        self._shown: ConditionEntry | None = None
+
+    def conditions(self) -> Iterable[ConditionEntry]:
+        return () if self._shown is None else (self._shown,)
+
+    def on_pressed(self, event: Pressed, now_us: int) -> None:
+        """What the process measured; twice a second while it is much."""
+        if event.part <= ENOUGH:
+            self._calm_us = now_us if self._calm_us is None else self._calm_us
+        else:
+            self._calm_us = None
+        if event.part > TOO_MUCH and self.level < len(EVERY) - 1 and now_us >= self._changed_us + HARDER_US:
+            if self.level == 0 and now_us < self._eased_us + 4 * self._easier_us:
+                self._easier_us = min(2 * self._easier_us, EASIER_MOST_US)
+            self._set(self.level + 1, now_us)
+
+    @property
+    def deadline_us(self) -> int | None:
+        if self.level:
+            return None if self._calm_us is None else max(self._calm_us, self._changed_us) + self._pause_us
+        return None if self._shown is None else self._changed_us + TOLD_US
+
+    @property
+    def _pause_us(self) -> int:
+        """From the worst there is a quick way back."""
+        return self._easier_us if self.level == 1 else EASIER_US
+
+    def on_time(self, now_us: int) -> None:
+        """Do more again; withdraw the condition."""
+        due_us = self.deadline_us
+        if due_us is None or now_us < due_us:
+            return
+        if self.level:
+            self._set(self.level - 1, now_us)
+            self._eased_us = now_us
+        else:
+            self._shown = None
+            self._offer(now_us)
+
+    def on_alarm(self, event: AlarmEvent, now_us: int) -> None:  # noqa: ARG002  (as every part)
+        """While an alarm is open here nothing is shed that monitors cannot do without."""
+        if event.event == "opened":
+            self._alarms.add(event.id)
+        else:
+            self._alarms.discard(event.id)
+        self._shed()
+
+    def _shed(self) -> None:
+        every = EVERY[min(self.level, 1) if self._alarms else self.level]
+        if every != self._exporter.shed:
+            self._exporter.shed = every
+            self._monitors.shed(every)
+
+    def _set(self, level: int, now_us: int) -> None:
+        self.level, self._changed_us = level, now_us
+        self._shed()
+        self._keeper.patience = 1 + 4 * level
+        self._directory.is_busy = level > 0
+        if level and self._shown is None:
+            self._shown = ConditionEntry(
+                text="too busy: streams are sent, and monitors looked at, less often", since_us=now_us
+            )
+            self._offer(now_us)
+        omitted = self._exporter.omitted.total()
+        self._note(
+            f"too busy: of {self._exporter.shed} samples one is sent"
+            if level
+            else f"no longer too busy: all samples are sent; {omitted} were left out so far"
+        )
