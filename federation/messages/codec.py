@@ -26,8 +26,7 @@ from federation.messages.sexpr import MAX_DEPTH, MAX_INTEGER, MIN_INTEGER, Expr,
 from federation.messages.unpacking import named, pack
 
 MAX_ACKS: Final = 256
-MAX_RIDERS: Final = 16
-MAX_EVERY: Final = 16
+MAX_RIDERS, MAX_EVERY = 16, 16
 
 Signature: TypeAlias = bytes
 """Ed25519 over the body of an act, 64 bytes."""
