@@ -12,6 +12,7 @@ from federation.members.offers import Service
 from federation.messages.acts import Act
 from federation.messages.contents import ActList, ActLog, Acts, Content
 from federation.messages.contents.parts import uncontrolled
+from federation.messages.sexpr import Expr
 
 ACTS_A_PAGE = 25
 LONGEST_ACT = 2000
@@ -62,7 +63,12 @@ class MessageLog(Part):
 
 
 def _content_of(entry: AuditEntry) -> ActLog:
-    text = None if entry.act is None else uncontrolled(str(entry.act))
+    """An entry as it is sent. What was answered about the log is without its entries: it would hold the log again."""
+    act = entry.act
+    if act is not None and act.content is not None and act.content.head == ActList.head:
+        rest = {name: value for name, value in act.content.arguments.items() if name != "acts"}
+        act = act._replace(content=Expr(ActList.head, rest))
+    text = None if act is None else uncontrolled(str(act))
     if text is not None and len(text) > LONGEST_ACT:
         text = f"{text[: LONGEST_ACT - 3]}..."
     return ActLog(

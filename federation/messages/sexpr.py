@@ -26,7 +26,7 @@ _SYMBOL = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./@\[\],-]{0,255}")
 _NAME = re.compile(r"(?=.{1,64}\Z)[a-z][a-z0-9]*([-_][a-z0-9]+)*")
 _INTEGER = re.compile(r"-?(0|[1-9][0-9]*)")
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
-_TOKEN = re.compile(r'[()]|"(?:[^"\\]|\\.)*":?|[^\s()"]+|"', re.DOTALL)
+_TOKEN = re.compile(r'[()]|"(?:[^"\\]++|\\.)*+":?|[^\s()"]+|"', re.DOTALL)
 """A quote alone is the beginning of a quoted text without end."""
 _WORDS: dict[str, Any] = {"true": True, "false": False, "no_value": NO_VALUE}
 _FORMS = frozenset({"sequence", "record"})

@@ -175,3 +175,14 @@ def test_control_characters_of_others_are_listed_as_what_they_are_not(wire: Box,
     (listed,) = [each.act for each in answer.acts or () if each.peer == "1" and "gone" in (each.act or "")]
     assert listed is not None
     assert listed.isprintable()
+
+
+def test_an_answer_about_the_log_does_not_hold_the_log_again(wire: Box) -> None:
+    wire.join("0")
+    wire.centre()
+    for _ in range(3):
+        contents = wire.asked("cc", "0", ActList(), P.QUERY_REF).contents
+    texts = [entry.act or "" for page in contents for entry in page.acts or ()]
+    answers = [text for text in texts if "(act-list" in text and text.startswith("(inform")]
+    assert len(answers) >= 2
+    assert all("(act-list more: false)" in text or "(act-list)" in text for text in answers)
