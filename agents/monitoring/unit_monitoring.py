@@ -44,10 +44,11 @@ class UnitMonitoring(Part):
 
     @property
     def deadline_us(self) -> int | None:
-        due_us = self.monitors.deadline_us
-        if due_us is not None:
-            due_us = self._clock.wall_us(due_us)
-        return earlier(due_us, self._departed.next_us)
+        due_us, leave_us = self.monitors.deadline_us, self._departed.next_us
+        if due_us is None:
+            return leave_us
+        due_us = self._clock.wall_us(due_us)
+        return due_us if leave_us is None else earlier(due_us, leave_us)
 
     def on_time(self, now_us: int) -> None:
         self.monitors.on_time(self._clock.federation_us(now_us))

@@ -248,9 +248,12 @@ class Liveness:
         events: list[LivenessEvent] = []
         next_us: int | None = None
         for peer in list(self.peers.values()):
-            if not peer.present:
+            if peer.state is _ALIVE and peer.token_gone_us is None:
+                due_us = peer.heard_us + SUSPECT_US
+            elif peer.present:
+                due_us = peer.due_us
+            else:
                 continue
-            due_us = peer.due_us
             if now_us >= due_us:
                 events += self._judge(peer, now_us)
                 if not peer.present:

@@ -101,7 +101,7 @@ class World:
     def run_until(self, at_us: int) -> None:
         """Let the world run. Meanwhile garbage is collected seldom: nearly all that a world makes stays."""
         thresholds = gc.get_threshold()
-        gc.set_threshold(max(thresholds[0], 50_000), *thresholds[1:])
+        gc.set_threshold(max(thresholds[0], 50_000), max(thresholds[1], 100), thresholds[2])
         try:
             self.agenda.run_until(at_us)
         finally:
