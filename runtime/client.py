@@ -3,6 +3,7 @@
 from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from functools import cached_property
+from logging import getLogger
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from types import TracebackType
@@ -60,6 +61,7 @@ class EventQueue(Protocol):
 
 
 Clock = Callable[[], int]
+_log = getLogger("dyknow")
 
 
 class Surroundings(NamedTuple):
@@ -87,6 +89,9 @@ class Client:
         federation: its name, for messages.
         extensions: modules that bring further tasks and semantic labels.
         ontology: file of semantic labels.
+
+    Attributes:
+        on_trouble: called with a platform and why its answer is not among those of a question to many.
     """
 
     def __init__(
@@ -99,6 +104,7 @@ class Client:
     ) -> None:
         self.federation, self.extensions = federation, extensions
         self._ontology_file = ontology
+        self.on_trouble: Callable[[str, str], None] = lambda unit, why: _log.warning("platform %s: %s", unit, why)
         self.now_us, self._mailbox, self._trouble = around.now_us, around.mailbox, around.trouble
         self._wire = around.open_wire(self._mailbox.put, self.now_us)
         self._since_us = self.now_us()

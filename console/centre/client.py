@@ -21,6 +21,7 @@ def connected(call: Call) -> Iterator[Client]:
     centre = command_centre(settings, f"{COMMAND_CENTRE}-{os.getpid()}")
     with call.out.waiting("looking for platforms"):
         client = Client(_surroundings(call), centre, settings.federation, settings.extensions, settings.ontology)
+    client.on_trouble = lambda unit, why: call.out.note(f"platform {unit}: {why}", style="red")
     with client:
         yield client
 

@@ -18,7 +18,7 @@ def closest(client: Client) -> tuple[str, str, float] | None:
     """The two platforms that are nearest to each other by their newest positions, and their distance in metres."""
     places: dict[str, tuple[float, float, float]] = {}
     values: dict[tuple[str, str], Mapping[str, Any]] = {}
-    units = [seen.unit for seen in client.centre.platforms()]
+    units = [seen.unit for seen in client.centre.platforms() if POSITION in seen.labels]
     for label in (POSITION, ALTITUDE):
         for unit, said in client.run(lists(client, units, Query(semantic_label=label), Samples)):
             for each in said.samples:

@@ -148,8 +148,10 @@ def agreeing(client: Client, label: str, units: Sequence[str], refused: Callable
 
 
 def lists(client: Client, units: Sequence[str], content: Content, kind: type[C]) -> Job[list[tuple[str, C]]]:
-    """What platforms answer to a question about themselves, with their names."""
+    """What platforms answer to a question about themselves, with their names; `on_trouble` of the client gets the others."""
     dialogues = yield from client.answers(units, content, P.QUERY_REF, SET_UP_S)
+    for unit, why in ((one.unit, one.trouble) for one in dialogues if one.trouble):
+        client.on_trouble(unit, why)
     return [(one.unit, said) for one in dialogues for said in one.results if isinstance(said, kind)]
 
 

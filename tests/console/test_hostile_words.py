@@ -201,7 +201,7 @@ def test_a_stream_of_words_is_watched_as_plain_text(
 
     def spoilt(session: Any, effect: Put) -> None:
         if isinstance(keys.parse_key(effect.key), keys.StreamKey):
-            boot, samples, riders = decode_samples(effect.payload)
+            boot, samples, riders, _ = decode_samples(effect.payload)
             words = [each._replace(value=f"{CONTROLS}{MARKUP}") for each in samples]
             effect = effect._replace(payload=encode_samples(boot, words, riders=riders))
         put(session, effect)

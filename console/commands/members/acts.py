@@ -16,7 +16,7 @@ from federation.messages.acts import Act, Performative, parse_act
 from federation.messages.contents import ActList, ActLog, Acts
 from runtime.client import Client
 from runtime.configuration.instants import clock_time
-from runtime.library.jobs import SET_UP_S, Subscriptions
+from runtime.library.jobs import Subscriptions, lists
 
 _STEP_S = 0.2
 _QUESTIONS = {Performative.QUERY_REF, Performative.SUBSCRIBE}
@@ -74,12 +74,8 @@ def acts(
     with connected(call) as client:
         units = _units(client, unit, follow=follow)
         if not follow or last is not None:
-            answers = client.run(client.answers(units, ActList(), Performative.QUERY_REF, SET_UP_S))
-            for answer in answers:
-                if answer.trouble:
-                    call.out.note(f"platform {answer.unit}: {answer.trouble}", style="red")
-            pages = [(answer.unit, said) for answer in answers for said in answer.results if isinstance(said, ActList)]
-            known = [(by, one) for by, said in pages for one in said.acts or ()]
+            remembered = client.run(lists(client, units, ActList(), ActList))
+            known = [(by, one) for by, said in remembered for one in said.acts or ()]
             shown = log.chosen(sorted(known, key=lambda entry: entry[1].at_us))
             log.show(shown[-last:] if last is not None else shown)
         if follow:
