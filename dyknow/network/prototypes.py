@@ -232,6 +232,8 @@ def source(sort: str | Sort, name: str = "", label: str = "") -> Callable[[Made]
 
 
 def _name(sort: str | Sort) -> str:
+    if not isinstance(sort, Sort | str):
+        raise TypeError(f'{sort!r} is not a sort; list the sorts one by one: @value_unit("number", "number", "number")')
     return sort.name if isinstance(sort, Sort) else sort
 
 

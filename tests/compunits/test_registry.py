@@ -253,6 +253,16 @@ def test_wrong_variants_are_refused_where_they_are_written() -> None:
         variant(plain, "Wrong", metres=1.0)
 
 
+def test_sorts_that_are_given_together_are_refused_with_how_they_are_listed(folder: Path) -> None:
+    write(
+        folder,
+        "pairs",
+        'from dyknow import value_unit\n\n@value_unit("number", ("number", "number"))\ndef add(a, b):\n    return a + b\n',
+    )
+    with pytest.raises(UnitError, match=r"not a sort; list the sorts one by one"):
+        load_module(str(folder / "pairs.py"))
+
+
 def test_a_module_without_a_file_is_called_by_its_name() -> None:
     module = ModuleType("typed_in")
     module.one = value_unit("a", "b", name="Same")(lambda value: value)  # type: ignore[attr-defined]
