@@ -21,9 +21,9 @@ from reasoning import AlarmEvent
 EVERY: Final = (1, 2, 8)
 """By level: the number of samples of a stream of importance 1 of which one is sent. Monitors with half of the samples are fresh as
 before; with less they are unknown, and say so."""
-TOO_MUCH: Final = 0.30
-ENOUGH: Final = 0.12
-"""Parts of the time without a processor: above the one less is done, below the other more again."""
+TOO_MUCH: Final = (0.30, 0.55)
+ENOUGH: Final = (0.12, 0.30)
+"""Parts of the time without a processor, by level: above the one less is done; below the other, of the level before, more."""
 HARDER_US: Final = 2_000_000
 """Between two steps down: what the first one saves must show first."""
 EASIER_US: Final = 2_500_000
@@ -56,6 +56,7 @@ class Shedding(Part):
         self._alarms: set[str] = set()
         self.level = 0
         self._changed_us = self._eased_us = 0
+        self._part = 0.0
         self._calm_us: int | None = None
         self._easier_us = EASIER_US
         self._shown: ConditionEntry | None = None
@@ -65,14 +66,17 @@ class Shedding(Part):
 
     def on_pressed(self, event: Pressed, now_us: int) -> None:
         """What the process measured; twice a second while it is much."""
-        if event.part <= ENOUGH:
-            self._calm_us = now_us if self._calm_us is None else self._calm_us
-        else:
-            self._calm_us = None
-        if event.part > TOO_MUCH and self.level < len(EVERY) - 1 and now_us >= self._changed_us + HARDER_US:
+        self._part = event.part
+        self._judge(now_us)
+        if self.level < len(TOO_MUCH) and event.part > TOO_MUCH[self.level] and now_us >= self._changed_us + HARDER_US:
             if self.level == 0 and now_us < self._eased_us + 4 * self._easier_us:
                 self._easier_us = min(2 * self._easier_us, EASIER_MOST_US)
             self._set(self.level + 1, now_us)
+
+    def _judge(self, now_us: int) -> None:
+        """Whether there has been time for more, and since when."""
+        is_calm = self.level > 0 and self._part <= ENOUGH[self.level - 1]
+        self._calm_us = None if not is_calm else now_us if self._calm_us is None else self._calm_us
 
     @property
     def deadline_us(self) -> int | None:
@@ -112,7 +116,8 @@ class Shedding(Part):
             self._monitors.shed(every)
 
     def _set(self, level: int, now_us: int) -> None:
-        self.level, self._changed_us = level, now_us
+        self.level, self._changed_us, self._calm_us = level, now_us, None
+        self._judge(now_us)
         self._shed()
         self._keeper.patience = 1 + 4 * level
         self._directory.is_busy = level > 0
