@@ -21,8 +21,8 @@ from reasoning import AlarmEvent
 EVERY: Final = (1, 2, 8)
 """By level: the number of samples of a stream of importance 1 of which one is sent. Monitors with half of the samples are fresh as
 before; with less they are unknown, and say so."""
-TOO_MUCH: Final = (0.30, 0.55)
-ENOUGH: Final = (0.12, 0.30)
+TOO_MUCH: Final = (0.25, 0.35)
+ENOUGH: Final = (0.10, 0.15)
 """Parts of the time without a processor, by level: above the one less is done; below the other, of the level before, more."""
 HARDER_US: Final = 2_000_000
 """Between two steps down: what the first one saves must show first."""
@@ -86,8 +86,8 @@ class Shedding(Part):
 
     @property
     def _pause_us(self) -> int:
-        """From the worst there is a quick way back."""
-        return self._easier_us if self.level == 1 else EASIER_US
+        """From the worst the way back is never longer."""
+        return self._easier_us if self.level == 1 else 2 * EASIER_US
 
     def on_time(self, now_us: int) -> None:
         """Do more again; withdraw the condition."""

@@ -114,7 +114,7 @@ def test_who_did_all_again_too_early_waits_longer(pair: Box) -> None:
             pair.run(0.1)
         return (pair.now_us - began_us) / 1e6
 
-    assert [round(calm_s() / (EASIER_US / 1e6)) for _ in range(3)] == [2, 3, 5], "and the quick step from the worst"
+    assert [round(calm_s() / (EASIER_US / 1e6)) for _ in range(3)] == [3, 4, 6], "and the step from the worst"
 
 
 def test_monitors_go_on_with_half_of_the_samples_and_are_unknown_with_less(wire: Box) -> None:
@@ -177,7 +177,7 @@ def test_a_member_that_says_it_sends_less_and_does_so_is_shown_as_unknown(wire: 
     assert (monitor.inputs, monitor.shows) == ("stale", "unknown")
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32))
 def test_whatever_is_measured_the_level_follows_and_everything_comes_back(seed: int) -> None:
     wire, random = Box(), Random(seed)
