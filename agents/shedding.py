@@ -19,7 +19,7 @@ from federation.messages.descriptions import ConditionEntry
 from reasoning import AlarmEvent
 
 EVERY: Final = (1, 2, 8)
-"""By level: the number of samples of a stream of importance 1 of which one is sent. Monitors with half of the samples are fresh as
+"""By level: a stream of importance 1 has each sample sent, each second one, each eighth. Monitors with half of the samples are fresh as
 before; with less they are unknown, and say so."""
 TOO_MUCH: Final = (0.25, 0.35)
 ENOUGH: Final = (0.10, 0.15)
