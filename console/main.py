@@ -24,6 +24,7 @@ COMMANDS: CommandTable = {
     "query": (f"{_MEMBERS}.query:query", "The latest value of a label, its value at a time, or all between two times."),
     "watch": (f"{_MEMBERS}.watch:watch", "A federated stream under a policy, sample by sample."),
     "hz": (f"{_MEMBERS}.hz:hz", "Rate, loss and latency of a label, platform by platform."),
+    "imports": (f"{_MEMBERS}.imports:imports", "The streams that platforms receive from each other, and their gaps."),
     "check": (f"{_TEXTS}.check:check", "A formula over a recorded trace, or over a platform's live states."),
     "chronicle": (f"{_TEXTS}.chronicle:chronicle", "Chronicles in recorded events, or over a platform's live streams."),
     "delegate": (f"{_MEMBERS}.delegate:delegate", "A task for a platform, as a speech act to its interface agent."),
