@@ -46,6 +46,7 @@ class PlatformConfig:
     control: bool = False
     missions: bool = False
     avoidance: bool = True
+    shedding: bool = True
     period_us: int = 100_000
     plan: FlightPlan | None = None
     limits: FlightLimits = field(default_factory=FlightLimits)

@@ -9,6 +9,7 @@ declared.
 from collections.abc import Callable, Iterable
 from typing import Final
 
+from agents.config import PlatformConfig
 from agents.effects import Pressed
 from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.subscription_keeper import SubscriptionKeeper
@@ -21,8 +22,8 @@ from reasoning import AlarmEvent
 EVERY: Final = (1, 2, 8)
 """By level: a stream of importance 1 has each sample sent, each second one, each eighth. Monitors with half of the samples are fresh as
 before; with less they are unknown, and say so."""
-TOO_MUCH: Final = (0.25, 0.35)
-ENOUGH: Final = (0.10, 0.15)
+TOO_MUCH: Final = (0.30, 0.40)
+ENOUGH: Final = (0.12, 0.18)
 """Parts of the time without a processor, by level: above the one less is done; below the other, of the level before, more."""
 HARDER_US: Final = 2_000_000
 """Between two steps down: what the first one saves must show first."""
@@ -44,6 +45,7 @@ class Shedding(Part):
 
     def __init__(
         self,
+        config: PlatformConfig,
         exporter: ExportProxy,
         monitors: UnitMonitors,
         keeper: SubscriptionKeeper,
@@ -51,6 +53,7 @@ class Shedding(Part):
         note: Callable[[str], None],
         offer: Callable[[int], None],
     ) -> None:
+        self._may_shed = config.shedding
         self._exporter, self._monitors, self._keeper = exporter, monitors, keeper
         self._directory, self._note, self._offer = directory, note, offer
         self._alarms: set[str] = set()
@@ -66,6 +69,8 @@ class Shedding(Part):
 
     def on_pressed(self, event: Pressed, now_us: int) -> None:
         """What the process measured; twice a second while it is much."""
+        if not self._may_shed:
+            return
         self._part = event.part
         self._judge(now_us)
         if self.level < len(TOO_MUCH) and event.part > TOO_MUCH[self.level] and now_us >= self._changed_us + HARDER_US:

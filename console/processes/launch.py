@@ -147,6 +147,7 @@ def platform_config(
         "units": [_found_anywhere(name) for name in own.modules],
         "feed": _absolute(own.feed),
         "admit": own.admit or "refuse",
+        "shedding": own.shedding,
         "govern_ms": duration_us(own.govern, option="govern", least_us=SHORTEST_US) / 1e3 if own.govern else None,
         **{name: value for name in _LIMITS if (value := getattr(own, name)) is not None},
         "extensions": [_found_anywhere(name) for name in call.settings.extensions],

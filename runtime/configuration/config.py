@@ -104,6 +104,7 @@ class NodeConfig(Strict):
     vehicle: Vehicle = Field(default_factory=NoVehicle)
     trust: TrustConfig = TrustConfig()
     avoidance: bool = True
+    shedding: bool = True
     period_ms: int = Field(100, ge=10, le=10_000)
     floor_m: float = Field(10.0, allow_inf_nan=False)
     ceiling_m: float = Field(120.0, allow_inf_nan=False)

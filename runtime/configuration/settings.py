@@ -48,6 +48,8 @@ class UnitFile(Strict):
 
     persona: Persona | None = None
     avoidance: bool | None = None
+    shedding: bool = True
+    """Whether it may send its streams less often while its machine has too much to do."""
     gcs: str | None = None
     mavlink: str | None = None
     sysid: int | None = Field(default=None, ge=1, le=255)

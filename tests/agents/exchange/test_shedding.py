@@ -177,6 +177,13 @@ def test_a_member_that_says_it_sends_less_and_does_so_is_shown_as_unknown(wire: 
     assert (monitor.inputs, monitor.shows) == ("stale", "unknown")
 
 
+def test_who_may_not_shed_sends_all(wire: Box) -> None:
+    platform = wire.fly("0", 0, 0, shedding=False)
+    wire.run(0.5)
+    press(wire, "0", 1.0, 5.0)
+    assert (platform.part(Shedding).level, platform.ports.exporter.shed) == (0, 1)
+
+
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32))
 def test_whatever_is_measured_the_level_follows_and_everything_comes_back(seed: int) -> None:

@@ -153,7 +153,8 @@ class Fleet:
             wire = {"federation": self.name, "listen": place.listen, "connect": place.connect}
             wire["open"] = bool(place.listen)  # a laboratory of namespaces is no machine that strangers reach
             path = self._directory / f"{unit}.json"
-            path.write_text(json.dumps({"unit": unit, "wire": wire, "vehicle": vehicle, **config}))
+            found = {"unit": unit, "wire": wire, "vehicle": vehicle, "shedding": False, **config}  # samples are counted
+            path.write_text(json.dumps(found))
             argv = [
                 *place.prefix,
                 sys.executable,
