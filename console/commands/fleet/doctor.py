@@ -29,7 +29,7 @@ from runtime.configuration.settings import UnitFile
 
 DISTRIBUTION = "dyknow-federation"
 TOP_LEVEL = (
-    "agents", "compunits", "console", "dyknow", "federation", "kpl", "navigation", "proxies", "reasoning", "runtime",
+    "agents", "anchoring", "compunits", "console", "dyknow", "federation", "kpl", "navigation", "proxies", "reasoning", "runtime",
     "sim_uavs",
 )  # fmt: skip
 LEAST_MB = 100

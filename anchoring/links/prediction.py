@@ -1,0 +1,107 @@
+"""Where objects that no percept shows are: the interface of predictors, and constant velocity.
+
+A `Predictor` is a function of the states an object had while it was seen, of the time to predict to, and of what it said
+for the time before. It returns a `ObjectPrediction`: one or several hypotheses with weights, under one symbol. A predictor along
+roads puts one hypothesis per route there, the heaviest first, and the route into the attributes of its state.
+
+    class AlongRoads:
+        def predict(self, history, to_us, before=None, individual=None) -> ObjectPrediction: ...
+
+Implementations are pure: what they need to remember from tick to tick is in `before`.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from anchoring.links.individuals import Individual
+from anchoring.links.states import ObjectState, moved
+from dyknow import US_PER_S
+
+
+class Hypothesis(NamedTuple):
+    """A state an object may have, and how probable that is."""
+
+    state: ObjectState
+    weight: float
+
+
+class ObjectPrediction(NamedTuple):
+    """All states an object may have at one time, the most probable first; the weights sum to 1."""
+
+    hypotheses: tuple[Hypothesis, ...]
+
+    @property
+    def likely(self) -> ObjectState:
+        """The most probable state."""
+        return self.hypotheses[0].state
+
+    def nearest(self, state: ObjectState) -> ObjectState:
+        """The state that lies nearest to another; of two as near, the more probable."""
+        return min((each.state for each in self.hypotheses), key=state.distance_m)
+
+
+class Predictor(Protocol):
+    """Predicts objects of one type while they are not linked to what shows them."""
+
+    def predict(
+        self,
+        history: Sequence[ObjectState],
+        to_us: int,
+        before: ObjectPrediction | None = None,
+        individual: Individual | None = None,
+    ) -> ObjectPrediction:
+        """The hypotheses for `to_us`.
+
+        Args:
+            history: the latest states while it was seen, oldest first, at least one; no covariance of them grows.
+            to_us: not before the last of them, and not before the time of `before`.
+            before: what was predicted last from this same history; None at the first time.
+            individual: what was learnt about this object while it was seen; None: predict as for any of its type.
+        """
+
+
+def certain(state: ObjectState) -> ObjectPrediction:
+    """A prediction with one hypothesis."""
+    return ObjectPrediction((Hypothesis(state, 1.0),))
+
+
+class ConstantVelocity:
+    """The general model: the line through the last states, by least squares over time.
+
+    The covariance is that of the last state, grown with white acceleration noise.
+
+    Args:
+        states: how many of the last states the line goes through.
+        noise: density of the acceleration noise, m^2/s^3.
+    """
+
+    def __init__(self, states: int = 5, noise: float = 2.0) -> None:
+        self._states, self._noise = states, noise
+
+    def predict(
+        self,
+        history: Sequence[ObjectState],
+        to_us: int,
+        before: ObjectPrediction | None = None,
+        individual: Individual | None = None,  # noqa: ARG002
+    ) -> ObjectPrediction:
+        last = history[-1]
+        if before is not None:
+            vx_m_s, vy_m_s = before.likely.vx_m_s, before.likely.vy_m_s
+        else:
+            vx_m_s, vy_m_s = _slope(history[-self._states :])
+        return certain(moved(last._replace(vx_m_s=vx_m_s, vy_m_s=vy_m_s), to_us, self._noise))
+
+
+def _slope(history: Sequence[ObjectState]) -> tuple[float, float]:
+    """Velocity of the least-squares line through the positions; of a single state its own."""
+    last = history[-1]
+    if len(history) < 2:
+        return last.vx_m_s, last.vy_m_s
+    seconds = np.array([(each.valid_us - last.valid_us) / US_PER_S for each in history])
+    places = np.array([each[1:3] for each in history])
+    seconds -= seconds.mean()
+    slope = seconds @ (places - places.mean(axis=0)) / (seconds @ seconds)
+    return float(slope[0]), float(slope[1])
