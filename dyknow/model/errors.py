@@ -15,6 +15,7 @@
   + TextError           a text of ours (formula, policy, label, duration, act) does not parse or check
     + TextErrors        several of them in one text
   + ChronicleError      a chronicle that no events could satisfy, or that cannot be recognised as it is written
+  + RoadsError          a road network that cannot be read as it is written
   + NameRefused         a unit, semantic label or conversation id that must not become part of a key
   + DecodeError         bytes from outside that are malformed, oversized or mistyped
   + ContentError        an act whose content this agent does not understand
@@ -237,6 +238,16 @@ class TextErrors(TextError):
 
 class ChronicleError(DyknowError):
     """A chronicle whose times contradict each other, or that names what is not declared (thesis 8.3)."""
+
+
+class RoadsError(DyknowError):
+    """A road network that is wrong; each of `problems` names the feature, the cause and the remedy."""
+
+    def __init__(self, problems: tuple[str, ...], file: str = "", left_out: int = 0) -> None:
+        self.problems, self.file = problems, file
+        place, more = f"{file}: " if file else "", len(problems) + left_out - 5
+        lines = [f"{place}{each}" for each in problems[:5]] + [f"and {more} more"] * (more > 0)
+        super().__init__("\n".join(lines))
 
 
 class NameRefused(DyknowError):

@@ -1,0 +1,305 @@
+"""Road networks as GeoJSON (RFC 7946): a FeatureCollection of Points, LineStrings and Polygons.
+
+    Point       `id`, `kind`: "crossing", `radius_m` (8)
+    LineString  `id`, `from`, `to` (absent or null: the road leaves the network there), `width_m` (7), `lanes` (2),
+                `speed_m_s` (13.9), `oneway` (false)
+    Polygon     `id`, `kind`: "road", "crossing" or another, `of`: the link or crossing that it belongs to
+
+`lanes` is a number of lanes, or a list of the signed offsets of their centres, positive on the right of the direction
+from -> to. The collection may say `"frame": "local"`: coordinates are metres, x east and y north. Otherwise they are
+longitude and latitude (WGS 84). `origin`, [longitude, latitude], is where x = y = 0 is on earth; without it this is the
+middle of the coordinates, or unknown for a local frame. `"traffic": "left"` is for countries that drive on the left.
+"""
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from typing import Any, Final
+
+from anchoring.roads.elements import Crossing, Lane, RoadArea, RoadLink
+from anchoring.roads.files.assembly import Assembly
+from anchoring.roads.files.lanes import MOST_LANES, even_lanes, offset_lanes
+from anchoring.roads.files.problems import FeatureError, Problems, RoadSurvey
+from anchoring.roads.geometry import Point2, Polyline
+from anchoring.roads.network import RoadNetwork
+from navigation.geodesy import LocalFrame
+
+MOST_BYTES: Final = 256 * 2**20
+MOST_FEATURES: Final = 1_000_000
+FARTHEST_M: Final = 500_000.0
+"""From the origin; the plane that touches the earth there is no map of more."""
+LONGEST_ID: Final = 200
+WIDTH_M: Final = 7.0
+RADIUS_M: Final = 8.0
+SPEED_M_S: Final = 13.9
+_GEOMETRIES: Final = {"Point": 0, "LineString": 1, "Polygon": 2}
+
+
+def read_roads(text: str | bytes, file: str = "") -> RoadNetwork:
+    """The network of a GeoJSON text.
+
+    Raises:
+        RoadsError: it has errors; each names the feature, the cause and the remedy.
+    """
+    return survey_roads(text).required(file)
+
+
+def survey_roads(text: str | bytes) -> RoadSurvey:
+    """What a GeoJSON text has, and every problem in it."""
+    problems = Problems()
+    collection = _collection(text, problems)
+    if collection is None:
+        return problems.survey(None)
+    features: list[Any] = collection["features"]
+    left_hand = collection.get("traffic") == "left"
+    turned = _Frame(collection, features, problems)
+    assembly = Assembly(problems)
+    for index, feature in enumerate(features):
+        name: str | None = None
+        try:
+            kind, coordinates, properties = _parts(feature)
+            name = _id(feature, properties)
+            made = _made(kind, name, turned.local(coordinates), properties, left_hand=left_hand)
+        except FeatureError as wrong:
+            problems.error(index, name, wrong.message, wrong.remedy)
+            continue
+        if made is None:
+            problems.warning(
+                index,
+                name,
+                f"a Point of kind {properties.get('kind')!r} is left out",
+                'crossings have "kind": "crossing"',
+            )
+        else:
+            assembly.add(index, made)
+    if not assembly.links and not problems.has_errors:
+        problems.warning(None, None, "there is no LineString, and so no road", "a link is a LineString with an id")
+    return problems.survey(assembly.network(turned.frame))
+
+
+def _collection(text: str | bytes, problems: Problems) -> dict[str, Any] | None:
+    """The object of the text, if it is a FeatureCollection."""
+    if len(text) > MOST_BYTES:
+        problems.error(None, None, f"it has {len(text)} bytes, at most {MOST_BYTES} are read", "cut the network")
+        return None
+    try:
+        decoded = text.decode("utf-8-sig") if isinstance(text, bytes) else text
+        found: Any = json.loads(decoded, parse_constant=float)
+    except (ValueError, RecursionError) as wrong:
+        problems.error(None, None, f"it is no JSON: {wrong}", "write a GeoJSON FeatureCollection")
+        return None
+    if not isinstance(found, dict) or found.get("type") != "FeatureCollection":
+        problems.error(
+            None, None, "it is no FeatureCollection", 'write {"type": "FeatureCollection", "features": [...]}'
+        )
+        return None
+    features = found.get("features")
+    if not isinstance(features, list) or len(features) > MOST_FEATURES:
+        what = (
+            f"at most {MOST_FEATURES} features are read" if isinstance(features, list) else "it has no list of features"
+        )
+        problems.error(None, None, what, 'write "features": [...]')
+        return None
+    for member, allowed in (("frame", ("local", "wgs84", "WGS84", None)), ("traffic", ("left", "right", None))):
+        if found.get(member) not in allowed:
+            problems.error(
+                None, None, f'"{member}" is {_brief(found[member])}',
+                f"it is {' or '.join(json.dumps(each) for each in allowed[:2])}",
+            )  # fmt: skip
+    return None if problems.has_errors else found
+
+
+class _Frame:
+    """Turns coordinates of the text into metres east and north of the origin."""
+
+    def __init__(self, collection: Mapping[str, Any], features: Sequence[Any], problems: Problems) -> None:
+        self._is_local = collection.get("frame") == "local"
+        origin = self._origin(collection, problems)
+        if origin is None and not self._is_local:
+            origin = _middle(features)
+        self.frame = None if origin is None else LocalFrame(origin[1], origin[0], 0.0)
+
+    def _origin(self, collection: Mapping[str, Any], problems: Problems) -> Point2 | None:
+        if collection.get("origin") is None:
+            return None
+        try:
+            return _on_earth(_pair(collection["origin"]))
+        except FeatureError as wrong:
+            problems.error(None, None, f'"origin": {wrong.message}', "write [longitude, latitude] in degrees")
+            return None
+
+    def local(self, coordinates: Sequence[Sequence[Any]]) -> list[list[Point2]]:
+        """Rings of points, in metres; a line is one ring and a point a ring of one."""
+        return [[self._turned(_pair(each)) for each in ring] for ring in coordinates]
+
+    def _turned(self, pair: Point2) -> Point2:
+        if self._is_local:
+            if not max(abs(pair[0]), abs(pair[1])) <= FARTHEST_M:
+                raise FeatureError(
+                    f"{list(pair)} is farther than {FARTHEST_M / 1000:g} km from the origin", "are these metres?"
+                )
+            return pair
+        longitude_deg, latitude_deg = _on_earth(pair)
+        if self.frame is None:
+            return 0.0, 0.0
+        north_m, east_m, down_m = self.frame.to_ned(latitude_deg, longitude_deg, 0.0)
+        if not max(abs(north_m), abs(east_m), abs(down_m)) <= FARTHEST_M:
+            raise FeatureError(
+                f"{list(pair)} is farther than {FARTHEST_M / 1000:g} km from the origin",
+                "cut the network, or correct the coordinate or the origin",
+            )
+        return east_m, north_m
+
+
+def _middle(features: Sequence[Any]) -> Point2 | None:
+    """Longitude and latitude in the middle of all coordinates that can be read; also across the date line."""
+    first: float | None = None
+    west = south = math.inf
+    east = north = -math.inf
+    for longitude_deg, latitude_deg in _readable(features):
+        first = longitude_deg if first is None else first
+        apart = math.remainder(longitude_deg - first, 360.0)
+        west, east = min(west, apart), max(east, apart)
+        south, north = min(south, latitude_deg), max(north, latitude_deg)
+    return None if first is None else (math.remainder(first + (west + east) / 2, 360.0), (south + north) / 2)
+
+
+def _readable(features: Sequence[Any]) -> Iterator[Point2]:
+    for feature in features:
+        try:
+            for each in chain.from_iterable(_parts(feature)[1]):
+                yield _on_earth(_pair(each))
+        except FeatureError:
+            continue
+
+
+def _parts(feature: Any) -> tuple[str, list[list[Any]], Mapping[str, Any]]:
+    """Kind of geometry, coordinates as rings, properties."""
+    if not isinstance(feature, dict) or feature.get("type") != "Feature":
+        raise FeatureError("it is no Feature", 'write {"type": "Feature", "geometry": ..., "properties": ...}')
+    geometry, properties = feature.get("geometry"), feature.get("properties")
+    if not isinstance(geometry, dict) or geometry.get("type") not in _GEOMETRIES:
+        found = geometry.get("type") if isinstance(geometry, dict) else geometry
+        raise FeatureError(f"its geometry is {_brief(found)}", "Point, LineString and Polygon are read")
+    if not isinstance(properties, dict):
+        raise FeatureError("it has no properties", 'write "properties": {"id": ...}')
+    kind, coordinates = geometry["type"], geometry.get("coordinates")
+    depth = _GEOMETRIES[kind]
+    rings = [[coordinates]] if depth == 0 else [coordinates] if depth == 1 else coordinates
+    if not isinstance(rings, list) or not rings or not all(isinstance(ring, list) and ring for ring in rings):
+        raise FeatureError(f"the coordinates of its {kind} are {_brief(coordinates)}", "write a list of [x, y]")
+    return kind, rings, properties
+
+
+def _id(feature: Mapping[str, Any], properties: Mapping[str, Any]) -> str:
+    name = properties.get("id", feature.get("id"))
+    if isinstance(name, int) and not isinstance(name, bool) and abs(name) < 2**63:
+        return str(name)
+    if isinstance(name, str) and 0 < len(name) <= LONGEST_ID and name.isprintable():
+        return name
+    raise FeatureError(
+        "it has no id" if name is None else f"its id is {_brief(name)}",
+        f'write "id": a text of at most {LONGEST_ID} printable characters, or a whole number',
+    )
+
+
+def _made(
+    kind: str, name: str, rings: list[list[Point2]], properties: Mapping[str, Any], *, left_hand: bool
+) -> Crossing | RoadLink | RoadArea | None:
+    """What a feature declares; None for Points of other kinds."""
+    if kind == "Point":
+        if properties.get("kind") is None:
+            raise FeatureError("a Point has a kind", 'write "kind": "crossing"')
+        if properties["kind"] != "crossing":
+            return None
+        (x_m, y_m), = rings[0]  # fmt: skip
+        return Crossing(name, x_m, y_m, _number(properties, "radius_m", RADIUS_M, 0.1, 1000.0))
+    if kind == "LineString":
+        return _link(name, rings[0], properties, left_hand=left_hand)
+    if any(len(ring) < 4 or ring[0] != ring[-1] for ring in rings):
+        raise FeatureError("a ring of its Polygon is not closed", "four points or more, the last one as the first")
+    area_kind, of = properties.get("kind"), properties.get("of")
+    if not isinstance(area_kind, str) or not isinstance(of, str | None):
+        raise FeatureError("a Polygon has a kind", 'write "kind": "road" or "crossing"')
+    import shapely
+
+    polygon = shapely.Polygon(rings[0], rings[1:])
+    if not polygon.is_valid:
+        raise FeatureError(
+            f"its Polygon is not valid: {shapely.is_valid_reason(polygon)}", "let no border cross another"
+        )
+    return RoadArea(name, area_kind, tuple(tuple(ring) for ring in rings), of)
+
+
+def _link(name: str, points: list[Point2], properties: Mapping[str, Any], *, left_hand: bool) -> RoadLink:
+    try:
+        line = Polyline(points)
+    except ValueError:
+        raise FeatureError("its length is zero", "a LineString has two different points") from None
+    width_m = _number(properties, "width_m", WIDTH_M, 0.1, 200.0)
+    return RoadLink(
+        name, _end(properties, "from"), _end(properties, "to"), line, width_m, _lanes(properties, width_m, left_hand),
+        _number(properties, "speed_m_s", SPEED_M_S, 0.01, 200.0),
+    )  # fmt: skip
+
+
+def _end(properties: Mapping[str, Any], role: str) -> str | None:
+    value = properties.get(role)
+    if value is None or isinstance(value, str):
+        return value
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63:
+        return str(value)
+    raise FeatureError(f'"{role}" is {_brief(value)}', "write the id of a crossing")
+
+
+def _lanes(properties: Mapping[str, Any], width_m: float, left_hand: bool) -> tuple[Lane, ...]:
+    lanes, one_way = properties.get("lanes"), properties.get("oneway", False)
+    if not isinstance(one_way, bool):
+        raise FeatureError(f'"oneway" is {_brief(one_way)}', "write true or false")
+    if isinstance(lanes, list) and 0 < len(lanes) <= MOST_LANES:
+        offsets = [_number({"lanes": each}, "lanes", 0.0, -width_m / 2, width_m / 2) for each in lanes]
+        return offset_lanes(offsets, one_way=one_way, left_hand=left_hand)
+    count = (1 if one_way else 2) if lanes is None else lanes
+    if isinstance(count, int) and not isinstance(count, bool) and 0 < count <= MOST_LANES:
+        return even_lanes(count, width_m, one_way=one_way, left_hand=left_hand)
+    raise FeatureError(
+        f'"lanes" is {_brief(lanes)}', f"write how many, 1 to {MOST_LANES}, or the offsets of their centres in metres"
+    )
+
+
+def _number(properties: Mapping[str, Any], name: str, default: float, least: float, most: float) -> float:
+    value = properties.get(name)
+    if value is None:
+        return default
+    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
+        raise FeatureError(f'"{name}" is {_brief(value)}', f"write a number from {least:g} to {most:g}")
+    return float(value)
+
+
+def _pair(coordinates: Any) -> Point2:
+    """The first two of a position; heights are left out."""
+    if isinstance(coordinates, list) and 2 <= len(coordinates) <= 4:
+        x, y = coordinates[0], coordinates[1]
+        numbers = type(x) in {int, float} and type(y) in {int, float}
+        if numbers and abs(x) < 1e12 and abs(y) < 1e12:
+            return float(x), float(y)
+    raise FeatureError(f"a coordinate is {_brief(coordinates)}", "write [x, y], two finite numbers")
+
+
+def _on_earth(pair: Point2) -> Point2:
+    if not (abs(pair[0]) <= 180.0 and abs(pair[1]) <= 90.0):
+        raise FeatureError(
+            f"{list(pair)} is no longitude and latitude",
+            'for coordinates in metres write "frame": "local" in the collection',
+        )
+    return pair
+
+
+def _brief(value: Any) -> str:
+    """A value as the text has it, cut."""
+    try:
+        shown = json.dumps(value)
+    except (ValueError, RecursionError):
+        shown = str(type(value))
+    return shown if len(shown) <= 60 else f"{shown[:57]}..."
