@@ -8,6 +8,7 @@ from typing import Any
 from anchoring.roads.elements import CROSSING, ROAD, Crossing, DirectedLink, RoadArea, RoadLink
 from anchoring.roads.geometry import Point2
 from anchoring.roads.index import RoadIndex
+from anchoring.roads.turns import RoadTurns
 from navigation.geodesy import LocalFrame
 
 
@@ -45,6 +46,11 @@ class RoadNetwork:
             if link.end is not None:
                 arms[link.end].append(DirectedLink(link.id, -1))
         return {name: tuple(each) for name, each in arms.items()}
+
+    @cached_property
+    def turns(self) -> RoadTurns:
+        """The ways from link to link."""
+        return RoadTurns(self.links, self.crossings, self.arms)
 
     @cached_property
     def departures(self) -> Mapping[str, tuple[DirectedLink, ...]]:

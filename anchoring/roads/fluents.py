@@ -1,0 +1,107 @@
+"""What objects on roads have besides their position: link, crossing, lane, speed, and relations to each other.
+
+They are attributes of states, so that chronicles and formulas range over them (thesis 8.7.4, 8.7.5): `link` and
+`crossing` are names, or `no_link` and `no_crossing`; off the roads they are both that.
+"""
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+from anchoring.links.states import ObjectState
+from anchoring.roads.elements import DirectedLink
+from anchoring.roads.network import RoadNetwork
+from anchoring.roads.snapping import RoadPlace
+from dyknow import Value
+
+NO_LINK: Final = "no_link"
+NO_CROSSING: Final = "no_crossing"
+ROUTE, TRAVELLED = "route", "travelled_m"
+"""Of a predicted state: the link on which it is, or to which it leads through a crossing, and how far it is on it."""
+ROAD_ATTRIBUTES: Final = frozenset({
+    "link", "crossing", "direction", "offset_m", "across_m", "via", "via_direction", "lane", "heading_rad", "along_m_s",
+    ROUTE, TRAVELLED,
+})  # fmt: skip
+
+
+def attributes_of(place: RoadPlace | None) -> dict[str, Value]:
+    """The attributes of a place; `along_m_s` is the speed along the link, `via` the link before a crossing."""
+    if place is None:
+        return {"link": NO_LINK, "crossing": NO_CROSSING}
+    via = place.via or DirectedLink(NO_LINK, 0)
+    known: dict[str, Value] = {
+        "link": place.link or NO_LINK, "crossing": place.crossing or NO_CROSSING, "direction": place.direction,
+        "offset_m": place.offset_m, "across_m": place.across_m, "via": via.link, "via_direction": via.direction,
+    }  # fmt: skip
+    optional = {"lane": place.lane, "heading_rad": place.heading_rad, "along_m_s": place.speed_m_s}
+    return known | {name: value for name, value in optional.items() if value is not None}
+
+
+def place_of(state: ObjectState) -> RoadPlace | None:
+    """The place that a state's attributes describe; None if it is off the roads, or was never put on them."""
+    about = state.attributes
+    link, crossing = about.get("link", NO_LINK), about.get("crossing", NO_CROSSING)
+    if link == NO_LINK and crossing == NO_CROSSING:
+        return None
+    via = about.get("via", NO_LINK)
+    return RoadPlace(
+        state.x_m, state.y_m, None if link == NO_LINK else link, None if crossing == NO_CROSSING else crossing,
+        about.get("direction", 0), about.get("lane"), about.get("offset_m", 0.0), about.get("across_m", 0.0),
+        about.get("heading_rad"), about.get("along_m_s"),
+        None if via == NO_LINK else DirectedLink(via, about.get("via_direction", 0)),
+    )  # fmt: skip
+
+
+class RelationLimits(NamedTuple):
+    """Along the road: how near is close, and how near is side by side (a car's length)."""
+
+    close_m: float = 30.0
+    beside_m: float = 5.0
+
+
+USUAL_LIMITS: Final = RelationLimits()
+
+
+def ahead_m(network: RoadNetwork, one: RoadPlace, other: RoadPlace) -> float | None:
+    """By how much the first is ahead of the second along the road, in the direction in which the second travels.
+
+    Both are on one link, or on two that follow each other; None elsewhere, and where the direction is not known.
+    """
+    if one.link is None or other.link is None or not other.direction:
+        return None
+    if one.link == other.link:
+        return (one.offset_m - other.offset_m) * other.direction
+    if not one.direction:
+        return None
+    first, second = DirectedLink(one.link, one.direction), DirectedLink(other.link, other.direction)
+    if first in network.turns.exits(second):
+        return _travelled_m(network, one) + _remaining_m(network, other)
+    if second in network.turns.exits(first):
+        return -_travelled_m(network, other) - _remaining_m(network, one)
+    return None
+
+
+def _travelled_m(network: RoadNetwork, place: RoadPlace) -> float:
+    link = network.links[place.link or ""]
+    return place.offset_m if place.direction > 0 else link.length_m - place.offset_m
+
+
+def _remaining_m(network: RoadNetwork, place: RoadPlace) -> float:
+    return network.links[place.link or ""].length_m - _travelled_m(network, place)
+
+
+def road_relations(
+    network: RoadNetwork, one: RoadPlace, other: RoadPlace, limits: RelationLimits = USUAL_LIMITS
+) -> Mapping[str, bool]:
+    """Where the first is along the road, seen from the second; the names are those of the thesis.
+
+    Exactly one of the last three holds for two that travel on one road, and none for others.
+    """
+    gap_m = ahead_m(network, one, other)
+    if gap_m is None:
+        return dict.fromkeys(("close", "behind", "beside", "in_front"), False)
+    return {
+        "close": abs(gap_m) <= limits.close_m,
+        "behind": gap_m < -limits.beside_m,
+        "beside": abs(gap_m) <= limits.beside_m,
+        "in_front": gap_m > limits.beside_m,
+    }

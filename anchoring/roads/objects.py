@@ -1,0 +1,37 @@
+"""On-road objects: states of world objects, put on the roads (seed section V)."""
+
+from typing import Final
+
+from anchoring.links.states import ObjectState
+from anchoring.roads.fluents import ROAD_ATTRIBUTES, attributes_of, place_of
+from anchoring.roads.network import RoadNetwork
+from anchoring.roads.snapping import DEFAULTS, SnapSettings, snap
+
+MEASURED: Final = 100.0
+"""A velocity whose variances sum to more than this, m^2/s^2, tells nothing."""
+
+
+class OnRoad:
+    """The unit of a link from world objects to on-road objects: the position on the centre of the lane, and where that is.
+
+    What it was given stays as the attributes `world_x_m`, `world_y_m`.
+    """
+
+    def __init__(self, network: RoadNetwork, settings: SnapSettings = DEFAULTS) -> None:
+        self._network, self._settings = network, settings
+
+    def __call__(self, state: ObjectState, before: ObjectState | None) -> ObjectState:
+        previous = None if before is None else place_of(before)
+        place = snap(self._network, state.x_m, state.y_m, velocity_of(state), previous, self._settings)
+        kept = {name: value for name, value in state.attributes.items() if name not in ROAD_ATTRIBUTES}
+        attributes = kept | {"world_x_m": state.x_m, "world_y_m": state.y_m} | attributes_of(place)
+        if place is None:
+            return state._replace(attributes=attributes)
+        return state._replace(x_m=place.x_m, y_m=place.y_m, attributes=attributes)
+
+
+def velocity_of(state: ObjectState) -> tuple[float, float] | None:
+    """The velocity of a state, if it is known well enough to tell a direction."""
+    if state.covariance[2, 2] + state.covariance[3, 3] > MEASURED:
+        return None
+    return state.vx_m_s, state.vy_m_s
