@@ -101,7 +101,7 @@ class Individual:
             self.turn_rate.observe(((turned + pi) % (2.0 * pi) - pi) / seconds, seconds)
 
     def pause(self) -> None:
-        """It is not seen any more: what is seen next does not follow what was seen last."""
+        """It is no longer seen: what is seen next does not follow what was seen last."""
         self._last = None
         self.speed.pause()
         self.turn_rate.pause()

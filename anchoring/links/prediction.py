@@ -1,6 +1,6 @@
 """Where objects that no percept shows are: the interface of predictors, and constant velocity.
 
-A `Predictor` is a function of the states an object had while it was seen, of the time to predict to, and of what it said
+A `Predictor` is a function of the states an object had while it was seen, of the time to predict to, and of what it predicted
 for the time before. It returns a `ObjectPrediction`: one or several hypotheses with weights, under one symbol. A predictor along
 roads puts one hypothesis per route there, the heaviest first, and the route into the attributes of its state.
 
@@ -16,7 +16,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from anchoring.links.individuals import Individual
-from anchoring.links.states import ObjectState, moved
+from anchoring.links.states import Attributes, ObjectState, moved
 from dyknow import US_PER_S
 
 
@@ -39,7 +39,15 @@ class ObjectPrediction(NamedTuple):
 
     def nearest(self, state: ObjectState) -> ObjectState:
         """The state that lies nearest to another; of two as near, the more probable."""
+        if len(self.hypotheses) == 1:
+            return self.hypotheses[0].state
         return min((each.state for each in self.hypotheses), key=state.distance_m)
+
+    def described(self, attributes: Attributes) -> "ObjectPrediction":
+        """The same places of an object with other attributes."""
+        return ObjectPrediction(
+            tuple(Hypothesis(each.state._replace(attributes=attributes), each.weight) for each in self.hypotheses)
+        )
 
 
 class Predictor(Protocol):

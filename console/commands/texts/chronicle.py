@@ -1,8 +1,6 @@
 """`dyknow chronicle`: chronicles recognised in a recorded list of events, or over the live streams of a platform."""
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial as given
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
@@ -10,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TextIO
 import typer
 
 from console.command import Call, command
+from console.commands.texts.specification_files import opened
 from console.errors import DONE, NO
 from console.options.arguments import Unit
 from console.output.output import unit_json
@@ -48,7 +47,7 @@ def chronicle(
         if max_delay is not None:
             raise WrongCall("--max-delay: recorded events are in order; it is for --unit U.")
         recognition = _Recognition(call, _recogniser(file, max_age), str(events))
-        with _opened(events, "--events", "a list of events is a text of JSON lines") as lines:
+        with opened(events, "--events", "a list of events is a text of JSON lines") as lines:
             recognition.all(lines)
         if partial:
             recognition.partial()
@@ -67,7 +66,7 @@ def chronicles_of(file: Path) -> "tuple[str, ChronicleFile]":
     """The text, and what it declares; raises WrongCall and TextErrors."""
     from kpl import parse_chronicles
 
-    with _opened(file, "FILE", "chronicles are a text") as lines:
+    with opened(file, "FILE", "chronicles are a text") as lines:
         text = lines.read(_LONGEST)
     found = parse_chronicles(SourceText(text, str(file)))
     if not found.chronicles:
@@ -84,19 +83,6 @@ def _recogniser(file: Path, max_age: str | None) -> "Recogniser":
         return Recogniser.of(found, max_age_ms=max_age_ms)
     except ChronicleError as error:
         raise WrongCall(f"{file}: {error}.") from None
-
-
-@contextmanager
-def _opened(path: Path, option: str, what: str) -> Iterator[TextIO]:
-    try:
-        file = path.open(encoding="utf-8")
-    except OSError as error:
-        raise WrongCall(f"{option}: {path} cannot be read ({error.strerror}); {what}.") from None
-    with file:
-        try:
-            yield file
-        except UnicodeDecodeError as error:
-            raise WrongCall(f"{option}: {path} is no UTF-8 text ({error.reason}); {what}.") from None
 
 
 class _Recognition:

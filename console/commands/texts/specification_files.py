@@ -1,8 +1,9 @@
 """Specifications and what belongs to them, read from files: text, samples of sources, an instance with its units."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TextIO, TypeVar
 
 from dyknow.model.errors import SourceText, WrongCall
 
@@ -38,6 +39,20 @@ def read_lines(path: Path, read: "Callable[[Iterable[str], str], Read]", option:
             return read(lines, str(path))
     except (OSError, UnicodeDecodeError) as error:
         raise WrongCall(f"{option}: {path} cannot be read ({error}); {what}.") from None
+
+
+@contextmanager
+def opened(path: Path, option: str, what: str) -> Iterator[TextIO]:
+    """The file, read line by line; raises WrongCall where it cannot be read: `option` named it, `what` says what it is."""
+    try:
+        file = path.open(encoding="utf-8")
+    except OSError as error:
+        raise WrongCall(f"{option}: {path} cannot be read ({error.strerror}); {what}.") from None
+    with file:
+        try:
+            yield file
+        except UnicodeDecodeError as error:
+            raise WrongCall(f"{option}: {path} is no UTF-8 text ({error.reason}); {what}.") from None
 
 
 def read_samples(path: Path) -> "list[FedSample]":

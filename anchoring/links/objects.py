@@ -1,0 +1,121 @@
+"""Objects and the links between them, and what happens to them."""
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Final, Literal, NamedTuple, Protocol, TypeAlias
+
+from anchoring.links.individuals import Individual
+from anchoring.links.prediction import ObjectPrediction, certain
+from anchoring.links.specification import LinkSpecification
+from anchoring.links.states import ObjectState
+from reasoning import Explanation, Progressing
+from reasoning.formulas.tree import Formula
+
+HISTORY: Final = 16
+"""How many of its latest observed states an object keeps."""
+LINKS_KEPT: Final = 64
+"""How many of the latest events of its links an object keeps."""
+
+EventKind: TypeAlias = Literal["established", "reestablished", "unlinked", "reclassified", "forgotten"]
+Cause: TypeAlias = Literal["establish", "reestablish", "maintain", "ended", "silent", "forgotten", "withdrawn"]
+
+
+class LinkReason(NamedTuple):
+    """Why a link was made or removed, or an object.
+
+    Attributes:
+        cause: a condition; the percept ended, or had no sample for too long; the object was not anchored for too long.
+        formula: of the condition, with the parts and samples that decided it in `explanations`.
+        for_us: how long the percept was silent, or the object not anchored.
+    """
+
+    cause: Cause
+    formula: Formula | None = None
+    explanations: tuple[Explanation, ...] = ()
+    for_us: int = 0
+
+
+class LinkEvent(NamedTuple):
+    """What happened to a link, or to an object: then `source` is empty.
+
+    Attributes:
+        weight: how probable it was, among the objects it could have been, that the source is this target.
+    """
+
+    valid_us: int
+    kind: EventKind
+    source: str
+    source_type: str
+    target: str
+    target_type: str
+    reason: LinkReason
+    weight: float = 1.0
+
+
+@dataclass(slots=True, eq=False)
+class LinkObject:
+    """An object: a symbol, a type and a stream of states.
+
+    Attributes:
+        state: the latest, observed or predicted.
+        observed: the latest states that came through a link, or of a percept.
+        prediction: the latest since then; None while it is observed.
+        incoming, outgoing: live links, by the name of their process.
+        anchored_us: when it was anchored last.
+    """
+
+    symbol: str
+    type: str
+    created_us: int
+    state: ObjectState
+    observed: deque[ObjectState] = field(default_factory=lambda: deque(maxlen=HISTORY))
+    prediction: ObjectPrediction | None = None
+    incoming: "dict[str, ObjectLink]" = field(default_factory=dict)
+    outgoing: "dict[str, ObjectLink]" = field(default_factory=dict)
+    anchored_us: int = 0
+    individual: Individual = field(default_factory=Individual)
+    history: deque[LinkEvent] = field(default_factory=lambda: deque(maxlen=LINKS_KEPT))
+
+    def observe(self, state: ObjectState) -> None:
+        """Take a state that was seen."""
+        self.state, self.prediction = state, None
+        self.observed.append(state)
+
+    def expect(self, prediction: ObjectPrediction) -> None:
+        """Take a state that was predicted."""
+        self.state, self.prediction = prediction.likely, prediction
+
+    @property
+    def whereabouts(self) -> ObjectPrediction:
+        """All hypotheses about the latest state."""
+        return self.prediction or certain(self.state)
+
+
+class LinkOwner(Protocol):
+    """The process of a link."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def specification(self) -> LinkSpecification: ...
+
+    def unlink(self, valid_us: int, link: "ObjectLink", reason: LinkReason) -> None:
+        """Remove a link of this process."""
+
+
+@dataclass(slots=True, eq=False)
+class ObjectLink:
+    """A hypothesis: both objects are the same physical thing.
+
+    Attributes:
+        maintain: the evaluation of the condition; None if it can no longer fail.
+        state: of the target, as this link alone makes it; None unless errors may be correlated.
+    """
+
+    process: LinkOwner
+    source: LinkObject
+    target: LinkObject
+    since_us: int
+    maintain: Progressing | None = None
+    state: ObjectState | None = None

@@ -1,0 +1,298 @@
+"""ObjectLink processes: the state machine of each object of type A (seed Figure in section IV-B; thesis Figure 8.4).
+
+An object of A is unlinked, with evaluations of establish and of reestablish for each available object of B, or linked, with
+one of maintain. All that happens at one valid time is decided together: first maintain, then reestablish for all pairs by
+one assignment, then establish. An evaluation starts at the first state in which both objects have a value; after a
+maintain condition failed, at the next one. Pairs that a gate keeps apart cost nothing until they come near.
+"""
+
+from bisect import bisect_left
+from collections.abc import Collection, Iterable, Iterator
+from typing import Final, NamedTuple, Protocol
+
+from anchoring.links.assignment import assigned, natural
+from anchoring.links.conditions import PairCondition
+from anchoring.links.nearness import NearObjects
+from anchoring.links.objects import EventKind, LinkObject, LinkReason, ObjectLink
+from anchoring.links.prediction import ObjectPrediction, certain
+from anchoring.links.specification import LinkSpecification
+from anchoring.links.states import ObjectState, intersected, moved
+from reasoning import Progressing
+
+_MOST_TIMES: Final = 1024
+
+
+class LinkSurroundings(Protocol):
+    """What a link process needs of the structures it belongs to."""
+
+    def create(self, valid_us: int, target: str, state: ObjectState) -> LinkObject:
+        """A new object."""
+
+    def expected(self, one: LinkObject, valid_us: int) -> ObjectPrediction:
+        """Where an object is at a time, by its latest state or its predictor."""
+
+    def on_linked(
+        self, valid_us: int, kind: EventKind, link: ObjectLink, reason: LinkReason, weight: float = 1.0
+    ) -> None:
+        """A link was made."""
+
+    def on_unlinked(self, valid_us: int, link: ObjectLink, reason: LinkReason) -> None:
+        """A link was removed."""
+
+
+class ReestablishPair(NamedTuple):
+    """A reestablish condition for one object of B that became available at `available_us`; None: it has ended."""
+
+    available_us: int
+    evaluation: Progressing | None
+
+
+class Unlinked:
+    """The evaluations of one object of A.
+
+    Attributes:
+        from_us: no state before takes part.
+        establish: None once it has ended.
+        pairs: by the symbol of the object of B; those never near are not in it.
+    """
+
+    def __init__(self, from_us: int, establish: Progressing) -> None:
+        self.from_us = from_us
+        self.establish: Progressing | None = establish
+        self.pairs: dict[str, ReestablishPair] = {}
+        self._times: list[int] = []
+        self._dropped_us = -1
+
+    def on_state(self, valid_us: int, window_us: int | None) -> None:
+        """Note a state; those before the window of a condition are dropped."""
+        self._times.append(valid_us)
+        least_us = valid_us - window_us if window_us is not None else self._times[0]
+        count = max(bisect_left(self._times, least_us), len(self._times) - _MOST_TIMES)
+        if count:
+            self._dropped_us = self._times[count - 1]
+            del self._times[:count]
+
+    def start_us(self, available_us: int) -> int | None:
+        """The first state in which an object was available; None: so long ago that its window is over."""
+        if max(available_us, self.from_us) <= self._dropped_us:
+            return None
+        return self._times[bisect_left(self._times, available_us)]
+
+
+class LinkProcess:
+    """One specification at work.
+
+    Attributes:
+        unlinked: objects of A that are not linked, by symbol.
+        available: since when each object of B has had no link of this process, by symbol.
+        evaluations: how many progressions were made or continued at the latest tick.
+    """
+
+    def __init__(self, specification: LinkSpecification, surroundings: LinkSurroundings) -> None:
+        self.specification = specification
+        self.name = specification.name
+        self._establish = PairCondition(specification.establish, specification)
+        self._reestablish = PairCondition(specification.reestablish, specification)
+        self._maintain = PairCondition(specification.maintain, specification)
+        self._around = surroundings
+        self.unlinked: dict[str, Unlinked] = {}
+        self.available: dict[str, tuple[LinkObject, int]] = {}
+        self.evaluations = 0
+
+    # What the structures report
+
+    def on_source(self, one: LinkObject, from_us: int) -> None:
+        """An object of A is new, or unlinked again; its evaluations start at the first state from then on."""
+        self.unlinked[one.symbol] = Unlinked(from_us, self._establish.start())
+
+    def on_target(self, one: LinkObject, valid_us: int) -> None:
+        """An object of B has no link of this process."""
+        self.available[one.symbol] = one, valid_us
+
+    def drop_source(self, symbol: str) -> None:
+        """An object of A is gone, or linked by a process that excludes this one."""
+        self.unlinked.pop(symbol, None)
+
+    def drop_target(self, symbol: str) -> None:
+        """An object of B is gone."""
+        self.available.pop(symbol, None)
+
+    def unlink(self, valid_us: int, link: ObjectLink, reason: LinkReason) -> None:
+        """Remove a link; its target is available from now on."""
+        del link.source.outgoing[self.name]
+        del link.target.incoming[self.name]
+        self.on_target(link.target, valid_us)
+        self._around.on_unlinked(valid_us, link, reason)
+
+    # What happens at a tick
+
+    def step(self, valid_us: int, sources: Collection[LinkObject]) -> None:
+        """Take the states of all objects of A that have one at `valid_us`."""
+        self.evaluations = 0
+        unlinked = []
+        for one in sources:
+            if (link := one.outgoing.get(self.name)) is not None:
+                self._update(valid_us, link)
+            elif (waiting := self.unlinked.get(one.symbol)) is not None and waiting.from_us <= valid_us:
+                unlinked.append((one, waiting))
+        if unlinked:
+            self._decide(valid_us, unlinked)
+
+    def _update(self, valid_us: int, link: ObjectLink) -> None:
+        """The state of B, and whether the hypothesis still holds with it."""
+        source, target = link.source, link.target
+        if source.prediction is not None:
+            self._expect(valid_us, source, target)
+            state = target.state
+        else:
+            state = self._computed(valid_us, link)
+        if link.maintain is not None:
+            self.evaluations += 1
+            self._maintain.step(link.maintain, valid_us, source.state, certain(state))
+            if link.maintain.verdict == "false":
+                reason = LinkReason("maintain", self._maintain.formula, link.maintain.explain())
+                self.unlink(valid_us, link, reason)
+                self._around.expected(target, valid_us)
+                return
+            if link.maintain.verdict == "true":
+                link.maintain = None
+        if source.prediction is None:
+            target.observe(state)
+
+    def _expect(self, valid_us: int, source: LinkObject, target: LinkObject) -> None:
+        """What is above a predicted object is predicted with it."""
+        if target.state.valid_us != valid_us and source.prediction is not None:
+            attributes = target.state.attributes
+            target.expect(source.prediction.described(attributes))
+
+    def _computed(self, valid_us: int, link: ObjectLink) -> ObjectState:
+        """The state that the unit makes of the source's, weighed with those of other live links."""
+        specification, target = self.specification, link.target
+        if not specification.correlated:
+            return specification.unit(link.source.state, self._prior(valid_us, link.source.state, target))
+        prior = None if link.state is None else moved(link.state, valid_us, specification.noise)
+        if prior is None:
+            prior = self._prior(valid_us, link.source.state, target)
+        state = link.state = specification.unit(link.source.state, prior)
+        for other in target.incoming.values():
+            if other is not link and other.state is not None:
+                state = intersected(moved(other.state, valid_us, specification.noise), state)
+        return state
+
+    def _prior(self, valid_us: int, state: ObjectState, target: LinkObject) -> ObjectState | None:
+        """The target's state before this one is taken in: of several hypotheses the one that it confirms."""
+        if not target.observed:
+            return None
+        if target.prediction is None:
+            return moved(target.state, valid_us, self.specification.noise)
+        return self._around.expected(target, valid_us).nearest(state)
+
+    def _decide(self, valid_us: int, unlinked: list[tuple[LinkObject, Unlinked]]) -> None:
+        """Progress the conditions of all unlinked objects, then link those for which one became true."""
+        scores: dict[tuple[str, str], float] = {}
+        held: dict[tuple[str, str], Progressing] = {}
+        sources: dict[str, LinkObject] = {}
+        new: list[tuple[LinkObject, Progressing]] = []
+        near = self._near(valid_us, len(unlinked))
+        gate = self._reestablish.gate
+        for one, waiting in unlinked:
+            if gate is not None:
+                waiting.on_state(valid_us, gate.window_us)
+            if (establish := waiting.establish) is not None:
+                self.evaluations += 1
+                self._establish.step(establish, valid_us, one.state)
+                if establish.verdict == "true":
+                    new.append((one, establish))
+                elif establish.verdict == "false":
+                    waiting.establish = None
+            for target, whereabouts in near.of(one.state, waiting.pairs):
+                evaluation = self._progressed(valid_us, one, waiting, target, whereabouts)
+                if evaluation is not None and evaluation.verdict == "true":
+                    scores[one.symbol, target] = self.specification.score(one.state, whereabouts)
+                    held[one.symbol, target] = evaluation
+                    sources[one.symbol] = one
+        for source, target in assigned(scores):
+            reason = LinkReason("reestablish", self._reestablish.formula, held[source, target].explain())
+            self._link(valid_us, "reestablished", sources[source], self.available[target][0], reason)
+        for one, establish in new:
+            if self.name not in one.outgoing:
+                reason = LinkReason("establish", self._establish.formula, establish.explain())
+                created = self._around.create(valid_us, self.specification.target, self._first(one))
+                self._link(valid_us, "established", one, created, reason)
+
+    def _first(self, source: LinkObject) -> ObjectState:
+        """The state of a new object: of what its source has shown until now."""
+        unit, noise = self.specification.unit, self.specification.noise
+        states = list(source.observed) if source.prediction is None else [source.state]
+        state = unit(states[0], None)
+        for each in states[1:]:
+            state = unit(each, moved(state, each.valid_us, noise))
+        return state
+
+    def _near(self, valid_us: int, count: int) -> NearObjects:
+        """The available objects where they are expected now."""
+        gate = self._reestablish.gate
+        return NearObjects(
+            self._expected(valid_us) if count else (),
+            None if gate is None else gate.bound_m,
+            gate is not None and gate.keeps_all,
+        )
+
+    def _expected(self, valid_us: int) -> Iterator[tuple[str, ObjectPrediction]]:
+        for symbol in sorted(self.available, key=natural):
+            one, _ = self.available[symbol]
+            yield symbol, self._around.expected(one, valid_us)
+
+    def _progressed(
+        self, valid_us: int, one: LinkObject, waiting: Unlinked, target: str, whereabouts: ObjectPrediction
+    ) -> Progressing | None:
+        """One reestablish condition after this state; None if it has ended."""
+        _, available_us = self.available[target]
+        pair = waiting.pairs.get(target)
+        if pair is None or pair.available_us != available_us:
+            pair = waiting.pairs[target] = ReestablishPair(available_us, self._begun(valid_us, waiting, available_us))
+        evaluation = pair.evaluation
+        if evaluation is None:
+            return None
+        self.evaluations += 1
+        if evaluation.verdict == "undecided":
+            self._reestablish.step(evaluation, valid_us, one.state, whereabouts)
+        if evaluation.verdict == "false":
+            waiting.pairs[target] = ReestablishPair(available_us, None)
+            return None
+        return evaluation
+
+    def _begun(self, valid_us: int, waiting: Unlinked, available_us: int) -> Progressing | None:
+        """A condition whose states until now were all far ones."""
+        evaluation = self._reestablish.start()
+        if self._reestablish.gate is not None:
+            start_us = waiting.start_us(available_us)
+            if start_us is None:
+                return None
+            if start_us < valid_us:
+                self._reestablish.pass_by(evaluation, start_us)
+        return evaluation
+
+    def _link(self, valid_us: int, kind: EventKind, source: LinkObject, target: LinkObject, reason: LinkReason) -> None:
+        link = ObjectLink(self, source, target, valid_us)
+        if kind == "established":
+            target.observe(target.state)
+        elif source.prediction is None:
+            target.observe(self._computed(valid_us, link))
+        else:
+            self._expect(valid_us, source, target)
+        source.outgoing[self.name] = target.incoming[self.name] = link
+        self.drop_source(source.symbol)
+        self.drop_target(target.symbol)
+        self._around.on_linked(valid_us, kind, link, reason)
+        if self._maintain.is_trivial:
+            return
+        link.maintain = self._maintain.start()
+        self._maintain.step(link.maintain, valid_us, source.state, certain(target.state))
+        if link.maintain.verdict == "false":
+            self.unlink(valid_us, link, LinkReason("maintain", self._maintain.formula, link.maintain.explain()))
+
+
+def updated(objects: Iterable[LinkObject], valid_us: int) -> list[LinkObject]:
+    """Those with a state at this time, in the order of their symbols."""
+    return sorted((one for one in objects if one.state.valid_us == valid_us), key=lambda one: natural(one.symbol))

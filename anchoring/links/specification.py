@@ -1,0 +1,97 @@
+"""ObjectLink specifications: how objects of one type become objects of another (seed section IV-B; thesis Def. 8.5.3).
+
+`strmgen b = link(a, cu, e, r, m)` with our additional keys. Conditions are formulas over the objects `from` and `to`:
+
+* `xy_dist[from, to]` (also `xydist`): distance on the plane, the least over all hypotheses of `to`.
+* `thresh`: how far `to` may be from where it is expected, see `Threshold`.
+* `speed[from]`, `deviation[from]`: of the state; `NAME[from]`: an entry of `features`, else an attribute of the state.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Final, NamedTuple, TypeAlias
+
+from anchoring.links.prediction import ObjectPrediction, Predictor
+from anchoring.links.states import ObjectState, diagonal, weighed
+from dyknow import US_PER_S, Value
+from reasoning.formulas.tree import Const, Formula
+
+StateUnit: TypeAlias = Callable[[ObjectState, ObjectState | None], ObjectState]
+"""The computational unit of a link: (state of A, state of B predicted to its time or None if B is new) -> state of B."""
+Score: TypeAlias = Callable[[ObjectState, ObjectPrediction], float]
+"""How badly a state fits an object that is expected somewhere; the least wins."""
+StateFeature: TypeAlias = Callable[[ObjectState], Value]
+FROM: Final = "from"
+TO: Final = "to"
+DISTANCES: Final = frozenset({"xy_dist", "xydist"})
+THRESHOLD: Final = "thresh"
+ALWAYS_TRUE: Final = Const(value=True)
+_UNKNOWN_SPEED_M_S: Final = 15.0
+
+
+class Threshold(NamedTuple):
+    """`scale` times the deviation of the predicted position, within bounds; fixed where both are the same."""
+
+    scale: float = 3.0
+    least_m: float = 5.0
+    most_m: float = 25.0
+
+    def of(self, expected: ObjectState) -> float:
+        return min(self.most_m, max(self.least_m, self.scale * expected.deviation_m))
+
+
+USUAL: Final = Threshold()
+
+
+def distance(state: ObjectState, expected: ObjectPrediction) -> float:
+    """The default score: metres to the nearest hypothesis."""
+    return state.distance_m(expected.nearest(state))
+
+
+def filtered(measured: ObjectState, prior: ObjectState | None) -> ObjectState:
+    """The unit of percepts: a Kalman filter, whose first estimate has a velocity of 0 +- 15 m/s if none is measured."""
+    if prior is None:
+        unknown = diagonal(1e4, _UNKNOWN_SPEED_M_S)
+        prior = ObjectState(measured.valid_us, measured.x_m, measured.y_m, 0.0, 0.0, unknown)
+    return weighed(prior, measured)
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSpecification:
+    """One link process.
+
+    Attributes:
+        source, target: the types A and B.
+        unit: makes the state of B from that of A.
+        establish: over `from`; true: `from` is a new object.
+        reestablish: over `from` and `to`; true: it is this known one.
+        maintain: over both; false: the hypothesis is withdrawn.
+        predictor: of objects of B that are not linked; None: they are where the objects below them are.
+        noise: density of the acceleration noise between two samples, m^2/s^3.
+        forget_us: objects of B that were not anchored for so long are removed.
+        threshold: what `thresh` is in the conditions.
+        exclusive: specifications with the same name here exclude each other for one object of A.
+        correlated: errors of this process may be correlated with those of others into B; else they are independent.
+        features: further features of `from` and `to`, by name.
+    """
+
+    source: str
+    target: str
+    establish: Formula
+    reestablish: Formula
+    maintain: Formula = ALWAYS_TRUE
+    unit: StateUnit = filtered
+    predictor: Predictor | None = None
+    noise: float = 2.0
+    forget_us: int = 30 * US_PER_S
+    threshold: Threshold = USUAL
+    score: Score = distance
+    exclusive: str = ""
+    correlated: bool = False
+    features: Mapping[str, StateFeature] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def name(self) -> str:
+        """As it is printed."""
+        return f"{self.source} -> {self.target}"

@@ -1,0 +1,339 @@
+"""Object linkage structures: all objects, all link processes, stepped by the percepts of one valid time after another.
+
+    linkage = ObjectLinkage([vision_to_world, world_to_on_road])
+    outcome = linkage.on_percepts(valid_us, percepts)     # states of objects and events of links at that time
+    linkage.anchored("wo1"); linkage.explain("wo1")
+
+Within a tick percepts that ended are removed, the others take their states, objects that no percept shows are predicted,
+and the processes are stepped, those into lower types first. The order of the percepts of one tick does not matter. Between
+ticks that are farther apart than percepts come, objects are predicted at the sample period.
+"""
+
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from graphlib import CycleError, TopologicalSorter
+from itertools import count
+from typing import Final, NamedTuple
+
+from anchoring.links.assignment import natural
+from anchoring.links.objects import EventKind, LinkEvent, LinkObject, LinkReason, ObjectLink
+from anchoring.links.prediction import ConstantVelocity, ObjectPrediction, Predictor, certain
+from anchoring.links.processes import LinkProcess, updated
+from anchoring.links.rhythm import Rhythm
+from anchoring.links.specification import LinkSpecification
+from anchoring.links.states import ObjectState, moved
+
+MOST_TICKS: Final = 10_000
+"""Most predictions at the sample period between two ticks."""
+GENERAL: Final = ConstantVelocity()
+_FORGOTTEN_KEPT: Final = 1000
+_NEARLY: Final = 0.99
+
+
+class Percept(NamedTuple):
+    """A sample of a percept, or its end."""
+
+    symbol: str
+    type: str
+    state: ObjectState | None
+    """None: it has ended."""
+
+
+class StateRecord(NamedTuple):
+    """A state of an object.
+
+    Attributes:
+        linked_to: the objects below it, or percepts, whose links lead to it.
+        prediction: None where it was observed.
+    """
+
+    valid_us: int
+    symbol: str
+    type: str
+    state: ObjectState
+    linked_to: tuple[str, ...]
+    prediction: ObjectPrediction | None
+
+
+class LinkOutcome(NamedTuple):
+    """What a tick, or several, brought, in the order of time."""
+
+    states: list[StateRecord]
+    events: list[LinkEvent]
+
+
+class ObjectLinkage:
+    """The structures of one set of link specifications.
+
+    Args:
+        specifications: any order; their types make a graph without cycles.
+        period_us: the sample period; None: learnt for each type of percepts.
+        silence_us: percepts without a sample for so long have ended; None: by their period.
+
+    Raises:
+        ValueError: the types of the specifications are in a circle, or two specifications link the same types.
+    """
+
+    def __init__(
+        self,
+        specifications: Sequence[LinkSpecification],
+        period_us: int | None = None,
+        silence_us: int | None = None,
+    ) -> None:
+        self._processes = _ordered([LinkProcess(each, self) for each in specifications])
+        self._into: dict[str, list[LinkProcess]] = {}
+        self._from: dict[str, list[LinkProcess]] = {}
+        for process in self._processes:
+            self._into.setdefault(process.specification.target, []).append(process)
+            self._from.setdefault(process.specification.source, []).append(process)
+        self._types = {type_: _prefix(type_, list(self._into)) for type_ in self._into}
+        self._objects: dict[str, dict[str, LinkObject]] = {type_: {} for type_ in (*self._from, *self._into)}
+        self._rhythms = {type_: Rhythm(period_us, silence_us) for type_ in self._from if type_ not in self._into}
+        self._numbers = {prefix: count(1) for prefix in set(self._types.values())}
+        self._latest_us: int | None = None
+        self._events: list[LinkEvent] = []
+        self._forgotten: deque[LinkObject] = deque(maxlen=_FORGOTTEN_KEPT)
+
+    # Time and percepts
+
+    @property
+    def percept_types(self) -> tuple[str, ...]:
+        """The types that percepts may have."""
+        return tuple(self._rhythms)
+
+    @property
+    def deadline_us(self) -> int | None:
+        """When objects are to be predicted if no percept comes before; None: there is nothing to predict."""
+        period_us = self._period_us
+        if self._latest_us is None or period_us is None or not any(self._objects.values()):
+            return None
+        return self._latest_us + period_us + period_us // 2
+
+    @property
+    def _period_us(self) -> int | None:
+        return min((each.period_us for each in self._rhythms.values() if each.period_us is not None), default=None)
+
+    def on_time(self, now_us: int) -> LinkOutcome:
+        """Predict, forget and time out until `now_us`, at the sample period."""
+        outcome = LinkOutcome([], [])
+        for _ in range(MOST_TICKS):
+            deadline_us = self.deadline_us
+            if deadline_us is None or deadline_us > now_us or self._latest_us is None or self._period_us is None:
+                break
+            self._tick(self._latest_us + self._period_us, (), outcome)
+        return outcome
+
+    def on_percepts(self, valid_us: int, percepts: Iterable[Percept]) -> LinkOutcome:
+        """Take all percepts of one valid time, each at most once, later than everything before.
+
+        Raises:
+            ValueError: time goes backwards.
+        """
+        outcome = self.on_time(valid_us)
+        if self._latest_us is not None and valid_us <= self._latest_us:
+            raise ValueError(f"percepts go forward in time: {valid_us} us after {self._latest_us} us")
+        self._tick(valid_us, sorted(percepts, key=lambda one: (one.type, natural(one.symbol))), outcome)
+        return outcome
+
+    def _tick(self, valid_us: int, percepts: Sequence[Percept], outcome: LinkOutcome) -> None:
+        self._latest_us, self._events = valid_us, outcome.events
+        self._end_percepts(valid_us, percepts)
+        for percept in percepts:
+            if percept.state is not None:
+                self._observe(valid_us, percept, percept.state)
+        self._predict(valid_us)
+        fresh = {type_: updated(self._objects[type_].values(), valid_us) for type_ in self._rhythms}
+        for type_, processes in self._into.items():
+            for process in processes:
+                process.step(valid_us, fresh[process.specification.source])
+            objects = self._objects[type_]
+            fresh[type_] = updated(objects.values(), valid_us)
+            self._forget(valid_us, type_)
+            outcome.states.extend(_record(one) for one in fresh[type_] if one.symbol in objects)
+
+    def _end_percepts(self, valid_us: int, percepts: Iterable[Percept]) -> None:
+        """Remove percepts that have ended, and those without a sample for too long."""
+        present = {(each.type, each.symbol) for each in percepts if each.state is not None}
+        for percept in percepts:
+            one = self._objects[percept.type].get(percept.symbol)
+            if percept.state is None and one is not None:
+                self._remove(valid_us, one, LinkReason("ended"))
+        for type_, rhythm in self._rhythms.items():
+            silence_us = rhythm.silence_us
+            for one in list(self._objects[type_].values()):
+                silent_us = valid_us - one.state.valid_us
+                if silent_us > silence_us or (silent_us == silence_us and (type_, one.symbol) not in present):
+                    self._remove(valid_us, one, LinkReason("silent", for_us=silent_us))
+
+    def _observe(self, valid_us: int, percept: Percept, state: ObjectState) -> None:
+        one = self._objects[percept.type].get(percept.symbol)
+        if one is None:
+            one = self._added(LinkObject(percept.symbol, percept.type, valid_us, state))
+        else:
+            self._rhythms[percept.type].observe(valid_us - one.state.valid_us)
+        one.observe(state)
+        one.anchored_us = valid_us
+
+    # Prediction
+
+    def _predict(self, valid_us: int) -> None:
+        """Predict objects that are not linked, or whose percepts are late."""
+        period_us = self._period_us
+        if period_us is None:
+            return
+        for type_ in self._into:
+            for one in self._objects[type_].values():
+                if valid_us - one.state.valid_us >= _NEARLY * period_us and not any(
+                    link.source.state.valid_us == valid_us for link in one.incoming.values()
+                ):
+                    one.expect(self._predicted(one, valid_us))
+
+    def expected(self, one: LinkObject, valid_us: int) -> ObjectPrediction:
+        """Where an object is at a time, by its latest state or its predictor."""
+        if one.state.valid_us == valid_us:
+            return one.whereabouts
+        if one.prediction is None and one.incoming:
+            return certain(moved(one.state, valid_us, next(iter(one.incoming.values())).process.specification.noise))
+        return self._predicted(one, valid_us)
+
+    def _predicted(self, one: LinkObject, valid_us: int) -> ObjectPrediction:
+        """By the predictor of the highest object above it that has one (rule L8)."""
+        owner, predictor = one, self._predictor(one.type)
+        above = one
+        while above.outgoing:
+            above = next(iter(above.outgoing.values())).target
+            if (higher := self._predictor(above.type)) is not None and above.observed:
+                owner, predictor = above, higher
+        if owner.state.valid_us == valid_us and owner.prediction is not None:
+            prediction = owner.prediction
+        else:
+            prediction = (predictor or GENERAL).predict(
+                list(owner.observed), valid_us, owner.prediction, owner.individual
+            )
+        return prediction if owner is one else prediction.described(one.state.attributes)
+
+    def _predictor(self, type_: str) -> Predictor | None:
+        return next((each.specification.predictor for each in self._into[type_] if each.specification.predictor), None)
+
+    # Objects and links
+
+    def create(self, valid_us: int, target: str, state: ObjectState) -> LinkObject:
+        """A new object with a symbol of its own."""
+        prefix = self._types[target]
+        return self._added(LinkObject(f"{prefix}{next(self._numbers[prefix])}", target, valid_us, state))
+
+    def _added(self, one: LinkObject) -> LinkObject:
+        self._objects[one.type][one.symbol] = one
+        one.anchored_us = one.created_us
+        for process in self._from.get(one.type, ()):
+            process.on_source(one, one.created_us)
+        for process in self._into.get(one.type, ()):
+            process.on_target(one, one.created_us)
+        return one
+
+    def on_linked(
+        self, valid_us: int, kind: EventKind, link: ObjectLink, reason: LinkReason, weight: float = 1.0
+    ) -> None:
+        """A link was made; processes that it excludes have nothing to decide about its source."""
+        for other in self._excluded(link):
+            other.drop_source(link.source.symbol)
+        self._tell(valid_us, kind, link, reason, weight)
+
+    def on_unlinked(self, valid_us: int, link: ObjectLink, reason: LinkReason) -> None:
+        """A link was removed; if its source is alive, its evaluations start at the next state."""
+        if not link.target.incoming:
+            link.target.individual.pause()
+        if link.source.symbol in self._objects[link.source.type]:
+            for process in self._from[link.source.type]:
+                if process is link.process or process in self._excluded(link):
+                    process.on_source(link.source, valid_us + 1)
+        self._tell(valid_us, "unlinked", link, reason)
+
+    def _excluded(self, link: ObjectLink) -> list[LinkProcess]:
+        group = link.process.specification.exclusive
+        others = self._from[link.source.type] if group else ()
+        return [each for each in others if each.specification.exclusive == group and each is not link.process]
+
+    def _remove(self, valid_us: int, one: LinkObject, reason: LinkReason) -> None:
+        del self._objects[one.type][one.symbol]
+        for link in [*one.outgoing.values(), *one.incoming.values()]:
+            link.process.unlink(valid_us, link, reason)
+        for process in self._from.get(one.type, ()):
+            process.drop_source(one.symbol)
+        for process in self._into.get(one.type, ()):
+            process.drop_target(one.symbol)
+
+    def _forget(self, valid_us: int, type_: str) -> None:
+        """Remove objects of a type that were not anchored for too long."""
+        forget_us = max(each.specification.forget_us for each in self._into[type_])
+        for one in list(self._objects[type_].values()):
+            if any(
+                link.source.anchored_us == valid_us or link.source.type in self._rhythms
+                for link in one.incoming.values()
+            ):
+                one.anchored_us = valid_us
+            elif valid_us - one.anchored_us >= forget_us:
+                reason = LinkReason("forgotten", for_us=valid_us - one.anchored_us)
+                self._remove(valid_us, one, reason)
+                event = LinkEvent(valid_us, "forgotten", "", "", one.symbol, type_, reason)
+                one.history.append(event)
+                self._events.append(event)
+                self._forgotten.append(one)
+
+    def _tell(self, valid_us: int, kind: EventKind, link: ObjectLink, reason: LinkReason, weight: float = 1.0) -> None:
+        source, target = link.source, link.target
+        event = LinkEvent(valid_us, kind, source.symbol, source.type, target.symbol, target.type, reason, weight)
+        source.history.append(event)
+        target.history.append(event)
+        self._events.append(event)
+
+    # Questions
+
+    def objects(self, type_: str) -> Mapping[str, LinkObject]:
+        """The live objects of a type, by symbol."""
+        return self._objects.get(type_, {})
+
+    def find(self, symbol: str) -> LinkObject | None:
+        """A live object, or percept, by its symbol; objects before percepts."""
+        found = (self._objects[type_].get(symbol) for type_ in (*self._into, *self._rhythms))
+        return next((one for one in found if one is not None), None)
+
+    def anchored(self, symbol: str) -> bool:
+        """Whether live links lead from a percept to this object."""
+        one = self.find(symbol)
+        return one is not None and _is_anchored(one, self._rhythms)
+
+    def explain(self, symbol: str) -> tuple[LinkEvent, ...]:
+        """The history of an object's links, also of one of those forgotten last; empty if there is none."""
+        one = self.find(symbol) or next((each for each in self._forgotten if each.symbol == symbol), None)
+        return () if one is None else tuple(one.history)
+
+
+def _is_anchored(one: LinkObject, percepts: Mapping[str, Rhythm]) -> bool:
+    return one.type in percepts or any(_is_anchored(link.source, percepts) for link in one.incoming.values())
+
+
+def _record(one: LinkObject) -> StateRecord:
+    linked = tuple(link.source.symbol for link in one.incoming.values())
+    return StateRecord(one.state.valid_us, one.symbol, one.type, one.state, linked, one.prediction)
+
+
+def _ordered(processes: list[LinkProcess]) -> list[LinkProcess]:
+    """Those into lower types first; in the order given where that is left open."""
+    names = [each.name for each in processes]
+    if len(set(names)) < len(names):
+        raise ValueError(f"each pair of types has one link specification, got {', '.join(names)}")
+    below: dict[str, list[str]] = {}
+    for each in processes:
+        below.setdefault(each.specification.target, []).append(each.specification.source)
+    try:
+        types = list(TopologicalSorter(below).static_order())
+    except CycleError as wrong:
+        raise ValueError(f"types are linked in a circle: {' -> '.join(wrong.args[1])}") from None
+    return sorted(processes, key=lambda each: types.index(each.specification.target))
+
+
+def _prefix(type_: str, types: Sequence[str]) -> str:
+    """`wo` of world objects, `oo` of on-road objects, as the seed has it; the whole name where another type has it too."""
+    short = f"{type_[0]}o"
+    return short if sum(other[0] == type_[0] for other in types) == 1 else f"{type_}_"

@@ -1,0 +1,191 @@
+"""Percepts from JSON lines, in ticks of one valid time.
+
+    {"t_ms": 100, "percept": "vp1", "type": "vision_percept", "x_m": 1.0, "y_m": 2.0, "sd_m": 0.8,
+     "vx_m_s": 9.0, "vy_m_s": 0.1, "colour": "red"}
+    {"t_ms": 900, "percept": "vp1", "end": true}
+
+Velocity, `sd_m` (1 m) and attributes are optional, `type` too where there is but one; `latitude_deg` and `longitude_deg` may
+take the place of x (east) and y (north). Lines are in the order of time; those with one `t_ms` are one tick. A line that
+cannot be used is reported with its number and left out, and so is a percept that a tick has twice with other contents.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from math import isfinite
+from typing import Any, Final, NamedTuple
+
+from anchoring.links.states import ObjectState, diagonal
+from anchoring.links.structures import Percept
+from dyknow import US_PER_MS, Value
+from dyknow.model.errors import TextError, did_you_mean
+from navigation import LocalFrame
+from reasoning.monitoring.json_lines import JsonLine
+
+FARTHEST_M: Final = 2e7
+"""No position is farther from the origin: UTM coordinates are within."""
+FARTHEST_GEOGRAPHIC_M: Final = 1e6
+FASTEST_M_S: Final = 1e4
+USUAL_SD_M: Final = 1.0
+LEAST_SD_M: Final = 0.01
+VELOCITY_SD_M_S: Final = 1.0
+MOST_IN_TICK: Final = 100_000
+_LONGEST: Final = 256
+_MOST_ATTRIBUTES: Final = 64
+_KEYS: Final = frozenset(
+    {"t_ms", "percept", "type", "x_m", "y_m", "latitude_deg", "longitude_deg", "sd_m", "vx_m_s", "vy_m_s", "end"}
+)
+_EXAMPLE: Final = '{"t_ms": 100, "percept": "vp1", "type": "vision_percept", "x_m": 1.0, "y_m": 2.0}'
+
+
+class PerceptTick(NamedTuple):
+    """All percepts of one valid time."""
+
+    valid_us: int
+    percepts: list[Percept]
+
+
+class PerceptReader:
+    """Reads one file.
+
+    Args:
+        file: its name, for errors.
+        types: the types that percepts may have.
+        on_error: takes what is wrong with a line that is left out.
+        frame: of geographic positions; None: about the first of them.
+
+    Attributes:
+        frame: as given, or as found; None while positions are local.
+    """
+
+    def __init__(
+        self,
+        file: str,
+        types: Collection[str],
+        on_error: Callable[[TextError], None],
+        frame: LocalFrame | None = None,
+    ) -> None:
+        self.frame = frame
+        self._file, self._types, self._on_error = file, tuple(types), on_error
+        self._is_local: bool | None = None if frame is None else False
+        self._latest_us: int | None = None
+
+    def ticks(self, lines: Iterable[str]) -> Iterator[PerceptTick]:
+        """The ticks, one as soon as a line of the next is read."""
+        tick: dict[tuple[str, str], Percept | None] = {}
+        for number, text in enumerate(lines, 1):
+            if not text.strip():
+                continue
+            try:
+                line = _PerceptLine(text, number, self._file)
+                valid_us, percept = line.valid_us(), line.percept(self._types, self._place)
+                if self._latest_us is not None and valid_us < self._latest_us:
+                    before_ms = self._latest_us / US_PER_MS
+                    raise line.error(f"time goes backwards: before, there was t_ms {before_ms:g}", "the lines in order")
+                if valid_us != self._latest_us:
+                    yield from _whole(self._latest_us, tick)
+                    tick, self._latest_us = {}, valid_us
+                key = percept.type, percept.symbol
+                if len(tick) >= MOST_IN_TICK and key not in tick:
+                    raise line.error(f"a tick has at most {MOST_IN_TICK} percepts", "fewer percepts a tick")
+                if key in tick and (known := tick[key]) is not None and not _same(known, percept):
+                    tick[key] = None
+                    raise line.error(
+                        f"{percept.symbol} has two different samples at t_ms {valid_us / US_PER_MS:g}: neither counts",
+                        "one sample of a percept a time, or another name",
+                    )
+                tick.setdefault(key, percept)
+            except TextError as error:
+                self._on_error(error)
+        yield from _whole(self._latest_us, tick)
+
+    def _place(self, line: "_PerceptLine") -> tuple[float, float]:
+        """East and north of a line's position."""
+        record = line.record
+        local = "x_m" in record or "y_m" in record
+        if local and ("latitude_deg" in record or "longitude_deg" in record):
+            raise line.error("x_m, y_m and latitude_deg, longitude_deg are two positions", "one of them")
+        if self._is_local is not None and local is not self._is_local:
+            other = "geographic" if local else "local"
+            raise line.error(f"positions of this file, or of its roads, are {other}", "all positions in one frame")
+        if local:
+            place = line.number("x_m", FARTHEST_M), line.number("y_m", FARTHEST_M)
+        else:
+            latitude_deg, longitude_deg = line.number("latitude_deg", 90.0), line.number("longitude_deg", 180.0)
+            frame = self.frame or LocalFrame(latitude_deg, longitude_deg, 0.0)
+            north_m, east_m, _ = frame.to_ned(latitude_deg, longitude_deg, 0.0)
+            if max(abs(north_m), abs(east_m)) > FARTHEST_GEOGRAPHIC_M:
+                raise line.error(f"more than {FARTHEST_GEOGRAPHIC_M / 1000:g} km from the others", "a place nearby")
+            self.frame, place = frame, (east_m, north_m)
+        self._is_local = local
+        return place
+
+
+def _whole(valid_us: int | None, tick: Mapping[tuple[str, str], Percept | None]) -> Iterator[PerceptTick]:
+    if valid_us is not None:
+        yield PerceptTick(valid_us, [each for each in tick.values() if each is not None])
+
+
+def _same(one: Percept, other: Percept) -> bool:
+    if one.state is None or other.state is None:
+        return one.state is other.state
+    return one.state[:5] == other.state[:5] and one.state.attributes == other.state.attributes
+
+
+class _PerceptLine(JsonLine):
+    """One line."""
+
+    def __init__(self, line: str, number: int, file: str) -> None:
+        super().__init__(line, number, file, "a percept", _EXAMPLE)
+
+    def valid_us(self) -> int:
+        return round(self.time_ms() * US_PER_MS)
+
+    def percept(self, types: tuple[str, ...], place: Callable[["_PerceptLine"], tuple[float, float]]) -> Percept:
+        symbol, type_ = self._name("percept"), self._type(types)
+        end = self.record.get("end", False)
+        if not isinstance(end, bool):
+            raise self.error("end is true or false", '{"t_ms": 900, "percept": "vp1", "end": true}')
+        if end:
+            return Percept(symbol, type_, None)
+        x_m, y_m = place(self)
+        sd_m = self.number("sd_m", FARTHEST_M) if "sd_m" in self.record else USUAL_SD_M
+        if sd_m < 0.0:
+            raise self.error(f"sd_m is a standard deviation in metres, got {sd_m:g}", '"sd_m": 0.8')
+        moves = "vx_m_s" in self.record or "vy_m_s" in self.record
+        velocity = (self.number("vx_m_s", FASTEST_M_S), self.number("vy_m_s", FASTEST_M_S)) if moves else (0.0, 0.0)
+        covariance = diagonal(max(sd_m, LEAST_SD_M), VELOCITY_SD_M_S if moves else None)
+        return Percept(symbol, type_, ObjectState(self.valid_us(), x_m, y_m, *velocity, covariance, self._attributes()))
+
+    def _name(self, key: str) -> str:
+        value = self.record.get(key)
+        if not isinstance(value, str) or not value or len(value) > _LONGEST:
+            raise self.error(f"{key} is a name, a text of at most {_LONGEST} characters", _EXAMPLE)
+        return value
+
+    def _type(self, types: tuple[str, ...]) -> str:
+        if "type" not in self.record and len(types) == 1:
+            return types[0]
+        found = self._name("type")
+        if found not in types:
+            hint = did_you_mean(found, types)
+            raise self.error(f"no link begins at the type {found!r}.{hint}", f'"type": "{types[0]}"')
+        return found
+
+    def number(self, key: str, most: float) -> float:
+        """A finite number that is at most so large, or so far below 0."""
+        value = self.record.get(key)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            problem = f"{key} is missing" if value is None else f"{key} is a number"
+            raise self.error(problem, f'"{key}": 1.0')
+        if not abs(value) <= most:
+            raise self.error(f"{key} is {str(value)[:20]}, which is beyond {most:g}", f'"{key}": 1.0')
+        return float(value)
+
+    def _attributes(self) -> Mapping[str, Value]:
+        found: dict[str, Any] = {key: value for key, value in self.record.items() if key not in _KEYS}
+        if len(found) > _MOST_ATTRIBUTES:
+            raise self.error(f"{len(found)} attributes, {_MOST_ATTRIBUTES} are allowed", _EXAMPLE)
+        for key, value in found.items():
+            is_simple = isinstance(value, str | bool | int) or (isinstance(value, float) and isfinite(value))
+            if not is_simple or len(key) > _LONGEST or (isinstance(value, str) and len(value) > _LONGEST):
+                raise self.error(f"{key[:40]!r} is no text, number or truth value", '"colour": "red"')
+        return found

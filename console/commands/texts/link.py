@@ -1,0 +1,88 @@
+"""`dyknow link`: which percepts of a recording are the same objects."""
+
+from functools import partial as given
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from console.command import Call, command
+from console.commands.texts.specification_files import opened
+from console.errors import DONE, WRONG
+from dyknow.model.errors import TextError, WrongCall
+
+if TYPE_CHECKING:
+    from anchoring.links.specification import LinkSpecification
+    from anchoring.roads.network import RoadNetwork
+
+_MOST_NOTES = 20
+
+
+@command(example="dyknow link --percepts percepts.jsonl --roads town.geojson")
+def link(
+    call: Call,
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="[FILE.kpl]", help="Link declarations; without it vision percepts are linked."),
+    ] = None,
+    *,
+    percepts: Annotated[
+        Path | None, typer.Option("--percepts", metavar="FILE.jsonl", help="Recorded percepts, JSON lines.")
+    ] = None,
+    roads: Annotated[
+        Path | None, typer.Option("--roads", metavar="FILE.geojson", help="Roads on which objects are.")
+    ] = None,
+) -> int:
+    """Which percepts are the same objects: one symbol for each, also through gaps; exit 2 if lines had to be left out."""
+    from anchoring.links.structures import ObjectLinkage
+    from anchoring.percepts.reading import PerceptReader
+    from console.commands.texts.link_output import LinkOutput
+    from reasoning.monitoring.json_lines import LIMIT_LINE
+
+    if percepts is None:
+        raise WrongCall("give the recorded percepts: --percepts FILE.jsonl.")
+    network = None if roads is None else _network(roads)
+    linkage = ObjectLinkage(_specifications(file, network))
+    output, problems = LinkOutput(call), _Problems(call)
+    frame = None if network is None else network.frame
+    with opened(percepts, "--percepts", "recorded percepts are a text of JSON lines") as lines:
+        reader = PerceptReader(str(percepts), linkage.percept_types, problems.on_error, frame)
+        for tick in reader.ticks(iter(given(lines.readline, LIMIT_LINE + 2), "")):
+            output.on_outcome(linkage.on_percepts(*tick))
+    output.end(linkage)
+    return problems.end(str(percepts))
+
+
+def _specifications(file: Path | None, network: "RoadNetwork | None") -> "tuple[LinkSpecification, ...]":
+    from anchoring.ready import ready_specification
+
+    if file is None:
+        return ready_specification(network)
+    raise WrongCall(f"{file}: link declarations of a file are not linked here yet; leave it out.")
+
+
+def _network(file: Path) -> "RoadNetwork":
+    from anchoring.roads.files.geojson import MOST_BYTES, read_roads
+
+    try:
+        with file.open("rb") as text:
+            return read_roads(text.read(MOST_BYTES + 1), str(file))
+    except OSError as error:
+        raise WrongCall(f"--roads: {file} cannot be read ({error.strerror}); roads are a GeoJSON file.") from None
+
+
+class _Problems:
+    """Lines that were left out: the first are reported, the others counted."""
+
+    def __init__(self, call: Call) -> None:
+        self._out, self._count = call.out, 0
+
+    def on_error(self, error: TextError) -> None:
+        self._count += 1
+        if self._count <= _MOST_NOTES:
+            self._out.note(f"left out: {error}", style="yellow")
+
+    def end(self, file: str) -> int:
+        if self._count > _MOST_NOTES:
+            self._out.note(f"left out: {self._count - _MOST_NOTES} more lines of {file}", style="yellow")
+        return WRONG if self._count else DONE

@@ -1,0 +1,123 @@
+"""What linking percepts brings, as JSON lines or as text."""
+
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+from console.command import Call
+from console.output.shown import Shown, line, styled
+from dyknow.model.instants import US_PER_MS, US_PER_S
+from dyknow.model.values import NO_VALUE
+from kpl import print_formula
+
+if TYPE_CHECKING:
+    from anchoring.links.objects import LinkEvent, LinkReason
+    from anchoring.links.structures import LinkOutcome, ObjectLinkage, StateRecord
+
+_STYLES = {"established": "green", "reestablished": "green", "unlinked": "yellow", "reclassified": "cyan"}
+
+
+class LinkOutput:
+    """States and events of objects; as text events, and at the end a table of all objects."""
+
+    def __init__(self, call: Call) -> None:
+        self._out = call.out
+        self._formulas: dict[Any, str] = {}
+        self._objects: dict[tuple[str, str], _Seen] = {}
+
+    def on_outcome(self, outcome: "LinkOutcome") -> None:
+        """All of some ticks, in the order of time; of one time the events first."""
+        if not self._out.json_lines:
+            for event in outcome.events:
+                self._show(event)
+            for state in outcome.states:
+                self._objects.setdefault((state.type, state.symbol), _Seen(state.valid_us)).on_state(state)
+            return
+        records: list[tuple[int, int, dict[str, Any]]] = [
+            *((each.valid_us, 0, self._event(each)) for each in outcome.events),
+            *((each.valid_us, 1, _state(each)) for each in outcome.states),
+        ]
+        for _, _, record in sorted(records, key=lambda each: each[:2]):
+            self._out.line(record)
+
+    def end(self, linkage: "ObjectLinkage") -> None:
+        """The table of objects."""
+        if self._out.json_lines:
+            return
+        if not self._objects:
+            self._out.show("no objects: no percept lasted long enough to be one")
+            return
+        rows: list[tuple[Shown, ...]] = []
+        for (type_, symbol), seen in self._objects.items():
+            now = "linked" if linkage.anchored(symbol) else "predicted" if linkage.find(symbol) else "forgotten"
+            span = f"{seen.first_us / US_PER_S:.1f} .. {seen.last_us / US_PER_S:.1f}"
+            rows.append((symbol, type_, span, " ".join(seen.sources), now))
+        columns = ("symbol", "type", "seconds", "from", "in the end")
+        self._out.table("", columns, rows, wraps=("from",))
+
+    def _show(self, event: "LinkEvent") -> None:
+        when = styled(f"{event.valid_us / US_PER_S:10.3f} s", "dim")
+        between = f"{event.source} -> {event.target}" if event.source else event.target
+        kind = styled(event.kind, _STYLES.get(event.kind, "dim"))
+        self._out.show(
+            line(when, "  ", styled(between, "bold"), "  ", kind, f": {self._because(event.reason)}"), whole=True
+        )
+
+    def _event(self, event: "LinkEvent") -> dict[str, Any]:
+        return {
+            "t_ms": _ms(event.valid_us),
+            "event": event.kind,
+            "from": event.source or None,
+            "to": event.target,
+            "because": self._because(event.reason),
+        }
+
+    def _because(self, reason: "LinkReason") -> str:
+        if reason.cause == "ended":
+            return "the percept ended"
+        if reason.cause == "silent":
+            return f"no sample for {reason.for_us / US_PER_S:g} s"
+        if reason.cause == "forgotten" or reason.formula is None:
+            return f"not linked to a percept for {reason.for_us / US_PER_S:g} s"
+        formula = self._formulas.get(reason.formula)
+        if formula is None:
+            formula = self._formulas[reason.formula] = print_formula(reason.formula)
+        verdict = "fails" if reason.cause == "maintain" else "holds"
+        samples = dict(chain.from_iterable(each.samples.items() for each in reason.explanations))
+        shown = ", ".join(f"{label} = {_shown(value)}" for label, value in samples.items())
+        return f"{reason.cause} {verdict}, {formula}{', with ' if shown else ''}{shown}"
+
+
+class _Seen:
+    """One object over all its states."""
+
+    def __init__(self, first_us: int) -> None:
+        self.first_us = self.last_us = first_us
+        self.sources: dict[str, None] = {}
+
+    def on_state(self, state: "StateRecord") -> None:
+        self.last_us = state.valid_us
+        self.sources.update(dict.fromkeys(state.linked_to))
+
+
+def _state(record: "StateRecord") -> dict[str, Any]:
+    hypotheses = [(record.state, 1.0)] if record.prediction is None else record.prediction.hypotheses
+    return {
+        "t_ms": _ms(record.valid_us),
+        "symbol": record.symbol,
+        "type": record.type,
+        "x_m": round(record.state.x_m, 3),
+        "y_m": round(record.state.y_m, 3),
+        "linked_to": list(record.linked_to),
+        "hypotheses": [
+            {"x_m": round(state.x_m, 3), "y_m": round(state.y_m, 3), "weight": round(weight, 4)}
+            for state, weight in hypotheses
+        ],
+    }
+
+
+def _ms(valid_us: int) -> float:
+    return valid_us // US_PER_MS if valid_us % US_PER_MS == 0 else valid_us / US_PER_MS
+
+
+def _shown(value: Any) -> str:
+    return "no value" if value is NO_VALUE else f"{value:.2f}" if isinstance(value, float) else str(value).lower()

@@ -1,0 +1,70 @@
+"""`dyknow link` over recorded percepts."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.console.conftest import Run
+
+
+def percept(t_ms: float, name: str, x_m: float, **more: Any) -> dict[str, Any]:
+    return {"t_ms": t_ms, "percept": name, "type": "vision_percept", "x_m": x_m, "y_m": 0.0, "sd_m": 0.5, **more}
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """A car at 10 m/s, seen for three seconds, hidden for two, and seen again under another name."""
+    file = tmp_path / "percepts.jsonl"
+    lines = [percept(t, f"vp{t // 5000 + 1}", t / 100) for t in range(0, 8000, 100) if t % 5000 < 3000]
+    file.write_text("\n".join(map(json.dumps, lines)))
+    return file
+
+
+def test_one_car_has_one_symbol_through_a_gap_and_each_line_is_as_documented(dyknow: Run, recording: Path) -> None:
+    done = dyknow("link", "--percepts", str(recording), "--json")
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    events = [(each["t_ms"], each["event"], each["from"], each["to"]) for each in lines if "event" in each]
+    assert done.returncode == 0
+    assert events[0] == (1000, "established", "vp1", "wo1")
+    assert [each[1:] for each in events[1:]] == [("unlinked", "vp1", "wo1"), ("reestablished", "vp2", "wo1")]
+    assert events[2][0] == 5000
+    states = [each for each in lines if "symbol" in each]
+    assert [each["t_ms"] for each in states] == list(range(1000, 8000, 100))
+    assert {each["symbol"] for each in states} == {"wo1"}
+    assert set(states[0]) == {"t_ms", "symbol", "type", "x_m", "y_m", "linked_to", "hypotheses"}
+    for each in states:
+        assert each["x_m"] == pytest.approx(each["t_ms"] / 100, abs=0.5)
+        assert each["hypotheses"][0]["weight"] == 1.0
+    assert {tuple(each["linked_to"]) for each in states} == {("vp1",), (), ("vp2",)}
+    assert all("because" in each for each in lines if "event" in each)
+
+
+def test_as_text_there_are_the_events_and_a_table_of_objects(dyknow: Run, recording: Path) -> None:
+    done = dyknow("link", "--percepts", str(recording))
+    assert "vp2 -> wo1  reestablished: reestablish holds, eventually[0, 1s] xy_dist[from, to]" in done.stdout
+    assert "wo1      world   1.0 .. 7.9   vp1 vp2   linked" in done.stdout
+
+
+def test_lines_that_cannot_be_used_are_told_and_left_out(dyknow: Run, recording: Path) -> None:
+    lines = recording.read_text().splitlines()
+    lines[20:20] = [
+        '{"t_ms": 1950, "percept": "vp1", "x_m": NaN, "y_m": 0}',
+        "no json",
+        json.dumps(percept(0, "vp1", 0.0)),
+    ]
+    recording.write_text("\n".join(lines))
+    done = dyknow("link", "--percepts", str(recording), "--json")
+    assert done.returncode == 2
+    assert {each["symbol"] for each in map(json.loads, done.stdout.splitlines()) if "symbol" in each} == {"wo1"}
+    for number, cause in ((21, "NaN is no value"), (22, "no JSON"), (23, "time goes backwards")):
+        assert f"percepts.jsonl:{number}:" in done.stderr
+        assert cause in done.stderr
+
+
+def test_what_is_missing_or_cannot_be_read_is_said(dyknow: Run, tmp_path: Path) -> None:
+    assert "--percepts FILE.jsonl" in dyknow("link").stderr
+    gone = dyknow("link", "--percepts", str(tmp_path / "gone.jsonl"))
+    assert gone.returncode == 2
+    assert "cannot be read" in gone.stderr
