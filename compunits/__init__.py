@@ -1,5 +1,21 @@
 """Computational units ready to use: distances, filters, conversions, relations. KPL specifications name them."""
 
+from compunits.cars import (
+    CAR,
+    CAR_AREA,
+    NO_CROSSING,
+    NO_LINK,
+    ROAD_OFFSET,
+    ROAD_RELATIONS,
+    SEEN_CAR,
+    CarByStep,
+    CarOnRoad,
+    RoadRelations,
+    SmoothOffset,
+    car_area,
+    pairs,
+    road_offset,
+)
 from compunits.conversions import CONVERSIONS, Conversion, conversion
 from compunits.intersection import CovarianceIntersection, Intersection, intersect
 from compunits.kalman import KalmanConstant, KalmanMoving, KalmanPosition, KalmanVelocity
@@ -34,11 +50,20 @@ from compunits.relations import (
     relation,
     right_of,
 )
-from compunits.smoothing import ExponentialSmoothing, MovingAverage, MovingMedian, StabilityFilter
+from compunits.smoothing import ExponentialSmoothing, MovingAverage, MovingMedian, StabilityFilter, StableFields
 
 __all__ = [
+    "CAR",
+    "CAR_AREA",
     "CAR_RELATIONS",
     "CONVERSIONS",
+    "NO_CROSSING",
+    "NO_LINK",
+    "ROAD_OFFSET",
+    "ROAD_RELATIONS",
+    "SEEN_CAR",
+    "CarByStep",
+    "CarOnRoad",
     "Catalogue",
     "ClimbEst",
     "Close",
@@ -53,13 +78,17 @@ __all__ = [
     "KalmanVelocity",
     "MovingAverage",
     "MovingMedian",
+    "RoadRelations",
     "SameHeight",
+    "SmoothOffset",
     "SpeedEst",
     "StabilityFilter",
+    "StableFields",
     "TrackEst",
     "bearing",
     "behind",
     "beside",
+    "car_area",
     "car_relations",
     "catalogue",
     "climb_rate",
@@ -78,9 +107,11 @@ __all__ = [
     "load_module",
     "numbers_of",
     "numeric",
+    "pairs",
     "prototypes_of",
     "relation",
     "right_of",
+    "road_offset",
     "speed_3d",
     "track",
 ]

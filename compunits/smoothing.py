@@ -135,3 +135,38 @@ class StabilityFilter:
         if valid_us - self._since_us >= self._span_us:
             self._passed = value
         return None if self._passed is None else Sample(now_us, valid_us, self._passed, sample.quality)
+
+
+@computational_unit("?sort", "?sort", history_us=US_PER_S // 2)
+class StableFields:
+    """Each component of a record by itself as by a `StabilityFilter`; nothing before each has passed once.
+
+    Args:
+        seconds: of valid time; where a sample has no value or another number of components, there is no output.
+    """
+
+    def __init__(self, seconds: float = 0.5) -> None:
+        self._span_us = round(positive("seconds", seconds) * US_PER_S)
+        self._candidates: list[Value] = []
+        self._since_us: list[int] = []
+        self._passed: list[Value] = []
+        self._latest_us = 0
+
+    def __call__(self, now_us: int, sample: Sample) -> Sample | None:
+        record, valid_us = sample.value, sample.valid_us
+        if not isinstance(record, tuple) or not is_sound(record):
+            return None
+        if not self._candidates:
+            self._candidates, self._since_us = list(record), [valid_us] * len(record)
+            self._passed, self._latest_us = [None] * len(record), valid_us
+        if len(record) != len(self._candidates) or valid_us < self._latest_us:
+            return None
+        self._latest_us = valid_us
+        for i, part in enumerate(record):
+            if part != self._candidates[i]:
+                self._candidates[i], self._since_us[i] = part, valid_us
+            if valid_us - self._since_us[i] >= self._span_us:
+                self._passed[i] = part
+        if None in self._passed:
+            return None
+        return Sample(now_us, valid_us, tuple(self._passed), sample.quality)

@@ -1,0 +1,160 @@
+"""Cars on roads: how they drive, and what each is to each other on one road (thesis 8.7.4, 8.7.5).
+
+Positions are metres in a local frame, x to the east and y to the north; directions are degrees clockwise from north. The
+units are made to be put one behind the other:
+
+    seen car -> `CarOnRoad` -> car
+    car[a], car[b] -> a state of both -> `RoadOffset` -> `SmoothOffset` -> `RoadRelations` -> `StableFields`
+
+Raw relations, for comparison, are made with `CarByStep` in the place of `CarOnRoad`, and without the two filters
+`SmoothOffset` and `StableFields`: an error of the positions turns cars round, and near a border relations come and go.
+"""
+
+import math
+from itertools import permutations
+from typing import Any, Final, TypeGuard
+
+from compunits.motion import heading_deg, wrapped_deg
+from compunits.numeric import Numbers, is_sound, numbers_of, numeric, positive
+from compunits.smoothing import MovingAverage
+from dyknow import NO_VALUE, US_PER_S, Field, Sample, Sort, Value, computational_unit, value_unit
+from dyknow.model.errors import SortError
+from dyknow.network.mediation import members_of
+
+NO_LINK: Final = "no_link"
+NO_CROSSING: Final = "no_crossing"
+
+_PLACE: Final = (Field("symbol", "text"), Field("x_m", "m"), Field("y_m", "m"))
+_AREAS: Final = (Field("link", "text"), Field("crossing", "text"))
+SEEN_CAR: Final = Sort("seen_car", (*_PLACE, Field("road_deg", "deg"), *_AREAS))
+"""Where a car is seen, and what the map says of that place: the direction of the road segment, the link, the crossing."""
+CAR: Final = Sort("car", (*_PLACE, Field("forward_deg", "deg"), *_AREAS))
+"""The same of a car whose forward direction is known: along its road segment or against it."""
+CAR_AREA: Final = Sort("car_area", _AREAS)
+"""The areas of the map that a car is in: `cars.link[car1]` and `cars.crossing[car1]` of 8.7.4."""
+ROAD_OFFSET: Final = Sort("road_offset", (Field("ahead_m", "m"), Field("right_m", "m"), Field("agreement", "1")))
+"""Where car 1 is, seen from car 2 in the direction in which car 1 drives; `agreement`: the cosine of their directions."""
+ROAD_RELATIONS: Final = Sort(
+    "road_relations",
+    tuple(Field(name, "bool") for name in ("behind", "beside", "in_front", "left", "right", "oncoming", "close")),
+)
+"""What `RoadRelations` gives: `car_relations.behind[car1, car2]` is "car1 is behind car2"."""
+
+
+@computational_unit(CAR, SEEN_CAR)
+class CarOnRoad:
+    """The car drives along its road segment or against it, as its motion says (thesis 8.7.5).
+
+    "The current direction of the car as estimated by the derivative of the position" is compared with that of the segment
+    whenever the car has moved by `metres`; before that there is no output. What stands or wavers keeps its direction.
+
+    Args:
+        metres: the larger, the less an error of the positions can turn the car round, and the later it is known.
+    """
+
+    def __init__(self, metres: float = 20.0) -> None:
+        self._least_m = positive("metres", metres)
+        self._from: tuple[float, float] | None = None
+        self._latest_us = 0
+        self._is_along: bool | None = None
+
+    def __call__(self, _now_us: int, sample: Sample) -> Value:
+        value = sample.value
+        seen = numbers_of(value[1:4], 3) if _is_car(value) and is_sound(value) else None
+        if seen is None:
+            return NO_VALUE
+        x_m, y_m, road_deg = seen
+        if self._from is None:
+            self._from = x_m, y_m
+        elif sample.valid_us <= self._latest_us:
+            return None
+        self._latest_us = sample.valid_us
+        east_m, north_m = x_m - self._from[0], y_m - self._from[1]
+        if math.hypot(east_m, north_m) >= self._least_m:
+            road = math.radians(road_deg)
+            self._is_along = east_m * math.sin(road) + north_m * math.cos(road) >= 0.0
+            self._from = x_m, y_m
+        if self._is_along is None:
+            return None
+        forward_deg = wrapped_deg(road_deg if self._is_along else road_deg + 180.0)
+        return value[0], x_m, y_m, forward_deg, *value[4:]
+
+
+@computational_unit(CAR, SEEN_CAR)
+class CarByStep(CarOnRoad):
+    """As `CarOnRoad`, by each step from the position before: with an error of the positions the direction is chance."""
+
+    def __init__(self, metres: float = 0.01) -> None:
+        super().__init__(metres)
+
+
+@value_unit(CAR_AREA, CAR, name="CarArea")
+def car_area(car: Value) -> Value:
+    """The link and the crossing that a car is in, `no_link` and `no_crossing` where it is in none."""
+    return car[4:] if _is_car(car) and is_sound(car) else NO_VALUE
+
+
+@value_unit(ROAD_OFFSET, "car_pair", name="RoadOffset")
+def road_offset(pair: Value) -> Value:
+    """From a state of two cars: where the first is, seen from the second; no value unless both are on one link."""
+    one, other = pair if isinstance(pair, tuple) and len(pair) == 2 else (NO_VALUE, NO_VALUE)
+    if not _is_car(one) or not _is_car(other) or one[4] != other[4] or one[4] == NO_LINK:
+        return NO_VALUE
+    return _offset(one[1:4], other[1:4])
+
+
+def _is_car(value: Value) -> TypeGuard[tuple[Any, ...]]:
+    return isinstance(value, tuple) and len(value) == len(CAR.fields)
+
+
+@numeric(3, 3)
+def _offset(one: Numbers, other: Numbers) -> Value:
+    east_m, north_m, forward = one[0] - other[0], one[1] - other[1], math.radians(one[2])
+    sine, cosine = math.sin(forward), math.cos(forward)
+    return (
+        east_m * sine + north_m * cosine,
+        east_m * cosine - north_m * sine,
+        math.cos(math.radians(other[2]) - forward),
+    )
+
+
+@computational_unit(ROAD_OFFSET, ROAD_OFFSET, history_us=US_PER_S)
+class SmoothOffset(MovingAverage):
+    """The mean of the offsets of the last `seconds`, 1, so that an error of the positions counts less."""
+
+    def __init__(self, seconds: float = 1.0) -> None:
+        super().__init__(seconds)
+
+
+@value_unit(ROAD_RELATIONS, ROAD_OFFSET)
+class RoadRelations:
+    """All relations of car 1 to car 2 as one record, by four sectors of 90 degrees as in Figure 8.11.
+
+    Args:
+        metres: how near is `close`.
+    """
+
+    def __init__(self, metres: float = 60.0) -> None:
+        self._most_m = positive("metres", metres)
+
+    @numeric(3)
+    def __call__(self, offset: Numbers) -> Value:
+        ahead_m, right_m, agreement = offset
+        if not ahead_m and not right_m:
+            return NO_VALUE
+        quarter = round(heading_deg(ahead_m, right_m) / 90.0) % 4
+        close = math.hypot(ahead_m, right_m) <= self._most_m
+        return quarter == 2, quarter in {1, 3}, quarter == 0, quarter == 3, quarter == 1, agreement < 0.0, close
+
+
+@value_unit("pairs", "names", name="Pairs")
+def pairs(names: Value) -> Value:
+    """All pairs of two different objects of a set, in both orders: the first may overtake the second."""
+    return tuple(permutations(_names(names), 2))
+
+
+def _names(value: Value) -> tuple[str, ...]:
+    try:
+        return members_of(value)
+    except SortError:
+        return ()
