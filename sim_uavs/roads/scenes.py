@@ -15,7 +15,7 @@ from dyknow.model.errors import WrongCall
 from sim_uavs.roads.drivers import Driver, RoadState, drawn
 from sim_uavs.roads.layouts import RoadsJson, bends, cross, network_of, town
 from sim_uavs.roads.percepts import Area, PerceptSource, Seeing, SeenPercept
-from sim_uavs.roads.traffic import RoadTraffic
+from sim_uavs.roads.traffic import SimulatedTraffic
 
 _SCENE_RNG = 21  # keeps the generators of scenes apart from others of the same seed
 
@@ -66,7 +66,7 @@ def recorded(name: str, seed: int) -> RoadRecording:
 def looks(scene: RoadScene, traffic_rng: Generator, seeing_rng: Generator) -> Iterator[Look]:
     """Run a scene, look by look."""
     network = network_of(scene.roads)
-    traffic = RoadTraffic(network, scene.drivers, traffic_rng)
+    traffic = SimulatedTraffic(network, scene.drivers, traffic_rng)
     source = PerceptSource(scene.seeing, area_of(network), seeing_rng)
     for now_us in range(0, scene.lasts_us, scene.seeing.period_us):
         traffic.advance(now_us)

@@ -59,7 +59,7 @@ class RoadUser:
         )  # fmt: skip
 
 
-class RoadTraffic:
+class SimulatedTraffic:
     """All vehicles of a network, stepped every 20 ms.
 
     Args:

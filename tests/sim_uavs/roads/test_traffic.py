@@ -14,12 +14,12 @@ from dyknow.model.errors import DyknowError
 from sim_uavs.roads.drivers import BUILDS, Driver, RoadState, drawn
 from sim_uavs.roads.layouts import LAYOUTS, bends, cross, layout, network_of, straight, town
 from sim_uavs.roads.lines import DrivenLine, turned
-from sim_uavs.roads.traffic import RoadTraffic
+from sim_uavs.roads.traffic import SimulatedTraffic
 
 
 def driven(network: RoadNetwork, drivers: list[Driver], seconds: int, seed: int = 1) -> list[list[RoadState]]:
     """Every 0.2 s."""
-    traffic = RoadTraffic(network, drivers, np.random.default_rng(seed))
+    traffic = SimulatedTraffic(network, drivers, np.random.default_rng(seed))
     states = []
     for now_us in range(0, seconds * 1_000_000, 200_000):
         traffic.advance(now_us)
@@ -86,7 +86,7 @@ def test_whoever_drives_is_on_the_road(roads: str) -> None:
 def test_the_same_seed_drives_the_same_way_in_whatever_steps_time_comes() -> None:
     network = network_of(town())
     drivers = from_outside(network, 10, 3, 20)
-    one, other = (RoadTraffic(network, drivers, np.random.default_rng(4)) for _ in range(2))
+    one, other = (SimulatedTraffic(network, drivers, np.random.default_rng(4)) for _ in range(2))
     one.advance(45_000_000)
     for now_us in range(0, 45_000_001, 35_000):
         other.advance(now_us)
@@ -159,7 +159,9 @@ def test_one_drives_into_a_crossing_at_a_time_where_curves_touch() -> None:
 
 def test_impossible_routes_are_refused() -> None:
     with pytest.raises(DyknowError, match="no link leads from 'west' to 'north'"):
-        RoadTraffic(network_of(cross()), [Driver("a", ("west", "north"))], np.random.default_rng(1)).advance(100_000)
+        SimulatedTraffic(network_of(cross()), [Driver("a", ("west", "north"))], np.random.default_rng(1)).advance(
+            100_000
+        )
     with pytest.raises(DyknowError, match="no road layout is called 'tower'; there are bends, cross"):
         layout("tower")
 
