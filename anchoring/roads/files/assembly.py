@@ -35,7 +35,10 @@ class Assembly:
     def _once(self, feature: int, name: str, kind: str, first: int) -> None:
         if first != feature:
             self._problems.error(
-                feature, name, f"feature {first} is a {kind} with the same id", "give each an id of its own"
+                feature,
+                name,
+                f"{self._problems.noun} {first} is a {kind} with the same id",
+                "give each an id of its own",
             )
 
     def network(self, frame: LocalFrame | None) -> RoadNetwork | None:

@@ -20,6 +20,7 @@ class RoadProblem(NamedTuple):
         severity: `error`: the text is not taken; `warning`: it is, and perhaps not as it is meant.
         feature: index of the feature, from 0; None: it is the text as a whole.
         id: of the feature, if it has one.
+        noun: what a feature is called in the text: feature, way, edge.
     """
 
     severity: str
@@ -27,12 +28,13 @@ class RoadProblem(NamedTuple):
     id: str | None
     message: str
     remedy: str
+    noun: str = "feature"
 
     @property
     def drawn(self) -> str:
         """One line: the feature, what is wrong with it, what to do."""
         named = "" if self.id is None else f" ({self.id!r})"
-        place = "" if self.feature is None else f"feature {self.feature}{named}: "
+        place = "" if self.feature is None else f"{self.noun} {self.feature}{named}: "
         return f"{place}{self.message}; {self.remedy}"
 
 
@@ -60,9 +62,10 @@ class RoadSurvey(NamedTuple):
 
 
 class Problems:
-    """Collects problems while a text is read."""
+    """Collects problems while a text is read; its features are called `noun`."""
 
-    def __init__(self) -> None:
+    def __init__(self, noun: str = "feature") -> None:
+        self.noun = noun
         self._listed: list[RoadProblem] = []
         self._counts = {ERROR: 0, WARNING: 0}
 
@@ -71,10 +74,10 @@ class Problems:
         return bool(self._counts[ERROR])
 
     def error(self, feature: int | None, name: str | None, message: str, remedy: str) -> None:
-        self._add(RoadProblem(ERROR, feature, name, message, remedy))
+        self._add(RoadProblem(ERROR, feature, name, message, remedy, self.noun))
 
     def warning(self, feature: int | None, name: str | None, message: str, remedy: str) -> None:
-        self._add(RoadProblem(WARNING, feature, name, message, remedy))
+        self._add(RoadProblem(WARNING, feature, name, message, remedy, self.noun))
 
     def _add(self, problem: RoadProblem) -> None:
         self._counts[problem.severity] += 1
