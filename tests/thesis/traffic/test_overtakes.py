@@ -21,6 +21,7 @@ from bench.overtakes.table import (
     is_met,
     wilson,
 )
+from tests.thesis.traffic import written
 
 FULL = bool(os.environ.get("DYKNOW_FULL"))
 SHOWN = [Cell(15, 100, 5, "maximum", True), Cell(25, 100, 5, "maximum", True), Cell(20, 200, 7, "maximum", True)]
@@ -70,3 +71,8 @@ def test_example_8_2_2_no_decent_overtake_is_reckless() -> None:
     runs = 1000 if FULL else 12
     found = reckless.counted("decent", runs)
     assert found == Counter(overtake=runs, passes=runs)
+
+
+def test_the_recorded_files_of_the_examples_are_those_of_their_seeds() -> None:
+    for name, text in written.written().items():
+        assert (written.EXAMPLES / name).read_text(encoding="utf-8") == text
