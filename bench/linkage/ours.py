@@ -1,0 +1,65 @@
+"""Ours, by the command that users have: `dyknow link --json`, run in this process on a file of percepts and one of roads."""
+
+import contextlib
+import io
+import json
+import tempfile
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from bench.linkage.scores import Shown, Track
+from console.main import app
+from sim_uavs.roads.scenes import RoadRecording
+
+WORLD = "world"
+
+
+class Linked(NamedTuple):
+    """Objects of each look, and what was reported of them."""
+
+    tracks: list[Track]
+    events: list[dict[str, Any]]
+
+    def from_clutter(self, recording: RoadRecording) -> int:
+        """How many objects were established from a percept of nothing that ended before its second was over."""
+        clutter = {percept.percept for look in recording.looks for percept in look.percepts if percept.of is None}
+        return sum(each["event"] == "established" and each["from"] in clutter for each in self.events)
+
+
+def by_links(recording: RoadRecording, type_: str = WORLD) -> Linked:
+    """The objects of one type that `dyknow link` makes of a recording."""
+    states: dict[int, dict[str, Shown]] = defaultdict(dict)
+    events = []
+    visible = {
+        look.t_us // 1000: {percept.percept for percept in look.percepts if not percept.end} for look in recording.looks
+    }
+    for line in link_lines(recording):
+        if "event" in line:
+            events.append(line)
+        elif line["type"] == type_:
+            seen = not visible[line["t_ms"]].isdisjoint(line["linked_to"])
+            states[line["t_ms"]][line["symbol"]] = Shown(line["x_m"], line["y_m"], seen)
+    return Linked([states[look.t_us // 1000] for look in recording.looks], events)
+
+
+def link_lines(recording: RoadRecording) -> Iterator[dict[str, Any]]:
+    """What `dyknow link --json` prints."""
+    with tempfile.TemporaryDirectory() as directory:
+        percepts, roads = Path(directory, "percepts.jsonl"), Path(directory, "roads.geojson")
+        percepts.write_text("".join(json.dumps(record) + "\n" for record in recording.records()), encoding="utf-8")
+        roads.write_text(json.dumps(recording.scene.roads), encoding="utf-8")
+        out = _said("link", "--json", "--percepts", str(percepts), "--roads", str(roads))
+    return map(json.loads, out)
+
+
+def _said(*words: str) -> Sequence[str]:
+    out = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(out):
+            app(words, prog_name="dyknow")
+    except SystemExit as end:
+        if end.code:
+            raise RuntimeError(f"dyknow {' '.join(words)} ended with {end.code}") from end
+    return out.getvalue().splitlines()
