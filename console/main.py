@@ -10,7 +10,7 @@ import typer
 
 from console.command import USAGE, CommandGroup, CommandTable
 
-_FLEET, _MEMBERS, _TEXTS = (f"console.commands.{drawer}" for drawer in ("fleet", "members", "texts"))
+_FLEET, _MEMBERS, _OBJECTS, _TEXTS = (f"console.commands.{each}" for each in ("fleet", "members", "objects", "texts"))
 
 COMMANDS: CommandTable = {
     "up": (f"{_FLEET}.up:up", "Start simulated UAVs, one process each, and wait until they have found each other."),
@@ -27,7 +27,7 @@ COMMANDS: CommandTable = {
     "imports": (f"{_MEMBERS}.imports:imports", "The streams that platforms receive from each other, and their gaps."),
     "check": (f"{_TEXTS}.check:check", "A formula over a recorded trace, or over a platform's live states."),
     "chronicle": (f"{_TEXTS}.chronicle:chronicle", "Chronicles in recorded events, or over a platform's live streams."),
-    "link": (f"{_TEXTS}.link:link", "Which percepts of a recording are the same objects, through gaps and clutter."),
+    "link": (f"{_OBJECTS}.link:link", "Which percepts of a recording are the same objects, through gaps and clutter."),
     "delegate": (f"{_MEMBERS}.delegate:delegate", "A task for a platform, as a speech act to its interface agent."),
     "tasks": (f"{_MEMBERS}.delegate:tasks", "Delegated tasks of all platforms."),
     "cancel": (f"{_MEMBERS}.delegate:cancel", "End a task, and take down all it set up."),
@@ -55,6 +55,8 @@ COMMANDS: CommandTable = {
     "ontology": ("", "Semantic labels: what they mean, in a file or to the platforms that run."),
     "ontology show": (f"{_TEXTS}.ontologies:show", "What each semantic label means, to whom."),
     "ontology check": (f"{_TEXTS}.ontologies:check", "Every error of a file of labels with its place and repair."),
+    "roads": ("", "Road networks, on which objects are."),
+    "roads check": (f"{_OBJECTS}.roads:check", "What a road network holds, and every problem of its file."),
     "roster": ("", "The file of platforms and keys with which acts are signed."),
     "roster init": (f"{_FLEET}.roster:init", "A new roster, with keys and certificates."),
     "roster add": (f"{_FLEET}.roster:add", "One more platform, with a new key and certificate."),

@@ -32,7 +32,7 @@ MARKUP = "[/][red]r[/red][link=http://e]c[/link]:bomb:"
 SESSIONS = json.loads((TRANSCRIPTS / "members.json").read_text(encoding="utf-8"))
 LOCAL = {
     "up", "join", "host", "down", "demo", "doctor", "kpl", "kpl check", "kpl run", "kpl verify", "ontology", "ontology check",
-    "roster", "roster init", "roster add", "roster revoke", "roster show",
+    "link", "roads", "roads check", "roster", "roster init", "roster add", "roster revoke", "roster show",
 }  # fmt: skip
 """Commands that ask no platform: they show records and files, by the same output."""
 FREE = {
@@ -216,7 +216,7 @@ def test_a_stream_of_words_is_watched_as_plain_text(
 
 def test_every_command_that_asks_platforms_was_run() -> None:
     run = {
-        " ".join(step["run"][: 2 if step["run"][0] in {"kpl", "ontology"} else 1])
+        " ".join(step["run"][: 2 if step["run"][0] in {"kpl", "ontology", "roads"} else 1])
         for s in SESSIONS
         for step in s["steps"]
         if "run" in step

@@ -20,12 +20,11 @@ from typing import Any, Final
 from anchoring.roads.elements import Crossing, Lane, RoadArea, RoadLink
 from anchoring.roads.files.assembly import Assembly
 from anchoring.roads.files.lanes import MOST_LANES, even_lanes, offset_lanes
-from anchoring.roads.files.problems import FeatureError, Problems, RoadSurvey
+from anchoring.roads.files.problems import MOST_BYTES, FeatureError, Problems, RoadSurvey
 from anchoring.roads.geometry import Point2, Polyline
 from anchoring.roads.network import RoadNetwork
 from navigation.geodesy import LocalFrame
 
-MOST_BYTES: Final = 256 * 2**20
 MOST_FEATURES: Final = 1_000_000
 FARTHEST_M: Final = 500_000.0
 """From the origin; the plane that touches the earth there is no map of more."""

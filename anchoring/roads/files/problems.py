@@ -7,10 +7,10 @@ from anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import RoadsError
 
 ERROR, WARNING = "error", "warning"
+MOST_BYTES: Final = 512 * 2**20
+"""The most that is read of a text."""
 MOST_PROBLEMS: Final = 1000
 """The most that are listed of one severity; the others are counted."""
-MOST_DRAWN: Final = 5
-"""The most that an error message shows."""
 
 
 class RoadProblem(NamedTuple):

@@ -2,12 +2,9 @@
 
 from collections.abc import Iterator
 from io import BytesIO
-from typing import Final
 from xml.etree.ElementTree import Element, ParseError, iterparse
 
-from anchoring.roads.files.problems import Problems
-
-MOST_BYTES: Final = 512 * 2**20
+from anchoring.roads.files.problems import MOST_BYTES, Problems
 
 
 def elements(text: str | bytes, root: str, problems: Problems) -> Iterator[Element]:

@@ -13,7 +13,7 @@ from anchoring.roads.files.geojson import read_roads, survey_roads
 from anchoring.roads.files.problems import MOST_PROBLEMS
 from anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import RoadsError
-from tests.anchoring.roads.towns import cross, crossing, feature, grid_text, link, text
+from tests.anchoring.roads.towns import NO_LINE, cross, crossing, feature, grid_text, link, text
 
 LINE = [(0.0, 0.0), (100.0, 0.0)]
 X = crossing("x", 0.0, 0.0)
@@ -112,9 +112,6 @@ def wrong(*features: Any, **more: Any) -> str:
         read_roads(text(*features, **more), "town.geojson")
     assert len(caught.value.problems) == 1
     return str(caught.value)
-
-
-NO_LINE = feature("LineString", [[0, 0], [0, 0]], id="zero")
 
 
 @pytest.mark.parametrize(

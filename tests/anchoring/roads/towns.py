@@ -25,6 +25,9 @@ def feature(geometry: str, coordinates: Any, **properties: Any) -> dict[str, Any
     return {"type": "Feature", "geometry": {"type": geometry, "coordinates": coordinates}, "properties": properties}
 
 
+NO_LINE = feature("LineString", [[0, 0], [0, 0]], id="zero")
+
+
 def text(*features: Any, frame: str | None = "local", **more: Any) -> str:
     return json.dumps({"type": "FeatureCollection", "frame": frame, "features": features, **more})
 

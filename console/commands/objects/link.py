@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from console.command import Call, command
+from console.commands.objects.roads import read_bytes
 from console.commands.texts.specification_files import opened
 from console.errors import DONE, WRONG
 from dyknow.model.errors import TextError, WrongCall
@@ -36,7 +37,7 @@ def link(
     """Which percepts are the same objects: one symbol for each, also through gaps; exit 2 if lines had to be left out."""
     from anchoring.links.structures import ObjectLinkage
     from anchoring.percepts.reading import PerceptReader
-    from console.commands.texts.link_output import LinkOutput
+    from console.commands.objects.link_output import LinkOutput
     from reasoning.monitoring.json_lines import LIMIT_LINE
 
     if percepts is None:
@@ -62,13 +63,9 @@ def _specifications(file: Path | None, network: "RoadNetwork | None") -> "tuple[
 
 
 def _network(file: Path) -> "RoadNetwork":
-    from anchoring.roads.files.geojson import MOST_BYTES, read_roads
+    from anchoring.roads.files.formats import read_any
 
-    try:
-        with file.open("rb") as text:
-            return read_roads(text.read(MOST_BYTES + 1), str(file))
-    except OSError as error:
-        raise WrongCall(f"--roads: {file} cannot be read ({error.strerror}); roads are a GeoJSON file.") from None
+    return read_any(read_bytes(file, "--roads"), str(file))
 
 
 class _Problems:

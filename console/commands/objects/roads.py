@@ -1,0 +1,84 @@
+"""`dyknow roads`: files of road networks."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from console.command import Call, command
+from console.errors import DONE, NO
+from console.output.output import counted
+from console.output.shown import line, styled
+from dyknow.model.errors import WrongCall
+
+if TYPE_CHECKING:
+    from anchoring.roads.files.problems import RoadProblem
+    from anchoring.roads.network import RoadNetwork
+
+
+@command(example="dyknow roads check town.geojson")
+def check(
+    call: Call,
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="GeoJSON, OpenStreetMap XML, or a SUMO network (.net.xml).")
+    ],
+) -> int:
+    """What a road network holds, and every problem of its file; exit 1 if one is an error."""
+    from anchoring.roads.files.formats import format_of, survey_any
+
+    text = read_bytes(file, "FILE")
+    survey = survey_any(text)
+    for problem in survey.problems:
+        _show(call, str(file), problem)
+    errors = sum(each.severity == "error" for each in survey.problems)
+    warnings = len(survey.problems) - errors
+    about = {"format": format_of(text), "errors": errors, "warnings": warnings}
+    if survey.left_out:
+        call.out.note(f"{survey.left_out} more problems are not listed.")
+    counts = f"{counted(errors, 'error')}, {counted(warnings, 'warning')}"
+    if survey.network is None:
+        call.out.say(f"{file}: {about['format']}, {counts}", **about)
+        return NO
+    contents = _contents(survey.network)
+    call.out.say(f"{file}: {about['format']}, {_sentence(contents)}; {counts}", **about, **contents)
+    return DONE
+
+
+def read_bytes(file: Path, option: str) -> bytes:
+    """The bytes of a file of roads, at most one more than is allowed; raises WrongCall."""
+    from anchoring.roads.files.problems import MOST_BYTES
+
+    try:
+        with file.open("rb") as text:
+            return text.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise WrongCall(
+            f"{option}: {file} cannot be read ({error.strerror}); roads are a file of GeoJSON, OpenStreetMap or SUMO."
+        ) from None
+
+
+def _show(call: Call, file: str, problem: "RoadProblem") -> None:
+    style = "red" if problem.severity == "error" else "yellow"
+    about = {"feature": problem.feature, "id": problem.id, "message": problem.message, "repair": problem.remedy}
+    call.out.say(
+        line(styled(problem.severity, style), f" {file}: {problem.drawn}"),
+        severity=problem.severity,
+        file=file,
+        **about,
+    )
+
+
+def _contents(network: "RoadNetwork") -> dict[str, Any]:
+    from anchoring.roads.files.summary import summary_of
+
+    summary, frame = summary_of(network), network.frame
+    origin = None if frame is None else [round(frame.latitude_deg, 7), round(frame.longitude_deg, 7)]
+    return summary._asdict() | {"length_m": round(summary.length_m, 1), "origin": origin}
+
+
+def _sentence(contents: dict[str, Any]) -> str:
+    parts = [counted(contents[name], name[:-1]) for name in ("crossings", "links", "lanes", "areas")]
+    origin = contents["origin"]
+    where = "x and y in metres" if origin is None else f"origin at {origin[0]:g}, {origin[1]:g}"
+    graph = f"{counted(contents['parts'], 'part')}, {counted(contents['dead_ends'], 'dead end')}"
+    return f"{', '.join(parts)}, {contents['length_m'] / 1000:.1f} km, {graph}, {where}"
