@@ -9,7 +9,7 @@ A part's constructor names what it takes: another part by its class, anything el
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cache, cached_property
 from inspect import signature
 from typing import Any, TypeVar
 
@@ -133,7 +133,7 @@ class Ports:
         """The part of that class, built of what its constructor names."""
         found = self._parts.get(kind)
         if found is None:
-            given = {name: self.part(of) if of else getattr(self, name) for name, of in _taken(kind).items()}
+            given = {name: self.part(of) if of else getattr(self, name) for name, of in _taken(kind).items()}  # type: ignore[arg-type]
             found = self._parts[kind] = kind(**given)
         return found  # type: ignore[return-value]
 
@@ -283,6 +283,7 @@ def lasting_heads(extensions: Sequence[type[Part]] = ()) -> frozenset[str]:
     return frozenset(action.head for offer in offers for action in offer.actions if action.lasting)
 
 
+@cache
 def _taken(kind: type[Part]) -> Mapping[str, type[Part] | None]:
     """What the constructor of a part takes by name: the class of another part, or None for a port."""
     known = {each.name for each in fields(Ports)} | {name for name in vars(Ports) if not name.startswith("_")}

@@ -85,7 +85,7 @@ def _line(process: psutil.Process) -> str:
 
 @contextmanager
 def busy(processes: int) -> Iterator[None]:
-    """So many processes that run and never wait."""
+    """Processes that compute without a pause."""
     running = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(processes)]
     try:
         yield

@@ -249,7 +249,7 @@ class DirectoryAgent(Part):
         self._note_missing(change)
         if isinstance(change, ServiceAppeared) and change.service.service == DIRECTORY.service:
             self._ask_missing(change.unit, now_us)
-        content = _content_of(change, now_us)
+        content = _content_of(change, now_us) if self._subscribers else None
         if content is not None:
             self._subscribers.inform(content, now_us)
 

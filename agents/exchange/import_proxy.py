@@ -1,7 +1,7 @@
 """The import proxy of a platform: remote streams come in as local sources (thesis 9.3.3)."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeAlias
@@ -112,13 +112,15 @@ class ImportProxy(Part):
         for effect in self.imports.end((owner, semantic_label, policy_hash)):
             self._emit(effect)
 
-    def heard_us(self) -> dict[tuple[str, str], int]:
-        """By owner and semantic label, when a stream that is expected was last heard of.
+    def heard_us(self, owners: Container[str]) -> dict[tuple[str, str], int]:
+        """By owner, of these, and semantic label, when a stream that is expected was last heard of.
 
         One that comes less often, since its owner has too much to do, counts as heard so much later.
         """
         heard: dict[tuple[str, str], int] = {}
         for name, found in self.imports.streams.items():
+            if name[0] not in owners:
+                continue
             policy, key = self.policies.get(name), name[:2]
             longer_us = 0 if policy is None else 2 * (found.every - 1) * (policy.sample_us or 0)
             heard[key] = max(found.heard_us + longer_us, heard.get(key, found.heard_us))

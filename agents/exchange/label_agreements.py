@@ -13,7 +13,7 @@ from agents.part import Part, PeerChange
 from dyknow.model.instants import US_PER_S
 from dyknow.model.labels import Label
 from dyknow.model.semantic_labels import SemanticLabel
-from federation.members.directory import DirectoryFacilitator
+from federation.members.directory import DirectoryEntry, DirectoryFacilitator
 from federation.members.liveness import PlatformGone
 from federation.members.offers import DefinitionsChanged, LabelAppeared
 from federation.messages.descriptions import ConditionEntry
@@ -69,8 +69,9 @@ class LabelAgreements(Part):
     def disagreement(self, unit: str, label: str) -> str:
         """Why a label is not shared with a unit; empty if it can be."""
         entry = self._directory.entry(unit)
-        if entry is None:
-            return ""
+        return "" if entry is None else self._disagreement(entry, label)
+
+    def _disagreement(self, entry: DirectoryEntry, label: str) -> str:
         offered = next((each.type_hash for each in entry.labels if each.label == label), None)
         return disagreement(self._ontology.get(label), entry.definitions.get(label), offered)
 
@@ -136,7 +137,9 @@ class LabelAgreements(Part):
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
         """Compare what a platform means with what is meant here."""
-        if isinstance(change, DefinitionsChanged | LabelAppeared | PlatformGone):
+        if isinstance(change, LabelAppeared):
+            self._compare(change.unit, (change.label.label,), now_us)
+        elif isinstance(change, DefinitionsChanged | PlatformGone):
             self._look(change.unit, now_us)
 
     def _look_at_all(self, now_us: int) -> None:
@@ -144,19 +147,28 @@ class LabelAgreements(Part):
             self._look(entry.unit, now_us)
 
     def _look(self, unit: str, now_us: int) -> None:
+        """Compare all labels that a platform defines or offers, or about which there was a conflict."""
+        entry = self._directory.entry(unit)
+        labels = dict.fromkeys(label for at, label in self._conflicts if at == unit)
+        if entry is not None:
+            labels |= dict.fromkeys((*entry.definitions, *(each.label for each in entry.labels)))
+        self._compare(unit, labels, now_us)
+
+    def _compare(self, unit: str, labels: Iterable[str], now_us: int) -> None:
         entry = self._directory.entry(unit) if self._directory.is_present(unit) else None
-        labels = () if entry is None else {**entry.definitions, **{each.label: None for each in entry.labels}}
-        before = {key for key in self._conflicts if key[0] == unit}
-        found = {(unit, label): why for label in labels if (why := self.disagreement(unit, label))}
-        for key in before - found.keys():
-            del self._conflicts[key]
-        for (_, label), why in found.items():
+        is_news = False
+        for label in labels:
+            why = "" if entry is None else self._disagreement(entry, label)
+            known = self._conflicts.get((unit, label))
+            is_news = is_news or bool(why) or known is not None
+            if not why:
+                self._conflicts.pop((unit, label), None)
+                continue
             text = f"label {label} is not shared with {unit}: {why}"
             self._note_once(text)
-            known = self._conflicts.get((unit, label))
             if known is None or known.text != text[:MAX_TEXT]:
                 self._conflicts[unit, label] = ConditionEntry(text=text[:MAX_TEXT], since_us=now_us)
-        if before or found:
+        if is_news:
             self._due_us = max(now_us, self._told_us + BETWEEN_US)
 
     def _note_once(self, text: str) -> None:

@@ -133,8 +133,8 @@ class SubscriptionKeeper(Part):
             self._next_us = 0
         if now_us < self._next_us and not self._renew:
             return
-        due = [unit for unit in needs if now_us >= self._look_us.get(unit, 0) or unit in self._renew]
-        heard_us = importer.heard_us() if due else {}
+        due = dict.fromkeys(unit for unit in needs if now_us >= self._look_us.get(unit, 0) or unit in self._renew)
+        heard_us = importer.heard_us(due) if due else {}
         asked = 0
         for unit in due:
             if asked == AT_ONCE:

@@ -5,6 +5,7 @@ What it lacks is a vehicle: where positions are needed, a source in the process 
 
 import time
 from collections.abc import Callable, Iterable
+from functools import cache
 from queue import SimpleQueue
 from threading import Thread
 from typing import Any, NamedTuple
@@ -156,8 +157,9 @@ class Member:
         self._edge.close()
 
 
+@cache
 def prepare() -> None:
-    """What a platform process reads and builds before it joins."""
+    """What a platform process reads and builds before it joins, once."""
     contents.prepare()
     default_ontology()
     PlanBook("0", builtin_profiles()).prepare()

@@ -11,7 +11,7 @@ from federation.messages.codec import Ping, Pong, decode_ping, decode_pong, enco
 from federation.transport import Answer, Answered, AnswerEnd, Ask, Asked, AskEnded
 
 ABSENT = 512
-SETTLE_US = 100_000
+SETTLE_US, SETTLE_PER_PEER_US = 100_000, 20_000
 """How long a peer is met before its clock is asked for: the rush of meeting would spoil what is measured."""
 
 
@@ -56,11 +56,13 @@ class ClockOffsets:
         return {unit: estimator.offset for unit, estimator in self._estimators.items()}
 
     def on_appeared(self, unit: str, boot: int, now_us: int) -> None:
-        """A peer is met: eight exchanges soon. The same incarnation, seen again, keeps what was learned of it."""
+        """A peer is met: exchanges soon, later among many, who have more to learn of each other first. The same incarnation,
+        seen again, keeps what was learned of it.
+        """
         estimator = self._estimators.get(unit) or self._absent.pop(unit, None)
         if estimator is None or estimator.boot not in (None, boot):
             estimator = OffsetEstimator(now_us)
-        estimator.hurry(now_us + SETTLE_US)
+        estimator.hurry(now_us + SETTLE_US + SETTLE_PER_PEER_US * len(self._estimators))
         self._estimators[unit] = estimator
         self._due.set(unit, estimator.deadline_us)
 

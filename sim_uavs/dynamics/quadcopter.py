@@ -141,36 +141,38 @@ def step(
 def _next_velocity(
     velocity: Vector, demand: Vector, wind: Vector, dt_s: float, limits: AirframeLimits, motors: bool
 ) -> Vector:
-    north, east, down = wind.minus(velocity)
-    drag_per_s = limits.drag_per_s
-    drag = _new(Vector, (drag_per_s * north, drag_per_s * east, drag_per_s * down))
-    if not motors:
-        return velocity.plus(drag.plus(Vector(0.0, 0.0, GRAVITY_M_S2)), dt_s)
-    north, east, down = _within_speed(demand, limits).minus(velocity)
-    response_s = max(limits.response_s, dt_s)
-    wanted = _new(
-        Vector, (north / response_s - drag.north, east / response_s - drag.east, down / response_s - drag.down)
-    )
-    thrust = _within_acceleration(wanted, limits)
-    return _within_speed(velocity.plus(_within_acceleration(thrust.plus(drag), limits), dt_s), limits)
+    (north, east, down), (wind_north, wind_east, wind_down) = velocity, wind
+    speeds = limits.speed_m_s, limits.climb_m_s, limits.descent_m_s
+    accelerations = limits.acceleration_m_s2, limits.vertical_acceleration_m_s2, limits.vertical_acceleration_m_s2
+    drag_per_s, response_s = limits.drag_per_s, max(limits.response_s, dt_s)
+    drag_north, drag_east = drag_per_s * (wind_north - north), drag_per_s * (wind_east - east)
+    drag_down = drag_per_s * (wind_down - down)
+    if motors:
+        to_north, to_east, to_down = _within(*demand, *speeds)
+        thrust = (
+            (to_north - north) / response_s - drag_north,
+            (to_east - east) / response_s - drag_east,
+            (to_down - down) / response_s - drag_down,
+        )
+        more_north, more_east, more_down = _within(*thrust, *accelerations)
+        more_north, more_east, more_down = _within(
+            more_north + drag_north, more_east + drag_east, more_down + drag_down, *accelerations
+        )
+        next_velocity = north + dt_s * more_north, east + dt_s * more_east, down + dt_s * more_down
+        return _new(Vector, _within(*next_velocity, *speeds))
+    falling = drag_down + GRAVITY_M_S2
+    return _new(Vector, (north + dt_s * drag_north, east + dt_s * drag_east, down + dt_s * falling))
 
 
-def _within_speed(velocity: Vector, limits: AirframeLimits) -> Vector:
-    north, east, down = velocity
-    scale = _shortened(hypot(north, east), limits.speed_m_s)
-    return _new(Vector, (north * scale, east * scale, min(limits.descent_m_s, max(-limits.climb_m_s, down))))
-
-
-def _within_acceleration(wanted: Vector, limits: AirframeLimits) -> Vector:
-    north, east, down = wanted
-    scale = _shortened(hypot(north, east), limits.acceleration_m_s2)
-    most = limits.vertical_acceleration_m_s2
-    return _new(Vector, (north * scale, east * scale, min(most, max(-most, down))))
-
-
-def _shortened(length: float, most: float) -> float:
-    """The factor that makes a length no more than `most`."""
-    return min(1.0, most / length) if length > 0 else 1.0
+def _within(
+    north: float, east: float, down: float, most_horizontal: float, most_up: float, most_down: float
+) -> tuple[float, float, float]:
+    """A velocity or acceleration, shortened to what the airframe can do horizontally, upwards and downwards."""
+    length = hypot(north, east)
+    if length > most_horizontal:
+        scale = most_horizontal / length
+        north, east = north * scale, east * scale
+    return north, east, most_down if down > most_down else max(down, -most_up)
 
 
 def _drained(

@@ -127,10 +127,15 @@ def up(
         _say_present(call, present)
         return DONE
     fleet = Fleet(directory, lifeline=not detach)
+    return _run(call, fleet, configs, present, detach=detach)
+
+
+def _run(call: Call, fleet: Fleet, configs: list[NodeConfig], present: list[str], *, detach: bool) -> int:
+    """Start what is configured, and stay with it until it ends, unless it is left alone."""
     is_left = False
     with interruptible():
         try:
-            gathering = gathered(call, fleet, configs, started_units(directory))
+            gathering = gathered(call, fleet, configs, started_units(fleet.directory))
             note_state(fleet, configs, stays=not detach)
             if not detach:
                 outlasting(call.out)

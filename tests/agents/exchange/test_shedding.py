@@ -13,6 +13,7 @@ from federation import keys
 from federation.messages.acts import Performative
 from federation.messages.codec import decode_samples, encode_samples
 from federation.messages.contents import ImportList, MonitorProximity
+from reasoning.monitoring.monitors import Monitor
 from tests.agents.exchange.test_federation_agent import multicast
 from tests.box import Box
 
@@ -117,14 +118,19 @@ def test_who_did_all_again_too_early_waits_longer(pair: Box) -> None:
     assert [round(calm_s() / (EASIER_US / 1e6)) for _ in range(3)] == [3, 4, 6], "and the step from the worst"
 
 
-def test_monitors_go_on_with_half_of_the_samples_and_are_unknown_with_less(wire: Box) -> None:
-    for unit, north_m in (("0", 0), ("1", 300)):
+def monitored(wire: Box, apart_m: float) -> Monitor:
+    """That of platform 0 over platform 1, so far north of it."""
+    for unit, north_m in (("0", 0.0), ("1", apart_m)):
         wire.fly(unit, north_m, 0)
     wire.centre()
     wire.run(1.0)
     wire.asked("cc", "0", MonitorProximity())
     wire.run(4.0)
-    monitor = wire.platform("0").ports.monitors.named["proximity"].instances["1"].monitor
+    return wire.platform("0").ports.monitors.named["proximity"].instances["1"].monitor
+
+
+def test_monitors_go_on_with_half_of_the_samples_and_are_unknown_with_less(wire: Box) -> None:
+    monitor = monitored(wire, 300)
     assert monitor.inputs == "fresh"
     press(wire, "1", 0.6)
     seen = set()
@@ -146,13 +152,7 @@ def test_monitors_go_on_with_half_of_the_samples_and_are_unknown_with_less(wire:
 
 
 def test_while_an_alarm_is_open_monitors_get_what_they_need(wire: Box) -> None:
-    for unit, north_m in (("0", 0), ("1", 5)):
-        wire.fly(unit, north_m, 0)
-    wire.centre()
-    wire.run(1.0)
-    wire.asked("cc", "0", MonitorProximity())
-    wire.run(4.0)
-    monitor = wire.platform("0").ports.monitors.named["proximity"].instances["1"].monitor
+    monitor = monitored(wire, 5)
     assert monitor.shows == "alarm"
     for unit in ("0", "1"):
         press(wire, unit, 0.9, 3.0)
