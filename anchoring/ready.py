@@ -8,9 +8,9 @@ from typing import Final
 
 from anchoring.links.prediction import Predictor
 from anchoring.links.specification import FROM, THRESHOLD, TO, USUAL, LinkSpecification, Threshold
-from anchoring.links.states import ObjectState
 from anchoring.roads.network import RoadNetwork
-from anchoring.roads.snapping import RoadPlace, snap
+from anchoring.roads.objects import OnRoad
+from anchoring.roads.prediction import AlongRoads
 from dyknow import US_PER_S
 from reasoning.formulas.tree import Always, Compare, Const, Eventually, Feature
 
@@ -27,9 +27,6 @@ STAYS_ON_ROADS: Final = Always(Eventually(ROAD_SEEN, 0, 10 * US_PER_S))
 
 SLACK_M: Final = 3.0
 """Beyond the edge of a road a position counts as on it: what sensors err."""
-PLACE: Final = "place"
-"""The attribute of on-road objects that holds their `RoadPlace`."""
-
 
 def ready_specification(
     roads: RoadNetwork | None = None, predictor: Predictor | None = None, threshold: Threshold = USUAL
@@ -44,35 +41,9 @@ def ready_specification(
         ON_A_ROAD,
         NEAR,
         STAYS_ON_ROADS,
-        unit=OnRoads(roads),
-        predictor=predictor,
+        unit=OnRoad(roads),
+        predictor=predictor or AlongRoads(roads),
         threshold=threshold,
         features={"on_road": lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)},
     )
     return world, on_road
-
-
-class OnRoads:
-    """The unit of on-road objects: their position is the centre of the lane they are in, in a crossing their own.
-
-    The attributes `link`, `crossing`, `lane` and `direction` say where on the network that is, `place` all of it.
-    """
-
-    def __init__(self, roads: RoadNetwork) -> None:
-        self._roads = roads
-
-    def __call__(self, state: ObjectState, prior: ObjectState | None) -> ObjectState:
-        before = None if prior is None else prior.attributes.get(PLACE)
-        previous = before if isinstance(before, RoadPlace) else None
-        place = snap(self._roads, state.x_m, state.y_m, (state.vx_m_s, state.vy_m_s), previous)
-        if place is None:
-            return state._replace(attributes={**state.attributes, "link": None, "crossing": None, PLACE: previous})
-        attributes = {
-            **state.attributes,
-            "link": place.link,
-            "crossing": place.crossing,
-            "lane": place.lane,
-            "direction": place.direction,
-            PLACE: place,
-        }
-        return state._replace(x_m=place.x_m, y_m=place.y_m, attributes=attributes)

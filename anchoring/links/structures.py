@@ -43,7 +43,7 @@ class StateRecord(NamedTuple):
     """A state of an object.
 
     Attributes:
-        linked_to: the objects below it, or percepts, whose links lead to it.
+        linked_to: the objects below it, or percepts, from whose states it comes; empty where it is predicted itself.
         prediction: None where it was observed.
     """
 
@@ -181,12 +181,21 @@ class ObjectLinkage:
         period_us = self._period_us
         if period_us is None:
             return
+        shown = set[LinkObject]()
         for type_ in self._into:
             for one in self._objects[type_].values():
-                if valid_us - one.state.valid_us >= _NEARLY * period_us and not any(
-                    link.source.state.valid_us == valid_us for link in one.incoming.values()
-                ):
-                    one.expect(self._predicted(one, valid_us))
+                sources = [link.source for link in one.incoming.values()]
+                if any(each in shown or self._is_shown(each, valid_us) for each in sources):
+                    shown.add(one)
+                elif valid_us - one.state.valid_us >= _NEARLY * period_us:
+                    owner, prediction = self._predicted(one, valid_us)
+                    owner.expect(prediction)
+                    if one is not owner:
+                        one.expect(prediction.described(one.state.attributes))
+
+    def _is_shown(self, one: LinkObject, valid_us: int) -> bool:
+        """Whether it is a percept with a sample at this time."""
+        return one.type in self._rhythms and one.state.valid_us == valid_us
 
     def expected(self, one: LinkObject, valid_us: int) -> ObjectPrediction:
         """Where an object is at a time, by its latest state or its predictor."""
@@ -194,10 +203,10 @@ class ObjectLinkage:
             return one.whereabouts
         if one.prediction is None and one.incoming:
             return certain(moved(one.state, valid_us, next(iter(one.incoming.values())).process.specification.noise))
-        return self._predicted(one, valid_us)
+        return self._predicted(one, valid_us)[1]
 
-    def _predicted(self, one: LinkObject, valid_us: int) -> ObjectPrediction:
-        """By the predictor of the highest object above it that has one (rule L8)."""
+    def _predicted(self, one: LinkObject, valid_us: int) -> tuple[LinkObject, ObjectPrediction]:
+        """The highest object above one that has a predictor (rule L8), or itself, and where that is."""
         owner, predictor = one, self._predictor(one.type)
         above = one
         while above.outgoing:
@@ -205,12 +214,9 @@ class ObjectLinkage:
             if (higher := self._predictor(above.type)) is not None and above.observed:
                 owner, predictor = above, higher
         if owner.state.valid_us == valid_us and owner.prediction is not None:
-            prediction = owner.prediction
-        else:
-            prediction = (predictor or GENERAL).predict(
-                list(owner.observed), valid_us, owner.prediction, owner.individual
-            )
-        return prediction if owner is one else prediction.described(one.state.attributes)
+            return owner, owner.prediction
+        history = list(owner.observed)
+        return owner, (predictor or GENERAL).predict(history, valid_us, owner.prediction, owner.individual)
 
     def _predictor(self, type_: str) -> Predictor | None:
         return next((each.specification.predictor for each in self._into[type_] if each.specification.predictor), None)
@@ -314,7 +320,8 @@ def _is_anchored(one: LinkObject, percepts: Mapping[str, Rhythm]) -> bool:
 
 
 def _record(one: LinkObject) -> StateRecord:
-    linked = tuple(link.source.symbol for link in one.incoming.values())
+    links = one.incoming.values()
+    linked = tuple(link.source.symbol for link in links if link.source.state.valid_us == one.state.valid_us)
     return StateRecord(one.state.valid_us, one.symbol, one.type, one.state, linked, one.prediction)
 
 
