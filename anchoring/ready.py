@@ -28,6 +28,7 @@ STAYS_ON_ROADS: Final = Always(Eventually(ROAD_SEEN, 0, 10 * US_PER_S))
 SLACK_M: Final = 3.0
 """Beyond the edge of a road a position counts as on it: what sensors err."""
 
+
 def ready_specification(
     roads: RoadNetwork | None = None, predictor: Predictor | None = None, threshold: Threshold = USUAL
 ) -> tuple[LinkSpecification, ...]:

@@ -91,7 +91,9 @@ def _driven(rng: random.Random, corners: list[Place], slow: list[bool], seconds:
     points = np.array(corners)
     lengths = np.hypot(*np.diff(points, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
-    turns = [along[2 * at + 1] + lengths[2 * at + 1] / 2 for at in range(len(slow)) if slow[at] and 2 * at + 1 < len(lengths)]
+    turns = [
+        along[2 * at + 1] + lengths[2 * at + 1] / 2 for at in range(len(slow)) if slow[at] and 2 * at + 1 < len(lengths)
+    ]
     at, speed, found = rng.uniform(0.0, 60.0), usual, []
     step = STEP_US / 1e6
     for _ in range(round(seconds / step) + 1):
@@ -133,7 +135,9 @@ def scene(kind: Kind, seed: int) -> Scene:
             found.clutter.add(name)
             ghosts.append((name, (rng.uniform(0, edge), rng.uniform(0, edge)), rng.randint(1, int(0.9 * kind.hz))))
         for name, (x, y), _ in ghosts:
-            at = ObjectState(t_us, x + rng.gauss(0, kind.noise_m), y + rng.gauss(0, kind.noise_m), 0, 0, diagonal(kind.noise_m))
+            at = ObjectState(
+                t_us, x + rng.gauss(0, kind.noise_m), y + rng.gauss(0, kind.noise_m), 0, 0, diagonal(kind.noise_m)
+            )
             percepts.append(Percept(name, VISION, at))
         if percepts:
             found.ticks.append((t_us, percepts))
@@ -204,7 +208,9 @@ def idf1(truth: Frames, found: Frames) -> float:
     overlaps: Counter[tuple[str, str]] = Counter()
     for t, places in truth.items():
         for car, at in places.items():
-            overlaps.update((car, symbol) for symbol, there in found.get(t, {}).items() if math.dist(at, there) <= HIT_M)
+            overlaps.update(
+                (car, symbol) for symbol, there in found.get(t, {}).items() if math.dist(at, there) <= HIT_M
+            )
     cars, symbols = sorted({car for car, _ in overlaps}), sorted({symbol for _, symbol in overlaps})
     hits = np.array([[overlaps[car, symbol] for symbol in symbols] for car in cars]).reshape(len(cars), len(symbols))
     rows, columns = linear_sum_assignment(-hits)
