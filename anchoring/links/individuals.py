@@ -80,6 +80,7 @@ class Individual:
         self.speed, self.turn_rate = Habit(5.0), Habit(0.2)
         self.turns = Counter[str]()
         self._last: ObjectState | None = None
+        self._turned_us: int | None = None
 
     @property
     def is_known(self) -> bool:
@@ -88,6 +89,10 @@ class Individual:
 
     def observe(self, state: ObjectState) -> None:
         """One state of it while it is seen; states that follow too closely are skipped."""
+        turned_us = state.attributes.get("turned_us")
+        if turned_us is not None and turned_us != self._turned_us:
+            self._turned_us = turned_us
+            self.turns[state.attributes["turn"]] += 1
         last = self._last
         if last is not None and state.valid_us - last.valid_us < STRIDE_US:
             return

@@ -17,9 +17,12 @@ NO_LINK: Final = "no_link"
 NO_CROSSING: Final = "no_crossing"
 ROUTE, TRAVELLED = "route", "travelled_m"
 """Of a predicted state: the link on which it is, or to which it leads through a crossing, and how far it is on it."""
+TURN, TURNED = "turn", "turned_us"
+"""The last turn that was made at a crossing (`left`, ...), and the valid time when that was known."""
+TURN_MADE: Final = frozenset({TURN, TURNED})
 ROAD_ATTRIBUTES: Final = frozenset({
     "link", "crossing", "direction", "offset_m", "across_m", "via", "via_direction", "lane", "heading_rad", "along_m_s",
-    ROUTE, TRAVELLED,
+    ROUTE, TRAVELLED, TURN, TURNED,
 })  # fmt: skip
 
 
@@ -49,6 +52,28 @@ def place_of(state: ObjectState) -> RoadPlace | None:
         about.get("heading_rad"), about.get("along_m_s"),
         None if via == NO_LINK else DirectedLink(via, about.get("via_direction", 0)),
     )  # fmt: skip
+
+
+def turn_made(network: RoadNetwork, before: RoadPlace | None, place: RoadPlace | None) -> str | None:
+    """The turn that is complete with this place: from the link before, at once or through a crossing; else None."""
+    if before is None or before.via is None or place is None or place.link is None:
+        return None
+    arrived, departed = before.via, DirectedLink(place.link, place.direction)
+    if arrived == departed or not arrived.direction or not departed.direction or arrived.link not in network.links:
+        return None
+    if arrived.link == departed.link and before.crossing is None:
+        return None
+    return network.turns.relation(arrived, departed)
+
+
+def turn_attributes(network: RoadNetwork, before: ObjectState | None, state: ObjectState) -> dict[str, Value]:
+    """The last turn of a state that follows another one: this one, or that of the state before."""
+    if before is None:
+        return {}
+    turn = turn_made(network, place_of(before), place_of(state))
+    if turn is not None:
+        return {TURN: turn, TURNED: state.valid_us}
+    return {name: before.attributes[name] for name in (TURN, TURNED) if name in before.attributes}
 
 
 class RelationLimits(NamedTuple):

@@ -3,7 +3,7 @@
 from typing import Final
 
 from anchoring.links.states import ObjectState
-from anchoring.roads.fluents import ROAD_ATTRIBUTES, attributes_of, place_of
+from anchoring.roads.fluents import ROAD_ATTRIBUTES, attributes_of, place_of, turn_attributes
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.snapping import DEFAULTS, SnapSettings, snap
 
@@ -25,9 +25,9 @@ class OnRoad:
         place = snap(self._network, state.x_m, state.y_m, velocity_of(state), previous, self._settings)
         kept = {name: value for name, value in state.attributes.items() if name not in ROAD_ATTRIBUTES}
         attributes = kept | {"world_x_m": state.x_m, "world_y_m": state.y_m} | attributes_of(place)
-        if place is None:
-            return state._replace(attributes=attributes)
-        return state._replace(x_m=place.x_m, y_m=place.y_m, attributes=attributes)
+        x_m, y_m = (state.x_m, state.y_m) if place is None else place[:2]
+        put = state._replace(x_m=x_m, y_m=y_m, attributes=attributes)
+        return put._replace(attributes=attributes | turn_attributes(self._network, before, put))
 
 
 def velocity_of(state: ObjectState) -> tuple[float, float] | None:

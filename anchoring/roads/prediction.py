@@ -14,7 +14,7 @@ from anchoring.links.individuals import Individual
 from anchoring.links.prediction import ConstantVelocity, Hypothesis, ObjectPrediction
 from anchoring.links.states import ObjectState
 from anchoring.roads.elements import DirectedLink
-from anchoring.roads.fluents import ROAD_ATTRIBUTES, ROUTE, TRAVELLED, attributes_of, place_of
+from anchoring.roads.fluents import ROAD_ATTRIBUTES, ROUTE, TRAVELLED, TURN_MADE, attributes_of, place_of
 from anchoring.roads.hypotheses import USUAL_PRUNING, Pruning, RouteHypothesis, TurnPrior, advance, pruned, uniform
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.objects import MEASURED, velocity_of
@@ -46,7 +46,7 @@ class AlongRoads:
         network: RoadNetwork,
         prior: TurnPrior = uniform,
         pruning: Pruning = USUAL_PRUNING,
-        noise: float = 1.0,
+        noise: float = 2.0,
         settings: SnapSettings = DEFAULTS,
     ) -> None:
         self._network, self._prior, self._pruning = network, prior, pruning
@@ -76,7 +76,9 @@ class AlongRoads:
         moved = advance(self._network, routes, travelled_m, prior, self._pruning)
         seconds = (to_us - last.valid_us) / US_PER_S
         grown, now_m_s = self._grown(last, seconds), _expected_speed(speed_m_s, seconds, individual)
-        kept = {name: value for name, value in last.attributes.items() if name not in ROAD_ATTRIBUTES}
+        kept = {
+            name: value for name, value in last.attributes.items() if name not in ROAD_ATTRIBUTES or name in TURN_MADE
+        }
         return ObjectPrediction(
             tuple(Hypothesis(self._state(one, to_us, now_m_s, grown, kept), one.weight) for one in moved)
         )
@@ -247,3 +249,19 @@ def _expected_m(speed_m_s: float, seen_us: int, from_us: int, to_us: int, indivi
     begin_s, end_s = (from_us - seen_us) / US_PER_S, (to_us - seen_us) / US_PER_S
     speeds = [_expected_speed(speed_m_s, at_s, individual) for at_s in (begin_s, (begin_s + end_s) / 2, end_s)]
     return (end_s - begin_s) * (speeds[0] + 4.0 * speeds[1] + speeds[2]) / 6.0
+
+
+def siblings(origin: str, prediction: ObjectPrediction) -> Mapping[str, ObjectState]:
+    """One object for each hypothesis: symbols last as long as the routes do, and all share the attribute `origin`.
+
+    So the seed splits objects at crossings (`split=objects`). One hypothesis splits nothing; of several on one lane the
+    heaviest is an object.
+    """
+    if len(prediction.hypotheses) == 1:
+        return {origin: prediction.likely}
+    split: dict[str, ObjectState] = {}
+    for state, _ in prediction.hypotheses:
+        about = state.attributes
+        symbol = f"{origin}/{about[ROUTE]}{'+' if about['direction'] > 0 else '-'}{about['lane']}"
+        split.setdefault(symbol, state._replace(attributes={**about, "origin": origin}))
+    return split

@@ -1,6 +1,7 @@
 """Lanes as texts give them: a number of lanes, or signed offsets."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final
 
 from anchoring.roads.elements import Lane
@@ -8,6 +9,7 @@ from anchoring.roads.elements import Lane
 MOST_LANES: Final = 32
 
 
+@lru_cache(maxsize=1024)
 def even_lanes(count: int, width_m: float, *, one_way: bool = False, left_hand: bool = False) -> tuple[Lane, ...]:
     """Lanes of equal width, from right to left; half of them lead back, and one lane alone leads both ways."""
     each_m = width_m / count

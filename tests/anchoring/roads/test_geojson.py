@@ -7,6 +7,8 @@ import time
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from anchoring.roads.elements import Lane
 from anchoring.roads.files.geojson import read_roads, survey_roads
@@ -244,3 +246,32 @@ def test_a_hundred_thousand_broken_features_are_bounded_work() -> None:
     survey = survey_roads(raw)
     assert survey.left_out == count - MOST_PROBLEMS
     assert time.process_time() - began < 5.0
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@given(data=st.data())
+def test_whatever_stands_in_a_member_there_are_problems_or_a_network_and_no_crash(data: st.DataObject) -> None:
+    """One member of a good file, at any depth, replaced by any JSON."""
+    area = feature("Polygon", [[[0, 0], [9, 0], [9, 9], [0, 0]]], id="a", kind="road")
+    collection = json.loads(
+        text(X, link("l", "x", None, LINE, lanes=[1.0], width_m=7, speed_m_s=9, oneway=False), area)
+    )
+    spot = collection
+    while True:
+        key = data.draw(st.sampled_from(sorted(spot) if isinstance(spot, dict) else range(len(spot))))
+        if not isinstance(spot[key], dict | list) or not spot[key] or data.draw(st.booleans()):
+            spot[key] = data.draw(JSON)
+            break
+        spot = spot[key]
+    survey = survey_roads(json.dumps(collection))
+    errors = [each for each in survey.problems if each.severity == "error"]
+    assert (survey.network is None) == bool(errors)
+    assert all(each.message and each.remedy for each in survey.problems)
+    if survey.network is not None:
+        assert survey.network.on_road(50.0, 0.0) in {True, False}

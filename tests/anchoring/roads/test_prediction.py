@@ -19,7 +19,7 @@ from anchoring.roads.fluents import NO_CROSSING, NO_LINK, place_of
 from anchoring.roads.hypotheses import Pruning, RouteHypothesis, TurnTable, advance, lane_after, pruned
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.objects import OnRoad
-from anchoring.roads.prediction import AlongRoads
+from anchoring.roads.prediction import AlongRoads, siblings
 from dyknow import US_PER_S
 from tests.anchoring.roads.towns import cross, crossing, grid, link, networks, text
 
@@ -291,3 +291,52 @@ def test_habits_of_an_individual_change_where_it_is_expected() -> None:
     assert found.likely.attributes["link"] == "w"
     assert found.hypotheses[0].weight == pytest.approx((4 / 3 + 12) / 16)
     assert found.likely.speed_m_s > 4.0
+
+
+LEFT_TURN = [
+    (1.0, -20.0, 0.0, 9.0),
+    (1.5, -6.0, 0.0, 8.0),
+    (-2.0, 1.0, -6.0, 4.0),
+    (-11.0, 1.5, -8.0, 0.0),
+    (-30.0, 2.0, -9.0, 0.0),
+]
+
+
+def test_a_turn_that_was_made_stays_an_attribute_and_is_a_habit_of_the_individual() -> None:
+    states = [seen(*at, n * US_PER_S) for n, at in enumerate(LEFT_TURN)]
+    history = shown(TOWN, *states)
+    assert [state.attributes.get("turn") for state in history] == [None, None, None, "left", "left"]
+    assert history[-1].attributes["turned_us"] == 3 * US_PER_S
+    individual = Individual()
+    for state in history:
+        individual.observe(state)
+    assert individual.turns == {"left": 1}
+    later = predicted(AlongRoads(TOWN), history, 1.0)
+    assert later.likely.attributes["turn"] == "left"
+    (again,) = shown(TOWN, seen(-45.0, 2.0, -9.0, 0.0, 6 * US_PER_S))
+    assert "turn" not in again.attributes
+    assert OnRoad(TOWN)(again, later.likely).attributes["turned_us"] == 3 * US_PER_S
+
+
+def test_a_crossing_that_no_sample_shows_is_turned_in_all_the_same() -> None:
+    history = shown(TOWN, seen(1.0, -20.0, 0.0, 20.0), seen(20.0, -1.0, 20.0, 0.0, US_PER_S))
+    assert history[-1].attributes["turn"] == "right"
+
+
+def test_changing_the_direction_on_a_link_is_no_turn() -> None:
+    history = shown(TOWN, seen(50.0, -1.0, 5.0, 0.0), seen(50.0, -1.0, -5.0, 0.0))
+    assert "turn" not in history[-1].attributes
+
+
+def test_split_into_objects_each_route_is_one_and_keeps_its_symbol() -> None:
+    history = shown(TOWN, seen(1.0, -60.0, 0.0, 10.0))
+    predictor = AlongRoads(TOWN)
+    whole, split = (predicted(predictor, history, at_s) for at_s in (5.0, 7.0))
+    assert list(siblings("oo1", whole)) == ["oo1"]
+    objects = siblings("oo1", split)
+    assert set(objects) == {"oo1/e+0", "oo1/n+0", "oo1/w+0"}
+    assert {state.attributes["origin"] for state in objects.values()} == {"oo1"}
+    later = siblings("oo1", predictor.predict(history, 8 * US_PER_S, split))
+    assert set(later) == set(objects)
+    east = later["oo1/e+0"]
+    assert (east.x_m, east.y_m) == pytest.approx((20.0, -1.75))
