@@ -56,7 +56,7 @@ class ClockOffsets:
         return {unit: estimator.offset for unit, estimator in self._estimators.items()}
 
     def on_appeared(self, unit: str, boot: int, now_us: int) -> None:
-        """A peer is met: exchanges soon, later among many, who have more to learn of each other first. The same incarnation,
+        """A peer is met: exchanges soon, later among many, which have more to learn of each other first. The same incarnation,
         seen again, keeps what was learned of it.
         """
         estimator = self._estimators.get(unit) or self._absent.pop(unit, None)
