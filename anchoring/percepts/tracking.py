@@ -1,0 +1,119 @@
+"""Percepts from detections: what is found again near where it was expected, image by image, is one percept.
+
+It tracks over a few images only, as a tracker in image processing does (thesis 8.7.1); what was lost for longer is a new
+percept, and which object that is, is for links to say.
+"""
+
+from collections.abc import Sequence
+from math import hypot, sqrt
+from typing import Final
+
+from anchoring.links.assignment import assigned
+from anchoring.links.states import ObjectState, diagonal
+from anchoring.links.structures import Percept
+from dyknow import US_PER_S
+from navigation.cameras.channels import GroundDetection
+
+CONFIRMED: Final = 4
+"""Detections that make a percept."""
+TENTATIVE_US: Final = 300_000
+"""A candidate that is not found again for that long was nothing."""
+LOST_US: Final = 500_000
+"""A percept that is not found again for that long has ended."""
+_LEAST_GATE_M: Final = 2.0
+_MOST_GATE_M: Final = 6.0
+_ALPHA, _BETA = 0.4, 0.1
+
+
+class _Track:
+    """One thing in the images: an alpha-beta filter, and what was found of it since the last percept."""
+
+    __slots__ = ("found", "hits", "latest", "seen_us", "symbol", "velocity", "x_m", "y_m")
+
+    def __init__(self, now_us: int, detection: GroundDetection) -> None:
+        self.x_m, self.y_m = detection.east_m, detection.north_m
+        self.velocity = (0.0, 0.0)
+        self.hits, self.seen_us = 1, now_us
+        self.latest, self.found = detection, True
+        self.symbol: str | None = None
+
+    def expected(self, now_us: int) -> tuple[float, float]:
+        seconds = (now_us - self.seen_us) / US_PER_S
+        return self.x_m + seconds * self.velocity[0], self.y_m + seconds * self.velocity[1]
+
+    def take(self, now_us: int, detection: GroundDetection) -> None:
+        seconds = (now_us - self.seen_us) / US_PER_S
+        x, y = self.expected(now_us)
+        off_x, off_y = detection.east_m - x, detection.north_m - y
+        self.x_m, self.y_m = x + _ALPHA * off_x, y + _ALPHA * off_y
+        vx, vy = self.velocity
+        self.velocity = vx + _BETA * off_x / seconds, vy + _BETA * off_y / seconds
+        self.hits, self.seen_us, self.latest, self.found = self.hits + 1, now_us, detection, True
+
+
+class PerceptTracker:
+    """Detections of images in, percepts out.
+
+    Args:
+        type_: of the percepts.
+        period_us: between two samples of a percept; images may come more often.
+        prefix: of their symbols.
+    """
+
+    def __init__(self, type_: str = "vision_percept", period_us: int = 100_000, prefix: str = "vp") -> None:
+        self._type, self._period_us, self._prefix = type_, period_us, prefix
+        self._tracks: list[_Track] = []
+        self._count = 0
+        self._next_us: int | None = None
+
+    def on_detections(self, now_us: int, detections: Sequence[GroundDetection]) -> list[Percept]:
+        """Take all detections of one instant, after those of earlier ones; the percepts that are due."""
+        self._associate(now_us, detections)
+        out = [
+            Percept(track.symbol, self._type, None)
+            for track in self._tracks
+            if track.symbol and self._over(track, now_us)
+        ]
+        self._tracks = [track for track in self._tracks if not self._over(track, now_us)]
+        if self._next_us is not None and now_us < self._next_us:
+            return out
+        self._next_us = now_us - now_us % self._period_us + self._period_us
+        return out + [percept for track in self._tracks if (percept := self._percept(track)) is not None]
+
+    def _over(self, track: _Track, now_us: int) -> bool:
+        return now_us - track.seen_us > (TENTATIVE_US if track.symbol is None else LOST_US)
+
+    def _associate(self, now_us: int, detections: Sequence[GroundDetection]) -> None:
+        distances: dict[tuple[str, str], float] = {}
+        for index, track in enumerate(self._tracks):
+            x, y = track.expected(now_us)
+            for number, detection in enumerate(detections):
+                distance = hypot(detection.east_m - x, detection.north_m - y)
+                if distance < _gate_m(detection) and now_us > track.seen_us:
+                    distances[str(index), str(number)] = distance
+        pairs = [(int(index), int(number)) for index, number in assigned(distances)]
+        for index, number in pairs:
+            self._tracks[index].take(now_us, detections[number])
+        taken = {number for _, number in pairs}
+        self._tracks += [_Track(now_us, each) for number, each in enumerate(detections) if number not in taken]
+
+    def _percept(self, track: _Track) -> Percept | None:
+        if track.symbol is None and track.hits >= CONFIRMED:
+            self._count += 1
+            track.symbol = f"{self._prefix}{self._count}"
+        if track.symbol is None or not track.found:
+            return None
+        track.found = False
+        detection = track.latest
+        covariance = diagonal(1.0)
+        # the frame of detections is (north, east), that of objects (east, north)
+        covariance[:2, :2] = detection.covariance[::-1, ::-1]
+        state = ObjectState(
+            track.seen_us, detection.east_m, detection.north_m, 0.0, 0.0, covariance, dict(detection.attributes)
+        )
+        return Percept(track.symbol, self._type, state)
+
+
+def _gate_m(detection: GroundDetection) -> float:
+    spread = sqrt(float(detection.covariance[0, 0] + detection.covariance[1, 1]))
+    return min(max(3.0 * spread, _LEAST_GATE_M), _MOST_GATE_M)

@@ -1,0 +1,128 @@
+"""The cameras of one UAV: mount, detectors, camera state, fusion and tracker; images at 25 Hz in, percepts out.
+
+The truth (where the vehicle and the cars really are) makes the images. What is done with the images knows only the platform's
+fused position, its attitude and the angles that the mount reports. Pure; time is an argument.
+"""
+
+from collections.abc import Sequence
+from math import pi, radians
+from typing import NamedTuple
+
+import numpy as np
+from numpy.random import Generator
+
+from anchoring.links.structures import Percept
+from anchoring.percepts.tracking import PerceptTracker
+from navigation.cameras.channels import Detection, GroundDetection, fused, located
+from navigation.cameras.geolocation import PoseErrors
+from navigation.cameras.ground import FlatGround, GroundModel
+from navigation.cameras.pinhole import Attitude, CameraPose, FloatArray, PanTilt, aimed
+from navigation.cameras.state import CameraState, CameraStateEstimator
+from navigation.geodesy import LocalFrame
+from sim_uavs.cameras.detectors import COLOUR, COLOUR_CAMERA, THERMAL, THERMAL_CAMERA, CameraModel, Obstacle, detect
+from sim_uavs.roads.drivers import RoadState
+
+IMAGE_US = 40_000
+"""25 images a second."""
+DOWN = PanTilt(0.0, pi / 2.0)
+
+
+class MountLimits(NamedTuple):
+    """How far and how fast a mount turns, and how wrong the angles are that it reports (standard deviation)."""
+
+    least_tilt_rad: float = radians(-10.0)
+    most_tilt_rad: float = radians(90.0)
+    rate_rad_s: float = radians(90.0)
+    error_rad: float = 0.003
+
+
+class Mount:
+    """A pan-tilt mount that turns towards angles, or keeps looking at a place while the vehicle moves."""
+
+    def __init__(self, limits: MountLimits, rng: Generator) -> None:
+        self.angles = DOWN
+        self._limits, self._rng = limits, rng
+        self._wanted: PanTilt | FloatArray = DOWN
+
+    def turn(self, angles: PanTilt) -> None:
+        """Turn to these angles and stay."""
+        self._wanted = angles
+
+    def look_at(self, north_m: float, east_m: float, down_m: float = 0.0) -> None:
+        """Keep looking at a place."""
+        self._wanted = np.array([north_m, east_m, down_m])
+
+    def advance(self, seconds: float, attitude: Attitude, position_m: FloatArray) -> None:
+        """Turn as far as the time allows, with the vehicle believed to be there."""
+        limits, wanted = self._limits, self._wanted
+        pan, tilt = wanted if isinstance(wanted, PanTilt) else aimed(attitude, position_m, wanted)
+        tilt = min(max(tilt, limits.least_tilt_rad), limits.most_tilt_rad)
+        most = limits.rate_rad_s * seconds
+        aside = (pan - self.angles.pan_rad + pi) % (2.0 * pi) - pi
+        self.angles = PanTilt(
+            self.angles.pan_rad + min(max(aside, -most), most),
+            self.angles.tilt_rad + min(max(tilt - self.angles.tilt_rad, -most), most),
+        )
+
+    def reported(self) -> PanTilt:
+        pan, tilt = self._rng.normal(self.angles, self._limits.error_rad).tolist()
+        return PanTilt(pan, tilt)
+
+
+class CameraPayload:
+    """Both cameras of one vehicle. Its estimator takes what the platform knows; `see` what is the case.
+
+    Args:
+        frame: of north, east, down; percepts are metres east and north of its origin.
+        obstacles: what hides vehicles.
+        ground: what the platform takes the ground to be; the truth is level, at `down_m` = 0.
+    """
+
+    def __init__(
+        self,
+        frame: LocalFrame,
+        rng: Generator,
+        *,
+        obstacles: Sequence[Obstacle] = (),
+        ground: GroundModel | None = None,
+        limits: MountLimits | None = None,
+        tracker: PerceptTracker | None = None,
+    ) -> None:
+        self._cameras: dict[str, CameraModel] = {COLOUR: COLOUR_CAMERA, THERMAL: THERMAL_CAMERA}
+        self._intrinsics = {name: camera.intrinsics for name, camera in self._cameras.items()}
+        self._rng, self._obstacles = rng, obstacles
+        self._ground = FlatGround() if ground is None else ground
+        self.mount = Mount(MountLimits() if limits is None else limits, rng)
+        self.estimator = CameraStateEstimator(frame, errors=PoseErrors())
+        self._tracker = PerceptTracker() if tracker is None else tracker
+        self._now_us: int | None = None
+
+    def see(
+        self, now_us: int, position_m: FloatArray, attitude: Attitude, states: Sequence[RoadState]
+    ) -> list[Percept]:
+        """Take an image with each camera, the vehicle really being at (3,) NED; the percepts that are due.
+
+        Without a camera state for that time nothing is found.
+        """
+        known = self.estimator.at(now_us)
+        seconds = 0.0 if self._now_us is None else (now_us - self._now_us) / 1e6
+        self._now_us = now_us
+        believed = (attitude, position_m) if known is None else (known.pose.attitude, known.pose.position_m)
+        self.mount.advance(seconds, *believed)
+        self.estimator.on_mount(now_us, self.mount.reported())
+        state = self.estimator.at(now_us)
+        if state is None:
+            return []
+        truth = CameraPose(now_us, position_m, attitude, self.mount.angles)
+        return self._tracker.on_detections(now_us, self._fused(state, truth, states))
+
+    def _fused(self, state: CameraState, truth: CameraPose, states: Sequence[RoadState]) -> list[GroundDetection]:
+        by_channel = [
+            located(self._detected(name, truth, states), self._intrinsics, state, self._ground)
+            for name in self._cameras
+        ]
+        colour, thermal = by_channel
+        return fused(colour, thermal)
+
+    def _detected(self, name: str, truth: CameraPose, states: Sequence[RoadState]) -> list[Detection]:
+        return detect(name, self._cameras[name], truth, states, self._obstacles, self._rng)
