@@ -7,7 +7,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 Point2: TypeAlias = tuple[float, float]
 """(x_m, y_m)."""
@@ -35,8 +35,12 @@ def wrapped(angle_rad: float) -> float:
     return math.pi if turned == -math.pi else turned
 
 
+LEAST_M: Final = 0.001
+"""Points of a line that are nearer are one."""
+
+
 class Polyline:
-    """Two or more points, no two successive ones alike.
+    """Two or more points; one that is less than a millimetre from its predecessor is left out.
 
     Raises:
         ValueError: fewer than two different points.
@@ -45,8 +49,10 @@ class Polyline:
     __slots__ = ("offsets_m", "points")
 
     def __init__(self, points: Sequence[Point2]) -> None:
-        kept = [points[0]] if points else []
-        kept += [b for a, b in pairwise(points) if a != b]
+        kept = list(points[:1])
+        for point in points[1:]:
+            if math.dist(kept[-1], point) >= LEAST_M:
+                kept.append(point)
         offsets, total = [0.0], 0.0
         for (ax, ay), (bx, by) in pairwise(kept):
             total += math.hypot(bx - ax, by - ay)

@@ -42,7 +42,7 @@ def link(
 
     if percepts is None:
         raise WrongCall("give the recorded percepts: --percepts FILE.jsonl.")
-    network = None if roads is None else _network(roads)
+    network = None if roads is None else _network(call, roads)
     linkage = ObjectLinkage(_specifications(file, network))
     output, problems = LinkOutput(call), _Problems(call)
     frame = None if network is None else network.frame
@@ -62,10 +62,17 @@ def _specifications(file: Path | None, network: "RoadNetwork | None") -> "tuple[
     raise WrongCall(f"{file}: link declarations of a file are not linked here yet; leave it out.")
 
 
-def _network(file: Path) -> "RoadNetwork":
-    from anchoring.roads.files.formats import read_any
+def _network(call: Call, file: Path) -> "RoadNetwork":
+    """The roads of a file; its warnings are reported, the first of them."""
+    from anchoring.roads.files.formats import survey_any
 
-    return read_any(read_bytes(file, "--roads"), str(file))
+    survey = survey_any(read_bytes(file, "--roads"))
+    network = survey.required(str(file))
+    for problem in survey.problems[:_MOST_NOTES]:
+        call.out.note(f"{file}: {problem.drawn}", style="yellow")
+    if len(survey.problems) > _MOST_NOTES:
+        call.out.note(f"all {len(survey.problems)} remarks: dyknow roads check {file}")
+    return network
 
 
 class _Problems:

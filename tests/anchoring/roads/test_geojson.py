@@ -108,6 +108,36 @@ def test_areas_hold_what_is_in_them_without_their_holes() -> None:
     assert not network.on_road(5.0, 5.0)
 
 
+def test_a_road_leaves_the_network_where_it_names_a_crossing_that_no_other_meets() -> None:
+    survey = survey_roads(text(crossing("x", 50.0, 60.0), link("l", "y", "xx", LINE)))
+    assert survey.network is not None
+    assert (survey.network.links["l"].start, survey.network.links["l"].end) == (None, None)
+    for problem, role, name in zip(survey.problems, ("from", "to"), ("y", "xx"), strict=True):
+        assert problem.severity == "warning"
+        wrong = (
+            f"feature 1 ('l'): \"{role}\" is {name!r}, and no crossing has this id: the road leaves the network there"
+        )
+        assert problem.drawn.startswith(f"{wrong}; add a Point of kind crossing with this id if others meet it.")
+    assert "Did you mean 'x'?" in survey.problems[1].drawn
+
+
+def test_links_that_name_a_crossing_without_a_point_meet_where_their_ends_are() -> None:
+    survey = survey_roads(
+        text(link("a", None, "n", LINE), link("b", "n", None, [(104.0, 0.0), (104.0, 90.0)], width_m=10.0))
+    )
+    assert survey.network is not None
+    joint = survey.network.crossings["n"]
+    assert (joint.x_m, joint.y_m, joint.radius_m) == (102.0, 0.0, 5.0)
+    assert survey.network.adjacent("a", "b")
+    assert "it is taken to be where 2 links meet, with a radius of 5.0 m; add a Point" in survey.problems[0].drawn
+
+
+def test_links_that_name_a_crossing_without_a_point_and_end_far_apart_are_wrong() -> None:
+    assert "links that name it end 50.0 m from their middle; add a Point" in wrong(
+        link("a", None, "n", LINE), link("b", "n", None, [(200.0, 0.0), (200.0, 90.0)])
+    )
+
+
 def wrong(*features: Any, **more: Any) -> str:
     """The message of the one problem."""
     with pytest.raises(RoadsError) as caught:
@@ -119,8 +149,6 @@ def wrong(*features: Any, **more: Any) -> str:
 @pytest.mark.parametrize(
     ("bad", "says"),
     [
-        (link("l", "y", None, LINE), "feature 1 ('l'): \"from\" is 'y', and no crossing has this id; add a Point"),
-        (link("l", "x", "xx", LINE), "\"to\" is 'xx', and no crossing has this id"),
         (link("l", 1.5, None, LINE), '"from" is 1.5; write the id of a crossing'),
         (NO_LINE, "feature 1 ('zero'): its length is zero; a LineString has two different points"),
         (feature("LineString", [], id="l"), "the coordinates of its LineString are []"),

@@ -161,7 +161,6 @@ def test_lanes_with_other_numbers_of_points_are_laid_next_to_the_first() -> None
         ("<osm\0>", "it has a document type, or is not UTF-8"),
         ("<net></net>", "no edge in it is a road"),
         ("<html></html>", "its root is <html>; the root is <net>"),
-        (sumo(EAST), "edge 0 ('ab'): \"from\" is 'A', and no crossing has this id"),
         (
             sumo(edge("ab", "A", "B", lane("ab", 0, "0,nan 1,1")), JUNCTIONS),
             "edge 0 ('ab'): '0,nan' is no point in metres",
