@@ -7,7 +7,7 @@ after a second a new one; an object that is seen on a road for a second is on th
 from typing import Final
 
 from anchoring.links.prediction import Predictor
-from anchoring.links.specification import FROM, THRESHOLD, TO, USUAL, LinkSpecification, Threshold
+from anchoring.links.specification import FROM, THRESHOLD, TO, USUAL, LinkSpecification, Threshold, unlikelihood
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.objects import OnRoad
 from anchoring.roads.prediction import AlongRoads
@@ -33,7 +33,7 @@ def ready_specification(
     roads: RoadNetwork | None = None, predictor: Predictor | None = None, threshold: Threshold = USUAL
 ) -> tuple[LinkSpecification, ...]:
     """Vision percepts to world objects, and with roads to on-road objects; `predictor` is of the latter."""
-    world = LinkSpecification(VISION, WORLD, NEW, NEAR, threshold=threshold)
+    world = LinkSpecification(VISION, WORLD, NEW, NEAR, threshold=threshold, score=unlikelihood)
     if roads is None:
         return (world,)
     on_road = LinkSpecification(
@@ -43,8 +43,9 @@ def ready_specification(
         NEAR,
         STAYS_ON_ROADS,
         unit=OnRoad(roads),
-        predictor=predictor or AlongRoads(roads),
+        predictor=predictor or AlongRoads(roads, noise=4.0),
         threshold=threshold,
+        score=unlikelihood,
         features={"on_road": lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)},
     )
     return world, on_road

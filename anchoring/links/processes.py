@@ -118,10 +118,10 @@ class LinkProcess:
         self.available.pop(symbol, None)
 
     def unlink(self, valid_us: int, link: ObjectLink, reason: LinkReason) -> None:
-        """Remove a link; its target is available from now on."""
+        """Remove a link; its target is available from now on, from the next state on if it was made at this one."""
         del link.source.outgoing[self.name]
         del link.target.incoming[self.name]
-        self.on_target(link.target, valid_us)
+        self.on_target(link.target, max(valid_us, link.since_us + 1))
         self._around.on_unlinked(valid_us, link, reason)
 
     # What happens at a tick

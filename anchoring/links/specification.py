@@ -9,6 +9,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from math import log
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
 
@@ -47,6 +48,20 @@ USUAL: Final = Threshold()
 def distance(state: ObjectState, expected: ObjectPrediction) -> float:
     """The default score: metres to the nearest hypothesis."""
     return state.distance_m(expected.nearest(state))
+
+
+def unlikelihood(state: ObjectState, expected: ObjectPrediction) -> float:
+    """Twice the negative logarithm of how likely a position is, up to a constant: of the best hypothesis."""
+    return min(_unlikely(state, each.state) - 2.0 * log(max(each.weight, 1e-9)) for each in expected.hypotheses)
+
+
+def _unlikely(state: ObjectState, expected: ObjectState) -> float:
+    """d^T S^-1 d + log det S, where S is the sum of both covariances of the position."""
+    a, b = (state.covariance[:2, :2] + expected.covariance[:2, :2]).tolist()
+    dx, dy = state.x_m - expected.x_m, state.y_m - expected.y_m
+    determinant = a[0] * b[1] - a[1] * b[0]
+    apart = (b[1] * dx * dx - (a[1] + b[0]) * dx * dy + a[0] * dy * dy) / determinant
+    return float(apart + log(determinant))
 
 
 def filtered(measured: ObjectState, prior: ObjectState | None) -> ObjectState:

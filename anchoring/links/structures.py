@@ -25,7 +25,7 @@ from anchoring.links.states import ObjectState, moved
 
 MOST_TICKS: Final = 10_000
 """Most predictions at the sample period between two ticks."""
-GENERAL: Final = ConstantVelocity()
+GENERAL: Final = ConstantVelocity(noise=4.0)
 _FORGOTTEN_KEPT: Final = 1000
 _NEARLY: Final = 0.99
 

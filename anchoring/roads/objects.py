@@ -14,7 +14,8 @@ MEASURED: Final = 100.0
 class OnRoad:
     """The unit of a link from world objects to on-road objects: the position on the centre of the lane, and where that is.
 
-    What it was given stays as the attributes `world_x_m`, `world_y_m`.
+    What it was given stays as the attributes `world_x_m`, `world_y_m`. What is off the roads stays where it left them, so
+    that it is not taken for on the road again where it goes.
     """
 
     def __init__(self, network: RoadNetwork, settings: SnapSettings = DEFAULTS) -> None:
@@ -27,6 +28,8 @@ class OnRoad:
         attributes = kept | {"world_x_m": state.x_m, "world_y_m": state.y_m} | attributes_of(place)
         x_m, y_m = (state.x_m, state.y_m) if place is None else place[:2]
         put = state._replace(x_m=x_m, y_m=y_m, attributes=attributes)
+        if place is None and before is not None:
+            put = put._replace(x_m=before.x_m, y_m=before.y_m, vx_m_s=0.0, vy_m_s=0.0)
         return put._replace(attributes=attributes | turn_attributes(self._network, before, put))
 
 
