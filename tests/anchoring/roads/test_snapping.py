@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from anchoring.roads.elements import DirectedLink
 from anchoring.roads.files.geojson import read_roads
-from anchoring.roads.geometry import Polyline, projected
+from anchoring.roads.geometry import LEAST_M, Polyline, projected
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.snapping import DEFAULTS, RoadPlace, crossing_at, snap
 from tests.anchoring.roads.towns import HEADINGS, POSITIONS, cross, crossing, grid, link, networks, text
@@ -190,7 +190,10 @@ def test_the_place_minimises_the_cost_over_all_links(
         assert costs[found.link] == pytest.approx(min(costs.values()), abs=1e-6)
 
 
-@given(points=st.lists(POSITIONS, min_size=2, max_size=6, unique=True), at=POSITIONS)
+@given(
+    points=st.lists(POSITIONS, min_size=2, max_size=6).filter(lambda points: math.dist(*points[:2]) >= LEAST_M),
+    at=POSITIONS,
+)
 def test_a_projection_is_the_nearest_point_and_its_side_is_right(
     points: list[tuple[float, float]], at: tuple[float, float]
 ) -> None:
