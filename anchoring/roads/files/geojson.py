@@ -8,14 +8,15 @@
 `lanes` is a number of lanes, or a list of the signed offsets of their centres, positive on the right of the direction
 from -> to. The collection may say `"frame": "local"`: coordinates are metres, x east and y north. Otherwise they are
 longitude and latitude (WGS 84). `origin`, [longitude, latitude], is where x = y = 0 is on earth; without it this is the
-middle of the coordinates, or unknown for a local frame. `"traffic": "left"` is for countries that drive on the left.
+median of where features begin and end, or unknown for a local frame. `"traffic": "left"` is for countries that drive on
+the left.
 """
 
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
-from typing import Any, Final
+from statistics import median
+from typing import Any, Final, NamedTuple
 
 from anchoring.roads.elements import Crossing, Lane, RoadArea, RoadLink
 from anchoring.roads.files.assembly import Assembly
@@ -44,37 +45,40 @@ def read_roads(text: str | bytes, file: str = "") -> RoadNetwork:
     return survey_roads(text).required(file)
 
 
+class _Feature(NamedTuple):
+    """A feature whose coordinates are numbers: a line is one ring of them, and a point a ring of one."""
+
+    number: int
+    id: str
+    kind: str
+    rings: list[list[Point2]]
+    properties: Mapping[str, Any]
+
+
 def survey_roads(text: str | bytes) -> RoadSurvey:
     """What a GeoJSON text has, and every problem in it."""
     problems = Problems()
     collection = _collection(text, problems)
     if collection is None:
         return problems.survey(None)
-    features: list[Any] = collection["features"]
-    left_hand = collection.get("traffic") == "left"
-    turned = _Frame(collection, features, problems)
+    is_local, left_hand = collection.get("frame") == "local", collection.get("traffic") == "left"
+    features = list(_features(collection["features"], problems, is_local=is_local))
+    frame = _frame(collection, features, problems, is_local=is_local)
     assembly = Assembly(problems)
-    for index, feature in enumerate(features):
-        name: str | None = None
+    for feature in features:
         try:
-            kind, coordinates, properties = _parts(feature)
-            name = _id(feature, properties)
-            made = _made(kind, name, turned.local(coordinates), properties, left_hand=left_hand)
+            made = _made(feature, _local(feature.rings, None if is_local else frame), left_hand=left_hand)
         except FeatureError as wrong:
-            problems.error(index, name, wrong.message, wrong.remedy)
+            problems.error(feature.number, feature.id, wrong.message, wrong.remedy)
             continue
         if made is None:
-            problems.warning(
-                index,
-                name,
-                f"a Point of kind {properties.get('kind')!r} is left out",
-                'crossings have "kind": "crossing"',
-            )
+            what = f"a Point of kind {_brief(feature.properties['kind'])} is left out"
+            problems.warning(feature.number, feature.id, what, 'crossings have "kind": "crossing"')
         else:
-            assembly.add(index, made)
+            assembly.add(feature.number, made)
     if not assembly.links and not problems.has_errors:
         problems.warning(None, None, "there is no LineString, and so no road", "a link is a LineString with an id")
-    return problems.survey(assembly.network(turned.frame))
+    return problems.survey(assembly.network(frame))
 
 
 def _collection(text: str | bytes, problems: Problems) -> dict[str, Any] | None:
@@ -109,68 +113,62 @@ def _collection(text: str | bytes, problems: Problems) -> dict[str, Any] | None:
     return None if problems.has_errors else found
 
 
-class _Frame:
-    """Turns coordinates of the text into metres east and north of the origin."""
-
-    def __init__(self, collection: Mapping[str, Any], features: Sequence[Any], problems: Problems) -> None:
-        self._is_local = collection.get("frame") == "local"
-        origin = self._origin(collection, problems)
-        if origin is None and not self._is_local:
-            origin = _middle(features)
-        self.frame = None if origin is None else LocalFrame(origin[1], origin[0], 0.0)
-
-    def _origin(self, collection: Mapping[str, Any], problems: Problems) -> Point2 | None:
-        if collection.get("origin") is None:
-            return None
+def _features(features: Sequence[Any], problems: Problems, *, is_local: bool) -> Iterator[_Feature]:
+    """The features that can be read."""
+    check = _in_reach if is_local else _on_earth
+    for index, feature in enumerate(features):
+        name: str | None = None
         try:
-            return _on_earth(_pair(collection["origin"]))
+            kind, coordinates, properties = _parts(feature)
+            name = _id(feature, properties)
+            rings = [[check(_pair(each)) for each in ring] for ring in coordinates]
+        except FeatureError as wrong:
+            problems.error(index, name, wrong.message, wrong.remedy)
+        else:
+            yield _Feature(index, name, kind, rings, properties)
+
+
+def _frame(
+    collection: Mapping[str, Any], features: Sequence[_Feature], problems: Problems, *, is_local: bool
+) -> LocalFrame | None:
+    """Where x = y = 0 is on earth."""
+    origin: Point2 | None = None
+    if collection.get("origin") is not None:
+        try:
+            origin = _on_earth(_pair(collection["origin"]))
         except FeatureError as wrong:
             problems.error(None, None, f'"origin": {wrong.message}', "write [longitude, latitude] in degrees")
-            return None
-
-    def local(self, coordinates: Sequence[Sequence[Any]]) -> list[list[Point2]]:
-        """Rings of points, in metres; a line is one ring and a point a ring of one."""
-        return [[self._turned(_pair(each)) for each in ring] for ring in coordinates]
-
-    def _turned(self, pair: Point2) -> Point2:
-        if self._is_local:
-            if not max(abs(pair[0]), abs(pair[1])) <= FARTHEST_M:
-                raise FeatureError(
-                    f"{list(pair)} is farther than {FARTHEST_M / 1000:g} km from the origin", "are these metres?"
-                )
-            return pair
-        longitude_deg, latitude_deg = _on_earth(pair)
-        if self.frame is None:
-            return 0.0, 0.0
-        north_m, east_m, down_m = self.frame.to_ned(latitude_deg, longitude_deg, 0.0)
-        if not max(abs(north_m), abs(east_m), abs(down_m)) <= FARTHEST_M:
-            raise FeatureError(
-                f"{list(pair)} is farther than {FARTHEST_M / 1000:g} km from the origin",
-                "cut the network, or correct the coordinate or the origin",
-            )
-        return east_m, north_m
+    elif features and not is_local:
+        origin = _middle([end for each in features for end in (each.rings[0][0], each.rings[0][-1])])
+    return None if origin is None else LocalFrame(origin[1], origin[0], 0.0)
 
 
-def _middle(features: Sequence[Any]) -> Point2 | None:
-    """Longitude and latitude in the middle of all coordinates that can be read; also across the date line."""
-    first: float | None = None
-    west = south = math.inf
-    east = north = -math.inf
-    for longitude_deg, latitude_deg in _readable(features):
-        first = longitude_deg if first is None else first
-        apart = math.remainder(longitude_deg - first, 360.0)
-        west, east = min(west, apart), max(east, apart)
-        south, north = min(south, latitude_deg), max(north, latitude_deg)
-    return None if first is None else (math.remainder(first + (west + east) / 2, 360.0), (south + north) / 2)
+def _middle(places: Sequence[Point2]) -> Point2:
+    """The median longitude and latitude, which one wrong coordinate does not move; also across the date line."""
+    first = places[0][0]
+    longitude_deg = first + median(math.remainder(place[0] - first, 360.0) for place in places)
+    return math.remainder(longitude_deg, 360.0), median(place[1] for place in places)
 
 
-def _readable(features: Sequence[Any]) -> Iterator[Point2]:
-    for feature in features:
-        try:
-            for each in chain.from_iterable(_parts(feature)[1]):
-                yield _on_earth(_pair(each))
-        except FeatureError:
-            continue
+def _local(rings: list[list[Point2]], frame: LocalFrame | None) -> list[list[Point2]]:
+    """Longitude and latitude as metres east and north; without a frame they are metres."""
+    return rings if frame is None else [[_turned(place, frame) for place in ring] for ring in rings]
+
+
+def _turned(place: Point2, frame: LocalFrame) -> Point2:
+    north_m, east_m, down_m = frame.to_ned(place[1], place[0], 0.0)
+    if not max(abs(north_m), abs(east_m), abs(down_m)) <= FARTHEST_M:
+        raise FeatureError(
+            f"{list(place)} is farther than {FARTHEST_M / 1000:g} km from the origin",
+            "cut the network, or correct the coordinate or the origin",
+        )
+    return east_m, north_m
+
+
+def _in_reach(pair: Point2) -> Point2:
+    if max(abs(pair[0]), abs(pair[1])) > FARTHEST_M:
+        raise FeatureError(f"{list(pair)} is farther than {FARTHEST_M / 1000:g} km from the origin", "write metres")
+    return pair
 
 
 def _parts(feature: Any) -> tuple[str, list[list[Any]], Mapping[str, Any]]:
@@ -178,7 +176,7 @@ def _parts(feature: Any) -> tuple[str, list[list[Any]], Mapping[str, Any]]:
     if not isinstance(feature, dict) or feature.get("type") != "Feature":
         raise FeatureError("it is no Feature", 'write {"type": "Feature", "geometry": ..., "properties": ...}')
     geometry, properties = feature.get("geometry"), feature.get("properties")
-    if not isinstance(geometry, dict) or geometry.get("type") not in _GEOMETRIES:
+    if not isinstance(geometry, dict) or str(geometry.get("type")) not in _GEOMETRIES:
         found = geometry.get("type") if isinstance(geometry, dict) else geometry
         raise FeatureError(f"its geometry is {_brief(found)}", "Point, LineString and Polygon are read")
     if not isinstance(properties, dict):
@@ -203,10 +201,9 @@ def _id(feature: Mapping[str, Any], properties: Mapping[str, Any]) -> str:
     )
 
 
-def _made(
-    kind: str, name: str, rings: list[list[Point2]], properties: Mapping[str, Any], *, left_hand: bool
-) -> Crossing | RoadLink | RoadArea | None:
-    """What a feature declares; None for Points of other kinds."""
+def _made(feature: _Feature, rings: list[list[Point2]], *, left_hand: bool) -> Crossing | RoadLink | RoadArea | None:
+    """What a feature declares, its rings in metres; None for Points of other kinds."""
+    kind, name, properties = feature.kind, feature.id, feature.properties
     if kind == "Point":
         if properties.get("kind") is None:
             raise FeatureError("a Point has a kind", 'write "kind": "crossing"')

@@ -85,13 +85,10 @@ def _link(element: Element, assembly: Assembly) -> RoadLink | None:
         for right_m, width in zip(accumulate(widths, initial=0.0), widths, strict=False)
     )
     start, end = element.get("from"), element.get("to")
-    points = _middle(forms, places)
-    for name, at in ((start, 0), (end, len(points))):
-        if name in assembly.crossings:
-            junction = assembly.crossings[name][1]
-            points.insert(at and len(points), (junction.x_m, junction.y_m))
+    junctions = [assembly.crossings[name][1] if name in assembly.crossings else None for name in (start, end)]
+    first, last = ([] if one is None else [(one.x_m, one.y_m)] for one in junctions)
     try:
-        line = Polyline(points)
+        line = Polyline([*first, *_middle(forms, places), *last])
     except ValueError:
         raise FeatureError("the length of its lanes is zero", "write it with netconvert") from None
     speed_m_s = max(_positive(lane.get("speed"), 13.9) for lane in lanes)

@@ -76,6 +76,15 @@ def test_roads_across_the_date_line_stay_together() -> None:
     assert network.links["l"].length_m == pytest.approx(213.0, abs=1.0)
 
 
+def test_one_coordinate_far_off_is_the_one_that_is_named() -> None:
+    lines = [link(f"l{n}", None, None, [(15.6, 58.4 + n / 100), (15.61, 58.4)]) for n in range(5)]
+    stray = link("stray", None, None, [(15.6, 58.4), (0.0, 0.0)])
+    with pytest.raises(RoadsError) as caught:
+        read_roads(text(*lines, stray, frame=None))
+    assert len(caught.value.problems) == 1
+    assert "feature 5 ('stray'): [0.0, 0.0] is farther than 500 km" in str(caught.value)
+
+
 def test_a_local_frame_with_an_origin_is_somewhere_on_earth_and_without_one_it_is_not() -> None:
     placed = read_roads(text(link("l", None, None, LINE), origin=[15.6, 58.4]))
     assert placed.links["l"].line.points == ((0.0, 0.0), (100.0, 0.0))
@@ -253,7 +262,7 @@ def test_what_is_perhaps_not_meant_is_a_warning() -> None:
     assert isinstance(survey.network, RoadNetwork)
     assert [each.severity for each in survey.problems] == ["warning", "warning"]
     assert "it ends 40.0 m from 'x'" in survey.problems[0].message
-    assert "kind 'lamp' is left out" in survey.problems[1].message
+    assert 'kind "lamp" is left out' in survey.problems[1].message
     assert "no LineString" in survey_roads(text(X)).problems[0].message
 
 

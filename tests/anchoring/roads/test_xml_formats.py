@@ -3,6 +3,8 @@
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from anchoring.roads.elements import DirectedLink, Lane
 from anchoring.roads.files.formats import GEOJSON, OPENSTREETMAP, SUMO, format_of, survey_any
@@ -183,3 +185,25 @@ def test_the_beginning_of_a_text_tells_its_format() -> None:
     ]  # fmt: skip
     assert survey_sumo(osm()).problems
     assert len(roads(cross()).links) == 4
+
+
+GOOD = (
+    osm(way("10", 1, 2, 3, lanes="2", maxspeed="50"), way("20", 2, 4, oneway="-1")),
+    sumo(EAST, WEST, JUNCTIONS),
+)
+
+
+@given(
+    text=st.sampled_from(GOOD),
+    at=st.floats(0.0, 1.0),
+    length=st.integers(0, 12),
+    other=st.text(st.sampled_from('0123456789.,- "<>/=&;eain'), max_size=6),
+)
+def test_a_damaged_text_has_problems_or_is_read_and_nothing_crashes(
+    text: str, at: float, length: int, other: str
+) -> None:
+    begin = round(at * len(text))
+    survey = survey_any(text[:begin] + other + text[begin + length :])
+    assert (survey.network is None) == any(each.severity == "error" for each in survey.problems)
+    if survey.network is not None:
+        assert all(math.isfinite(link.length_m) for link in survey.network.links.values())
