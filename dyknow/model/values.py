@@ -30,6 +30,8 @@ class NoValue(Enum):
 
 
 NO_VALUE: Final = NoValue.NO_VALUE
+SYMBOL: Final = "symbol"
+"""The first field of an object state: which object it is of (Def. 8.5.1)."""
 
 
 class Field(NamedTuple):
@@ -60,6 +62,11 @@ class Sort:
         if all(part.unit not in {"bool", "text"} for part in self.fields):
             object.__setattr__(self, "_numbers", len(self.fields))
         object.__setattr__(self, "_takes_number", not self.fields and self.unit not in {"bool", "text"})
+
+    @property
+    def is_of_objects(self) -> bool:
+        """Whether its values are object states: records that begin with the symbol of an object (Def. 8.5.1)."""
+        return bool(self.fields) and self.fields[0] == (SYMBOL, "text")
 
     def __str__(self) -> str:
         """As a definition writes it: `gas in ppm`, `wind(north_m_s in m/s, east_m_s in m/s)`, `car`."""

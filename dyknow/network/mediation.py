@@ -39,14 +39,17 @@ def members_of(value: Value) -> tuple[str, ...]:
     """
     if value is NO_VALUE:
         return ()
+    if type(value) is Symbols:
+        return value
     several = value if isinstance(value, tuple | frozenset) else (value,)
     if len(several) > MAX_MEMBERS:
         raise SortError(f"{len(several)} objects at once; at most {MAX_MEMBERS} can be members")
-    members = list(map(_name, several))
+    members = list(map(member_name, several))
     return tuple(dict.fromkeys(sorted(members) if isinstance(value, frozenset) else members))
 
 
-def _name(one: Value) -> str:
+def member_name(one: Value) -> str:
+    """The name of one object, a text or an integer; raises SortError if it is none."""
     if isinstance(one, int) and not isinstance(one, bool):
         if 0 <= one < 10**MAX_NAME:
             return str(one)
@@ -56,6 +59,12 @@ def _name(one: Value) -> str:
     if len(one) > MAX_NAME or not _OBJECT.fullmatch(one) or (one in RESERVED and one not in {"from", "to"}):
         raise SortError(f"{one[:80]!r} names no object")
     return one
+
+
+class Symbols(tuple[str, ...]):
+    """Members whose names are known to be names, each once."""
+
+    __slots__ = ()
 
 
 class Relay(OnDemand):

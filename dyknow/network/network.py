@@ -153,7 +153,8 @@ class Network:
         Raises:
             LabelAlreadyExists: the label is taken.
         """
-        return self._add(Generator(label, sort, self._history), process)
+        capacity = getattr(process, "remembers", None) or self._history
+        return self._add(Generator(label, sort, capacity), process)
 
     def replace_process(self, label: Label, sort: Sort, process: Process | None) -> Generator:
         """Let another process feed a generator; subscriptions, order and history stay. None: what is pushed.
@@ -310,10 +311,11 @@ class Network:
         """Link it as soon as a generator carries its label."""
         self._waiting.setdefault(proxy.label, []).append(proxy)
 
-    def recall(self, label: Label) -> None:
-        """What `resolve` makes can be made from now on: clients that wait for it are served."""
-        if label in self._waiting:
-            self.find(label)
+    def recall(self, label: Label | None = None) -> None:
+        """What `resolve` makes can be made from now on: clients that wait for it, or for anything, are served."""
+        for each in tuple(self._waiting):
+            if label is None or each == label:
+                self.find(each)
 
     def forget(self, proxy: StreamProxy) -> None:
         """It waits no more."""

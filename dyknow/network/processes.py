@@ -28,9 +28,11 @@ class OnDemand:
 
     Attributes:
         proxies: its input streams; none while it is dormant.
+        remembers: how many samples its generator keeps; None: as many as others of the network.
     """
 
     history_us = 0
+    remembers: int | None = None
 
     def __init__(self) -> None:
         self.proxies: tuple[StreamProxy, ...] = ()

@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from dyknow.model.errors import TextError, file_of
+from kpl.checking.domains import over_objects
 from kpl.checking.formulas import Vocabulary, check
 from kpl.checking.symbols import DEFINITION, Constant, SymbolTable, constant_of
 from kpl.syntax.specification import Define, MonitorDeclaration
@@ -93,7 +94,7 @@ class Definitions:
         return self.features.get((use.name, len(use.objects))) if use.attribute is None else None
 
     def resolved(self, formula: tree.Formula, unit: str, text: str = "") -> tree.Formula:
-        """The formula over streams only: definitions put in, constants and `self` replaced, sorts checked.
+        """The formula over streams only: definitions put in, constants and `self` replaced, sorts checked, domains named.
 
         Raises:
             TextErrors: with all that is wrong with it.
@@ -106,7 +107,7 @@ class Definitions:
         vocabulary = Vocabulary(constants={**self.constants, "self": unit}, named=self.objects)
         if sum(1 for _ in tree.walk(whole)) > tree.LIMIT_NODES:
             raise tree.too_large()
-        return check(whole, vocabulary, text)
+        return over_objects(check(whole, vocabulary, text), self._symbols)
 
     def put_in(self, bound: tree.Bound) -> tree.Bound:
         """The bound of an interval with what is defined in place of its names; raises TextError if that is circular."""

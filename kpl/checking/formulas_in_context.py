@@ -9,13 +9,16 @@ from typing import Final
 
 from dyknow.model.errors import TextError
 from dyknow.model.labels import Label
+from dyknow.objects.object_streams import OBJECTS, attribute_of
 from kpl.checking.definitions import Definitions
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.formulas import Checker, Sort, Vocabulary
 from kpl.checking.streams import Streams
 from kpl.checking.symbols import MARGIN, MONITOR, OF_A_PLATFORM, SELF, label_of
+from kpl.diagnostics.collector import nearest
 from kpl.syntax.specification import Define, MonitorDeclaration
 from reasoning.features.derivation import FEATURES
+from reasoning.features.objects import lacks
 from reasoning.formulas import tree
 from reasoning.monitoring.margins import check_windows
 
@@ -35,9 +38,10 @@ class FormulaChecker(Checker):
         self._labels = streams.symbols.labels()
         bare = [label.feature for label in self._labels if not label.objects]
         constants = {**self._definitions.constants, SELF: SELF}
-        self._domains = {*bare, *known.unread, OF_A_PLATFORM}
+        self._domains = {*bare, *known.unread, OF_A_PLATFORM, *streams.object_streams}
         super().__init__(Vocabulary(named=self._definitions.objects, constants=constants), "")
         self._defined: dict[tuple[str, int], Sort] = {}
+        self._members: dict[str, str] = {}
         self._is_quiet = False
 
     def look_at(self, declaration: Define | MonitorDeclaration) -> None:
@@ -56,6 +60,18 @@ class FormulaChecker(Checker):
     def error(self, message: str, place: tree.Place, repair: str = "") -> None:
         if not self._is_quiet:
             self._collector.wrong(message, tree.Node(place=place), repair)
+
+    def truth(self, node: tree.Formula) -> tree.Formula:
+        """Of a quantifier over a stream of object states the variable is one of its objects."""
+        if not isinstance(node, tree.Forall | tree.Exists):
+            return super().truth(node)
+        before, base = self._members, node.domain.base
+        stream = base.removesuffix(f".{OBJECTS}") if isinstance(base, str) else ""
+        is_known = stream in self._streams.object_streams
+        self._members = {**before, node.variable: stream if is_known else ""}
+        found = super().truth(node)
+        self._members = before
+        return found
 
     def term(self, node: tree.Formula) -> tuple[tree.Formula, Sort]:
         """Events are those of chronicles and messages, which no specification declares."""
@@ -79,6 +95,8 @@ class FormulaChecker(Checker):
 
     def _set(self, found: tree.DomainSet, place: tree.Place) -> tree.DomainSet:
         if not isinstance(found, str):
+            return found
+        if found.partition(".")[0] in self._streams.known.unread:
             return found
         if not self._streams.has(Label(found)) and found not in self._domains:
             near = self._collector.closest(found, self._domains)
@@ -128,6 +146,8 @@ class FormulaChecker(Checker):
             if node.name == MARGIN and arity == 1 and not variables:
                 self.margin(label.objects[0], node)
             return self._taken(node, 1, "number")
+        if not is_made and self._is_of_another_type(node):
+            return "any"
         if streams.has(label, variables):
             return self._sort_of_stream(node, label, variables)
         if node.name in FEATURES:
@@ -139,6 +159,27 @@ class FormulaChecker(Checker):
         elif is_made:
             self._free(node)
         return "any"
+
+    def _is_of_another_type(self, node: tree.Feature) -> bool:
+        """Whether an object does not have the feature that is asked for, by the stream it is quantified over; it is reported."""
+        name, streams = node.name, self._streams
+        derived = FEATURES.get(name)
+        for one in node.objects:
+            member = self._members.get(one.name, "") if isinstance(one, tree.Variable) else ""
+            sort = streams.object_streams.get(member)
+            if sort is None or attribute_of(sort, name) is not None:
+                continue
+            fields = [each.name for each in sort.fields]
+            if derived is not None and (lacking := lacks(sort, derived.needs)):
+                said = f"{name} cannot be derived of {member}: their sort {sort.name} has no {lacking}"
+                self.error(said, node.place, f"sort {sort.name} with these fields; it has {', '.join(fields)}")
+                return True
+            if derived is None and len(node.objects) == 1:
+                near = nearest(name, fields, "", cutoff=0)
+                said = f"{member} are of sort {sort.name}, which has no {name}; it has {', '.join(fields)}"
+                self.error(said, node.place, tree.label_text(near, node.objects))
+                return True
+        return False
 
     def _taken(self, node: tree.Feature, arity: int, sort: Sort) -> Sort:
         if arity == len(node.objects):
@@ -170,6 +211,9 @@ class FormulaChecker(Checker):
         lacking = self._streams.lacks(label, variables)
         if lacking is not None:
             self.error(lacking[0], node.place, lacking[1])
+        attribute = self._streams.attribute(node.name) if node.attribute is None and len(label.objects) == 1 else None
+        if attribute is not None and not self._streams.has_feature(node.name):
+            return _OF_UNITS.get(attribute.unit, "number")
         record = self._streams.record(label, variables)
         if lacking is not None or record is None or not record.fields:
             return "any"

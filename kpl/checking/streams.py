@@ -4,7 +4,8 @@ from functools import cached_property
 from typing import Final
 
 from dyknow.model.labels import Label
-from dyknow.model.values import Sort
+from dyknow.model.values import SYMBOL, Field, Sort
+from dyknow.objects.object_streams import OBJECTS, TYPE
 from kpl.checking.symbols import NOTHING, OF_A_PLATFORM, Symbol, SymbolTable, fit, is_pattern, stem
 from kpl.diagnostics.collector import nearest
 from kpl.syntax import specification as spec
@@ -22,6 +23,7 @@ class Streams:
         self.symbols, self.known = symbols, symbols.known
         self._sorts: dict[int, str | None] = {}
         self._derived: dict[str, bool] = {}
+        self._objects: dict[Label, Sort | None] = {}
         self._known_by_stem: dict[str, list[Label]] = {}
         for label in self.known.labels:
             self._known_by_stem.setdefault(stem(label), []).append(label)
@@ -54,7 +56,49 @@ class Streams:
                 return True
         if label in self.known.labels and not is_pattern(label, variables):
             return True
+        if self.is_about_objects(label):
+            return True
         return any(fit(label, variables, known, NOTHING) for known in self._known_by_stem.get(stem(label), ()))
+
+    # Objects
+
+    def objects(self, label: Label) -> Sort | None:
+        """Of what sort the object states of a stream are; None: it is no such stream."""
+        if label not in self._objects:
+            self._objects[label] = None  # while it is worked out: a stream may be made of itself
+            record = None if "." in label.feature else self._record(label, NOTHING)
+            self._objects[label] = record if record is not None and record.is_of_objects else None
+        return self._objects[label]
+
+    @cached_property
+    def object_streams(self) -> dict[str, Sort]:
+        """The streams of object states whose objects are known by their symbols alone."""
+        names = dict.fromkeys(each.feature for each in self.symbols.labels() if not each.objects)
+        return {name: sort for name in names if (sort := self.objects(Label(name))) is not None}
+
+    def attribute(self, name: str) -> Field | None:
+        """An attribute that the objects of some stream have."""
+        every = (each for sort in self.object_streams.values() for each in sort.fields)
+        found = next((each for each in every if each.name == name), None)
+        return Field(TYPE, "text") if found is None and name == TYPE and self.object_streams else found
+
+    def _of_one(self, label: Label) -> Sort | None:
+        """Of what sort the states of one object are, `cars[car1]`; None: the label means something else."""
+        return self.objects(Label(label.feature)) if len(label.objects) == 1 else None
+
+    def is_about_objects(self, label: Label) -> bool:
+        """Whether it is the domain of a stream of object states, or something of one object."""
+        whole, attribute = label._replace(feature=stem(label)), label.feature.partition(".")[2]
+        if attribute == OBJECTS and self.objects(whole) is not None:
+            return True
+        if self._of_one(whole) is not None:
+            return True
+        if len(label.objects) != 1:
+            return False
+        is_made = self.symbols.of_feature(whole.feature)
+        return not attribute and not is_made and self.attribute(label.feature) is not None
+
+    # Of which sort
 
     def has_feature(self, feature: str) -> bool:
         """Whether there are streams of that feature, of whatever objects."""
@@ -69,6 +113,9 @@ class Streams:
         if label.feature in self.known.figures:
             return None
         whole = label._replace(feature=stem(label))
+        return self._of_one(whole) or self._record(whole, variables)
+
+    def _record(self, whole: Label, variables: frozenset[str]) -> Sort | None:
         makers = list(self.symbols.makers(whole, variables))
         sorts = {self._made_sort(made, frozenset()) for made in makers} or {self.known.labels.get(whole)}
         name = sorts.pop()
@@ -77,11 +124,14 @@ class Streams:
     def lacks(self, label: Label, variables: frozenset[str] = NOTHING) -> tuple[str, str] | None:
         """What is wrong with an attribute that the values of a stream are known not to have, and which they have."""
         whole, attribute = label._replace(feature=stem(label)), label.feature.partition(".")[2]
+        if attribute == OBJECTS and self.objects(whole) is None:
+            said = f"{whole} is no stream of object states, whose sort begins with `{SYMBOL} in text`"
+            return said, f"{next(iter(self.object_streams), 'cars')}.{OBJECTS}"
         record = self.record(label, variables) if attribute else None
         if record is None or any(made.label.feature == label.feature for made in self.symbols.makers(label)):
             return None
         names = [each.name for each in record.fields]
-        if attribute in names:
+        if attribute in names or (attribute == OBJECTS and record.is_of_objects):
             return None
         near = nearest(attribute, names, names[0] if names else "", cutoff=0)
         repair = label._replace(feature=f"{whole.feature}.{near}") if near else whole
@@ -90,6 +140,8 @@ class Streams:
 
     def names_no_objects(self, label: Label, variables: frozenset[str] = NOTHING) -> str:
         """What is wrong with a stream of members whose values are known not to name any."""
+        if self.objects(label) is not None:
+            return ""
         sort = self.sort_of(label, variables)
         values = None if sort is None else self.symbols.shape(sort)
         if values is None or all(each.unit == "text" for each in values.fields):
@@ -97,6 +149,8 @@ class Streams:
         return f"the values of {label} are of sort {sort}, and name no objects"
 
     def _sort_of(self, label: Label, variables: frozenset[str], under: frozenset[int]) -> str | None:
+        if (states := self._of_one(label)) is not None:
+            return states.name
         for made in self.symbols.makers(label, variables):
             return None if made.label.feature != label.feature or id(made) in under else self._made_sort(made, under)
         if label in self.known.labels or not self.derives(label):
@@ -116,7 +170,7 @@ class Streams:
         match made.made:
             case spec.FromSource(source):
                 return self.symbols.source(source)
-            case spec.Refinement(unit):
+            case spec.Refinement(unit) | spec.Link(_, unit):
                 found = self.symbols.unit(unit)
                 return None if found is None or found[0].startswith(ANY) else found[0]
             case spec.StateStream():

@@ -8,7 +8,8 @@ from dyknow.model.instants import US_PER_S, print_duration, print_instant, print
 from dyknow.model.labels import Label
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.lint import remarks
-from kpl.checking.symbols import CHRONICLE, DEFINITION, SymbolTable, domains_of, stem
+from kpl.checking.streams import Streams
+from kpl.checking.symbols import CHRONICLE, DEFINITION, SymbolTable, domains_of, label_of, stem
 from kpl.syntax import specification as spec
 from reasoning.chronicles import ChronicleFile as Chronicles
 from reasoning.chronicles import Recogniser
@@ -115,7 +116,7 @@ class Makers:
     """Producers of a feature of given objects; what figures, definitions and derived `features` are called is made."""
 
     def __init__(self, symbols: SymbolTable, features: Collection[str]) -> None:
-        self._symbols = symbols
+        self._symbols, self._streams = symbols, Streams(symbols)
         defined = (each.feature.name for each in symbols.of_kind(DEFINITION) if isinstance(each, spec.Define))
         self._by_name = {*symbols.known.figures, *features, *defined}
         self._features = {*map(stem, symbols.labels()), *self._by_name, spec.RECOGNISED}
@@ -123,7 +124,7 @@ class Makers:
     def unread(self, formula: Formula, errors: DeclarationErrors) -> Iterator[TextError]:
         """Of features of objects that nothing is called like; names without objects may be more than features."""
         for node in walk(formula):
-            if not isinstance(node, Feature) or not node.objects:
+            if not isinstance(node, Feature) or not node.objects or self._streams.is_about_objects(label_of(node)[0]):
                 continue
             if node.name.partition(".")[0] not in self._features:
                 name, names = node.name, [*self._features]

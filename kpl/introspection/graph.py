@@ -16,6 +16,7 @@ from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import SourcePrototype, UnitPrototype
 from dyknow.network.refinement import LATE_US, RefinementProcess
 from dyknow.network.stream_proxy import StreamProxy
+from dyknow.objects.object_streams import DomainStream, ObjectFeature, ObjectProcess
 from dyknow.states.state_streams import StateStreamProcess
 from dyknow.states.synchronization import Origin
 from kpl.checking.specifications import LONGEST_CHAIN
@@ -272,6 +273,10 @@ def _kind(process: object) -> str:
             return "first of"
         case Mediation():
             return "select" if process.single else "merge"
+        case DomainStream():
+            return "objects"
+        case ObjectFeature():
+            return "object"
         case None:
             return "source"
     return type(process).__name__.lower()
@@ -287,6 +292,8 @@ def _inputs_of(network: Network, label: Label) -> Iterator[tuple[StreamProxy | N
         yield from ((None, each.label) for each in process.inputs())
     if isinstance(process, Mediation):
         yield from ((proxy, proxy.label) for proxy in process.members.values())
+    if isinstance(process, ObjectProcess):
+        yield from ((table.proxy, table.label) for table in process.tables)
 
 
 def _edge(source: str, target: str, proxy: StreamProxy | None) -> Edge:

@@ -9,15 +9,17 @@ by default, and are then passed on in the order of their valid times; what is la
 """
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from heapq import heappop, heappush
 from typing import Final, NamedTuple
 
-from dyknow import NO_VALUE, Label, Network, Policy, Sample, Value
+from dyknow import NO_VALUE, Label, Network, Policy, Sample, Sort, Value
 from dyknow.model.instants import US_PER_MS, US_PER_S
-from dyknow.network.process import FAR_US
+from dyknow.network.mediation import Configuration
+from dyknow.network.process import FAR_US, Input
 from dyknow.network.stream_proxy import StreamProxy
+from dyknow.objects.object_streams import attribute_of, domain_of
 from kpl.syntax.specification import RECOGNISED
 from reasoning import chronicles
 from reasoning.chronicles.definition.compilation import Pattern
@@ -93,6 +95,8 @@ class ChronicleWatch:
         self._waiting: list[QueuedSample] = []
         self._count = 0
         self._told = set[tuple[Label, str]]()
+        self._families: dict[Label, Configuration] = {}
+        self._taking: Label | None = None
         self._unmeet = network.meet(self._on_label)
         network.step(self)
 
@@ -107,6 +111,8 @@ class ChronicleWatch:
     def cancel(self) -> None:
         """Take no more streams."""
         self._unmeet()
+        for family in self._families.values():
+            family.cancel()
         self.network.unstep(self)
         for proxy in tuple(self.proxies.values()):
             proxy.cancel()
@@ -148,18 +154,44 @@ class ChronicleWatch:
         for name, arity in (*self._changes, *self._messages):
             if arity == objects and (name == label.feature or name.rpartition(".")[0] == label.feature):
                 self._take(Label(name, label.objects))
+        sort = self.network.generator(label).sort
+        if sort.is_of_objects and not objects:
+            for family in self._families.values():
+                family.renew()
+            if label not in self._families:
+                self._follow_objects(label, sort)
+
+    def _follow_objects(self, label: Label, sort: Sort) -> None:
+        """Take what patterns name of the objects of a stream, of each while it is there."""
+        names = [
+            name
+            for name, arity in (*self._changes, *self._messages)
+            if arity == 1 and (name.rpartition(".")[0] == label.feature or attribute_of(sort, name) is not None)
+        ]
+        if names:
+            begin, end = partial(self._on_object, names, True), partial(self._on_object, names, False)
+            self._families[label] = Configuration(self.network, Input(domain_of(label)), begin, end)
+
+    def _on_object(self, names: Sequence[str], appeared: bool, symbol: str) -> None:
+        for name in names:
+            if appeared:
+                self._take(Label(name, (symbol,)))
+            else:
+                self._on_link(Label(name, (symbol,)), linked=False)
 
     def _take(self, label: Label) -> None:
         key = (label.feature, len(label.objects))
         patterns = (*self._changes.get(key, ()), *self._messages.get(key, ()))
-        if label in self.proxies or not any(_can_be(pattern, label) for pattern in patterns):
+        if label in (*self.proxies, self._taking) or not any(_can_be(pattern, label) for pattern in patterns):
             return
         if why := self._refusal(label):
             self._once(label, why)
             return
         policy = Policy(max_delay_us=self.delay_us)
         consumer, on_link = partial(self._on_sample, label), partial(self._on_link, label)
+        self._taking = label  # it may be made because it is asked for, which `_on_label` is told
         self.proxies[label] = self.network.connect(label, policy, consumer, on_link, current=True)
+        self._taking = None
 
     def _on_link(self, label: Label, linked: bool) -> None:
         if not linked:

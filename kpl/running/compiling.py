@@ -22,6 +22,7 @@ from dyknow.network.process import Input, Process
 from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.states.state_streams import StateStreamProcess, check_delay_before, exactly, state_policy
 from kpl.checking.definitions import Definitions
+from kpl.checking.domains import members_label
 from kpl.checking.symbols import SELF, SymbolTable
 from kpl.running.changes import in_text
 from kpl.running.formula_states import MAX_DELAY_US
@@ -94,6 +95,11 @@ class Compiler:
     def input(self, term: spec.StreamTerm, members: Members | None = None) -> Input:
         return Input(self.label(term.label, members), self._served(term.policy))
 
+    def domain(self, term: spec.StreamTerm, members: Members | None = None) -> Input:
+        """The stream that names the members of a domain."""
+        label, policy = self.input(term, members)
+        return Input(members_label(label, self.symbols), policy)
+
     def _served(self, policy: Policy) -> Policy:
         """The policy, or with the shortest period that is served if that is the choice."""
         too_often = policy.sample_us is not None and policy.sample_us < LEAST_PERIOD_US
@@ -146,7 +152,7 @@ class Compiler:
                 return CompiledGenerator(
                     self._sort_of(term.label),
                     Mediation(
-                        self.input(domain, members),
+                        self.domain(domain, members),
                         lambda member: self.input(term, {**(members or {}), variable: member}),
                         single=isinstance(made, spec.Select),
                     ),

@@ -4,7 +4,8 @@ A domain is the value of the generator called like it that is valid at the state
 ranges over what the stream `car_ids` names then, also if it names others when the state is made, up to `max delay` later.
 """
 
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -21,7 +22,7 @@ from kpl.checking.symbols import domains_of
 from kpl.syntax.specification import GeneratorDeclaration, Specification, StateStream, StreamDeclaration, StreamTerm
 from reasoning.features.derivation import FeatureInput
 from reasoning.features.derived_streams import DerivedStream, stream_of
-from reasoning.formulas.tree import Formula, event_labels, required_labels
+from reasoning.formulas.tree import Formula, Occurred, event_labels, required_labels, walk
 
 PERIOD_US = 100 * US_PER_MS
 MAX_DELAY_US = US_PER_S
@@ -61,13 +62,43 @@ class _Era:
         begins_us: int,
     ) -> None:
         self.labels, self.events, self.inputs, self.states = labels, events, inputs, states
+        self.places = {label: i for i, label in enumerate(labels)}
         self.begins_us, self.ends_us = begins_us, FAR_US
         self.ready: list[State] = []
-        self.proxies: list[StreamProxy] = []
 
-    def cancel(self) -> None:
-        for proxy in self.proxies:
-            proxy.cancel()
+    def on_sample(self, label: str, sample: Sample, now_us: int) -> None:
+        """A sample of one stream, if the states are made of it."""
+        place = self.places.get(label)
+        if place is not None and self.states is not None:
+            self.ready += self.states.on_sample(place, sample, now_us)
+
+    def first_us(self, period_us: int, from_us: int) -> int:
+        """The time of its first state."""
+        return from_us - (from_us - self.begins_us) // period_us * period_us
+
+
+class _SharedStreams:
+    """The streams that several eras are made of, each taken once, as long as one of them needs it."""
+
+    def __init__(self) -> None:
+        self.proxies: dict[tuple[str, bool], StreamProxy] = {}
+        self._users: Counter[tuple[str, bool]] = Counter()
+
+    def take(self, names: Iterable[tuple[str, bool]], connect: Callable[[str, bool], StreamProxy]) -> None:
+        """One more era needs these labels, or events; what comes at once may end the era before it."""
+        needed = tuple(names)
+        self._users.update(needed)
+        for name in needed:
+            if name not in self.proxies:
+                self.proxies[name] = connect(*name)
+
+    def leave(self, names: Iterable[tuple[str, bool]]) -> None:
+        """An era is over."""
+        for name in names:
+            self._users[name] -= 1
+            if not self._users[name]:
+                del self._users[name]
+                self.proxies.pop(name).cancel()
 
 
 class FormulaStates:
@@ -109,6 +140,8 @@ class FormulaStates:
         self._lasts_us = FAR_US if policy.approximation == "most recent" else self.period_us + self.max_delay_us
         self._domains: dict[str, list[tuple[int, tuple[str, ...]]]] = {name: [] for name in domains_of(formula)}
         self._eras: list[_Era] = []
+        self._streams = _SharedStreams()
+        self._asks_for_events = any(isinstance(node, Occurred) for node in walk(formula))
         self._newest: dict[str, Sample] = {}
         self._last_us = -FAR_US
         self._happened: list[tuple[int, str]] = []
@@ -128,7 +161,7 @@ class FormulaStates:
     @property
     def proxies(self) -> list[StreamProxy]:
         """The streams its states are made of."""
-        return [proxy for era in self._eras for proxy in era.proxies]
+        return list(self._streams.proxies.values())
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -183,7 +216,7 @@ class FormulaStates:
         """Take no more streams."""
         for proxy in (*self._members, *self.proxies):
             proxy.cancel()
-        self._members, self._eras = [], []
+        self._members, self._eras, self._streams = [], [], _SharedStreams()
 
     def declarations(self, name: str) -> Specification:
         """The streams it takes now, in KPL: `NAME_states` are its states, with other names the domains and events."""
@@ -192,14 +225,14 @@ class FormulaStates:
         terms: dict[StreamTerm, None] = {}
         for each in self.inputs:
             process = self._network.process(each.label)
-            made_of = process.inputs() if isinstance(process, DerivedStream) else (each,)
-            terms.update(dict.fromkeys(StreamTerm(one.label, each.policy) for one in made_of))
+            made_of = process.taken_with(each.policy) if isinstance(process, DerivedStream) else (each,)
+            terms.update(dict.fromkeys(StreamTerm(*one) for one in made_of))
         if terms and all(term.policy.exact for term in terms):
             # What holds of every input is declared once, of the state.
             terms = dict.fromkeys(replace(term, policy=replace(term.policy, exact=False)) for term in terms)
             policy = replace(policy, exact=True)
         states = states_of(name, tuple(terms), policy)
-        other = [(f"{name}_{one.label}", one.label) for one in self._members]
+        other = [(f"{name}_{one.label}".replace(".", "_"), one.label) for one in self._members]
         other += [(f"{name}_event{i}", Label.parse(one)) for i, one in enumerate(events, start=1)]
         return (*states, *(StreamDeclaration(called, StreamTerm(label)) for called, label in other))
 
@@ -246,26 +279,33 @@ class FormulaStates:
         members = self._domains_at(FAR_US)
         try:
             labels = required_labels(self._formula, members)
-            events = event_labels(self._formula, members)
+            events = event_labels(self._formula, members) if self._asks_for_events else ()
         except UnknownLabel:
             return
         last = self._eras[-1] if self._eras else None
-        if last is not None and (labels, events) == (last.labels, last.events) and last.proxies:
+        if last is not None and (labels, events) == (last.labels, last.events) and self.proxies:
             return
         inputs = tuple(map(self._input, labels))
         era = _Era(labels, events, inputs, self._synchronizer(labels, inputs), begins_us)
         if last is not None:
             last.ends_us = begins_us
         self._eras.append(era)
-        self._newest = {label: sample for label, sample in self._newest.items() if label in labels}
-        for i, label in enumerate(labels):
-            if label in self._newest and era.states is not None:
-                era.ready += era.states.on_sample(i, self._newest[label], self._network.now_us)
-        for i, each in enumerate(inputs):
-            era.proxies.append(self._network.connect(*each, partial(self._on_sample, era, i)))
-        for label in events:
-            era.proxies.append(self._network.connect(Label.parse(label), Policy(), partial(self._on_event, label)))
+        self._newest = {label: sample for label, sample in self._newest.items() if label in era.places}
+        for label, sample in self._newest.items():
+            era.on_sample(label, sample, self._network.now_us)
+        self._streams.take(_names(era), partial(self._connect, era))
+        if last is not None and last.first_us(self.period_us, self._policy.from_us or 0) >= begins_us:
+            self._eras.remove(last)  # no state lies between the two changes
+            self._end(last)
         self._hand_on(self._network.now_us)
+
+    def _connect(self, era: _Era, label: str, is_event: bool) -> StreamProxy:
+        if is_event:
+            return self._network.connect(Label.parse(label), Policy(), partial(self._on_event, label))
+        return self._network.connect(*era.inputs[era.places[label]], partial(self._on_sample, label))
+
+    def _end(self, era: _Era) -> None:
+        self._streams.leave(_names(era))
 
     def _synchronizer(self, labels: tuple[str, ...], inputs: tuple[Input, ...]) -> Synchronizer | None:
         if not labels:
@@ -285,12 +325,14 @@ class FormulaStates:
         is_derived = isinstance(self._network.process(stream), DerivedStream)
         return Input(stream, self._derived if is_derived else self._taken)
 
-    def _on_sample(self, era: _Era, i: int, sample: Sample) -> None:
-        if era.states is not None:
-            if era is self._eras[-1]:
-                self._newest[era.labels[i]] = sample
-            era.ready += era.states.on_sample(i, sample, sample.available_us)
-            self._hand_on(sample.available_us)
+    def _on_sample(self, label: str, sample: Sample) -> None:
+        """Eras that are over, but for states that are late, need no more than the first sample after them."""
+        if label in self._eras[-1].places:
+            self._newest[label] = sample
+        for era in self._eras:
+            if sample.valid_us < era.ends_us + self.period_us:
+                era.on_sample(label, sample, sample.available_us)
+        self._hand_on(sample.available_us)
 
     def _on_event(self, label: str, sample: Sample) -> None:
         """Something happened: it belongs to the first state that is not earlier, or is still to be made."""
@@ -308,7 +350,7 @@ class FormulaStates:
                 self._tick(era, now_us)
             if len(self._eras) < 2 or not (self._is_over(era) or len(self._eras) > MOST_ERAS):
                 return
-            self._eras.pop(0).cancel()
+            self._end(self._eras.pop(0))
 
     def _is_over(self, era: _Era) -> bool:
         if era.states is None:
@@ -340,6 +382,12 @@ class FormulaStates:
         events = frozenset(label for at_us, label in self._happened if at_us <= valid_us)
         self._happened = [each for each in self._happened if each[0] > valid_us]
         self._on_state(FormulaState(valid_us, now_us, values, domains, events, samples_us))
+
+
+def _names(era: _Era) -> Iterator[tuple[str, bool]]:
+    """The streams of an era by their labels, and whether they are of events."""
+    yield from ((label, False) for label in era.labels)
+    yield from ((label, True) for label in era.events)
 
 
 def states_of(name: str, terms: tuple[StreamTerm, ...], policy: Policy) -> Specification:

@@ -10,6 +10,7 @@ from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.network.factory import Prototypes
 from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.network.stream_proxy import StreamProxy
+from dyknow.objects.object_streams import ObjectStreams
 from kpl.checking.definitions import Definitions
 from kpl.checking.specifications import Findings, check_change, check_symbols
 from kpl.checking.symbols import Known, SymbolTable
@@ -57,6 +58,7 @@ class Instance:
         admission: of declarations while a governor sees no time for more: refused, or sampled at a longer period.
         features: sort and process of a stream that is there while it is wanted, such as a derived feature; None: there
             is no such stream.
+        objects: makes streams about the objects in streams of object states.
     """
 
     def __init__(
@@ -73,6 +75,7 @@ class Instance:
         federation: Federation | None = None,
         admission: Admission = "refuse",
         features: Features = derived_stream,
+        objects: ObjectStreams | None = None,
     ) -> None:
         self.governor: LoadGovernor | None = None
         self.network, self.unit, self.hooks = network, unit, hooks or Hooks()
@@ -90,7 +93,7 @@ class Instance:
         self._times = DeclaredTimes()
         self.symbols = SymbolTable()
         self.compiler = Compiler(unit, self.prototypes, self.symbols, self.sort, admission)
-        self.parts = Parts(network, self.prototypes, self.compiler)
+        self.parts = Parts(network, self.prototypes, self.compiler, objects)
         self.families = Families(network, self.compiler, self.parts, self._of_member)
         figures = InstanceFigures(network, self.streams, self.monitors)
         network.resolve = lambda label: (

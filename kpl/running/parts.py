@@ -11,11 +11,13 @@ from dyknow.network.process import Process
 from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import Prototype, SourcePrototype
 from dyknow.network.stream_proxy import StreamProxy
+from dyknow.objects.object_streams import ObjectProcess, ObjectStreams
 from kpl.checking.symbols import symbol_of
 from kpl.running.compiling import CompiledGenerator, Compiler, Members, check_offer
 from kpl.running.ports import Undo, nothing
 from kpl.syntax import specification as spec
 from kpl.syntax.listing import print_declaration
+from reasoning.features.objects import quantities
 
 Features: TypeAlias = Callable[[Label], tuple[Sort, Process] | None]
 
@@ -39,10 +41,14 @@ class Parts:
         held: the generators, and what each is made from.
         of_families: how to take away what members of families have.
         fed: the generators of each source that is fed from outside.
+        objects: makes streams about the objects in streams of object states.
     """
 
-    def __init__(self, network: Network, prototypes: Prototypes, compiler: Compiler) -> None:
+    def __init__(
+        self, network: Network, prototypes: Prototypes, compiler: Compiler, objects: ObjectStreams | None = None
+    ) -> None:
         self._network, self._prototypes, self._compiler = network, prototypes, compiler
+        self.objects = objects or ObjectStreams(network, quantities(), lambda name: name == compiler.unit)
         self.held: dict[Label, HeldGenerator] = {}
         self.of_families: dict[Label, Undo] = {}
         self.fed: dict[str, list[Label]] = {}
@@ -106,8 +112,9 @@ class Parts:
         return self._compiler.sources(held.declaration, held.members)
 
     def undeclared(self, label: Label, features: Features) -> tuple[Sort, Process] | None:
-        """A stream that is there while it is wanted; none where the specification declares streams of that name."""
-        return None if self._compiler.symbols.of_feature(label.feature) else features(label)
+        """A stream that is there while it is wanted; where the specification declares streams of that name, of objects only."""
+        is_declared = bool(self._compiler.symbols.of_feature(label.feature))
+        return self.objects.find(label, named=is_declared) or (None if is_declared else features(label))
 
     def push(self, source: str, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
         """A source that is fed from outside has a new sample; where nothing is made from it, it is dropped."""
@@ -266,7 +273,7 @@ class Families:
 
         text = print_declaration(declaration)
         self.others[text] = Configuration(
-            self._network, self._compiler.input(declaration.domain), create, remove, admit
+            self._network, self._compiler.domain(declaration.domain), create, remove, admit
         )
         return lambda: self.others.pop(text).cancel()
 
@@ -306,7 +313,7 @@ class Families:
                     f"an instance holds at most {MAX_OF_FAMILIES}"
                 )
 
-        domain = self._compiler.input(declaration.domain)
+        domain = self._compiler.domain(declaration.domain)
         family = Configuration(self._network, domain, create, remove, admit)
         self.members[family_label] = family
 
@@ -335,3 +342,5 @@ def inputs_taken(process: object) -> Iterator[StreamProxy]:
         yield from process.proxies
     if isinstance(process, Mediation):
         yield from process.members.values()
+    if isinstance(process, ObjectProcess):
+        yield from (table.proxy for table in process.tables if table.proxy is not None)

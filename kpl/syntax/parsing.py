@@ -143,7 +143,7 @@ class FormulaReader(ErrorCollector):
             if each.data == "members":
                 sets.append(tuple(self.object(one, bound) for one in each.children))
             else:
-                sets.append(str(each.children[0].children[0]))
+                sets.append(".".join(str(part.children[0]) for part in each.children if part is not None))
         return tree.Domain(sets[0], tuple(sets[1:]), place=place_of(node, self.text))
 
     def _label(self, node: Any, bound: frozenset[str], place: tree.Place) -> tree.Formula:

@@ -11,6 +11,8 @@ from dyknow.model.values import NO_VALUE, Sort
 from dyknow.network.network import Network
 from dyknow.network.process import Input, Process
 from dyknow.network.processes import OnDemand
+from dyknow.objects.object_streams import ObjectFeature
+from dyknow.policies.policy import Policy
 from dyknow.policies.sampling import Grid
 from reasoning.features.derivation import FEATURES, Derivation, FeatureInput
 
@@ -23,6 +25,9 @@ DERIVED: Final = "derived."
 """Before the name of a feature: the derived one, where a stream of the instance has the name."""
 MOST_ROWS: Final = 1024
 """Valid times at which an input is still missing; the oldest are dropped."""
+PERIOD_US: Final = 100_000
+MAX_DELAY_US: Final = 1_000_000
+"""The grid on which objects, which are seen at times of their own, meet units, and how late they may be."""
 
 
 def local_input(needed: FeatureInput) -> tuple[Label, Callable[[Value], Value]]:
@@ -87,6 +92,11 @@ class DerivedStream(OnDemand):
     def inputs(self) -> Sequence[Input]:
         return self._wanted
 
+    def taken_with(self, policy: Policy) -> list[Input]:
+        """Its inputs, with the policy of who takes it; states of objects as they are put on the grid."""
+        grids = {proxy.label: proxy.policy for proxy in self.proxies if proxy.policy.approximation == "linear"}
+        return [Input(label, grids.get(label, policy)) for label, _ in self._wanted]
+
     def begin(self) -> None:
         self._rows, self._last_us = {}, -(2**80)
         self._missing = dict.fromkeys(self._derivation.input_names)
@@ -97,9 +107,18 @@ class DerivedStream(OnDemand):
         self._ask(wanted=False)
 
     def want(self, grid: Grid | None) -> bool:
-        for proxy in self.proxies:
-            proxy.want(grid)
+        """States of objects are put on the grid, on the line between two of them; of objects alone only if it is wanted."""
+        of_objects = [self._is_of_object(proxy.label) for proxy in self.proxies]
+        meeting = Grid(PERIOD_US, 0) if any(of_objects) and not all(of_objects) else None
+        for proxy, is_of_object in zip(self.proxies, of_objects, strict=True):
+            if is_of_object:
+                proxy.change(_on_grid(grid or meeting))
+            else:
+                proxy.want(grid)
         return grid is not None
+
+    def _is_of_object(self, label: Label) -> bool:
+        return self._network is not None and isinstance(self._network.process(label), ObjectFeature)
 
     def on_sample(self, i: int, sample: Sample) -> None:
         value = self._converters[i](sample.value)
@@ -130,6 +149,18 @@ class DerivedStream(OnDemand):
             for label, _ in self._wanted:
                 if self._network.find(label) is None:
                     self.fault(f"derived from {label}, which has no producer here; the stream begins when there is one")
+
+
+def _on_grid(grid: Grid | None) -> Policy:
+    if grid is None:
+        return Policy()
+    return Policy(
+        change="sample",
+        sample_us=grid.period_us,
+        from_us=grid.anchor_us,
+        approximation="linear",
+        max_delay_us=MAX_DELAY_US,
+    )
 
 
 def derived_stream(label: Label, find: Find = local_input, demand: Demand | None = None) -> tuple[Sort, Process] | None:

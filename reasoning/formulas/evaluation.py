@@ -166,15 +166,22 @@ class EvaluationCompiler:
             members = tree.domain_members(formula.domain, self.domains)
             return _joined(self._tests([tree.instantiate(body, variable, one) for one in members]), settles)
         compiled: dict[str, Test] = {}
+        nodes: dict[str, int] = {}
         domain = formula.domain
 
         def test(at_us: int, values: Values, domains: tree.Domains, events: Events, changed_us: Times) -> int:
-            tests = []
-            for one in tree.domain_members(domain, domains):
+            members = tree.domain_members(domain, domains)
+            for one in members:
                 if one not in compiled:
+                    before = self.nodes_left
                     compiled[one] = self.test(tree.instantiate(body, variable, one))
-                tests.append(compiled[one])
-            return _joined(tuple(tests), settles)(at_us, values, domains, events, changed_us)
+                    nodes[one] = before - self.nodes_left
+            if len(compiled) > len(members):
+                for gone in compiled.keys() - set(members):
+                    del compiled[gone]
+                    self.nodes_left += nodes.pop(gone)
+            tests = tuple([compiled[one] for one in members])
+            return _joined(tests, settles)(at_us, values, domains, events, changed_us)
 
         return test
 

@@ -1,0 +1,188 @@
+"""The objects of one stream of object states: who is there, and since when (thesis 8.5.1, 8.7.5).
+
+An object is there from the valid time of its first state. It has vanished with a state whose field `end` is true, or
+`SILENCE_US` after its last state, as the active cars of section 8.7.5.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Final, NamedTuple, TypeAlias
+
+from dyknow.model.errors import SortError
+from dyknow.model.instants import US_PER_S
+from dyknow.model.labels import Label
+from dyknow.model.sample import Sample
+from dyknow.model.values import NO_VALUE, Sort
+from dyknow.network.mediation import MAX_MEMBERS, member_name
+from dyknow.network.process import FAR_US, ProcessNetwork
+from dyknow.network.stream_proxy import StreamProxy
+from dyknow.policies.policy import Policy
+
+SILENCE_US: Final = 60 * US_PER_S
+"""How long an object stays that has no new state, and no end."""
+END: Final = "end"
+"""The field that is true in the last state of an object."""
+
+
+class Change(NamedTuple):
+    """An object appeared, or vanished, at a valid time."""
+
+    valid_us: int
+    symbol: str
+    appeared: bool
+
+
+OnChange: TypeAlias = Callable[[Change, int], None]
+"""Takes a change, and the present time."""
+OnState: TypeAlias = Callable[[Sample], None]
+Undo: TypeAlias = Callable[[], None]
+
+
+class ObjectTable:
+    """Takes one stream of object states while somebody follows its objects; a state costs the same however many there are.
+
+    Times: microseconds of federation time. A newcomer beyond `MAX_MEMBERS` is left out, which is a fault.
+
+    Attributes:
+        label: of the stream.
+        newest: the newest state of each object, that of whom nothing was heard for longest first.
+        proxy: the stream, while it is taken.
+    """
+
+    def __init__(self, network: ProcessNetwork, label: Label, sort: Sort) -> None:
+        self.label, self.sort = label, sort
+        self.newest: dict[str, Sample] = {}
+        self._network = network
+        self._end = next((at for at, each in enumerate(sort.fields) if each.name == END and each.unit == "bool"), None)
+        self.proxy: StreamProxy | None = None
+        self._on_change: dict[int, OnChange] = {}
+        self._on_state: dict[str, dict[int, OnState]] = {}
+        self._refused = set[str]()
+
+    # Who follows
+
+    def follow(self, on_change: OnChange) -> Undo:
+        """Tell of every object that appears or vanishes from now on; `newest` has those that are there."""
+        self._begin()
+        self._on_change[id(on_change)] = on_change
+
+        def undo() -> None:
+            self._on_change.pop(id(on_change), None)
+            self._tidy()
+
+        return undo
+
+    def follow_one(self, symbol: str, on_state: OnState) -> Undo:
+        """Hand on every state of one object; its newest one at once."""
+        self._begin()
+        self._on_state.setdefault(symbol, {})[id(on_state)] = on_state
+        if symbol in self.newest:
+            on_state(self.newest[symbol])
+
+        def undo() -> None:
+            followers = self._on_state.get(symbol, {})
+            followers.pop(id(on_state), None)
+            if not followers:
+                self._on_state.pop(symbol, None)
+            self._tidy()
+
+        return undo
+
+    def _tidy(self) -> None:
+        if not self._on_change and not self._on_state:
+            self._rest()
+
+    # What the stream says
+
+    def _begin(self) -> None:
+        """Take the stream, and learn from what it holds who is there."""
+        if self.proxy is not None:
+            return
+        network = self._network
+        self.proxy = network.connect(self.label, Policy(), self._on_sample, self._on_link)
+        generator = network.find(self.label)
+        for sample in () if generator is None else generator.held():
+            if sample.valid_us + SILENCE_US > network.now_us:
+                self._on_sample(sample)
+        network.step(self)
+
+    def _rest(self) -> None:
+        proxy, self.proxy = self.proxy, None
+        self.newest.clear()
+        self._refused.clear()
+        self._network.unstep(self)
+        if proxy is not None:
+            proxy.cancel()
+
+    def _on_link(self, linked: bool) -> None:
+        """Without a producer nobody is there."""
+        if not linked:
+            for symbol in tuple(self.newest):
+                self._vanish(symbol, self._network.now_us, self._network.now_us)
+
+    def _on_sample(self, sample: Sample) -> None:
+        if sample.value is NO_VALUE:
+            return
+        symbol: str = sample.value[0]
+        if self._end is not None and sample.value[self._end]:
+            if symbol in self.newest:
+                self._vanish(symbol, sample.valid_us, sample.available_us)
+            return
+        known = self.newest.pop(symbol, None)
+        if known is None:
+            if not self._admits(symbol):
+                return
+            self.newest[symbol] = sample
+            self._tell(Change(sample.valid_us, symbol, appeared=True), sample.available_us)
+        else:
+            self.newest[symbol] = sample if sample.valid_us >= known.valid_us else known
+        self._hand_on(symbol, sample)
+
+    def _hand_on(self, symbol: str, sample: Sample) -> None:
+        for on_state in tuple(self._on_state.get(symbol, {}).values()):
+            on_state(sample)
+
+    def _admits(self, symbol: str) -> bool:
+        if len(self.newest) >= MAX_MEMBERS:
+            self._refuse("", f"more than {MAX_MEMBERS} objects at once: {symbol[:40]} and others are left out")
+            return False
+        try:
+            member_name(symbol)
+        except SortError as wrong:
+            self._refuse("symbols", f"{wrong}; a symbol is a name or a whole number")
+            return False
+        return True
+
+    def _refuse(self, why: str, said: str) -> None:
+        """Reported once while it takes the stream."""
+        if why not in self._refused:
+            self._refused.add(why)
+            self._network.on_fault(self.label, said)
+
+    def _vanish(self, symbol: str, valid_us: int, now_us: int) -> None:
+        del self.newest[symbol]
+        self._tell(Change(valid_us, symbol, appeared=False), now_us)
+
+    def _tell(self, change: Change, now_us: int) -> None:
+        for on_change in tuple(self._on_change.values()):
+            on_change(change, now_us)
+
+    # Time
+
+    @property
+    def deadline_us(self) -> int | None:
+        """When the object vanishes of which nothing was heard for longest; far away, and not none, while there is none."""
+        if self.proxy is None:
+            return None
+        longest = next(iter(self.newest.values()), None)
+        return FAR_US if longest is None else longest.valid_us + SILENCE_US
+
+    def on_time(self, now_us: int) -> None:
+        for symbol, state in self._silent(now_us):
+            self._vanish(symbol, state.valid_us + SILENCE_US, now_us)
+
+    def _silent(self, now_us: int) -> Iterator[tuple[str, Sample]]:
+        while self.newest:
+            symbol, state = next(iter(self.newest.items()))
+            if state.valid_us + SILENCE_US > now_us:
+                return
+            yield symbol, state

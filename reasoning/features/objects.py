@@ -1,0 +1,77 @@
+"""Positions, altitudes and velocities of objects, so that features are derived of them as of units.
+
+An object state bears a position in fields `latitude_deg` and `longitude_deg`, or in `x_m` (east) and `y_m` (north) of the
+frame of all objects; an altitude in `altitude_m`; a velocity in `vx_m_s`, `vy_m_s` (east, north) and, if there is one, `vz_m_s` (up).
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from dyknow.model.sample import Value
+from dyknow.model.values import Field, Sort
+from dyknow.objects.object_streams import View, ViewOf
+from navigation.geodesy import metres_per_degree
+from reasoning.features.derivation import ALTITUDE, POSITION, VELOCITY
+
+ORIGIN: Final = (0.0, 0.0)
+"""Where the frame of objects lies that no one has placed: right for what objects are to each other."""
+
+_POSITION = Sort("position", (Field("latitude_deg", "deg"), Field("longitude_deg", "deg")))
+_ALTITUDE = Sort("altitude", (Field("altitude_m", "m"),))
+_VELOCITY = Sort("velocity", (Field("north_m_s", "m/s"), Field("east_m_s", "m/s"), Field("down_m_s", "m/s")))
+BORNE: Final[Mapping[str, str]] = {
+    POSITION: "x_m and y_m, or latitude_deg and longitude_deg",
+    ALTITUDE: "altitude_m",
+    VELOCITY: "vx_m_s and vy_m_s",
+}
+"""The fields of object states that make what features are derived from."""
+
+
+def quantities(origin: tuple[float, float] = ORIGIN) -> Mapping[str, ViewOf]:
+    """What features of units are derived from, of objects; `origin` (latitude, longitude, degrees) is that of their frame."""
+    return {POSITION: lambda sort: _position(sort, origin), ALTITUDE: _altitude, VELOCITY: _velocity}
+
+
+def lacks(sort: Sort, needs: tuple[str, ...]) -> str:
+    """The fields that objects of this sort do not have, of what a feature needs; empty if it can be derived of them."""
+    known = quantities()
+    missing = (each for each in needs if each not in known or known[each](sort) is None)
+    return "; ".join(BORNE.get(each, each) for each in missing)
+
+
+def _places(sort: Sort, *names: str) -> tuple[int, ...] | None:
+    places = {each.name: at for at, each in enumerate(sort.fields)}
+    return tuple(places[name] for name in names) if all(name in places for name in names) else None
+
+
+def _position(sort: Sort, origin: tuple[float, float]) -> tuple[Sort, View] | None:
+    geodetic = _places(sort, "latitude_deg", "longitude_deg")
+    if geodetic is not None:
+        return _POSITION, _picking(*geodetic)
+    local = _places(sort, "x_m", "y_m")
+    if local is None:
+        return None
+    (x, y), (latitude_deg, longitude_deg) = local, origin
+    north_m, east_m = metres_per_degree(latitude_deg)
+
+    def placed(state: Value) -> Value:
+        return latitude_deg + state[y] / north_m, longitude_deg + state[x] / east_m
+
+    return _POSITION, placed
+
+
+def _altitude(sort: Sort) -> tuple[Sort, View] | None:
+    found = _places(sort, "altitude_m")
+    return None if found is None else (_ALTITUDE, _picking(*found))
+
+
+def _velocity(sort: Sort) -> tuple[Sort, View] | None:
+    found = _places(sort, "vx_m_s", "vy_m_s")
+    if found is None:
+        return None
+    (east, north), up = found, _places(sort, "vz_m_s")
+    return _VELOCITY, lambda state: (state[north], state[east], 0.0 if up is None else -state[up[0]])
+
+
+def _picking(*places: int) -> Callable[[Value], Value]:
+    return lambda state: tuple([state[at] for at in places])
