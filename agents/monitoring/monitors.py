@@ -93,6 +93,7 @@ class UnitMonitors:
 
     Attributes:
         on_members: called when a unit has joined or left.
+        on_joined: called with the name of a unit that has joined.
     """
 
     def __init__(
@@ -110,6 +111,7 @@ class UnitMonitors:
         self._every: dict[tuple[str, str, int], int] = {}
         self._shed = 1
         self.on_members: list[Callable[[], None]] = []
+        self.on_joined: list[Callable[[str], None]] = []
         self._needs: dict[str, set[tuple[str, int, int]]] | None = None
         self._count = 0
         self._due_us: int | None = None
@@ -160,6 +162,8 @@ class UnitMonitors:
         self._members[member] = None
         if is_new:
             self._tell_members()
+            for on_joined in self.on_joined:
+                on_joined(member)
         for named in self.named.values():
             if not named.plan.grows:
                 continue

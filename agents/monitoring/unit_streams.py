@@ -6,10 +6,12 @@ from agents.monitoring.monitors import UnitMonitors
 from dyknow import Label, Sample, Sort, Value
 from dyknow.network.process import Input, Process
 from dyknow.network.processes import OnDemand
+from dyknow.objects.object_streams import ObjectStreams
 from federation.sharing.translation import Translation
 from kpl.checking.symbols import OF_A_PLATFORM
-from reasoning.features.derivation import FeatureInput
-from reasoning.features.derived_streams import Demand, derived_stream
+from reasoning.features.derivation import POSITION, FeatureInput
+from reasoning.features.derived_streams import Demand, derived_stream, local_input
+from reasoning.formulas.tree import Feature, Formula, walk
 
 UNITS = Label(OF_A_PLATFORM)
 
@@ -21,23 +23,49 @@ class UnitStreams:
         translation: the platform's own labels and units.
         monitors: knows the other units.
         demand: called when an input of another unit is needed, and when it is no longer.
+        objects: knows the objects in streams of object states. What bears the name of no unit may be one of them.
     """
 
-    def __init__(self, unit: str, translation: Translation, monitors: UnitMonitors, demand: Demand) -> None:
+    def __init__(
+        self,
+        unit: str,
+        translation: Translation,
+        monitors: UnitMonitors,
+        demand: Demand,
+        objects: Callable[[], ObjectStreams],
+    ) -> None:
         self._unit, self._translation, self._monitors, self._demand = unit, translation, monitors, demand
+        self._objects = objects
+        monitors.on_joined.append(lambda member: objects().renew(member))
 
     def __call__(self, label: Label) -> tuple[Sort, Process] | None:
         if label == UNITS:
             return Sort("object", is_open=True), UnitsStream(self._unit, self._monitors)
-        return derived_stream(label, self._find, self._need)
+        others = {name for name in label.objects if self._may_be_object(name)}
+
+        def need(needed: FeatureInput, wanted: bool) -> None:
+            if needed.unit != self._unit and needed.unit not in others:
+                self._demand(needed, wanted)
+
+        return derived_stream(label, self._find, need)
+
+    def is_unit(self, name: str) -> bool:
+        """Whether a platform of the federation is called so."""
+        return name == self._unit or self._monitors.has_member(name)
+
+    def are_objects(self, formula: Formula) -> bool:
+        """Whether a formula names what may be objects that are seen, and no units that are known."""
+        named = {one for node in walk(formula) if isinstance(node, Feature) for one in node.objects}
+        return any(isinstance(one, str) and self._may_be_object(one) for one in named)
+
+    def _may_be_object(self, name: str) -> bool:
+        return not self.is_unit(name) and bool(self._objects().bearers(POSITION))
 
     def _find(self, needed: FeatureInput) -> tuple[Label, Callable[[Value], Value]]:
+        if self._may_be_object(needed.unit):
+            return local_input(needed)
         local = self._translation.local_label(needed.label, needed.unit)
         return local, self._translation.to_semantic(needed.label)
-
-    def _need(self, needed: FeatureInput, wanted: bool) -> None:
-        if needed.unit != self._unit:
-            self._demand(needed, wanted)
 
 
 class UnitsStream(OnDemand):

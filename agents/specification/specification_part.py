@@ -34,7 +34,7 @@ from federation.members.offers import Service
 from federation.messages.descriptions import LabelEntry
 from federation.sharing.translation import Translation
 from kpl import Hooks, Instance, Specification, parse_specification, print_declaration
-from kpl.checking.symbols import domains_of
+from kpl.checking.symbols import OF_A_PLATFORM, domains_of
 from kpl.checking.warnings import run_warnings
 from kpl.introspection.governor import Governor
 from kpl.introspection.graph import maker_of, origins_of
@@ -122,6 +122,9 @@ class SpecificationPart(Part):
         self._exported: dict[str, LabelEntry] = {}
         self._faults = FaultLog(note)
         ontology = config.ontology
+        units = self._units = UnitStreams(
+            config.unit, translation, monitors, self._on_feature_input, lambda: self.instance.parts.objects
+        )
         self.instance = Instance(
             network,
             unit=config.unit,
@@ -131,7 +134,8 @@ class SpecificationPart(Part):
             hooks=Hooks(self._on_output, self._on_link, on_alarm),
             federation=self,
             admission=config.admission,
-            features=UnitStreams(config.unit, translation, monitors, self._on_feature_input),
+            features=units,
+            is_unit=units.is_unit,
         )
         network.on_fault, network.on_producer = self._faults.on_fault, self._on_producer
         self.desk = HostDesk(self.instance, config.clock, note, config.monotonic_offset_us)
@@ -333,7 +337,10 @@ class SpecificationPart(Part):
             raise Refused(f"a monitor's name has at most {LONGEST_NAME} characters, got {len(declaration.name)}")
         features, others = features_of(self.instance, formula)
         split = split_growing(formula)
-        in_instance = not features or bool(others) or bool(domains_of(formula if split is None else split[2]))
+        if split is not None and split[1].base != OF_A_PLATFORM:
+            split = None
+        named = domains_of(formula if split is None else split[2])
+        in_instance = not features or bool(others) or bool(named) or self._units.are_objects(formula)
         if declaration.starts_avoidance and (in_instance or split is None):
             raise Refused(
                 f"monitor {declaration.name} starts avoidance, so it is about pairs of platforms: write it as "

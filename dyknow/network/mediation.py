@@ -39,7 +39,7 @@ def members_of(value: Value) -> tuple[str, ...]:
     """
     if value is NO_VALUE:
         return ()
-    if type(value) is Symbols:
+    if type(value) is NamedMembers:
         return value
     several = value if isinstance(value, tuple | frozenset) else (value,)
     if len(several) > MAX_MEMBERS:
@@ -61,7 +61,7 @@ def member_name(one: Value) -> str:
     return one
 
 
-class Symbols(tuple[str, ...]):
+class NamedMembers(tuple[str, ...]):
     """Members whose names are known to be names, each once."""
 
     __slots__ = ()

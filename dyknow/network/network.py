@@ -153,8 +153,7 @@ class Network:
         Raises:
             LabelAlreadyExists: the label is taken.
         """
-        capacity = getattr(process, "remembers", None) or self._history
-        return self._add(Generator(label, sort, capacity), process)
+        return self._add(Generator(label, sort, getattr(process, "remembers", None) or self._history), process)
 
     def replace_process(self, label: Label, sort: Sort, process: Process | None) -> Generator:
         """Let another process feed a generator; subscriptions, order and history stay. None: what is pushed.

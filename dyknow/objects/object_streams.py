@@ -13,11 +13,11 @@ from typing import Final, TypeAlias
 from dyknow.model.labels import Label
 from dyknow.model.sample import SURE, Quality, Sample, Value
 from dyknow.model.values import Sort
-from dyknow.network.mediation import Symbols
+from dyknow.network.mediation import NamedMembers
 from dyknow.network.network import Network
 from dyknow.network.process import Process
 from dyknow.network.processes import OnDemand
-from dyknow.objects.object_table import Change, ObjectTable, Undo
+from dyknow.objects.object_table import ObjectChange, ObjectTable, Undo
 
 OBJECTS: Final = "objects"
 """After the name of a stream of object states: the domain of its objects."""
@@ -37,7 +37,7 @@ class ObjectStreams:
 
     Args:
         quantities: what can be made of object states besides their attributes, by the name of a feature of one object.
-        is_other: whether a name is that of something else, such as a unit of the federation, of which nothing is made here.
+        is_other: whether a name is that of something else, such as a unit of the federation.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ def _component(at: int, state: Value) -> Value:
 
 
 class ObjectProcess(OnDemand):
-    """Made of what tables of objects hold, of which it keeps none."""
+    """A process over the tables of objects."""
 
     remembers = REMEMBERED
 
@@ -159,7 +159,8 @@ class ObjectProcess(OnDemand):
 class DomainStream(ObjectProcess):
     """The objects of one stream: a sample whenever some appear or vanish, valid since then.
 
-    What appears in one instant is told in one sample. Of changes that become known late those that were told before are kept.
+    What appears in one instant is in one sample. Valid times never go back: a change that becomes known late counts from the
+    newest one.
     """
 
     arity, priority = 1, 0
@@ -189,7 +190,7 @@ class DomainStream(ObjectProcess):
     def on_instant(self) -> None:
         self._tell(self._table.newest)
 
-    def _on_change(self, change: Change, _now_us: int) -> None:
+    def _on_change(self, change: ObjectChange, _now_us: int) -> None:
         if self._network is None:
             return
         if self._valid_us is not None and change.valid_us > self._valid_us:
@@ -204,7 +205,7 @@ class DomainStream(ObjectProcess):
             return
         valid_us = self._network.now_us if self._valid_us is None else self._valid_us
         self._valid_us, self._told_us = None, max(valid_us, self._told_us)
-        self.emit(self._told_us, Symbols(members), self._network.now_us)
+        self.emit(self._told_us, NamedMembers(members), self._network.now_us)
 
 
 class ObjectFeature(ObjectProcess):

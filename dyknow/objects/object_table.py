@@ -1,4 +1,4 @@
-"""The objects of one stream of object states: who is there, and since when (thesis 8.5.1, 8.7.5).
+"""The objects of one stream of object states: which are there, and since when (thesis 8.5.1, 8.7.5).
 
 An object is there from the valid time of its first state. It has vanished with a state whose field `end` is true, or
 `SILENCE_US` after its last state, as the active cars of section 8.7.5.
@@ -23,7 +23,7 @@ END: Final = "end"
 """The field that is true in the last state of an object."""
 
 
-class Change(NamedTuple):
+class ObjectChange(NamedTuple):
     """An object appeared, or vanished, at a valid time."""
 
     valid_us: int
@@ -31,20 +31,20 @@ class Change(NamedTuple):
     appeared: bool
 
 
-OnChange: TypeAlias = Callable[[Change, int], None]
+OnChange: TypeAlias = Callable[[ObjectChange, int], None]
 """Takes a change, and the present time."""
 OnState: TypeAlias = Callable[[Sample], None]
 Undo: TypeAlias = Callable[[], None]
 
 
 class ObjectTable:
-    """Takes one stream of object states while somebody follows its objects; a state costs the same however many there are.
+    """Takes one stream of object states while its objects are followed; a state costs the same however many there are.
 
     Times: microseconds of federation time. A newcomer beyond `MAX_MEMBERS` is left out, which is a fault.
 
     Attributes:
         label: of the stream.
-        newest: the newest state of each object, that of whom nothing was heard for longest first.
+        newest: the newest state of each object, in the order of when it came.
         proxy: the stream, while it is taken.
     """
 
@@ -94,7 +94,7 @@ class ObjectTable:
     # What the stream says
 
     def _begin(self) -> None:
-        """Take the stream, and learn from what it holds who is there."""
+        """Take the stream, and learn from what it holds which objects are there."""
         if self.proxy is not None:
             return
         network = self._network
@@ -114,7 +114,7 @@ class ObjectTable:
             proxy.cancel()
 
     def _on_link(self, linked: bool) -> None:
-        """Without a producer nobody is there."""
+        """Without a producer no object is there."""
         if not linked:
             for symbol in tuple(self.newest):
                 self._vanish(symbol, self._network.now_us, self._network.now_us)
@@ -132,7 +132,7 @@ class ObjectTable:
             if not self._admits(symbol):
                 return
             self.newest[symbol] = sample
-            self._tell(Change(sample.valid_us, symbol, appeared=True), sample.available_us)
+            self._tell(ObjectChange(sample.valid_us, symbol, appeared=True), sample.available_us)
         else:
             self.newest[symbol] = sample if sample.valid_us >= known.valid_us else known
         self._hand_on(symbol, sample)
@@ -160,9 +160,9 @@ class ObjectTable:
 
     def _vanish(self, symbol: str, valid_us: int, now_us: int) -> None:
         del self.newest[symbol]
-        self._tell(Change(valid_us, symbol, appeared=False), now_us)
+        self._tell(ObjectChange(valid_us, symbol, appeared=False), now_us)
 
-    def _tell(self, change: Change, now_us: int) -> None:
+    def _tell(self, change: ObjectChange, now_us: int) -> None:
         for on_change in tuple(self._on_change.values()):
             on_change(change, now_us)
 
@@ -170,7 +170,7 @@ class ObjectTable:
 
     @property
     def deadline_us(self) -> int | None:
-        """When the object vanishes of which nothing was heard for longest; far away, and not none, while there is none."""
+        """When the object with the oldest state vanishes; far away, and not none, while there is none."""
         if self.proxy is None:
             return None
         longest = next(iter(self.newest.values()), None)

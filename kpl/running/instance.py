@@ -10,7 +10,6 @@ from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.network.factory import Prototypes
 from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.network.stream_proxy import StreamProxy
-from dyknow.objects.object_streams import ObjectStreams
 from kpl.checking.definitions import Definitions
 from kpl.checking.specifications import Findings, check_change, check_symbols
 from kpl.checking.symbols import Known, SymbolTable
@@ -23,7 +22,7 @@ from kpl.running.changes import (
     rank,
     together,
     too_early,
-)
+)  # fmt: skip
 from kpl.running.chronicle_streams import ChronicleStreams, recognitions
 from kpl.running.compiling import MAX_DECLARATIONS, Compiler, located, too_many
 from kpl.running.figures import MEANINGS, InstanceFigures
@@ -53,12 +52,10 @@ class Instance:
         sorts: sorts whose values are checked; any other name is a sort of unchecked values.
         semantic: the semantic labels there are without a declaration; None: any.
         prototypes: what sources and units can be made from.
-        catalogue: asked for others by name; None: there is none.
-        offered: names of what the catalogue has.
+        catalogue, offered: asked for others by name, None: there is none; and the names that it has.
         admission: of declarations while a governor sees no time for more: refused, or sampled at a longer period.
-        features: sort and process of a stream that is there while it is wanted, such as a derived feature; None: there
-            is no such stream.
-        objects: makes streams about the objects in streams of object states.
+        features: sort and process of a stream that is there while it is wanted; None: there is no such stream.
+        is_unit: whether a name is that of a unit, and of no object that is seen.
     """
 
     def __init__(
@@ -75,7 +72,7 @@ class Instance:
         federation: Federation | None = None,
         admission: Admission = "refuse",
         features: Features = derived_stream,
-        objects: ObjectStreams | None = None,
+        is_unit: Callable[[str], bool] | None = None,
     ) -> None:
         self.governor: LoadGovernor | None = None
         self.network, self.unit, self.hooks = network, unit, hooks or Hooks()
@@ -93,7 +90,7 @@ class Instance:
         self._times = DeclaredTimes()
         self.symbols = SymbolTable()
         self.compiler = Compiler(unit, self.prototypes, self.symbols, self.sort, admission)
-        self.parts = Parts(network, self.prototypes, self.compiler, objects)
+        self.parts = Parts(network, self.prototypes, self.compiler, is_unit or unit.__eq__)
         self.families = Families(network, self.compiler, self.parts, self._of_member)
         figures = InstanceFigures(network, self.streams, self.monitors)
         network.resolve = lambda label: (

@@ -12,6 +12,7 @@ from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import Prototype, SourcePrototype
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.objects.object_streams import ObjectProcess, ObjectStreams
+from kpl.checking.domains import origin_of
 from kpl.checking.symbols import symbol_of
 from kpl.running.compiling import CompiledGenerator, Compiler, Members, check_offer
 from kpl.running.ports import Undo, nothing
@@ -45,10 +46,10 @@ class Parts:
     """
 
     def __init__(
-        self, network: Network, prototypes: Prototypes, compiler: Compiler, objects: ObjectStreams | None = None
+        self, network: Network, prototypes: Prototypes, compiler: Compiler, is_unit: Callable[[str], bool]
     ) -> None:
         self._network, self._prototypes, self._compiler = network, prototypes, compiler
-        self.objects = objects or ObjectStreams(network, quantities(), lambda name: name == compiler.unit)
+        self.objects = ObjectStreams(network, quantities(lambda: origin_of(compiler.symbols)), is_unit)
         self.held: dict[Label, HeldGenerator] = {}
         self.of_families: dict[Label, Undo] = {}
         self.fed: dict[str, list[Label]] = {}

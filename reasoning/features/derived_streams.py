@@ -21,6 +21,8 @@ Find: TypeAlias = Callable[[FeatureInput], tuple[Label, Callable[[Value], Value]
 Demand: TypeAlias = Callable[[FeatureInput, bool], None]
 """An input is needed from now on, or no longer."""
 
+UNPLACED: Final = "position_in_frame"
+"""The sort of positions in a frame whose place is not known."""
 DERIVED: Final = "derived."
 """Before the name of a feature: the derived one, where a stream of the instance has the name."""
 MOST_ROWS: Final = 1024
@@ -73,6 +75,7 @@ class DerivedStream(OnDemand):
         self._rows: dict[int, list[Sample | None]] = {}
         self._last_us = 0
         self._missing: dict[str, None] = {}
+        self._is_nowhere = False
 
     @property
     def sort(self) -> Sort:
@@ -93,7 +96,7 @@ class DerivedStream(OnDemand):
         return self._wanted
 
     def taken_with(self, policy: Policy) -> list[Input]:
-        """Its inputs, with the policy of who takes it; states of objects as they are put on the grid."""
+        """Its inputs, with the policy of its subscriber; states of objects as they are put on the grid."""
         grids = {proxy.label: proxy.policy for proxy in self.proxies if proxy.policy.approximation == "linear"}
         return [Input(label, grids.get(label, policy)) for label, _ in self._wanted]
 
@@ -109,13 +112,24 @@ class DerivedStream(OnDemand):
     def want(self, grid: Grid | None) -> bool:
         """States of objects are put on the grid, on the line between two of them; of objects alone only if it is wanted."""
         of_objects = [self._is_of_object(proxy.label) for proxy in self.proxies]
-        meeting = Grid(PERIOD_US, 0) if any(of_objects) and not all(of_objects) else None
+        meets = any(of_objects) and not all(of_objects)
+        self._is_nowhere = meets and any(self._is_unplaced(proxy.label) for proxy in self.proxies)
+        meeting = Grid(PERIOD_US, 0) if meets else None
         for proxy, is_of_object in zip(self.proxies, of_objects, strict=True):
             if is_of_object:
                 proxy.change(_on_grid(grid or meeting))
             else:
                 proxy.want(grid)
         return grid is not None
+
+    def _is_unplaced(self, label: Label) -> bool:
+        """Whether it is not known where the metres lie in which an object is seen; reported when that first matters."""
+        generator = None if self._network is None else self._network.behind(label)
+        if generator is None or generator.sort.name != UNPLACED:
+            return False
+        if not self._is_nowhere:
+            self.fault(f"{label} is in metres of a frame; define ORIGIN_LATITUDE_DEG and ORIGIN_LONGITUDE_DEG")
+        return True
 
     def _is_of_object(self, label: Label) -> bool:
         return self._network is not None and isinstance(self._network.process(label), ObjectFeature)
@@ -138,7 +152,7 @@ class DerivedStream(OnDemand):
         self._last_us = valid_us
         self._rows = {at_us: row for at_us, row in self._rows.items() if at_us > valid_us}
         certainty = prod(each.quality.certainty for each in samples)
-        value = self._derivation.values([each.value for each in samples])[self._name]
+        value = NO_VALUE if self._is_nowhere else self._derivation.values([each.value for each in samples])[self._name]
         self.emit(valid_us, value, now_us, SURE if certainty == 1.0 else Quality(certainty))
 
     def _ask(self, *, wanted: bool) -> None:

@@ -12,11 +12,11 @@ from dyknow.model.values import Field, Sort
 from dyknow.objects.object_streams import View, ViewOf
 from navigation.geodesy import metres_per_degree
 from reasoning.features.derivation import ALTITUDE, POSITION, VELOCITY
-
-ORIGIN: Final = (0.0, 0.0)
-"""Where the frame of objects lies that no one has placed: right for what objects are to each other."""
+from reasoning.features.derived_streams import UNPLACED
 
 _POSITION = Sort("position", (Field("latitude_deg", "deg"), Field("longitude_deg", "deg")))
+_UNPLACED = Sort(UNPLACED, _POSITION.fields)
+"""As if the frame were at 0, 0: right for objects among themselves."""
 _ALTITUDE = Sort("altitude", (Field("altitude_m", "m"),))
 _VELOCITY = Sort("velocity", (Field("north_m_s", "m/s"), Field("east_m_s", "m/s"), Field("down_m_s", "m/s")))
 BORNE: Final[Mapping[str, str]] = {
@@ -27,9 +27,9 @@ BORNE: Final[Mapping[str, str]] = {
 """The fields of object states that make what features are derived from."""
 
 
-def quantities(origin: tuple[float, float] = ORIGIN) -> Mapping[str, ViewOf]:
+def quantities(origin: Callable[[], tuple[float, float] | None] = lambda: None) -> Mapping[str, ViewOf]:
     """What features of units are derived from, of objects; `origin` (latitude, longitude, degrees) is that of their frame."""
-    return {POSITION: lambda sort: _position(sort, origin), ALTITUDE: _altitude, VELOCITY: _velocity}
+    return {POSITION: lambda sort: _position(sort, origin()), ALTITUDE: _altitude, VELOCITY: _velocity}
 
 
 def lacks(sort: Sort, needs: tuple[str, ...]) -> str:
@@ -44,20 +44,20 @@ def _places(sort: Sort, *names: str) -> tuple[int, ...] | None:
     return tuple(places[name] for name in names) if all(name in places for name in names) else None
 
 
-def _position(sort: Sort, origin: tuple[float, float]) -> tuple[Sort, View] | None:
+def _position(sort: Sort, origin: tuple[float, float] | None) -> tuple[Sort, View] | None:
     geodetic = _places(sort, "latitude_deg", "longitude_deg")
     if geodetic is not None:
         return _POSITION, _picking(*geodetic)
     local = _places(sort, "x_m", "y_m")
     if local is None:
         return None
-    (x, y), (latitude_deg, longitude_deg) = local, origin
+    (x, y), (latitude_deg, longitude_deg) = local, origin or (0.0, 0.0)
     north_m, east_m = metres_per_degree(latitude_deg)
 
     def placed(state: Value) -> Value:
         return latitude_deg + state[y] / north_m, longitude_deg + state[x] / east_m
 
-    return _POSITION, placed
+    return _UNPLACED if origin is None else _POSITION, placed
 
 
 def _altitude(sort: Sort) -> tuple[Sort, View] | None:

@@ -1,5 +1,7 @@
 """Objects in a stream: who is there at each time, and what of each is a stream (Def. 8.5.1)."""
 
+from itertools import pairwise
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -54,7 +56,7 @@ def test_who_is_there_is_who_has_had_a_state_within_a_minute_and_none_that_ended
         assert set(brought[-1].value) == set(last)
     valid = [sample.valid_us for sample in brought]
     assert valid == sorted(valid)
-    assert all(set(one.value) != set(other.value) for one, other in zip(brought, brought[1:], strict=False))
+    assert all(set(one.value) != set(other.value) for one, other in pairwise(brought))
 
 
 def test_an_object_appears_with_its_first_state_and_vanishes_a_minute_after_its_last() -> None:

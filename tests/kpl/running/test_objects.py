@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from dyknow import NO_VALUE
 from dyknow.model.errors import SourceText
 from kpl import parse_specification, print_specification
 from reasoning.features.proximity import offset_m
@@ -117,12 +118,13 @@ def test_a_platform_and_an_object_meet_on_the_grid_of_the_platform():
     """Objects are seen at times of their own; between two states they are on the line."""
     road = Road(
         f"{CARS}source position own\nstrmgen heli-position[self] = own\nstream d = xy_dist[self, car1]\n"
-        "monitor far = always xy_dist[self, car1] > 27\n"
+        "monitor far = always xy_dist[self, car1] > 27\ndefine ORIGIN_LATITUDE_DEG = 58.4\n"
+        "define ORIGIN_LONGITUDE_DEG = 15.6\n"
     )
     times = [(40_000 * k + 13_000, "car1") for k in range(40)] + [(100_000 * k, "own") for k in range(1, 16)]
     for at_us, what in sorted(times):
         if what == "own":
-            road.push("own", (0.0, 0.0), at_us)
+            road.push("own", (58.4, 15.6), at_us)
         else:
             road.see("car1", at_us, at_us / 1e6 * 25.0)
     for valid_us, distance_m in [(each.valid_us, each.value) for name, each in road.outputs if name == "d"]:
@@ -131,6 +133,23 @@ def test_a_platform_and_an_object_meet_on_the_grid_of_the_platform():
     assert len(road.values("d")) >= 14
     road.wait(4_000_000)
     assert [(each.event, each.valid_us) for each in road.alarms] == [("opened", 100_000), ("closed", 1_100_000)]
+
+
+def test_metres_of_a_frame_whose_place_is_not_declared_are_compared_among_objects_only():
+    road = Road(
+        f"{CARS}source position own\nstrmgen heli-position[self] = own\nstream d = xy_dist[self, car1]\n"
+        "stream e = xy_dist[car1, car2]\n"
+    )
+    for k in range(3):
+        with road.network.instant.whole():
+            road.see("car1", 100_000 * k, 1.0)
+            road.see("car2", 100_000 * k, 4.0)
+            road.push("own", (58.4, 15.6), 100_000 * k)
+    assert set(road.values("d")) == {NO_VALUE}
+    assert road.values("e") == [pytest.approx(3.0)] * 3
+    assert [said for _, said in road.faults] == [
+        "heli-position[car1] is in metres of a frame; define ORIGIN_LATITUDE_DEG and ORIGIN_LONGITUDE_DEG"
+    ]
 
 
 def test_positions_in_degrees_and_in_metres_are_those_of_one_earth():
@@ -201,11 +220,11 @@ def test_memory_is_flat_and_the_network_clean_while_objects_come_and_go():
     hooks = road.instance.hooks
     hooks.on_output = hooks.on_link = lambda _name, _what: None
     tracemalloc.start()
-    _come_and_go(road, 160, 0)
+    _come_and_go(road, 160, 0, 5)
     labels = len(road.network.labels())
     gc.collect()
     before, _ = tracemalloc.get_traced_memory()
-    _come_and_go(road, 150, 160)
+    _come_and_go(road, 150, 160, 5)
     gc.collect()
     after, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
