@@ -1,4 +1,4 @@
-"""Which streams there are, and of which sort: of what is declared, and of what is there without the specification."""
+"""Streams that there are and their sorts: of what is declared, and of what is there without the specification."""
 
 from functools import cached_property
 from typing import Final

@@ -21,7 +21,7 @@ MONITOR, CHRONICLE, DEFINITION = "a monitor", "a chronicle", "a definition"
 SEMANTIC, SORT = "a semantic label", "a sort"
 MARGIN = "margin"
 OF_A_PLATFORM: Final = "units"
-"""The stream, and the domain of formulas, that every platform has: who is in its federation."""
+"""The stream, and the domain of formulas, that every platform has: the platforms of its federation."""
 Constant: TypeAlias = bool | int | float | str | tree.Duration
 UnitSorts: TypeAlias = tuple[str, tuple[str, ...]]
 """The sort of a unit, and those of its inputs."""
