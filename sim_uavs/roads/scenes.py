@@ -96,13 +96,15 @@ def _one(rng: Generator, sd_m: float) -> RoadScene:
 
 
 def _two(rng: Generator) -> RoadScene:
-    """Two cars that meet at a crossing."""
-    routes = (("west", "middle", "east"), ("south", "middle", "west"))
-    drivers = tuple(
-        drawn(f"car{number}", route, rng, start_m=100.0)._replace(kind="car", cruise_m_s=10.0 + 2.0 * number)
-        for number, route in enumerate(routes, 1)
-    )
-    return RoadScene(cross(), drivers, Seeing(sd_m=0.5), 25_000_000)
+    """Two cars, one behind the other, that part at a crossing or do not, as chance has it."""
+    exits = ("north", "east", "south")
+    drivers = [
+        drawn(f"car{number}", ("west", "middle", exits[int(rng.integers(3))]), rng, start_m=start_m)._replace(
+            kind="car", cruise_m_s=float(rng.uniform(9.0, 12.0)), passes=False
+        )
+        for number, start_m in ((1, 60.0 + float(rng.uniform(15.0, 25.0))), (2, 60.0))
+    ]
+    return RoadScene(cross(), tuple(drivers), Seeing(sd_m=0.5), 30_000_000)
 
 
 def _in_town(rng: Generator, count: int, seeing: Seeing) -> RoadScene:
