@@ -23,8 +23,6 @@ NEW: Final = Eventually(Const(value=True), US_PER_S, None)
 ROAD_SEEN: Final = Always(Feature("on_road", (FROM,)), 0, US_PER_S)
 ON_A_ROAD: Final = Eventually(ROAD_SEEN, US_PER_S, None)
 STAYS_ON_ROADS: Final = Always(Eventually(ROAD_SEEN, 0, 10 * US_PER_S))
-
-
 SLACK_M: Final = 3.0
 """Beyond the edge of a road a position counts as on it: what sensors err."""
 

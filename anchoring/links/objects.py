@@ -17,14 +17,15 @@ LINKS_KEPT: Final = 64
 """How many of the latest events of its links an object keeps."""
 
 EventKind: TypeAlias = Literal["established", "reestablished", "unlinked", "reclassified", "forgotten"]
-Cause: TypeAlias = Literal["establish", "reestablish", "maintain", "ended", "silent", "forgotten", "withdrawn"]
+Cause: TypeAlias = Literal["establish", "reestablish", "maintain", "wanted", "ended", "silent", "forgotten"]
 
 
 class LinkReason(NamedTuple):
     """Why a link was made or removed, or an object.
 
     Attributes:
-        cause: a condition; the percept ended, or had no sample for too long; the object was not anchored for too long.
+        cause: a condition, or the description of a wanted object; the percept ended, or had no sample for too long; the
+            object was not anchored for too long.
         formula: of the condition, with the parts and samples that decided it in `explanations`.
         for_us: how long the percept was silent, or the object not anchored.
     """
@@ -62,6 +63,8 @@ class LinkObject:
         prediction: the latest since then; None while it is observed.
         incoming, outgoing: live links, by the name of their process.
         anchored_us: when it was anchored last.
+        individual: what is learnt of its motion; None for percepts.
+        classes: by what it was classified last, by the name that exclusive specifications share.
     """
 
     symbol: str
@@ -73,13 +76,16 @@ class LinkObject:
     incoming: "dict[str, ObjectLink]" = field(default_factory=dict)
     outgoing: "dict[str, ObjectLink]" = field(default_factory=dict)
     anchored_us: int = 0
-    individual: Individual = field(default_factory=Individual)
+    individual: Individual | None = None
+    classes: dict[str, str] = field(default_factory=dict)
     history: deque[LinkEvent] = field(default_factory=lambda: deque(maxlen=LINKS_KEPT))
 
     def observe(self, state: ObjectState) -> None:
         """Take a state that was seen."""
         self.state, self.prediction = state, None
         self.observed.append(state)
+        if self.individual is not None:
+            self.individual.observe(state)
 
     def expect(self, prediction: ObjectPrediction) -> None:
         """Take a state that was predicted."""

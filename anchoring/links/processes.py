@@ -11,8 +11,8 @@ from collections.abc import Collection, Iterable, Iterator
 from typing import Final, NamedTuple, Protocol
 
 from anchoring.links.assignment import assigned, natural
-from anchoring.links.conditions import PairCondition
-from anchoring.links.nearness import NearObjects
+from anchoring.links.deciding.conditions import PairCondition
+from anchoring.links.deciding.nearness import NearObjects
 from anchoring.links.objects import EventKind, LinkObject, LinkReason, ObjectLink
 from anchoring.links.prediction import ObjectPrediction, certain
 from anchoring.links.specification import LinkSpecification
@@ -25,8 +25,8 @@ _MOST_TIMES: Final = 1024
 class LinkSurroundings(Protocol):
     """What a link process needs of the structures it belongs to."""
 
-    def create(self, valid_us: int, target: str, state: ObjectState) -> LinkObject:
-        """A new object."""
+    def create(self, valid_us: int, target: str, state: ObjectState, symbol: str | None = None) -> LinkObject:
+        """A new object, with a symbol of its own if none is given."""
 
     def expected(self, one: LinkObject, valid_us: int) -> ObjectPrediction:
         """Where an object is at a time, by its latest state or its predictor."""
@@ -123,6 +123,11 @@ class LinkProcess:
         del link.target.incoming[self.name]
         self.on_target(link.target, max(valid_us, link.since_us + 1))
         self._around.on_unlinked(valid_us, link, reason)
+
+    def may_rename(self, one: LinkObject, named: Collection[str]) -> bool:
+        """Whether an object of A could be one that is wanted: not excluded, and not linked to one that was wanted."""
+        link = one.outgoing.get(self.name)
+        return one.symbol in self.unlinked if link is None else link.target.symbol not in named
 
     # What happens at a tick
 
@@ -273,9 +278,14 @@ class LinkProcess:
                 self._reestablish.pass_by(evaluation, start_us)
         return evaluation
 
+    def anchor(self, valid_us: int, source: LinkObject, symbol: str, reason: LinkReason) -> None:
+        """Link an unlinked object of A to a wanted object of B, which it is found to be."""
+        created = self._around.create(valid_us, self.specification.target, self._first(source), symbol)
+        self._link(valid_us, "reestablished", source, created, reason)
+
     def _link(self, valid_us: int, kind: EventKind, source: LinkObject, target: LinkObject, reason: LinkReason) -> None:
         link = ObjectLink(self, source, target, valid_us)
-        if kind == "established":
+        if not target.observed:
             target.observe(target.state)
         elif source.prediction is None:
             target.observe(self._computed(valid_us, link))

@@ -13,15 +13,19 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 from itertools import count
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from anchoring.links.assignment import natural
+from anchoring.links.deciding.wanted import WantedObject, WantedObjects, described
+from anchoring.links.individuals import Individual
 from anchoring.links.objects import EventKind, LinkEvent, LinkObject, LinkReason, ObjectLink
 from anchoring.links.prediction import ConstantVelocity, ObjectPrediction, Predictor, certain
 from anchoring.links.processes import LinkProcess, updated
 from anchoring.links.rhythm import Rhythm
 from anchoring.links.specification import LinkSpecification
 from anchoring.links.states import ObjectState, moved
+from dyknow import Value
+from reasoning.formulas.tree import Formula
 
 MOST_TICKS: Final = 10_000
 """Most predictions at the sample period between two ticks."""
@@ -92,6 +96,7 @@ class ObjectLinkage:
         self._numbers = {prefix: count(1) for prefix in set(self._types.values())}
         self._latest_us: int | None = None
         self._events: list[LinkEvent] = []
+        self._wanted = WantedObjects()
         self._forgotten: deque[LinkObject] = deque(maxlen=_FORGOTTEN_KEPT)
 
     # Time and percepts
@@ -145,7 +150,9 @@ class ObjectLinkage:
         fresh = {type_: updated(self._objects[type_].values(), valid_us) for type_ in self._rhythms}
         for type_, processes in self._into.items():
             for process in processes:
-                process.step(valid_us, fresh[process.specification.source])
+                sources = fresh[process.specification.source]
+                self._seek(valid_us, process, sources)
+                process.step(valid_us, sources)
             objects = self._objects[type_]
             fresh[type_] = updated(objects.values(), valid_us)
             self._forget(valid_us, type_)
@@ -223,10 +230,12 @@ class ObjectLinkage:
 
     # Objects and links
 
-    def create(self, valid_us: int, target: str, state: ObjectState) -> LinkObject:
-        """A new object with a symbol of its own."""
+    def create(self, valid_us: int, target: str, state: ObjectState, symbol: str | None = None) -> LinkObject:
+        """A new object, with a symbol of its own if none is given."""
         prefix = self._types[target]
-        return self._added(LinkObject(f"{prefix}{next(self._numbers[prefix])}", target, valid_us, state))
+        while symbol is None or symbol in self._objects[target]:
+            symbol = f"{prefix}{next(self._numbers[prefix])}"
+        return self._added(LinkObject(symbol, target, valid_us, state, individual=Individual()))
 
     def _added(self, one: LinkObject) -> LinkObject:
         self._objects[one.type][one.symbol] = one
@@ -244,10 +253,15 @@ class ObjectLinkage:
         for other in self._excluded(link):
             other.drop_source(link.source.symbol)
         self._tell(valid_us, kind, link, reason, weight)
+        if group := link.process.specification.exclusive:
+            before = link.source.classes.get(group, link.target.type)
+            link.source.classes[group] = link.target.type
+            if before != link.target.type:
+                self._tell(valid_us, "reclassified", link, reason, weight)
 
     def on_unlinked(self, valid_us: int, link: ObjectLink, reason: LinkReason) -> None:
         """A link was removed; if its source is alive, its evaluations start at the next state."""
-        if not link.target.incoming:
+        if not link.target.incoming and link.target.individual is not None:
             link.target.individual.pause()
         if link.source.symbol in self._objects[link.source.type]:
             for process in self._from[link.source.type]:
@@ -266,6 +280,7 @@ class ObjectLinkage:
             link.process.unlink(valid_us, link, reason)
         for process in self._from.get(one.type, ()):
             process.drop_source(one.symbol)
+            self._wanted.drop(process.name, one.symbol)
         for process in self._into.get(one.type, ()):
             process.drop_target(one.symbol)
 
@@ -292,6 +307,64 @@ class ObjectLinkage:
         source.history.append(event)
         target.history.append(event)
         self._events.append(event)
+
+    # Top-down identification
+
+    def want(
+        self, symbol: str, type_: str, description: Formula | Mapping[str, Value], place: ObjectState | None = None
+    ) -> None:
+        """Look for an object that is described: the first one below for which the description holds is given the symbol.
+
+        Args:
+            symbol: of no other object.
+            type_: of objects that are linked.
+            description: a formula over `from`, and over `to` if a place is given; or values of attributes.
+            place: where it is thought to be.
+
+        Raises:
+            ValueError: there is no link into the type, or the symbol is taken.
+        """
+        if type_ not in self._into:
+            raise ValueError(f"no link leads to the type {type_!r}; there are {', '.join(self._into)}")
+        if symbol in self.wanted or self.find(symbol) is not None:
+            raise ValueError(f"the symbol {symbol!r} is taken; give the wanted object another")
+        formula = described(description) if isinstance(description, Mapping) else description
+        for process in self._into[type_]:
+            self._wanted.add(WantedObject(symbol, process.specification, formula, place), process.name)
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """The symbols of objects that are looked for."""
+        return self._wanted.symbols
+
+    def _seek(self, valid_us: int, process: LinkProcess, sources: Sequence[LinkObject]) -> None:
+        """Find wanted objects among those that are not linked to what excludes their type, or was wanted itself."""
+        if not self._wanted.symbols:
+            return
+
+        def candidates() -> list[LinkObject]:
+            return [one for one in sources if process.may_rename(one, self._wanted.named)]
+
+        for symbol, (source, reason) in self._wanted.found(valid_us, process.name, candidates):
+            if (link := source.outgoing.get(process.name)) is None:
+                process.anchor(valid_us, source, symbol, reason)
+            else:
+                self._rename(valid_us, link, symbol, reason)
+
+    def _rename(self, valid_us: int, link: ObjectLink, symbol: str, reason: LinkReason) -> None:
+        """What was known under another symbol is the wanted object."""
+        one = link.target
+        event = LinkEvent(valid_us, "forgotten", "", "", one.symbol, one.type, reason)
+        one.history.append(event)
+        self._events.append(event)
+        tables: list[dict[str, Any]] = [self._objects[one.type]]
+        tables += [process.unlinked for process in self._from.get(one.type, ())]
+        tables += [process.available for process in self._into[one.type]]
+        for table in tables:
+            if one.symbol in table:
+                table[symbol] = table.pop(one.symbol)
+        one.symbol = symbol
+        self._tell(valid_us, "reestablished", link, reason)
 
     # Questions
 

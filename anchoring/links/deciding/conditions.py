@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from math import inf
 from typing import Final, TypeAlias
 
-from anchoring.links.gating import gate_of
+from anchoring.links.deciding.gating import gate_of
 from anchoring.links.prediction import ObjectPrediction
 from anchoring.links.specification import ALWAYS_TRUE, DISTANCES, FROM, THRESHOLD, TO, LinkSpecification, StateFeature
 from anchoring.links.states import ObjectState
