@@ -1,0 +1,154 @@
+"""Percepts from JSON lines: what they come to, and what is wrong with others."""
+
+import json
+import math
+import random
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from anchoring.links.structures import ObjectLinkage
+from anchoring.percepts.reading import PerceptReader, PerceptTick
+from anchoring.ready import VISION, WORLD, ready_specification
+from dyknow.model.errors import TextError
+from navigation import LocalFrame
+
+PERCEPT = {
+    "t_ms": 100, "percept": "vp1", "type": VISION, "x_m": 1.0, "y_m": 2.0, "sd_m": 0.8, "vx_m_s": 9.0, "vy_m_s": 0.1,
+    "colour": "red",
+}  # fmt: skip
+
+
+def read(*lines: Any, frame: LocalFrame | None = None) -> tuple[list[PerceptTick], list[TextError]]:
+    errors: list[TextError] = []
+    reader = PerceptReader("p.jsonl", (VISION,), errors.append, frame)
+    texts = [line if isinstance(line, str) else json.dumps(line) for line in lines]
+    return list(reader.ticks(texts)), errors
+
+
+def test_a_line_is_a_percept_with_position_velocity_uncertainty_and_attributes() -> None:
+    (tick,), errors = read(PERCEPT)
+    ((symbol, type_, state),) = tick.percepts
+    assert not errors
+    assert (tick.valid_us, symbol, type_) == (100_000, "vp1", VISION)
+    assert state is not None
+    assert state[:5] == (100_000, 1.0, 2.0, 9.0, 0.1)
+    assert state.covariance[0, 0] == pytest.approx(0.64)
+    assert state.attributes == {"colour": "red"}
+
+
+def test_lines_of_one_time_are_one_tick_and_an_end_has_no_state() -> None:
+    ticks, errors = read(PERCEPT, {**PERCEPT, "percept": "vp2"}, "", {"t_ms": 200.5, "percept": "vp1", "end": True})
+    assert not errors
+    assert [(tick.valid_us, [(one.symbol, one.state is None) for one in tick.percepts]) for tick in ticks] == [
+        (100_000, [("vp1", False), ("vp2", False)]),
+        (200_500, [("vp1", True)]),
+    ]
+
+
+def test_places_on_earth_become_metres_about_the_first_or_in_the_frame_of_the_roads() -> None:
+    first = {"t_ms": 0, "percept": "a", "latitude_deg": 58.4, "longitude_deg": 15.6}
+    (tick,), errors = read(first, {**first, "percept": "b", "latitude_deg": 58.401})
+    assert not errors
+    a, b = (one.state for one in tick.percepts)
+    assert a is not None
+    assert b is not None
+    assert math.hypot(a.x_m, a.y_m) < 1e-6
+    assert b.y_m == pytest.approx(111.4, abs=0.3)
+    ((_, (given_frame,)),), _ = read(first, frame=LocalFrame(58.4, 15.59, 0.0))
+    assert given_frame.state is not None
+    assert given_frame.state.x_m == pytest.approx(585.0, abs=2.0)
+
+
+WRONG = {
+    "no json": "{",
+    "no object": "[1]",
+    "nan": '{"t_ms": 0, "percept": "a", "x_m": NaN, "y_m": 0}',
+    "infinite": '{"t_ms": 0, "percept": "a", "x_m": 1e999, "y_m": 0}',
+    "huge integer": f'{{"t_ms": 0, "percept": "a", "x_m": 1{"0" * 400}, "y_m": 0}}',
+    "far": {**PERCEPT, "x_m": 1e9},
+    "no position": {"t_ms": 0, "percept": "a"},
+    "half a position": {"t_ms": 0, "percept": "a", "x_m": 0},
+    "two positions": {**PERCEPT, "latitude_deg": 0, "longitude_deg": 0},
+    "truth for a number": {**PERCEPT, "x_m": True},
+    "no time": {"percept": "a", "x_m": 0, "y_m": 0},
+    "time that is a text": {**PERCEPT, "t_ms": "now"},
+    "no name": {"t_ms": 0, "x_m": 0, "y_m": 0},
+    "a name that is a number": {**PERCEPT, "percept": 7},
+    "a long name": {**PERCEPT, "percept": "x" * 300},
+    "another type": {**PERCEPT, "type": "vision_precept"},
+    "negative deviation": {**PERCEPT, "sd_m": -1},
+    "half a velocity": {"t_ms": 0, "percept": "a", "x_m": 0, "y_m": 0, "vx_m_s": 1},
+    "an end that is a number": {**PERCEPT, "end": 1},
+    "an attribute that is a list": {**PERCEPT, "colour": [1]},
+    "many attributes": {**PERCEPT, **{f"a{n}": n for n in range(100)}},
+    "a long line": json.dumps({**PERCEPT, "x": "y" * 2_000_000}),
+    "deep": "[" * 100_000,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_line_that_is_wrong_is_reported_with_its_number_and_remedy_and_the_others_are_read(name: str) -> None:
+    ticks, (error,) = read(PERCEPT, WRONG[name], {**PERCEPT, "t_ms": 200})
+    assert [tick.valid_us for tick in ticks] == [100_000, 200_000]
+    assert (error.line, error.file) == (2, "p.jsonl")
+    assert error.repair
+    assert len(str(error)) < 1000
+
+
+def test_a_type_that_is_nearly_right_gets_a_suggestion() -> None:
+    assert "vision_percept" in str(read({**PERCEPT, "type": "vision_precept"})[1][0])
+
+
+def test_time_that_goes_backwards_is_left_out() -> None:
+    ticks, (error,) = read(PERCEPT, {**PERCEPT, "t_ms": 50}, {**PERCEPT, "t_ms": 150})
+    assert [tick.valid_us for tick in ticks] == [100_000, 150_000]
+    assert "before, there was t_ms 100" in error.message
+
+
+def test_one_percept_twice_in_a_tick_counts_if_both_are_the_same_and_else_not_at_all() -> None:
+    (tick,), errors = read(PERCEPT, PERCEPT)
+    assert len(tick.percepts) == 1
+    assert not errors
+    (tick,), (error,) = read(PERCEPT, {**PERCEPT, "x_m": 90.0}, {**PERCEPT, "percept": "vp2"})
+    assert [one.symbol for one in tick.percepts] == ["vp2"]
+    assert error.line == 2
+
+
+def test_local_and_geographic_positions_do_not_mix() -> None:
+    on_earth = {"t_ms": 200, "percept": "a", "latitude_deg": 0.0, "longitude_deg": 0.0}
+    assert "local" in read(PERCEPT, on_earth)[1][0].message
+    assert "geographic" in read(PERCEPT, frame=LocalFrame(0.0, 0.0, 0.0))[1][0].message
+    far = {**on_earth, "t_ms": 300, "latitude_deg": 50.0}
+    assert "km" in read(on_earth, far)[1][0].message
+
+
+@given(st.lists(st.text(max_size=60) | st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(sorted(PERCEPT)), inner, max_size=9),
+).map(json.dumps), max_size=8))  # fmt: skip
+def test_whatever_the_lines_are_each_is_read_or_reported(lines: list[str]) -> None:
+    lines = [line.replace("\n", " ") for line in lines]
+    ticks, errors = read(*lines)
+    assert sum(len(tick.percepts) for tick in ticks) + len(errors) <= sum(bool(line.strip()) for line in lines)
+
+
+def test_ten_thousand_percepts_of_clutter_in_a_frame_leave_the_known_identity_as_it_is() -> None:
+    rng = random.Random(1)
+    linkage = ObjectLinkage(ready_specification())
+    lines = []
+    for t_ms in range(0, 3000, 100):
+        lines.append({**PERCEPT, "t_ms": t_ms, "x_m": t_ms / 100, "y_m": 0.0, "vx_m_s": 10.0})
+        if t_ms in {1500, 1600}:
+            lines += [
+                {"t_ms": t_ms, "percept": f"c{t_ms}.{n}", "x_m": rng.uniform(0, 1000), "y_m": rng.uniform(0, 1000)}
+                for n in range(10_000)
+            ]
+    ticks, errors = read(*lines)
+    events = [event for tick in ticks for event in linkage.on_percepts(*tick).events]
+    assert not errors
+    assert [(event.kind, event.source) for event in events] == [("established", "vp1")]
+    assert linkage.anchored("wo1")
+    assert set(linkage.objects(WORLD)) == {"wo1"}
