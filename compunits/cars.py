@@ -19,23 +19,23 @@ from compunits.numeric import Numbers, is_sound, numbers_of, numeric, positive
 from compunits.smoothing import MovingAverage
 from dyknow import NO_VALUE, US_PER_S, Field, Sample, Sort, Value, computational_unit, value_unit
 from dyknow.model.errors import SortError
-from dyknow.network.mediation import members_of
+from dyknow.network.mediation import MAX_MEMBERS, members_of
 
 NO_LINK: Final = "no_link"
 NO_CROSSING: Final = "no_crossing"
 
 _PLACE: Final = (Field("symbol", "text"), Field("x_m", "m"), Field("y_m", "m"))
 _AREAS: Final = (Field("link", "text"), Field("crossing", "text"))
-SEEN_CAR: Final = Sort("seen_car", (*_PLACE, Field("road_deg", "deg"), *_AREAS))
+SEEN_CAR: Final = Sort("seen-car", (*_PLACE, Field("road_deg", "deg"), *_AREAS))
 """Where a car is seen, and what the map says of that place: the direction of the road segment, the link, the crossing."""
 CAR: Final = Sort("car", (*_PLACE, Field("forward_deg", "deg"), *_AREAS))
 """The same of a car whose forward direction is known: along its road segment or against it."""
-CAR_AREA: Final = Sort("car_area", _AREAS)
+CAR_AREA: Final = Sort("car-area", _AREAS)
 """The areas of the map that a car is in: `cars.link[car1]` and `cars.crossing[car1]` of 8.7.4."""
-ROAD_OFFSET: Final = Sort("road_offset", (Field("ahead_m", "m"), Field("right_m", "m"), Field("agreement", "1")))
+ROAD_OFFSET: Final = Sort("road-offset", (Field("ahead_m", "m"), Field("right_m", "m"), Field("agreement", "1")))
 """Where car 1 is, seen from car 2 in the direction in which car 1 drives; `agreement`: the cosine of their directions."""
 ROAD_RELATIONS: Final = Sort(
-    "road_relations",
+    "road-relations",
     tuple(Field(name, "bool") for name in ("behind", "beside", "in_front", "left", "right", "oncoming", "close")),
 )
 """What `RoadRelations` gives: `car_relations.behind[car1, car2]` is "car1 is behind car2"."""
@@ -94,7 +94,7 @@ def car_area(car: Value) -> Value:
     return car[4:] if _is_car(car) and is_sound(car) else NO_VALUE
 
 
-@value_unit(ROAD_OFFSET, "car_pair", name="RoadOffset")
+@value_unit(ROAD_OFFSET, "state", name="RoadOffset")
 def road_offset(pair: Value) -> Value:
     """From a state of two cars: where the first is, seen from the second; no value unless both are on one link."""
     one, other = pair if isinstance(pair, tuple) and len(pair) == 2 else (NO_VALUE, NO_VALUE)
@@ -147,7 +147,7 @@ class RoadRelations:
         return quarter == 2, quarter in {1, 3}, quarter == 0, quarter == 3, quarter == 1, agreement < 0.0, close
 
 
-@value_unit("pairs", "names", name="Pairs")
+@value_unit("pairs", "object", name="Pairs")
 def pairs(names: Value) -> Value:
     """All pairs of two different objects of a set, in both orders: the first may overtake the second."""
     return tuple(permutations(_names(names), 2))
@@ -158,3 +158,34 @@ def _names(value: Value) -> tuple[str, ...]:
         return members_of(value)
     except SortError:
         return ()
+
+
+@computational_unit("object", "recognition")
+class Subjects:
+    """A class of objects that a chronicle forms: the first argument of all instances of the last `seconds`, an hour.
+
+    Its input is the stream of what is recognised, `chronicle[wrong_side]`; an output whenever the class changes.
+    """
+
+    def __init__(self, seconds: float = 3600.0) -> None:
+        self._span_us = round(positive("seconds", seconds) * US_PER_S)
+        self._named_us: dict[str, int] = {}
+
+    def __call__(self, _now_us: int, sample: Sample) -> Value:
+        arguments = sample.value[0] if isinstance(sample.value, tuple) and sample.value else ()
+        names = _names(arguments[:1]) if isinstance(arguments, tuple) else ()
+        before = tuple(self._named_us)
+        for name in names:
+            if name in before or len(before) < MAX_MEMBERS:
+                self._named_us[name] = max(sample.valid_us, self._named_us.get(name, sample.valid_us))
+        oldest_us = max(self._named_us.values(), default=0) - self._span_us
+        self._named_us = {name: named_us for name, named_us in self._named_us.items() if named_us >= oldest_us}
+        members = tuple(self._named_us)
+        return None if members == before else members
+
+
+@computational_unit("object", "object", "object", name="Either", needs_all=False)
+def either(_now_us: int, one: Sample | None, other: Sample | None) -> Value:
+    """The objects that one of two sets names, or both; no value where there is none. What is not there yet is empty."""
+    named = (_names(each.value) for each in (one, other) if each is not None)
+    return tuple(dict.fromkeys(name for names in named for name in names)) or NO_VALUE

@@ -6,8 +6,9 @@ And redundancy: one stream of several producers, one of them in use (3.2).
 import re
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import partial
+from typing import Generic, TypeVar
 
 from dyknow.model.errors import SortError
 from dyknow.model.instants import print_span
@@ -46,6 +47,25 @@ def members_of(value: Value) -> tuple[str, ...]:
         raise SortError(f"{len(several)} objects at once; at most {MAX_MEMBERS} can be members")
     members = list(map(member_name, several))
     return tuple(dict.fromkeys(sorted(members) if isinstance(value, frozenset) else members))
+
+
+def tuples_of(value: Value, count: int) -> tuple[tuple[str, ...], ...]:
+    """The tuples of `count` objects that a value names; for 1 each object by itself.
+
+    Raises:
+        SortError: it names something else, or too many.
+    """
+    if count == 1:
+        return tuple([(one,) for one in members_of(value)])
+    if value is NO_VALUE:
+        return ()
+    if not isinstance(value, tuple | frozenset) or not all(
+        isinstance(one, tuple) and len(one) == count for one in value
+    ):
+        raise SortError(f"{str(value)[:80]} is no set of {count} objects each")
+    if len(value) > MAX_MEMBERS:
+        raise SortError(f"{len(value)} of {count} objects at once; at most {MAX_MEMBERS} can be members")
+    return tuple(dict.fromkeys(tuple(map(member_name, one)) for one in value))
 
 
 def member_name(one: Value) -> str:
@@ -363,11 +383,15 @@ class Failover(Relay):
             self.pass_on(self._wanted[i].label, sample)
 
 
-class Configuration:
+Member = TypeVar("Member", bound=Hashable)
+
+
+class Configuration(Generic[Member]):
     """Sees to it that for each member that a stream names there is what belongs to it (Def. 3.3.4).
 
     Args:
         create: a member came, or may lack what belongs to it; `remove`: it went.
+        named: the members that a value of the stream names; raises SortError.
         admit: called before any change with the number of newcomers; raises SortError, and all stays.
     """
 
@@ -375,12 +399,14 @@ class Configuration:
         self,
         network: ProcessNetwork,
         domain: Input,
-        create: Callable[[str], None],
-        remove: Callable[[str], None],
+        create: Callable[[Member], None],
+        remove: Callable[[Member], None],
+        named: Callable[[Value], Sequence[Member]],
         admit: Callable[[int], None] = lambda _more: None,
     ) -> None:
         self._network, self.domain, self._create, self._remove, self._admit = network, domain, create, remove, admit
-        self.members: dict[str, None] = {}
+        self._named = named
+        self.members: dict[Member, None] = {}
         self.proxy = network.connect(domain.label, domain.policy, self._on_sample, current=True)
 
     def renew(self) -> None:
@@ -395,14 +421,14 @@ class Configuration:
 
     def _on_sample(self, sample: Sample) -> None:
         try:
-            members = members_of(sample.value)
+            members = self._named(sample.value)
             self._admit(len(members) - len(self.members))
         except SortError as wrong:
             self._network.on_fault(self.domain.label, str(wrong))
         else:
             self._set(members)
 
-    def _set(self, members: Sequence[str]) -> None:
+    def _set(self, members: Sequence[Member]) -> None:
         staying = set(members)
         for gone in [member for member in self.members if member not in staying]:
             del self.members[gone]

@@ -118,8 +118,10 @@ class ObjectStreams:
         generator = network.behind(label)
         if network.is_implicit(label) or generator is None or not generator.sort.is_of_objects:
             return
-        if not label.objects:
-            self._streams[label] = None
+        if label.objects:  # its objects are known by its own label only
+            network.recall(domain_of(label))
+            return
+        self._streams[label] = None
         self._remake(each for each in network.labels() if isinstance(network.process(each), ObjectProcess))
 
 

@@ -114,22 +114,11 @@ class _Checker(DeclarationErrors):
             case spec.UnitDeclaration(sort, _, inputs):
                 for each in dict.fromkeys((sort, *inputs)):
                     self._sort(each, declaration)
-            case spec.ForEach(variable, _, body) if not isinstance(body, spec.GeneratorDeclaration):
-                self._check(body)
-                if isinstance(body, spec.MonitorDeclaration):
-                    is_used = instantiate(body.formula, variable, "?") != body.formula
-                else:
-                    is_used = variable in body.term.label.objects
-                if not is_used:
-                    said = f"the members of the stream would all have the same: {variable} is not in it"
-                    self.wrong(said, body, f"pos[{variable}]")
-            case spec.ForEach(variable, _, body):
-                if isinstance(body, spec.GeneratorDeclaration) and variable not in body.label.objects:
-                    self.wrong(
-                        f"every member of the stream would make {body.label}",
-                        body,
-                        f"{body.label.feature}[{', '.join((variable, *body.label.objects))}]",
-                    )
+            case spec.ForEach(variables, _, body):
+                if not isinstance(body, spec.GeneratorDeclaration):
+                    self._check(body)
+                for variable in variables:
+                    self._check_member(variable, body)
             case spec.SortDeclaration(sort):
                 self._shape(sort, declaration)
             case spec.LabelDeclaration():
@@ -213,6 +202,26 @@ class _Checker(DeclarationErrors):
     def _sort(self, sort: str, node: Node) -> None:
         if self.known.sorts is not None and sort not in self.known.sorts:
             self.wrong(f"there is no sort {sort}", node, self.closest(sort, self.known.sorts))
+
+    def _check_member(self, variable: str, body: spec.Declaration) -> None:
+        """What is declared for each member depends on each of its objects."""
+        match body:
+            case spec.GeneratorDeclaration(label):
+                if variable not in label.objects:
+                    repair = f"{label.feature}[{', '.join((variable, *label.objects))}]"
+                    self.wrong(f"every member of the stream would make {label}", body, repair)
+                return
+            case spec.MonitorDeclaration(_, formula):
+                is_used = instantiate(formula, variable, "?") != formula
+            case spec.StreamDeclaration(_, term) | spec.Export(_, term):
+                is_used = variable in term.label.objects
+            case spec.Import(_, _, term):
+                is_used = variable in term.label.objects
+            case _:
+                return
+        if not is_used:
+            said = f"the members of the stream would all have the same: {variable} is not in it"
+            self.wrong(said, body, f"pos[{variable}]")
 
     # Inputs: are they there, and of the right sort
 

@@ -111,8 +111,8 @@ def symbol_of(declaration: spec.Declaration) -> Symbol:
             return Symbol(declaration, MAKER, (name,))
         case spec.GeneratorDeclaration(label, made):
             return Symbol(declaration, GENERATOR, (label,), label, takes=tuple(_needs(made, NOTHING)))
-        case spec.ForEach(variable, domain, body):
-            free, one = frozenset({variable}), symbol_of(body)
+        case spec.ForEach(variables, domain, body):
+            free, one = frozenset(variables), symbol_of(body)
             takes = (Need(domain), *(Need(need.term, need.variables | free) for need in one.takes))
             return replace(one, declaration=declaration, variables=free, takes=takes)
         case spec.Import(_, _, term):

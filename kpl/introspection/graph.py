@@ -5,7 +5,7 @@ samples of a history, drops and gaps from the adapters.
 """
 
 import json
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -122,7 +122,7 @@ def graph_of(instance: Instance) -> Graph:
         edges += [_edge(str(proxy.label), path, proxy) for proxy in chronicles.watch.proxies.values()]
         edges += [Edge(path, str(label)) for label in chronicles.labels]
     for label, family in instance.families.members.items():
-        members = ", ".join(family.members) or "none now"
+        members = ", ".join(map(_member, family.members)) or "none now"
         nodes.append(GraphNode(str(label), "family", note=(f"members: {members}",)))
         edges.append(_edge(str(family.domain.label), str(label), family.proxy))
     for prototype, labels in instance.lacking.items():
@@ -130,6 +130,10 @@ def graph_of(instance: Instance) -> Graph:
             nodes.append(GraphNode(str(label), "unit", made_by=prototype, note=(f"no host offers {prototype} yet",)))
             edges += [Edge(str(source), str(label)) for source in instance.parts.inputs_of(label)]
     return _with_federation(instance, nodes, edges)
+
+
+def _member(objects: Sequence[str]) -> str:
+    return objects[0] if len(objects) == 1 else f"[{', '.join(objects)}]"
 
 
 def _other_than(generators: Collection[str], kind: str, name: str) -> str:

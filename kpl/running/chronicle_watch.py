@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 
 from dyknow import NO_VALUE, Label, Network, Policy, Sample, Sort, Value
 from dyknow.model.instants import US_PER_MS, US_PER_S
-from dyknow.network.mediation import Configuration
+from dyknow.network.mediation import Configuration, members_of
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.objects.object_streams import attribute_of, domain_of
@@ -95,7 +95,7 @@ class ChronicleWatch:
         self._waiting: list[QueuedSample] = []
         self._count = 0
         self._told = set[tuple[Label, str]]()
-        self._families: dict[Label, Configuration] = {}
+        self._families: dict[Label, Configuration[str]] = {}
         self._taking: Label | None = None
         self._unmeet = network.meet(self._on_label)
         network.step(self)
@@ -170,7 +170,7 @@ class ChronicleWatch:
         ]
         if names:
             begin, end = partial(self._on_object, names, True), partial(self._on_object, names, False)
-            self._families[label] = Configuration(self.network, Input(domain_of(label)), begin, end)
+            self._families[label] = Configuration(self.network, Input(domain_of(label)), begin, end, members_of)
 
     def _on_object(self, names: Sequence[str], appeared: bool, symbol: str) -> None:
         for name in names:

@@ -185,10 +185,10 @@ class Compiler:
         match declaration:
             case spec.GeneratorDeclaration():
                 self._check_made(declaration)
-            case spec.ForEach(variable, domain, body):
+            case spec.ForEach(variables, domain, body):
                 self._check_policy(domain, domain.policy)
                 if isinstance(body, spec.GeneratorDeclaration):
-                    self._check_made(body, {variable: variable})
+                    self._check_made(body, {each: each for each in variables})
                 else:
                     self._check(spec.monitor_of(declaration) or body, definitions, text)
             case spec.UnitDeclaration(sort, name, inputs):

@@ -294,7 +294,7 @@ class FormulaStates:
         for label, sample in self._newest.items():
             era.on_sample(label, sample, self._network.now_us)
         self._streams.take(_names(era), partial(self._connect, era))
-        if last is not None and last.first_us(self.period_us, self._policy.from_us or 0) >= begins_us:
+        if last in self._eras and last.first_us(self.period_us, self._policy.from_us or 0) >= begins_us:
             self._eras.remove(last)  # no state lies between the two changes
             self._end(last)
         self._hand_on(self._network.now_us)

@@ -1,12 +1,12 @@
 """The generators of a running specification: what each is made from, and what waits for a producer."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple, TypeAlias
 
 from dyknow import SURE, DyknowError, Label, Network, Quality, Sort, SortError, Value
 from dyknow.network.factory import Prototypes
-from dyknow.network.mediation import Configuration, Mediation
+from dyknow.network.mediation import Configuration, Mediation, tuples_of
 from dyknow.network.process import Process
 from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import Prototype, SourcePrototype
@@ -20,6 +20,8 @@ from kpl.syntax import specification as spec
 from kpl.syntax.listing import print_declaration
 from reasoning.features.objects import quantities
 
+Objects: TypeAlias = tuple[str, ...]
+"""A member of a family: one object, or a pair of them."""
 Features: TypeAlias = Callable[[Label], tuple[Sort, Process] | None]
 
 MAX_OF_FAMILIES = 16_384
@@ -233,8 +235,8 @@ class Families:
     ) -> None:
         self._network, self._compiler, self._parts = network, compiler, parts
         self._realise = realise
-        self.members: dict[Label, Configuration] = {}
-        self.others: dict[str, Configuration] = {}
+        self.members: dict[Label, Configuration[Objects]] = {}
+        self.others: dict[str, Configuration[Objects]] = {}
         self._made: dict[tuple[object, ...], Undo] = {}
 
     def renew(self) -> None:
@@ -250,9 +252,9 @@ class Families:
         """What is declared, once per member; a member for which there is a declaration of its own is left to that."""
         if isinstance(declaration.body, spec.GeneratorDeclaration):
             return self._add_generators(declaration, declaration.body)
-        own = dict[str, tuple[object, ...]]()
+        own = dict[Objects, tuple[object, ...]]()
 
-        def create(member: str) -> None:
+        def create(member: Objects) -> None:
             each = spec.of_member(declaration, member)
             called = _called(each)
             if called in self._made or self._is_declared(each):
@@ -264,7 +266,7 @@ class Families:
             except DyknowError as wrong:
                 self._network.on_fault(declaration.domain.label, f"`{print_declaration(each)}`: {wrong}")
 
-        def remove(member: str) -> None:
+        def remove(member: Objects) -> None:
             if member in own:
                 self._made.pop(own.pop(member), nothing)()
 
@@ -274,7 +276,7 @@ class Families:
 
         text = print_declaration(declaration)
         self.others[text] = Configuration(
-            self._network, self._compiler.domain(declaration.domain), create, remove, admit
+            self._network, self._compiler.domain(declaration.domain), create, remove, _tuples(declaration), admit
         )
         return lambda: self.others.pop(text).cancel()
 
@@ -287,8 +289,8 @@ class Families:
         own = set[Label]()
         family_label = body.label
 
-        def create(member: str) -> None:
-            members = {declaration.variable: member}
+        def create(member: Objects) -> None:
+            members = declaration.members(member)
             label = self._compiler.label(family_label, members)
             if label not in self._parts.held:
                 try:
@@ -297,8 +299,8 @@ class Families:
                 except DyknowError as wrong:
                     self._network.on_fault(label, str(wrong))
 
-        def remove(member: str) -> None:
-            label = self._compiler.label(family_label, {declaration.variable: member})
+        def remove(member: Objects) -> None:
+            label = self._compiler.label(family_label, declaration.members(member))
             if label in own:
                 own.discard(label)
                 self._parts.of_families.pop(label, nothing)()
@@ -315,7 +317,7 @@ class Families:
                 )
 
         domain = self._compiler.domain(declaration.domain)
-        family = Configuration(self._network, domain, create, remove, admit)
+        family = Configuration(self._network, domain, create, remove, _tuples(declaration), admit)
         self.members[family_label] = family
 
         def undo() -> None:
@@ -323,6 +325,10 @@ class Families:
             family.cancel()
 
         return undo
+
+
+def _tuples(family: spec.ForEach) -> Callable[[Value], Sequence[Objects]]:
+    return lambda value: tuples_of(value, len(family.variables))
 
 
 def _called(declaration: spec.Declaration) -> tuple[object, ...]:

@@ -29,8 +29,8 @@ def print_declaration(declaration: spec.Declaration) -> str:
             return f"strmgen {label} = {_made(made)}"
         case spec.StreamDeclaration(name, term):
             return f"stream {name} = {_term(term)}"
-        case spec.ForEach(variable, domain, body):
-            return f"for {variable} in {_term(domain)} {print_declaration(body)}"
+        case spec.ForEach(variables, domain, body):
+            return f"for {', '.join(variables)} in {_term(domain)} {print_declaration(body)}"
         case spec.SortDeclaration(sort):
             return f"sort {_sort(sort)}"
         case spec.LabelDeclaration(name, sort, meaning):

@@ -4,7 +4,7 @@ A specification is a sequence of declarations. Equal declarations are equal what
 where each stood.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
@@ -200,11 +200,18 @@ class MonitorDeclaration(Node):
 
 @dataclass(frozen=True, slots=True)
 class ForEach(Node):
-    """`for NAME in TERM strmgen ...`: what is declared, once per member and removed with it (thesis 3.3, configuration)."""
+    """`for NAME in TERM strmgen ...`: what is declared, once per member and removed with it (thesis 3.3, configuration).
 
-    variable: str
+    Of `for a, b in TERM strmgen ...` each member is a pair of objects (thesis 8.7.5).
+    """
+
+    variables: tuple[str, ...]
     domain: StreamTerm
     body: GeneratorDeclaration | StreamDeclaration | Export | Import | MonitorDeclaration
+
+    def members(self, member: Sequence[str]) -> dict[str, str]:
+        """What each variable means for one member."""
+        return dict(zip(self.variables, member, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,23 +252,26 @@ Declaration: TypeAlias = (
 Specification: TypeAlias = tuple[Declaration, ...]
 
 
-def of_member(family: ForEach, member: str) -> Declaration:
+def of_member(family: ForEach, member: Sequence[str]) -> Declaration:
     """What a family declares for one member; `stream speed = ...` and monitors are called `speed-car1` then."""
-    body, variable = family.body, family.variable
+    body, meant = family.body, family.members(member)
+    called = "-".join(member)
 
     def put(label: Label) -> Label:
-        return Label(label.feature, tuple(member if one == variable else one for one in label.objects))
+        return Label(label.feature, tuple(meant.get(one, one) for one in label.objects))
 
     match body:
         case StreamDeclaration(name, term):
-            return replace(body, name=f"{name}-{member}", term=replace(term, label=put(term.label)))
+            return replace(body, name=f"{name}-{called}", term=replace(term, label=put(term.label)))
         case Export(_, term):
             return replace(body, term=replace(term, label=put(term.label)))
         case Import(_, unit, term):
             term = replace(term, label=put(term.label))
-            return replace(body, unit=member if unit == variable else unit, term=term)
+            return replace(body, unit=meant.get(unit, unit), term=term)
         case MonitorDeclaration(name, formula):
-            return replace(body, name=f"{name}-{member}", formula=instantiate(formula, variable, member))
+            for variable, one in meant.items():
+                formula = instantiate(formula, variable, one)
+            return replace(body, name=f"{name}-{called}", formula=formula)
     return body
 
 
@@ -270,7 +280,10 @@ def monitor_of(declaration: Declaration) -> MonitorDeclaration | None:
     if isinstance(declaration, MonitorDeclaration):
         return declaration
     if isinstance(declaration, ForEach) and isinstance(body := declaration.body, MonitorDeclaration):
-        return replace(body, formula=Forall(declaration.variable, Domain(()), body.formula, place=body.formula.place))
+        formula = body.formula
+        for variable in reversed(declaration.variables):
+            formula = Forall(variable, Domain(()), formula, place=formula.place)
+        return replace(body, formula=formula)
     return None
 
 

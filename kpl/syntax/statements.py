@@ -162,13 +162,17 @@ class _StatementReader(FormulaReader):
         return spec.StreamDeclaration(_name(name), self._term(label, policy), place=place)
 
     def _for_each(self, node: Any, place: Place) -> spec.Declaration:
-        variable, domain, body = node.children
-        name, at = _name(variable), place_of(body, self.text)
+        *variables, domain, body = node.children
+        names, at = tuple(map(_name, variables)), place_of(body, self.text)
+        if len(set(names)) < len(names):
+            self.error(
+                "each object of a member has a name of its own", place, f"for a, b in ..., not {', '.join(names)}"
+            )
         if body.data == "monitor":
-            inside = self._monitor(body, at, frozenset({name}))
+            inside = self._monitor(body, at, frozenset(names))
         else:
             inside = cast("Any", self.declaration(body))
-        return spec.ForEach(name, self._member(domain), inside, place=place)
+        return spec.ForEach(names, self._member(domain), inside, place=place)
 
     def _sort_(self, node: Any, place: Place) -> spec.Declaration:
         name, *shape = node.children

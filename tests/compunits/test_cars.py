@@ -91,6 +91,29 @@ def test_pairs_are_of_different_objects_and_in_both_orders() -> None:
     assert value_of("Pairs", (1.5, "b")) == ()
 
 
+def recognition(*arguments):
+    return arguments, (("?car1", arguments[0]),), (("t1", 5),)
+
+
+def test_a_class_is_formed_by_the_first_arguments_of_what_is_recognised() -> None:
+    seen = [
+        (1, recognition("a", "b")),
+        (2, recognition("c", "b")),
+        (3, recognition("a", "c")),
+        (3605, recognition("d")),
+    ]
+    made = values(outputs("Subjects", stream(*seen)))
+    assert made == [("a",), ("a", "c"), None, ("d",)]  # a was recognised last 3602 s before
+    made = values(outputs("Subjects", stream(*seen), seconds=7200))
+    assert made[-1] == ("a", "c", "d")
+
+
+def test_either_of_two_sets_is_there_before_the_other() -> None:
+    unit = process("Either")
+    assert unit.on_sample(1, Sample(0, 0, ("b", "a")), 0).value == ("b", "a")
+    assert unit.on_sample(0, Sample(1, 1, ("c", "a")), 1).value == ("c", "a", "b")
+
+
 def test_each_component_has_to_be_stable_by_itself() -> None:
     seen = [(at / 10, (at >= 5, at % 2 == 0 and at < 8)) for at in range(25)]
     made = outputs("StableFields", stream(*seen))

@@ -204,7 +204,7 @@ def test_what_names_no_object_is_told_and_changes_nothing(value) -> None:
     network.push(IDS, 0, ("a",), 0)
     network.connect(OUT, Policy(), lambda _: None)
     held: set[str] = set()
-    configuration = Configuration(network, Input(IDS), held.add, held.discard)
+    configuration = Configuration(network, Input(IDS), held.add, held.discard, members_of)
     network.push(IDS, 1, value, 1)
     assert [name for name, _ in faults] == [OUT, IDS]
     assert list(network.process(OUT).members) == ["a"]  # type: ignore[union-attr]
@@ -222,7 +222,7 @@ def test_configuration_creates_and_removes_what_belongs_to_the_members(events, a
         held.add(car)
 
     feed(network, events[:at])
-    configuration = Configuration(network, Input(IDS), create, held.remove)
+    configuration = Configuration(network, Input(IDS), create, held.remove, members_of)
     feed(network, events[at:])
     current = ()
     for name, _, value, _ in events:
@@ -282,7 +282,7 @@ def test_figures_3_4_and_3_5_a_process_per_member_comes_and_goes_with_it() -> No
     def create(car):
         network.add_process(speed(car), ANY, RefinementProcess(joined(1), [Input(pos(car))]))
 
-    Configuration(network, Input(IDS), create, lambda car: network.remove(speed(car)))
+    Configuration(network, Input(IDS), create, lambda car: network.remove(speed(car)), members_of)
     network.connect(speed("a"), Policy(), got.append)
     feed(network, [(pos("a"), 5, 1, 5), (IDS, 10, ("a",), 10), (pos("a"), 15, 2, 15), (IDS, 20, (), 20)])
     feed(network, [(pos("a"), 25, 3, 25), (IDS, 30, ("a", "b"), 30), (pos("a"), 35, 4, 35)])

@@ -1,6 +1,7 @@
 """The recorded files of examples/traffic/, from seeds; `python -m tests.thesis.traffic.written` writes them again."""
 
 import json
+import math
 from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
@@ -10,10 +11,10 @@ import numpy as np
 
 from bench.crossings.passes import car_passes
 from bench.crossings.recognition import links, snapped, stable
-from bench.crossings.recognition import seen as positions
-from bench.overtakes.drives import oncoming_too_near, seen
-from bench.overtakes.recognition import relations
-from compunits import ROAD_RELATIONS
+from bench.crossings.recognition import seen as seen_places
+from bench.overtakes.drives import LANE_M, oncoming_too_near, seen
+from bench.overtakes.recognition import LINK, relations
+from compunits import NO_CROSSING, ROAD_RELATIONS
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "traffic"
 
@@ -30,6 +31,36 @@ def road() -> Iterator[Change]:
             yield at_us, f"car_relations.{field.name}[{one}, {other}]", value
 
 
+def seen_cars() -> Iterator[dict[str, Any]]:
+    """The same cars as samples of the source of overtakes.kpl."""
+    rng = np.random.default_rng(1)
+    positions = seen(oncoming_too_near(rng), 100, 2.0, rng)
+    for i, at_us in enumerate(positions.at_us):
+        for car, places in positions.places.items():
+            x_m, y_m = (round(each, 2) for each in places[i].tolist())
+            yield {"t_ms": at_us // 1000, "seen": [car, x_m, y_m, round(positions.road_deg, 2), LINK, NO_CROSSING]}
+
+
+def vision_objects() -> Iterator[dict[str, Any]]:
+    """On the map of town.geojson: car v1 overtakes car v2 on l1 and turns left at x1, where v2 goes straight on."""
+    rng = np.random.default_rng(1)
+    at_s = np.arange(0.0, 60.0, 0.1)
+    fast_m, slow_m = np.cumsum(np.interp(18.0 * at_s, [480.0, 560.0], [1.8, 0.7])), 60.0 + 12.0 * at_s
+    out_m = np.interp(fast_m - slow_m, [-30.0, -20.0, 20.0, 30.0], [0.0, -2 * LANE_M, -2 * LANE_M, 0.0])
+    turn = np.linspace(0.0, math.pi / 2, 20)
+    east_m = np.concatenate([[0.0], 588.0 + 13.75 * np.sin(turn), [601.75]])
+    north_m = np.concatenate([[0.0], 13.75 * (1.0 - np.cos(turn)), [300.0]]) - LANE_M
+    done_m = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(east_m), np.diff(north_m)))])
+    places = {
+        "v1": np.stack([np.interp(fast_m, done_m, east_m), np.interp(fast_m, done_m, north_m) - out_m], axis=1),
+        "v2": np.stack([slow_m, np.full(len(at_s), -LANE_M)], axis=1),
+    }
+    for i in range(len(at_s)):
+        for symbol, each in places.items():
+            x_m, y_m = (round(float(one + rng.uniform(-2.0, 2.0)), 2) for one in each[i])
+            yield {"t_ms": round(1000 * at_s[i]), "tracker": [symbol, x_m, y_m, True]}
+
+
 def crossing() -> Iterator[Change]:
     """What the map says of a crossing, and the areas of two cars that turn left in it; the second is not seen in it."""
     driven = next(
@@ -39,7 +70,7 @@ def crossing() -> Iterator[Change]:
         yield 0, str(label), True
     for hidden in (False, True):
         begin_us = 30_000_000 if hidden else 0
-        places = positions(driven, np.random.default_rng(1), hidden=hidden)
+        places = seen_places(driven, np.random.default_rng(1), hidden=hidden)
         for at_us, _, areas in stable(snapped(driven.roads, *places)):
             for name, value in zip(("link", "crossing"), areas, strict=True):
                 yield begin_us + at_us, f"cars.{name}[{'c2' if hidden else 'c1'}]", value
@@ -55,7 +86,12 @@ def events(values: Iterator[Change]) -> Iterator[dict[str, Any]]:
 
 
 def written() -> dict[str, str]:
-    made = {"relations.jsonl": events(road()), "crossing.jsonl": events(crossing())}
+    made = {
+        "relations.jsonl": events(road()),
+        "crossing.jsonl": events(crossing()),
+        "seen_cars.jsonl": seen_cars(),
+        "vision_objects.jsonl": vision_objects(),
+    }
     return {name: "".join(f"{json.dumps(line)}\n" for line in lines) for name, lines in made.items()}
 
 

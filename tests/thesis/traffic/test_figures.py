@@ -1,0 +1,99 @@
+"""Figures 8.6 and 8.12 as specifications: they are run on recorded positions, and drawn as the figures are."""
+
+import json
+import shutil
+from functools import cache
+from itertools import pairwise
+
+import pytest
+
+from tests.command import run
+from tests.docs.pages import ROOT, environment
+from tests.thesis.traffic.written import EXAMPLES
+
+MORE = {"overtakes.kpl": (), "monitoring.kpl": ("--units", str(EXAMPLES / "town.py"))}
+FEEDS = {"overtakes.kpl": "seen_cars.jsonl", "monitoring.kpl": "vision_objects.jsonl"}
+
+
+@cache
+def lines(name, folder):
+    """What a run brings, as (milliseconds, stream or monitor, event or value)."""
+    done = run(
+        ["kpl", "run", str(EXAMPLES / name), *MORE[name], "--feed", str(EXAMPLES / FEEDS[name]), "--json"],
+        environment(folder),
+        ROOT,
+    )
+    assert done.returncode == 0, done.stderr
+    every = map(json.loads, done.stdout.splitlines())
+    return [
+        (each["valid_us"] // 1000, each.get("stream") or each["monitor"], each.get("value", each["event"]))
+        for each in every
+        if each["event"] in {"sample", "alarm-opened", "alarm-closed"}
+    ]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("run")
+    yield made
+    shutil.rmtree(made)
+
+
+def test_figure_8_12_an_overtake_and_that_it_was_reckless_are_recognised_from_positions(folder):
+    brought = [
+        (at, name, value) for at, name, value in lines("overtakes.kpl", folder) if not name.startswith("watched")
+    ]
+    arguments = [(at, name, value[0] if isinstance(value, list) else value) for at, name, value in brought]
+    assert arguments[:3] == [
+        (11_600, "passed", ["a", "b"]),
+        (11_600, "too_near", ["a", "b", "c"]),
+        (11_600, "reckless", "a"),
+    ]
+    assert [(name, value) for _, name, value in arguments[3:]] == [
+        ("keeps_off", "alarm-opened"),
+        ("keeps_off", "alarm-closed"),
+    ]
+    assert brought[2][2] == ["a"]
+
+
+def test_8_2_2_what_is_declared_for_reckless_cars_is_there_once_there_is_one(folder):
+    watched = [(at, name) for at, name, _ in lines("overtakes.kpl", folder) if name.startswith("watched")]
+    assert {name for _, name in watched} == {"watched-a"}
+    assert watched[0][0] >= 11_600
+    assert {later - earlier for (earlier, _), (later, _) in pairwise(watched)} == {1000}
+
+
+def test_figure_8_6_both_tasks_are_monitored_at_once(folder):
+    assert [(name, value[0]) for _, name, value in lines("monitoring.kpl", folder)] == [
+        ("passes", ["v1", "v2"]),
+        ("turns_left", ["v1", "l1", "x1", "l3"]),
+        ("goes_straight", ["v2", "l1", "x1", "l2"]),
+    ]
+
+
+CHAINS = {
+    "overtakes.kpl": [
+        ("seen_cars", "seen_cars.objects", "car_pairs", "car_pair[a, b]"),
+        ("seen_cars.objects", "car[c]"),
+        ("car_pairs", "car_relations[a, b]"),
+        ("overtakes.chr", "chronicle[passes]", "passed"),
+        ("chronicle[oncoming_too_near]", "met_too_near", "one_of_two", "reckless_cars", "reckless"),
+    ],
+    "monitoring.kpl": [
+        ("vision_objects", "vision_objects.objects", "on_map[v]"),
+        ("vision_objects.objects", "cars[v]"),
+        ("vision_objects.objects", "car_pairs", "car_relations[a, b]"),
+        ("left_turns", "links.left[l, x, m]"),
+        ("turns.chr", "chronicle[turn_left_in_crossing]", "turns_left"),
+        ("overtakes.chr", "chronicle[passes]", "passes"),
+    ],
+}
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_the_figures_are_drawn_as_chains_from_what_is_seen_to_events(name, folder):
+    done = run(["kpl", "graph", str(EXAMPLES / name), *MORE[name], "--form", "json"], environment(folder), ROOT)
+    graph = json.loads(done.stdout)
+    edges = {(each["source"], each["target"]) for each in graph["edges"]}
+    missing = [edge for chain in CHAINS[name] for edge in pairwise(chain) if edge not in edges]
+    assert missing == []
