@@ -19,7 +19,7 @@ from compunits.numeric import Numbers, is_sound, numbers_of, numeric, positive
 from compunits.smoothing import MovingAverage
 from dyknow import NO_VALUE, US_PER_S, Field, Sample, Sort, Value, computational_unit, value_unit
 from dyknow.model.errors import SortError
-from dyknow.network.mediation import MAX_MEMBERS, members_of
+from dyknow.model.members import MAX_MEMBERS, members_of
 
 NO_LINK: Final = "no_link"
 NO_CROSSING: Final = "no_crossing"

@@ -3,7 +3,6 @@
 And redundancy: one stream of several producers, one of them in use (3.2).
 """
 
-import re
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Sequence
@@ -12,7 +11,8 @@ from typing import Generic, TypeVar
 
 from dyknow.model.errors import SortError
 from dyknow.model.instants import print_span
-from dyknow.model.labels import RESERVED, Label
+from dyknow.model.labels import Label
+from dyknow.model.members import members_of
 from dyknow.model.sample import Sample, Value
 from dyknow.model.values import NO_VALUE
 from dyknow.network.process import FAR_US, Input, ProcessNetwork
@@ -20,71 +20,12 @@ from dyknow.network.processes import EVER_US, OnDemand
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.policies.sampling import Grid
 
-MAX_MEMBERS = 4096
-MAX_NAME = 128
-"""Longest name of a member, in characters."""
 EVER = 2**80
 KEPT = 64
 PATIENCE_US = 1_000_000
 """Of redundant producers: the period and the delay of one that declares none."""
 RETURN = 3
 """How many times as long as a silence a preferred producer is heard before it is used again."""
-_OBJECT = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(-[A-Za-z0-9_]+)*|[0-9]+")
-
-
-def members_of(value: Value) -> tuple[str, ...]:
-    """The objects a value names: one, or a set of them as a tuple or frozenset; `no_value` names none.
-
-    Raises:
-        SortError: it names no objects, or too many.
-    """
-    if value is NO_VALUE:
-        return ()
-    if type(value) is NamedMembers:
-        return value
-    several = value if isinstance(value, tuple | frozenset) else (value,)
-    if len(several) > MAX_MEMBERS:
-        raise SortError(f"{len(several)} objects at once; at most {MAX_MEMBERS} can be members")
-    members = list(map(member_name, several))
-    return tuple(dict.fromkeys(sorted(members) if isinstance(value, frozenset) else members))
-
-
-def tuples_of(value: Value, count: int) -> tuple[tuple[str, ...], ...]:
-    """The tuples of `count` objects that a value names; for 1 each object by itself.
-
-    Raises:
-        SortError: it names something else, or too many.
-    """
-    if count == 1:
-        return tuple([(one,) for one in members_of(value)])
-    if value is NO_VALUE:
-        return ()
-    if not isinstance(value, tuple | frozenset) or not all(
-        isinstance(one, tuple) and len(one) == count for one in value
-    ):
-        raise SortError(f"{str(value)[:80]} is no set of {count} objects each")
-    if len(value) > MAX_MEMBERS:
-        raise SortError(f"{len(value)} of {count} objects at once; at most {MAX_MEMBERS} can be members")
-    return tuple(dict.fromkeys(tuple(map(member_name, one)) for one in value))
-
-
-def member_name(one: Value) -> str:
-    """The name of one object, a text or an integer; raises SortError if it is none."""
-    if isinstance(one, int) and not isinstance(one, bool):
-        if 0 <= one < 10**MAX_NAME:
-            return str(one)
-        raise SortError(f"{'a number of that size' if one > 0 else 'a negative number'} names no object")
-    if not isinstance(one, str):
-        raise SortError(f"a {type(one).__name__} names no object; a text or an integer does")
-    if len(one) > MAX_NAME or not _OBJECT.fullmatch(one) or (one in RESERVED and one not in {"from", "to"}):
-        raise SortError(f"{one[:80]!r} names no object")
-    return one
-
-
-class NamedMembers(tuple[str, ...]):
-    """Members whose names are known to be names, each once."""
-
-    __slots__ = ()
 
 
 class Relay(OnDemand):

@@ -11,9 +11,9 @@ from types import MappingProxyType
 from typing import Final, TypeAlias
 
 from dyknow.model.labels import Label
+from dyknow.model.members import NamedMembers
 from dyknow.model.sample import SURE, Quality, Sample, Value
 from dyknow.model.values import Sort
-from dyknow.network.mediation import NamedMembers
 from dyknow.network.network import Network
 from dyknow.network.process import Process
 from dyknow.network.processes import OnDemand

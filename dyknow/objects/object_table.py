@@ -10,9 +10,9 @@ from typing import Final, NamedTuple, TypeAlias
 from dyknow.model.errors import SortError
 from dyknow.model.instants import US_PER_S
 from dyknow.model.labels import Label
+from dyknow.model.members import MAX_MEMBERS, member_name
 from dyknow.model.sample import Sample
 from dyknow.model.values import NO_VALUE, Sort
-from dyknow.network.mediation import MAX_MEMBERS, member_name
 from dyknow.network.process import FAR_US, ProcessNetwork
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.policies.policy import Policy

@@ -16,7 +16,8 @@ from typing import Final, NamedTuple
 
 from dyknow import NO_VALUE, Label, Network, Policy, Sample, Sort, Value
 from dyknow.model.instants import US_PER_MS, US_PER_S
-from dyknow.network.mediation import Configuration, members_of
+from dyknow.model.members import members_of
+from dyknow.network.mediation import Configuration
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.objects.object_streams import attribute_of, domain_of

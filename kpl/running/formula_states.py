@@ -13,7 +13,7 @@ from typing import NamedTuple
 from dyknow import NO_VALUE, Label, Network, Policy, Sample, Value, earlier
 from dyknow.model.errors import SortError, TextError, UnknownLabel
 from dyknow.model.instants import US_PER_MS, US_PER_S
-from dyknow.network.mediation import members_of
+from dyknow.model.members import members_of
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.policies.policy import Approximation

@@ -5,8 +5,9 @@ from functools import partial
 from typing import NamedTuple, TypeAlias
 
 from dyknow import SURE, DyknowError, Label, Network, Quality, Sort, SortError, Value
+from dyknow.model.members import tuples_of
 from dyknow.network.factory import Prototypes
-from dyknow.network.mediation import Configuration, Mediation, tuples_of
+from dyknow.network.mediation import Configuration, Mediation
 from dyknow.network.process import Process
 from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import Prototype, SourcePrototype

@@ -4,7 +4,7 @@ import pytest
 
 from dyknow import NO_VALUE
 from dyknow.model.errors import SortError, TextErrors
-from dyknow.network.mediation import MAX_MEMBERS, tuples_of
+from dyknow.model.members import MAX_MEMBERS, tuples_of
 from kpl import parse_specification, print_specification
 from tests.kpl.instances import Running
 

@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 
 from dyknow import NO_VALUE, Label, Network, Policy, Sample, UnitPrototype, ValueNotAvailable, of_values
 from dyknow.model.errors import SortError
-from dyknow.network.mediation import MAX_MEMBERS, Configuration, Mediation, members_of
+from dyknow.model.members import MAX_MEMBERS, members_of
+from dyknow.network.mediation import Configuration, Mediation
 from dyknow.network.process import Input
 from dyknow.network.refinement import RefinementProcess
 from tests.dyknow.networks import ANY, NUMBER, Counted, invariants, joined, pass_time, policy, state_of, times

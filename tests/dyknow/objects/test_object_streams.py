@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow import Field, Label, Network, Policy, Sort
+from dyknow.model.members import MAX_MEMBERS
 from dyknow.model.sample import Sample
-from dyknow.network.mediation import MAX_MEMBERS
 from dyknow.objects.object_streams import ObjectStreams
 from dyknow.objects.object_table import SILENCE_US
 
