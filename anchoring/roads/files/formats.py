@@ -4,7 +4,6 @@ from anchoring.roads.files.geojson import survey_roads
 from anchoring.roads.files.openstreetmap import survey_openstreetmap
 from anchoring.roads.files.problems import RoadSurvey
 from anchoring.roads.files.sumo import survey_sumo
-from anchoring.roads.network import RoadNetwork
 
 GEOJSON, OPENSTREETMAP, SUMO = "GeoJSON", "OpenStreetMap", "SUMO"
 _BEGINNING = 4096
@@ -22,12 +21,3 @@ def survey_any(text: str | bytes) -> RoadSurvey:
     """What a text has, and every problem in it."""
     readers = {GEOJSON: survey_roads, OPENSTREETMAP: survey_openstreetmap, SUMO: survey_sumo}
     return readers[format_of(text)](text)
-
-
-def read_any(text: str | bytes, file: str = "") -> RoadNetwork:
-    """The network of a text.
-
-    Raises:
-        RoadsError: it has errors; each names the feature, the cause and the remedy.
-    """
-    return survey_any(text).required(file)

@@ -340,3 +340,26 @@ def test_split_into_objects_each_route_is_one_and_keeps_its_symbol() -> None:
     assert set(later) == set(objects)
     east = later["oo1/e+0"]
     assert (east.x_m, east.y_m) == pytest.approx((20.0, -1.75))
+
+
+def test_a_direction_that_the_place_does_not_have_is_that_of_the_last_positions() -> None:
+    street = read_roads(text(link("l", None, None, [(0, 0), (200, 0)], lanes=1)))
+    states = [seen(100.0 - 2 * n, 0.0, 0.0, 0.0, 100_000 * n)._replace(covariance=diagonal(1.0)) for n in range(3)]
+    found = predicted(AlongRoads(street), shown(street, *states), 1.0)
+    assert [each.state.attributes["direction"] for each in found.hypotheses] == [-1]
+    assert found.likely.x_m == pytest.approx(76.0)
+
+
+def test_what_comes_from_elsewhere_into_a_crossing_may_leave_it_everywhere() -> None:
+    town = grid(2)
+    (inside,) = shown(town, seen(0.0, 99.0, 1.0, 0.0))
+    moved = inside._replace(attributes={**inside.attributes, "via": "e 0,0", "via_direction": 1})
+    found = predicted(AlongRoads(town), deque([moved]), 0.5)
+    assert {each.state.attributes["route"] for each in found.hypotheses} <= {"e 1,0", "n 0,0"}
+    assert {each.state.attributes["via"] for each in found.hypotheses} == {NO_LINK}
+
+
+def test_in_a_crossing_that_no_road_leaves_it_goes_straight_on() -> None:
+    sink = read_roads(text(crossing("x", 0, 0), link("l", None, "x", [(-99, 0), (0, 0)], oneway=True)))
+    found = predicted(AlongRoads(sink), shown(sink, seen(-3.0, 0.0, 9.0, 0.0)), 1.0)
+    assert found.likely.x_m == pytest.approx(6.0)

@@ -7,6 +7,7 @@ from hypothesis import given
 
 from anchoring.roads.elements import DirectedLink
 from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.summary import summary_of
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.routes import BY_TIME, RoadNeeds, RoadRoutes
 from tests.anchoring.roads.towns import crossing, grid, link, networks, text
@@ -100,3 +101,12 @@ def test_a_route_is_connected_and_no_longer_than_any_that_passes_another_crossin
             times = [each.time_s for each in passable]
             assert times == pytest.approx(sorted(times))
             assert min(each.length_m for each in passable) >= route.length_m - 1e-9
+
+
+def test_a_summary_counts_parts_and_dead_ends() -> None:
+    apart = read_roads(text(A, B, C, DIRECT, link("l", "c", None, [(50, 50), (99, 99)])))
+    summary = summary_of(apart)
+    assert (summary.crossings, summary.links, summary.lanes, summary.areas) == (3, 2, 4, 0)
+    assert (summary.parts, summary.dead_ends) == (2, 4)
+    assert summary.length_m == pytest.approx(169.3, abs=0.1)
+    assert summary_of(TRIANGLE)[5:] == (1, 0)

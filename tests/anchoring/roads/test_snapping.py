@@ -1,6 +1,7 @@
 """Positions to places on roads: the nearest lane, headings, crossings, hysteresis."""
 
 import math
+import pickle
 from itertools import pairwise
 
 import pytest
@@ -66,6 +67,17 @@ def test_a_crossing_is_entered_at_its_radius_and_left_at_a_fifth_more() -> None:
     assert (after.link, after.crossing, after.direction) == ("e", None, 1)
 
 
+def test_the_direction_of_entering_and_leaving_is_known_where_no_heading_is() -> None:
+    town = read_roads(text(crossing("x", 0, 0), link("in", None, "x", [(-99, 0), (0, 0)], lanes=1),
+                           link("out", None, "x", [(99, 0), (0, 0)], lanes=1)))  # fmt: skip
+    before = place(town, -20.0, 0.0)
+    assert before.direction == 0
+    inside = place(town, 0.0, 0.0, previous=before)
+    assert inside.via == DirectedLink("in", 1)
+    assert place(town, 20.0, 0.0, previous=inside).direction == -1
+    assert place(town, 20.0, 0.0).direction == 0
+
+
 def test_noise_at_the_border_of_a_crossing_changes_the_place_once() -> None:
     """The figure 8.8 of the thesis: in, out and in again."""
     seen, last = [], None
@@ -103,6 +115,17 @@ def test_a_lane_is_kept_until_another_is_clearly_nearer() -> None:
 def test_what_is_off_the_roads_or_no_position_has_no_place(at: tuple[float, float]) -> None:
     assert snap(TOWN, *at) is None
     assert not TOWN.on_road(*at)
+
+
+def test_the_index_has_nothing_near_what_is_no_position() -> None:
+    assert not list(TOWN.index.links_near(math.nan, 0.0, 10.0))
+    assert not list(TOWN.index.crossings_near(0.0, math.inf))
+
+
+def test_a_network_that_a_worker_got_is_the_same() -> None:
+    sent = pickle.loads(pickle.dumps(grid(3)))
+    assert repr(sent) == "RoadNetwork(9 crossings, 12 links, 0 areas)"
+    assert place(sent, 50.0, -1.0) == place(grid(3), 50.0, -1.0)
 
 
 def test_a_velocity_that_is_no_number_counts_for_nothing() -> None:

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anchoring.roads.elements import DirectedLink, Lane
+from anchoring.roads.files import geojson, xml_elements
 from anchoring.roads.files.formats import GEOJSON, OPENSTREETMAP, SUMO, format_of, survey_any
 from anchoring.roads.files.openstreetmap import JOINT_M, survey_openstreetmap
 from anchoring.roads.files.sumo import survey_sumo
@@ -94,6 +95,21 @@ def test_nodes_that_an_extract_lacks_are_a_warning() -> None:
     survey = survey_openstreetmap(osm(way("10", 1, 2, 77)))
     assert survey.network is not None
     assert "way 0 ('10'): 1 of its nodes are not in the text" in survey.problems[0].drawn
+
+
+def test_a_way_without_length_is_left_out() -> None:
+    survey = survey_openstreetmap(osm(way("10", 1, 2), way("20", 4, 4)))
+    assert survey.network is not None
+    assert list(survey.network.links) == ["10"]
+    assert "way 1 ('20'): its length is zero; it is left out" in survey.problems[0].drawn
+
+
+@pytest.mark.parametrize("begin", ["{", "<osm>", "<net>"])
+def test_a_text_that_is_too_long_is_not_read(begin: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (geojson, xml_elements):
+        monkeypatch.setattr(module, "MOST_BYTES", 100)
+    survey = survey_any(begin + " " * 100)
+    assert any("at most 100 are read" in each.message for each in survey.problems)
 
 
 LANE = '<lane id="{id}_{n}" index="{n}" speed="13.9" length="90" {more} shape="{shape}"/>'
