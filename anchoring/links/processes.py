@@ -228,7 +228,9 @@ class LinkProcess:
     def _first(self, source: LinkObject) -> ObjectState:
         """The state of a new object: of what its source has shown until now."""
         unit, noise = self.specification.unit, self.specification.noise
-        states = list(source.observed) if source.prediction is None else [source.state]
+        states = [*source.observed]
+        if source.prediction is not None:
+            states.append(source.state)
         state = unit(states[0], None)
         for each in states[1:]:
             state = unit(each, moved(state, each.valid_us, noise))
