@@ -129,7 +129,7 @@ declarations = (
     | st.builds(UnitDeclaration, names, names, st.lists(names, min_size=1, max_size=3).map(tuple))
     | generators
     | st.builds(StreamDeclaration, names, terms)
-    | st.builds(ForEach, names, terms, generators)
+    | st.builds(ForEach, st.lists(names, min_size=1, max_size=3, unique=True).map(tuple), terms, generators)
     | st.builds(Export, names, terms)
     | st.builds(Import, names, names | numbered, terms)
     | definitions()

@@ -18,6 +18,7 @@ from dyknow import (
     Synchronizer,
 )
 from dyknow.states.synchronization import CATCH_UP
+from tests.strategies import examples
 
 PERIOD_US, MAX_DELAY_US = 10, 40
 SHARED, OWN = 2, {"a": 1, "b": 2, "c": 0}
@@ -71,7 +72,7 @@ STEPS = st.lists(
 )
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(STEPS)
 def test_each_of_many_streams_is_what_a_synchronizer_of_its_own_makes_of_it(steps: list[Any]) -> None:
     shared, apart, now_us = SharedSynchronizer[str](SHARED, PERIOD_US, MAX_DELAY_US), Apart(), 1_000_003

@@ -13,6 +13,7 @@ from federation.messages.contents import Hold, Query, Specification, Specificati
 from federation.messages.receipts import RECEIPT_AGENT
 from federation.security.trust import Roster, RosterMember, Signer, Trust
 from federation.transport import Arrived, Put
+from tests.strategies import examples
 
 NOW_US = 1_800_000_000_000_000
 INBOX = keys.act("cc-1", "0", "interface")
@@ -24,7 +25,7 @@ def _centre() -> CommandCentre:
     return found
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(st.binary(max_size=200), st.sampled_from([INBOX, "hb/0", "x/0/battery/0a1b2c3d", "q/0/battery", "nonsense"]))
 def test_bytes_that_mean_nothing_are_counted_and_change_nothing(payload: bytes, key: str) -> None:
     centre = _centre()

@@ -20,6 +20,7 @@ from federation.messages.protocols import Incoming, PeerLost, Phase, Reply, Time
 from federation.messages.receipts import Receipt, decode_receipt, encode_receipt
 from federation.messages.sexpr import Expr
 from federation.transport import Put
+from tests.strategies import examples
 
 P = Performative
 ASKER, DOER = AgentName("console", "a"), AgentName("interface", "b")
@@ -505,7 +506,7 @@ class Talk:
         self.now_us = until_us
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=examples(80), deadline=None)
 @given(st.integers(0, 2**32), st.sampled_from([0.0, 0.1, 0.4]), st.booleans())
 def test_on_any_wire_acts_are_heard_once_and_conversations_end_once_on_both_sides(
     seed: int, loss: float, losing_sight: bool

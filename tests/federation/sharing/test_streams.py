@@ -17,6 +17,7 @@ from federation.messages.codec import StreamSample, decode_range, decode_recover
 from federation.sharing.exports import LINGER_US, ContractEnded, EndReason, Exports, StreamEnded
 from federation.sharing.streams import MISSING, RETRY_MOST_US, ExportStream, ImportStream
 from federation.transport import Answer, AnswerEnd, Ask, Asked, Put
+from tests.strategies import examples
 
 LABEL, HASH = "heli-position", "ab12cd34"
 
@@ -150,7 +151,7 @@ def test_a_lying_tail_costs_no_memory() -> None:
     assert stream.missing <= MISSING
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(st.integers(1, 60), st.integers(1, 40), st.data())
 def test_whatever_is_lost_doubled_or_reordered_each_held_sample_is_delivered_once(
     samples: int, capacity: int, data: st.DataObject
@@ -253,7 +254,7 @@ class LossyStream(RuleBasedStateMachine):
 
 
 TestLossyStream = LossyStream.TestCase
-TestLossyStream.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
+TestLossyStream.settings = settings(max_examples=examples(60), stateful_step_count=40, deadline=None)
 
 
 # Contracts

@@ -29,10 +29,11 @@ from reasoning.formulas.tree import (
     Variable,
 )
 from tests.kpl.strategies import formulas
+from tests.strategies import examples
 
 FORMULAS = language("formulas")
 P, Q, R = Feature("p"), Feature("q"), Feature("r")
-MODERATE = settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+MODERATE = settings(max_examples=examples(200), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
 def error_of(text):

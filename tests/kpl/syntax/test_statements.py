@@ -22,6 +22,7 @@ from kpl.syntax.specification import (
 )
 from kpl.syntax.statements import MAX_ERRORS, parse_specification
 from tests.kpl.specifications import specifications
+from tests.strategies import examples
 
 CARS = """
 source pos pos_car1
@@ -196,7 +197,7 @@ WORDS = st.sampled_from(
 
 
 @given(st.lists(WORDS, max_size=40).map(" ".join) | st.text(max_size=80))
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 def test_any_text_is_read_or_refused_with_a_place(text: str) -> None:
     try:
         parse_specification(text)

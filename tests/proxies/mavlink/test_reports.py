@@ -22,6 +22,7 @@ from navigation.vehicle import (
 from proxies.mavlink.frames import WANTED, decoded, frame_at
 from proxies.mavlink.reports import VehicleReports, device_us, flight_mode, is_autopilot
 from tests.proxies.vehicle import heartbeat, position
+from tests.strategies import examples
 
 
 def gps(
@@ -179,7 +180,7 @@ def test_only_autopilots_are_vehicles() -> None:
 
 
 @given(st.sampled_from(sorted(WANTED)), st.binary(min_size=0, max_size=80))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 def test_any_payload_of_a_wanted_type_is_mapped_or_refused_without_raising(message_id, payload) -> None:
     """A sender with a right checksum may still say anything."""
     head = bytes((0xFD, len(payload), 0, 0, 0, 1, 1)) + message_id.to_bytes(3, "little")

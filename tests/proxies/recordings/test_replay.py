@@ -15,6 +15,7 @@ from proxies.recordings.formats import open_recording
 from proxies.recordings.recording import Recording
 from proxies.recordings.replay import Replay, schedule
 from tests.proxies import logs
+from tests.strategies import examples
 
 FORMATS = {
     "new.bin": logs.dataflash(),
@@ -130,7 +131,7 @@ def test_a_file_that_ends_in_rubbish_says_where_after_all_that_was_good(tmp_path
 
 @given(st.sampled_from(sorted(FORMATS)), st.integers(0, 2**32))
 @example("new.bin", 612712)
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=examples(120), deadline=None)
 def test_mutants_are_read_or_refused_with_a_place(tmp_path_factory, name, seed) -> None:
     rng, data = random.Random(seed), bytearray(FORMATS[name])
     for _ in range(rng.randint(1, 30)):

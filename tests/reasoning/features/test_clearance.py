@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from dyknow import NO_VALUE
 from kpl import profile_formula, read_formula, unit_vocabulary
 from reasoning import Derivation, Monitor, builtin_profiles, clearance, instantiate, required_labels, split_growing
+from tests.strategies import examples
 
 SPLIT = {name: split_growing(profile_formula(each, "0")) for name, each in builtin_profiles().items()}
 FORMULAS = {name: instantiate(found[2], found[0], "1") for name, found in SPLIT.items() if found is not None}
@@ -56,7 +57,7 @@ INPUTS = {
 }
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(st.data(), st.sampled_from(sorted(name for name, one in FORMULAS.items() if clearance(one) is not None)))
 def test_a_pair_that_is_beyond_violates_nothing_and_lacks_nothing(data, name):
     formula, profile = FORMULAS[name], builtin_profiles()[name]

@@ -7,8 +7,9 @@ from kpl import read_formula
 from reasoning import Margins, make_progression
 from reasoning.formulas.tree import Always, Eventually, Until
 from tests.reasoning.strategies import UNIT_US, comparisons, connectives, intervals, propositions, traces
+from tests.strategies import examples
 
-MODERATE = settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+MODERATE = settings(max_examples=examples(100), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
 def windows(inside):

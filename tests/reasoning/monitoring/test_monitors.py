@@ -19,10 +19,11 @@ from reasoning.formulas.tree import (
 )
 from tests.reasoning.meaning import verdict
 from tests.reasoning.strategies import UNIT_US, formulas, state_formulas, traces
+from tests.strategies import examples
 
 P, Q = Feature("p"), Feature("q")
 PERIOD_US, MAX_DELAY_US, STALE_US = UNIT_US, 500_000, 2_000_000
-MODERATE = settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+MODERATE = settings(max_examples=examples(200), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
 def monitor(formula=None, **options):

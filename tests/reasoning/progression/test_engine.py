@@ -29,10 +29,11 @@ from tests.reasoning import ways
 from tests.reasoning.oracle import atom
 from tests.reasoning.plain import Restarted
 from tests.reasoning.strategies import UNIT_US, formulas, traces
+from tests.strategies import examples
 
 DOMAINS = {"d": ("a", "b")}
 WAYS = ("object", "deadlines")
-MODERATE = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+MODERATE = settings(max_examples=examples(60), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 PERIODS = st.sampled_from([None, UNIT_US])
 POLICIES = st.sampled_from(["undecided", "undecided", "false", "true", "skip"])
 P = Compare("<=", Feature("speed"), Const(30))

@@ -22,7 +22,7 @@ from tests.reasoning.ways import WAYS
 
 FULL = bool(os.environ.get("DYKNOW_FULL"))
 POLICIES = st.sampled_from(["undecided", "undecided", "false", "true", "skip"])
-MANY = settings(max_examples=20_000 if FULL else 400)
+MANY = settings(max_examples=20_000 if FULL else 160)
 
 
 @st.composite
@@ -69,7 +69,7 @@ SMALL = st.recursive(
 
 
 @given(SMALL, st.lists(st.integers(0, 3), min_size=1, max_size=3), st.sampled_from([None, UNIT_US]))
-@settings(max_examples=2_000 if FULL else 60)
+@settings(max_examples=2_000 if FULL else 24)
 def test_no_continuation_of_three_states_contradicts_a_verdict(text, seen, period_us):
     formula = read_formula(text, VOCABULARY)
 

@@ -27,10 +27,11 @@ from reasoning.formulas.tree import (
 )
 from tests.reasoning.oracle import naive
 from tests.reasoning.strategies import UNIT_US, formulas, traces
+from tests.strategies import examples
 
 SAID = {True: "true", False: "false", None: "undecided"}
 P, Q, R = Feature("p"), Feature("q"), Feature("r")
-MODERATE = settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+MODERATE = settings(max_examples=examples(300), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
 def verdicts(formula, states, period_us=None, **options):

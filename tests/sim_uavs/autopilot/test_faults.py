@@ -16,6 +16,7 @@ from navigation.geodesy import distance_m
 from proxies.mavlink.frames import Cutter
 from sim_uavs.autopilot.link import READ
 from tests.sim_uavs.station import HOME, Station
+from tests.strategies import examples
 
 PEER = ("127.0.0.1", 9)
 FULL = bool(os.environ.get("DYKNOW_FULL"))
@@ -230,7 +231,7 @@ COMMANDS = [16, 17, 20, 21, 22, 176, 178, 192, 224, 262, 300, 400, 410, 510, 511
 numbers = st.one_of(st.floats(width=32), st.sampled_from([0.0, 1.0, -1.0, 4.0, 33.0, 435.0, 21196.0]))
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=examples(400), deadline=None)
 @given(st.sampled_from(COMMANDS), st.lists(numbers, min_size=7, max_size=7), st.integers(0, 255))
 def test_no_number_in_a_command_crashes_the_vehicle(command, params, frame) -> None:
     for persona in ("ardupilot", "px4"):

@@ -12,6 +12,7 @@ from tests.reasoning.meaning import State, verdict
 from tests.reasoning.oracle import naive
 from tests.reasoning.strategies import UNIT_US, formulas, traces
 from tests.reasoning.ways import WAYS
+from tests.strategies import examples
 from tests.traces import check_trace
 
 UAVS = Vocabulary(
@@ -49,7 +50,7 @@ PRINTED = {
     "8.7.2 r": "false",
     "8.7.2 m": "always eventually[0, 30000] always[0, 5000] on_roadsystem[from]",
 }
-MODERATE = settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+MODERATE = settings(max_examples=examples(200), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
 def decided(name, step_ms=500, **series):

@@ -99,7 +99,7 @@ def test_7_10_the_size_stays_on_its_plateaus(name, way):
 
 
 @given(nested_operators(), traces(max_size=8, irregular=False), st.integers(1, 7))
-@settings(max_examples=2_000 if FULL else 150)
+@settings(max_examples=2_000 if FULL else 60)
 def test_7_5_2_the_formula_holds_iff_what_is_left_holds_in_the_rest(text, trace, seen):
     """In the next state, which lies one period later."""
     found, _ = trace
