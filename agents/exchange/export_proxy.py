@@ -97,8 +97,8 @@ class ExportProxy:
         self._importance[semantic_label] = importance
 
     def every(self, semantic_label: str, policy: Policy) -> int:
-        """Of how many samples of its period a stream is sent one: a power of two. What has no period is always sent."""
-        if self.shed == 1 or policy.sample_us is None:
+        """Of how many samples of its period a stream is sent one: a power of two. States of objects are always sent."""
+        if self.shed == 1 or policy.sample_us is None or self._translation.ontology[semantic_label].sort.is_of_objects:
             return 1
         wanted = self.shed / self._importance.get(semantic_label, 1.0)
         return min(MAX_EVERY, 1 << max(0, int(wanted).bit_length() - 1))

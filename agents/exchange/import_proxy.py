@@ -126,6 +126,10 @@ class ImportProxy(Part):
             heard[key] = max(found.heard_us + longer_us, heard.get(key, found.heard_us))
         return heard
 
+    def is_of_objects(self, semantic_label: str) -> bool:
+        """Whether samples are states of objects, which are seen at times of their own."""
+        return semantic_label in self._ontology and self._ontology[semantic_label].sort.is_of_objects
+
     def _thinned(self, name: ImportName, every: int) -> None:
         policy = self.policies.get(name)
         if policy is not None and policy.sample_us is not None:
@@ -156,7 +160,7 @@ class ImportProxy(Part):
     def _shifted(self, found: ImportedStream, offset: Offset, take: Sink) -> Sink:
         """Valid times as our clock has them, approximated on the grid of the stream."""
         shift_us = round(offset.offset_us * self._clock.speed)
-        if found.policy.sample_us is None:
+        if found.policy.sample_us is None or self.is_of_objects(found.label):
             return lambda valid_us, value, now_us, quality: take(valid_us - shift_us, value, now_us, quality)
         if found.regrid is None:
             policy = Policy(change="sample", sample_us=found.policy.sample_us, from_us=0, approximation="linear")

@@ -76,6 +76,8 @@ class SilentImports(Part):
 
     def _ask(self, name: ImportName, policy: Policy, now_us: int) -> None:
         owner, label, _ = name
+        if self._importer.is_of_objects(label):
+            policy = Policy(max_delay_us=policy.max_delay_us)  # states of objects lie on no grid
 
         def on_reply(reply: Act, said: Content | None, at_us: int) -> None:
             if reply.performative is Performative.INFORM and isinstance(said, Samples) and said.samples:

@@ -32,6 +32,8 @@ class NoValue(Enum):
 NO_VALUE: Final = NoValue.NO_VALUE
 SYMBOL: Final = "symbol"
 """The first field of an object state: which object it is of (Def. 8.5.1)."""
+END: Final = "end"
+"""The field that is true in the last state of an object."""
 
 
 class Field(NamedTuple):
@@ -57,16 +59,23 @@ class Sort:
     unit: str = ""
     _numbers: int = field(init=False, repr=False, compare=False, default=0)
     _takes_number: bool = field(init=False, repr=False, compare=False, default=True)
+    _end: int = field(init=False, repr=False, compare=False, default=-1)
 
     def __post_init__(self) -> None:
         if all(part.unit not in {"bool", "text"} for part in self.fields):
             object.__setattr__(self, "_numbers", len(self.fields))
+        places = (at for at, part in enumerate(self.fields) if part == (END, "bool"))
+        object.__setattr__(self, "_end", next(places, -1))
         object.__setattr__(self, "_takes_number", not self.fields and self.unit not in {"bool", "text"})
 
     @property
     def is_of_objects(self) -> bool:
         """Whether its values are object states: records that begin with the symbol of an object (Def. 8.5.1)."""
         return bool(self.fields) and self.fields[0] == (SYMBOL, "text")
+
+    def is_end(self, state: Value) -> bool:
+        """Whether an object state is the last one of its object."""
+        return state is not NO_VALUE and self._end >= 0 and state[self._end] is True
 
     def __str__(self) -> str:
         """As a definition writes it: `gas in ppm`, `wind(north_m_s in m/s, east_m_s in m/s)`, `car`."""

@@ -10,6 +10,7 @@ from dyknow.model.sample import SURE, Quality, Sample, Value
 from dyknow.model.values import Sort
 from dyknow.network.history import History
 from dyknow.network.instant import Instant
+from dyknow.policies.of_objects import adapted_to
 from dyknow.policies.policy import Policy
 from dyknow.policies.sampling import Grid, PolicyAdapter
 
@@ -206,6 +207,7 @@ class Generator:
         Subscriptions of one policy that begin with the same sample are one stream: they share its adapter.
         """
         subscription = Subscription(self, policy, consumer, on_end)
+        subscription.adapter = adapted_to(subscription.adapter, self.sort)
         if self._begin_us != self.last_us:
             self._beginning, self._begin_us = {}, self.last_us
         if subscription.adapter.is_fresh:

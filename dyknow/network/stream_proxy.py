@@ -8,6 +8,7 @@ from dyknow.model.instants import print_duration
 from dyknow.model.labels import Label
 from dyknow.model.sample import Sample
 from dyknow.network.generator import Consumer, Generator, Subscription
+from dyknow.policies.of_objects import adapted_to
 from dyknow.policies.policy import Policy
 from dyknow.policies.sampling import Grid, PolicyAdapter
 
@@ -80,6 +81,7 @@ class StreamProxy:
             ValueNotAvailable: it does not reach back so far.
         """
         newest: list[Sample] = []
+        self._adapter = adapted_to(self._adapter, generator.sort)
         if from_us is not None:
             past = [s for s in generator.past(from_us) if after_us is None or s.available_us > after_us]
             self.backlog += self._adapter.replay(past, from_us if after_us is None else after_us, self._network.now_us)

@@ -19,8 +19,6 @@ from dyknow.policies.policy import Policy
 
 SILENCE_US: Final = 60 * US_PER_S
 """How long an object stays that has no new state, and no end."""
-END: Final = "end"
-"""The field that is true in the last state of an object."""
 
 
 class ObjectChange(NamedTuple):
@@ -52,7 +50,6 @@ class ObjectTable:
         self.label, self.sort = label, sort
         self.newest: dict[str, Sample] = {}
         self._network = network
-        self._end = next((at for at, each in enumerate(sort.fields) if each.name == END and each.unit == "bool"), None)
         self.proxy: StreamProxy | None = None
         self._on_change: dict[int, OnChange] = {}
         self._on_state: dict[str, dict[int, OnState]] = {}
@@ -123,19 +120,17 @@ class ObjectTable:
         if sample.value is NO_VALUE:
             return
         symbol: str = sample.value[0]
-        if self._end is not None and sample.value[self._end]:
+        if self.sort.is_end(sample.value):
             if symbol in self.newest:
                 self._vanish(symbol, sample.valid_us, sample.available_us)
             return
         known = self.newest.pop(symbol, None)
-        if known is None:
-            if not self._admits(symbol):
-                return
-            self.newest[symbol] = sample
-            self._tell(ObjectChange(sample.valid_us, symbol, appeared=True), sample.available_us)
-        else:
-            self.newest[symbol] = sample if sample.valid_us >= known.valid_us else known
+        if known is None and not self._admits(symbol):
+            return
+        self.newest[symbol] = sample if known is None or sample.valid_us >= known.valid_us else known
         self._hand_on(symbol, sample)
+        if known is None:  # those that follow it from now on are given its newest state
+            self._tell(ObjectChange(sample.valid_us, symbol, appeared=True), sample.available_us)
 
     def _hand_on(self, symbol: str, sample: Sample) -> None:
         for on_state in tuple(self._on_state.get(symbol, {}).values()):

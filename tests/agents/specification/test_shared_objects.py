@@ -1,0 +1,108 @@
+"""Objects that one platform sees, on another: exported, imported, a domain there as here; units and objects together."""
+
+from agents.effects import Fed
+from tests.agents.specification.test_specification_part import Pair
+
+LABEL = (
+    "label seen-cars : car(symbol in text, x_m in m, y_m in m, vx_m_s in m/s, vy_m_s in m/s, colour in text, end in bool) "
+    '"cars that a platform sees"\n'
+)
+SEES = f"""{LABEL}source car seen
+source position own
+strmgen cars = seen
+strmgen heli-position[self] = own
+export seen-cars = cars
+define ORIGIN_LATITUDE_DEG = 58.4
+define ORIGIN_LONGITUDE_DEG = 15.6
+monitor near = always forall c in cars: xy_dist[self, c] > 30
+"""
+IMPORTS = f"""{LABEL}import seen-cars from 0 as cars with max delay 1s
+stream theirs = cars.objects
+for c in cars stream x = cars.x_m[c]
+monitor slow = always forall c in cars: speed[c] < 15
+"""
+
+
+class Road(Pair):
+    """One platform sees cars, at times of their own, the other imports them."""
+
+    def drive(self, seconds, cars):
+        """`cars` gives the states of all cars at a time in seconds: symbol, x_m, speed, whether it is the last."""
+        begin_us = self.world.now_us
+        while (self.world.now_us - begin_us) / 1e6 < seconds:
+            at_us = self.world.now_us
+            for symbol, x_m, speed_m_s, end in cars((at_us - begin_us) / 1e6):
+                self.feed("seen", (symbol, x_m, 0.0, speed_m_s, 0.0, "red", end))
+            if at_us % 100_000 < 37_000:
+                self.feed("own", (58.4, 15.6), at_us // 100_000 * 100_000)
+            self.world.run_for(0.037)
+
+    def feed(self, source, value, valid_us=None):
+        world = self.world
+        at_us = world.now_us
+        world._reach(world.nodes["0"], Fed(at_us, source, at_us if valid_us is None else valid_us, value))
+
+    def values(self, unit, stream):
+        return [each["value"] for each in self.told(unit, "sample") if each["stream"] == stream]
+
+
+def two_cars(at_s):
+    if at_s < 2.95:
+        yield "car1", 50.0 - 10.0 * at_s, 10.0, at_s > 2.9
+    yield "car2", 200.0 + at_s, 20.0 if at_s > 2 else 10.0, False
+
+
+def test_an_exported_stream_of_objects_is_a_domain_where_it_is_imported():
+    road = Road(SEES, IMPORTS)
+    road.world.run_for(2)
+    road.drive(3, two_cars)
+    road.world.run_for(2)
+    assert road.notes("0") == road.notes("1") == []
+    named = [set(value or ()) for value in road.values("1", "theirs")]
+    assert {"car1", "car2"} in named
+    assert named[-1] == {"car2"}
+    xs = road.values("1", "x-car1")
+    assert len(xs) >= 25
+    assert xs == sorted(xs, reverse=True)
+    assert len(road.values("1", "x-car2")) >= 25
+
+
+def test_each_object_has_one_state_in_each_period_of_what_is_exported():
+    road = Road(SEES, IMPORTS)
+    road.world.run_for(2)
+    road.drive(3, two_cars)
+    valid_us = [each["valid_us"] for each in road.told("1", "sample") if each["stream"] == "x-car2"]
+    periods = [each // 100_000 for each in valid_us]
+    assert len(periods) > 25
+    assert periods == sorted(set(periods))
+
+
+def test_monitors_over_objects_of_another_platform_alarm_and_say_for_which():
+    road = Road(SEES, IMPORTS)
+    road.world.run_for(2)
+    road.drive(4, two_cars)
+    road.world.run_for(2)
+    opened = road.told("1", "alarm-opened")
+    assert [each["monitor"] for each in opened] == ["slow"]
+    assert "car2" in str(opened[0]["because"])
+
+
+def test_a_platform_watches_how_far_it_is_from_what_it_sees():
+    road = Road(SEES, IMPORTS)
+    road.world.run_for(2)
+    road.drive(4, two_cars)
+    road.world.run_for(2)
+    opened = road.told("0", "alarm-opened")
+    assert [each["monitor"] for each in opened] == ["near"]
+    assert "xy_dist[0, car1]" in str(opened[0])
+
+
+def test_a_name_that_becomes_that_of_a_platform_is_that_platform():
+    road = Road(f"{SEES}stream d = xy_dist[self, 2]\n", IMPORTS)
+    road.world.run_for(1)
+    objects = road.declared("0").instance.parts.objects
+    assert not objects.is_other("2")
+    road.world.add("2")
+    road.world.run_for(5)
+    assert objects.is_other("2")
+    assert "2" in road.declared("0")._keeper.needs()
