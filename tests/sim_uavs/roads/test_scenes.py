@@ -3,12 +3,14 @@
 import json
 from collections import defaultdict
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from anchoring.roads.files.geojson import read_roads
 from dyknow.model.errors import DyknowError
+from sim_uavs.roads.__main__ import main
 from sim_uavs.roads.percepts import PerceptSource, Seeing, SeenPercept
 from sim_uavs.roads.scenes import SCENES, recorded
 
@@ -108,3 +110,16 @@ def test_a_line_of_json_states_the_percept_and_never_the_truth() -> None:
 def test_a_scene_that_is_not_there_is_refused_with_those_that_are() -> None:
     with pytest.raises(DyknowError, match="no road scene is called 'fog'; there are one, noise, two"):
         recorded("fog", 1)
+
+
+def test_a_scene_becomes_files_that_are_linked_by_the_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["roads", "two", "--seed", "2", "--out", str(tmp_path)])
+    main()
+    files = [Path(line) for line in capsys.readouterr().out.splitlines()]
+    assert [file.name for file in files] == ["two.percepts.jsonl", "two.truth.jsonl", "two.roads.geojson"]
+    percepts, truth, roads = (file.read_text() for file in files)
+    assert [json.loads(line) for line in percepts.splitlines()] == list(recorded("two", 2).records())
+    assert {json.loads(line)["vehicle"] for line in truth.splitlines()} == {"car1", "car2"}
+    assert "middle" in read_roads(roads).crossings
