@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from bench.linkage.__main__ import BARS, GAP
+from bench.linkage.ours import by_links
 from bench.linkage.peers import GRID, by_norfair, per_percept
-from bench.linkage.scores import Shown, Track, quick_idf1, score
+from bench.linkage.scores import Shown, Track, mean, quick_idf1, score
 from sim_uavs.roads.scenes import SCENES, RoadRecording, recorded
 
 
@@ -53,10 +55,10 @@ def test_a_new_object_per_percept_is_a_new_symbol_after_every_gap() -> None:
     assert (found.switches, found.gap, found.objects) == (3.0, 0.0, 4.0)
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", ["two", "clutter"])
 def test_the_quick_figure_is_that_of_py_motmetrics(name: str) -> None:
     recording = recorded(name, 1)
-    looks = recording.looks[: 120 if name == "twelve" else 200]
+    looks = recording.looks[:120]
     rng = np.random.default_rng(5)
     for tracks in (
         per_percept(looks),
@@ -64,3 +66,26 @@ def test_the_quick_figure_is_that_of_py_motmetrics(name: str) -> None:
         [{f"o{rng.integers(3)}": shown for shown in track.values()} for track in per_percept(looks)],
     ):
         assert quick_idf1(looks, tracks) == pytest.approx(score(looks, tracks).idf1, abs=1e-9)
+
+
+def check_bars(name: str, seeds: range) -> None:
+    """IDF1 over the seeds at its bar; one car: no switch and gaps bridged; no object of clutter."""
+    recordings = [recorded(name, seed) for seed in seeds]
+    linked = [by_links(recording) for recording in recordings]
+    found = mean([score(each.looks, one.tracks) for each, one in zip(recordings, linked, strict=True)])
+    assert found.idf1 >= BARS[name]
+    assert not sum(one.from_clutter(each) for each, one in zip(recordings, linked, strict=True))
+    if name == "one":
+        assert (found.switches, found.objects) == (0.0, 1.0)
+        assert found.gap >= GAP
+
+
+@pytest.mark.parametrize("name", ["one", "noise", "two", "slow"])
+def test_the_symbols_of_the_command_are_at_their_bars(name: str) -> None:
+    check_bars(name, range(1, 2))
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", SCENES)
+def test_the_symbols_of_the_command_are_at_their_bars_in_every_scene(name: str) -> None:
+    check_bars(name, range(1, 11))
