@@ -46,6 +46,7 @@ from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.part import Part, PeerChange
 from agents.shedding import Shedding
 from agents.specification.declared_streams import DeclaredStreams
+from agents.specification.object_queries import ObjectQueries
 from agents.specification.remote_changes import SpecificationChanges
 from agents.specification.specification_part import SpecificationPart
 from agents.tasks.life import TaskLife
@@ -70,7 +71,7 @@ PARTS: tuple[type[Part], ...] = (
     FlightAgent, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports,
     Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
-    SpecificationChanges, MessageLog, DirectoryAgent,
+    SpecificationChanges, ObjectQueries, MessageLog, DirectoryAgent,
 )  # fmt: skip
 """The classes of all parts there are, in their order; which of them a platform has, `Ports.kinds` decides."""
 

@@ -79,6 +79,11 @@ class ObjectStreams:
             table = self._tables[label] = ObjectTable(self._network, label, generator.sort)
         return table
 
+    def tables(self) -> list[ObjectTable]:
+        """The streams of object states that are there."""
+        found = {label: self.table(label) for label in self._streams}
+        return [table for table in found.values() if table is not None]
+
     def bearers(self, feature: str) -> list[tuple[ObjectTable, tuple[Sort, View]]]:
         """The streams whose objects have a feature, and how it comes from their states."""
         quantity = self._quantities.get(feature)

@@ -84,6 +84,13 @@ class ObjectTable:
 
         return undo
 
+    def read(self) -> list[tuple[str, Sample]]:
+        """The objects that are there now, as far as the stream holds them, with their newest states."""
+        undo = self.follow(_ignore)
+        found = list(self.newest.items())
+        undo()
+        return found
+
     def _tidy(self) -> None:
         if not self._on_change and not self._on_state:
             self._rest()
@@ -181,3 +188,7 @@ class ObjectTable:
             if state.valid_us + SILENCE_US > now_us:
                 return
             yield symbol, state
+
+
+def _ignore(_change: ObjectChange, _now_us: int) -> None:
+    """No change is of interest."""

@@ -316,7 +316,12 @@ def _is_paged(content: contents.Content) -> bool:
         return content.op in {"between", "last", "slice"}
     return isinstance(
         content,
-        contents.AlarmList | contents.ActList | contents.ImportList | contents.Monitors | contents.Specification,
+        contents.AlarmList
+        | contents.ActList
+        | contents.ImportList
+        | contents.Monitors
+        | contents.ObjectList
+        | contents.Specification,
     )
 
 

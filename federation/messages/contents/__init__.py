@@ -22,6 +22,7 @@ from federation.messages.contents.monitors import (
     Verdict,
     When,
 )
+from federation.messages.contents.objects import ObjectEntry, ObjectList
 from federation.messages.contents.parts import MAX_LIST, Content, ContentPart, prepare, read
 from federation.messages.contents.platform import (
     ActList,
@@ -104,6 +105,8 @@ __all__ = [
     "MonitorProximity",
     "Monitors",
     "NamedText",
+    "ObjectEntry",
+    "ObjectList",
     "Progress",
     "Query",
     "QueryStream",

@@ -41,6 +41,8 @@ TEXTS = [
     '(remove-declarations names: (sequence speed "stream alt"))',
     '(specification-changed number: 3 added: (sequence "stream s = alt[self]") more: 2 warnings: (sequence "a b"))',
     "(import-list imports: (sequence (import-account owner: 1 semantic-label: battery hash: ab12cd34 received: 7)))",
+    "(object-list type: car)",
+    "(object-list objects: (sequence (object-entry symbol: car1 type: car stream: cars valid: 5 attributes: (record colour: red x_m: 1.5))))",
     "(query semantic-label: heli-position)",
     "(query semantic-label: heli-position op: at at: 5 scope: global select: best)",
     "(query semantic-label: heli-position op: between from: 5 to: 6 merge: inverse-variance)",

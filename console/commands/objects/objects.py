@@ -1,0 +1,95 @@
+"""`dyknow objects`: the objects that platforms see, each with its newest state."""
+
+from collections.abc import Iterable
+from typing import Annotated, Any, TypeAlias
+
+import typer
+
+from console.centre.client import connected
+from console.command import Call, command
+from console.errors import DONE, NO
+from console.output.output import unit_json
+from dyknow.model.instants import print_span
+from federation.messages.contents import ObjectEntry, ObjectList
+from runtime.library.jobs import lists
+
+EVERY_S = 1.0
+Key: TypeAlias = tuple[str, str, str]
+"""Platform, stream and symbol."""
+
+
+@command(example="dyknow objects --type car --follow")
+def objects(
+    call: Call,
+    *,
+    type_: Annotated[str | None, typer.Option("--type", metavar="T", help="Of one type only.")] = None,
+    unit: Annotated[str | None, typer.Option("--unit", metavar="U", help="Of one platform only.")] = None,
+    follow: Annotated[bool, typer.Option("--follow", "-f", help="Also those that appear, move and vanish.")] = False,
+) -> int:
+    """The objects that platforms see, a line each; exit 1 if there is none."""
+    with connected(call) as client:
+        units = client.chosen(unit)
+        seen: dict[Key, ObjectEntry] = {}
+        while True:
+            found = _listed(client.run(lists(client, units, ObjectList(type=type_), ObjectList)))
+            if not follow:
+                _show(call, found, client.federation_us())
+                break
+            for key, entry in found.items():
+                if seen.get(key) != entry:
+                    _tell(call, key, entry, client.federation_us(), "" if key in seen else "appeared")
+            for key in seen.keys() - found.keys():
+                _tell(call, key, seen[key], client.federation_us(), "vanished")
+            seen = found
+            client.wait_for(lambda: False, EVERY_S)
+    return DONE if found else NO
+
+
+def _listed(answers: Iterable[tuple[str, ObjectList]]) -> dict[Key, ObjectEntry]:
+    entries = ((unit, each) for unit, said in answers for each in said.objects or ())
+    return dict(sorted(((unit, each.stream, each.symbol), each) for unit, each in entries))
+
+
+def _show(call: Call, found: dict[Key, ObjectEntry], now_us: int) -> None:
+    if call.out.json_lines:
+        for key, entry in found.items():
+            call.out.line(_record(key, entry))
+    elif found:
+        rows = [
+            (unit, entry.symbol, entry.type, entry.stream, *_state(entry, now_us))
+            for (unit, _, _), entry in found.items()
+        ]
+        call.out.table("", ("by", "object", "type", "stream", "age", "state"), rows, whole=("object",))
+    else:
+        call.out.note(
+            "no platform sees an object: they are in streams of object states, sort car(symbol in text, x_m in m, ...)."
+        )
+
+
+def _tell(call: Call, key: Key, entry: ObjectEntry, now_us: int, event: str) -> None:
+    if call.out.json_lines:
+        call.out.line({**_record(key, entry), **({"event": event} if event else {})})
+    else:
+        age, state = _state(entry, now_us)
+        call.out.show(f"{entry.symbol}  {entry.type} by {key[0]}  {event or age}  {state}")
+
+
+def _state(entry: ObjectEntry, now_us: int) -> tuple[str, str]:
+    values = (f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}" for name, value in _shown(entry))
+    return print_span(max(0, now_us - entry.valid_us)), ", ".join(values)
+
+
+def _shown(entry: ObjectEntry) -> Iterable[tuple[str, Any]]:
+    return ((name, value) for name, value in entry.attributes.items() if value is not False)
+
+
+def _record(key: Key, entry: ObjectEntry) -> dict[str, Any]:
+    """One object, for `--json`."""
+    return {
+        "unit": unit_json(key[0]),
+        "symbol": entry.symbol,
+        "type": entry.type,
+        "stream": entry.stream,
+        "valid_us": entry.valid_us,
+        **dict(entry.attributes),
+    }
