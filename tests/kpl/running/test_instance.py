@@ -269,7 +269,7 @@ def test_members_come_from_a_process_too_and_in_any_order_of_the_text() -> None:
     running = Running(text + "strmgen made = Ids(r)\nstrmgen r = raw\nsource number raw")
     running.push("raw", 1)
     running.push("raw", 2)
-    assert set(running.instance.families.members[label("x[c]")].members) == {"c0", "c1"}
+    assert set(running.instance.families.members[label("x[c]")].members) == {("c0",), ("c1",)}
     running.push("raw", 0)
     assert not [name for name in running.network.labels() if name.feature == "x"]
 
