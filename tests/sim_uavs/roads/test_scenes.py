@@ -118,8 +118,8 @@ def test_a_scene_becomes_files_that_are_linked_by_the_command(
     monkeypatch.setattr("sys.argv", ["roads", "two", "--seed", "2", "--out", str(tmp_path)])
     main()
     files = [Path(line) for line in capsys.readouterr().out.splitlines()]
-    assert [file.name for file in files] == ["two.percepts.jsonl", "two.truth.jsonl", "two.roads.geojson"]
-    percepts, truth, roads = (file.read_text() for file in files)
+    assert [file.name for file in files] == ["two.percepts.jsonl", "two.roads.geojson", "two.truth.jsonl"]
+    percepts, roads, truth = (file.read_text() for file in files)
     assert [json.loads(line) for line in percepts.splitlines()] == list(recorded("two", 2).records())
     assert {json.loads(line)["vehicle"] for line in truth.splitlines()} == {"car1", "car2"}
     assert "middle" in read_roads(roads).crossings
