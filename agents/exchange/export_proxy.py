@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 
 from dyknow import Label, Network, Policy, Sample
 from dyknow.model.errors import UnknownLabel
+from dyknow.model.values import without_nan
 from dyknow.network.stream_proxy import StreamProxy
 from federation.messages.codec import MAX_EVERY, MAX_RIDERS, Rider, WireSample
 from federation.sharing.exports import ContractEnded, ExportEvent, Exports, StreamEnded, StreamName
@@ -52,11 +53,14 @@ class ExportProxy:
             raise UnknownLabel(semantic_label, tuple(str(label) for label in self._network.labels()))
         stream, is_new = self.exports.open(contract, semantic_label, policy, receivers)
         if is_new:
+            is_of_objects = self._translation.ontology[semantic_label].sort.is_of_objects
             to_semantic, waiting, number = self._translation.to_semantic(semantic_label), self._waiting, stream.number
 
             def export(sample: Sample) -> None:
                 if self.shed > 1 and self._is_omitted(semantic_label, policy, sample.valid_us):
                     return
+                if is_of_objects:
+                    sample = sample._replace(value=without_nan(sample.value))
                 entry = number(to_semantic.sample(sample))
                 batch = waiting.setdefault(stream, [])
                 batch.append(entry)

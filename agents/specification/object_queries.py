@@ -8,6 +8,7 @@ from agents.interface import InterfaceAgent
 from agents.part import Part
 from agents.specification.specification_part import SPECIFICATION
 from dyknow.model.errors import Refused
+from dyknow.model.values import without_nan
 from dyknow.objects.object_table import ObjectTable
 from federation.messages.acts import Act
 from federation.messages.contents import ObjectEntry, ObjectList
@@ -50,7 +51,7 @@ class ObjectQueries(Part):
 def _entries(table: ObjectTable) -> Iterator[ObjectEntry]:
     names = [each.name for each in table.sort.fields]
     for symbol, state in table.read():
-        attributes = dict(zip(names, state.value, strict=True))
+        attributes = dict(zip(names, without_nan(state.value), strict=True))
         del attributes[names[0]]
         type_ = str(attributes.pop("type", table.sort.name))[:64] or table.sort.name
         shown = {name: one[:LONGEST_TEXT] if isinstance(one, str) else one for name, one in attributes.items()}

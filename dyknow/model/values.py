@@ -70,7 +70,10 @@ class Sort:
 
     @property
     def is_of_objects(self) -> bool:
-        """Whether its values are object states: records that begin with the symbol of an object (Def. 8.5.1)."""
+        """Whether its values are object states: records that begin with the symbol of an object (Def. 8.5.1).
+
+        Of an object state an attribute may have no value.
+        """
         return bool(self.fields) and self.fields[0] == (SYMBOL, "text")
 
     def is_end(self, state: Value) -> bool:
@@ -109,7 +112,7 @@ class Sort:
                 f"{self.name}: expected {len(self.fields)} components ({self._names()}), got {_shown(value)}"
             )
         for part, component in zip(self.fields, value, strict=True):
-            if not _fits(component, part.unit):
+            if not _fits(component, part.unit) and not self._may_lack(part, component):
                 raise SortError(
                     f"{self.name}.{part.name} [{part.unit}]: {_shown(component)} is not {_wanted(part.unit)}"
                 )
@@ -125,6 +128,10 @@ class Sort:
         self.check(value)
         return dict(zip((f.name for f in self.fields), value, strict=True)) if self.fields else {"value": value}
 
+    def _may_lack(self, part: Field, component: Value) -> bool:
+        """Whether it is an attribute of an object that is not known."""
+        return component is NO_VALUE and part.name not in {SYMBOL, END} and self.is_of_objects
+
     def _check_simple(self, value: Value) -> None:
         if self.is_open and isinstance(value, tuple | frozenset):
             for component in value:
@@ -137,6 +144,13 @@ class Sort:
 
     def _names(self) -> str:
         return ", ".join(f.name for f in self.fields)
+
+
+def without_nan(value: Value) -> Value:
+    """A record in which what is not a number has no value."""
+    if not isinstance(value, tuple) or all(one == one for one in value):  # noqa: PLR0124 - a NaN differs from itself
+        return value
+    return tuple([one if one == one else NO_VALUE for one in value])  # noqa: PLR0124
 
 
 def as_json(value: Value) -> Any:

@@ -13,7 +13,7 @@ from typing import Final, TypeAlias
 from dyknow.model.labels import Label
 from dyknow.model.members import NamedMembers
 from dyknow.model.sample import SURE, Quality, Sample, Value
-from dyknow.model.values import Sort
+from dyknow.model.values import NO_VALUE, Sort
 from dyknow.network.network import Network
 from dyknow.network.process import Process
 from dyknow.network.processes import OnDemand
@@ -143,7 +143,8 @@ def _whole(state: Value) -> Value:
 
 
 def _component(at: int, state: Value) -> Value:
-    return state[at]
+    value = state[at]
+    return value if value == value else NO_VALUE  # noqa: PLR0124 - a NaN differs from itself
 
 
 class ObjectProcess(OnDemand):

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from dyknow.model.sample import Value
-from dyknow.model.values import Field, Sort
+from dyknow.model.values import NO_VALUE, Field, Sort
 from dyknow.objects.object_streams import View, ViewOf
 from navigation.geodesy import metres_per_degree
 from reasoning.features.derivation import ALTITUDE, POSITION, VELOCITY
@@ -47,31 +47,42 @@ def _places(sort: Sort, *names: str) -> tuple[int, ...] | None:
 def _position(sort: Sort, origin: tuple[float, float] | None) -> tuple[Sort, View] | None:
     geodetic = _places(sort, "latitude_deg", "longitude_deg")
     if geodetic is not None:
-        return _POSITION, _picking(*geodetic)
+        return _POSITION, _of_known(_record, *geodetic)
     local = _places(sort, "x_m", "y_m")
     if local is None:
         return None
     (x, y), (latitude_deg, longitude_deg) = local, origin or (0.0, 0.0)
     north_m, east_m = metres_per_degree(latitude_deg)
 
-    def placed(state: Value) -> Value:
-        return latitude_deg + state[y] / north_m, longitude_deg + state[x] / east_m
+    def placed(east: float, north: float) -> Value:
+        return latitude_deg + north / north_m, longitude_deg + east / east_m
 
-    return _UNPLACED if origin is None else _POSITION, placed
+    return _UNPLACED if origin is None else _POSITION, _of_known(placed, x, y)
 
 
 def _altitude(sort: Sort) -> tuple[Sort, View] | None:
     found = _places(sort, "altitude_m")
-    return None if found is None else (_ALTITUDE, _picking(*found))
+    return None if found is None else (_ALTITUDE, _of_known(_record, *found))
 
 
 def _velocity(sort: Sort) -> tuple[Sort, View] | None:
     found = _places(sort, "vx_m_s", "vy_m_s")
     if found is None:
         return None
-    (east, north), up = found, _places(sort, "vz_m_s")
-    return _VELOCITY, lambda state: (state[north], state[east], 0.0 if up is None else -state[up[0]])
+    up = _places(sort, "vz_m_s") or ()
+    return _VELOCITY, _of_known(lambda east, north, up=0.0: (north, east, -up), *found, *up)
 
 
-def _picking(*places: int) -> Callable[[Value], Value]:
-    return lambda state: tuple([state[at] for at in places])
+def _record(*numbers: float) -> Value:
+    return numbers
+
+
+def _of_known(make: Callable[..., Value], *places: int) -> View:
+    """A value of the numbers in these places of a state, if they are known."""
+
+    def view(state: Value) -> Value:
+        numbers = [state[at] for at in places]
+        is_known = all(one is not NO_VALUE and one == one for one in numbers)  # noqa: PLR0124 - a NaN differs from itself
+        return make(*numbers) if is_known else NO_VALUE
+
+    return view

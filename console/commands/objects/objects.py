@@ -9,6 +9,7 @@ from console.centre.client import connected
 from console.command import Call, command
 from console.errors import DONE, NO
 from console.output.output import unit_json
+from dyknow import NO_VALUE, as_json
 from dyknow.model.instants import print_span
 from federation.messages.contents import ObjectEntry, ObjectList
 from runtime.library.jobs import lists
@@ -80,7 +81,7 @@ def _state(entry: ObjectEntry, now_us: int) -> tuple[str, str]:
 
 
 def _shown(entry: ObjectEntry) -> Iterable[tuple[str, Any]]:
-    return ((name, value) for name, value in entry.attributes.items() if value is not False)
+    return ((name, value) for name, value in entry.attributes.items() if value is not False and value is not NO_VALUE)
 
 
 def _record(key: Key, entry: ObjectEntry) -> dict[str, Any]:
@@ -91,5 +92,5 @@ def _record(key: Key, entry: ObjectEntry) -> dict[str, Any]:
         "type": entry.type,
         "stream": entry.stream,
         "valid_us": entry.valid_us,
-        **dict(entry.attributes),
+        **{name: as_json(value) for name, value in entry.attributes.items()},
     }

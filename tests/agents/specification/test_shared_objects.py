@@ -1,6 +1,7 @@
 """Objects that one platform sees, on another: exported, imported, a domain there as here; units and objects together."""
 
 from agents.effects import Fed
+from dyknow import NO_VALUE
 from tests.agents.specification.test_specification_part import Pair
 
 LABEL = (
@@ -65,6 +66,26 @@ def test_an_exported_stream_of_objects_is_a_domain_where_it_is_imported():
     assert len(xs) >= 25
     assert xs == sorted(xs, reverse=True)
     assert len(road.values("1", "x-car2")) >= 25
+
+
+def test_attributes_that_are_not_known_travel_and_the_end_of_an_object_does_too():
+    road = Road(SEES, IMPORTS)
+    nan = float("nan")
+    road.world.run_for(2)
+    road.drive(1, lambda at_s: [("car1", 5.0 + at_s, 1.0, False)])
+    generator = road.declared("0").instance.network.generator("cars")
+    for end in (False, True):
+        road.world.run_for(0.2)
+        now_us = road.world.now_us
+        road.world.call(
+            "0",
+            lambda _platform, _at_us, now_us=now_us, end=end: generator.push(
+                now_us, ("car1", 9.0, 0.0, nan, NO_VALUE, "", end), now_us
+            ),
+        )
+        road.world.run_for(0.5)
+    assert road.values("1", "x-car1")[-1] == 9.0
+    assert road.values("1", "theirs")[-1] == []
 
 
 def test_each_object_has_one_state_in_each_period_of_what_is_exported():
