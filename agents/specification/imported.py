@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 
-from dyknow import Inputs, Sample, UnitPrototype, Value
+from dyknow import Inputs, Sample, Sort, UnitPrototype, Value
+from dyknow.model.values import without_nan
 from dyknow.network.generator import Generator
 from dyknow.network.process import Input
 from dyknow.network.processes import EVER_US
@@ -56,13 +57,15 @@ class ImportDemand:
             self._ask(asks)
 
 
-def converting(sort: str, conversion: LabelConversion) -> UnitPrototype:
-    """Values in other units, with their quality."""
+def converting(sort: Sort, conversion: LabelConversion) -> UnitPrototype:
+    """Values in other units, with their quality; of object states what is not a number is not known."""
 
     def step(now_us: int, inputs: Inputs, state: Value) -> tuple[Sample | None, Value]:
         (sample,) = inputs
         if sample is None:
             return None, state
+        if sort.is_of_objects:
+            sample = sample._replace(value=without_nan(sample.value))
         return conversion.sample(sample)._replace(available_us=now_us), state
 
-    return UnitPrototype("as exported", sort, (sort,), lambda: step, samplewise=True, cost_us=0)
+    return UnitPrototype("as exported", sort.name, (sort.name,), lambda: step, samplewise=True, cost_us=0)

@@ -300,7 +300,7 @@ class SpecificationPart(Part):
             self._exported.pop(semantic, None)
             self._agreements.restrict(semantic, None)
             raise Refused(f"{semantic} is the stream {local} here already, made by another; export that one")
-        unit = converting(entry.sort.name, translation.to_local(semantic))
+        unit = converting(entry.sort, translation.to_local(semantic))
         network.add_process(
             local, translation.local_sort(semantic), RefinementProcess(unit, [Input(term.label, term.policy)])
         )
@@ -324,7 +324,7 @@ class SpecificationPart(Part):
         if local == term.label:
             return ImportDemand(network.generator(local), tell).stop
         entry = self._ontology[semantic]
-        imported = Imported(converting(entry.sort.name, to_semantic), Input(local, policy), tell)
+        imported = Imported(converting(entry.sort, to_semantic), Input(local, policy), tell)
         network.add_process(term.label, entry.sort, imported)
         return partial(network.remove, term.label)
 
