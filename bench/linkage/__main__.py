@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bench.linkage.ours import by_links
-from bench.linkage.peers import GRID, Setting, by_norfair, per_percept
+from bench.linkage.peers import GRID, Setting, by_norfair, per_percept, variants
 from bench.linkage.scores import Score, mean, quick_idf1, score
 from bench.machine import machine
 from sim_uavs.roads.scenes import SCENES, RoadRecording, recorded
@@ -77,12 +77,12 @@ def _quick(recordings: Sequence[RoadRecording], setting: Setting) -> float:
 
 
 def _best(recordings: Sequence[RoadRecording], quick: dict[Setting, float]) -> tuple[Score, Setting]:
-    """The best setting over all recordings among those that are best in a few; with the percepts' names if that is better."""
+    """The best setting over all recordings among those that are best in a few, or a variant of it."""
     chosen = sorted(quick, key=lambda setting: -quick[setting])[:FINALISTS]
     first = max(chosen, key=lambda setting: _quick(recordings, setting))
     scored = [
         (mean([score(each.looks, by_norfair(each.looks, setting)) for each in recordings]), setting)
-        for setting in (first, first._replace(ids=True))
+        for setting in variants(first)
     ]
     return max(scored, key=lambda each: each[0].idf1)
 

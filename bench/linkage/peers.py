@@ -31,8 +31,13 @@ class Setting(NamedTuple):
 
 
 GRID = tuple(
-    Setting(*each, ids=False) for each in product((4.0, 8.0, 15.0), (1.0, 2.5, 5.0), (0.0, 0.4, 1.0), (1.0, 4.0))
+    Setting(*each, trusts=1.0, ids=False) for each in product((5.0, 10.0, 20.0, 30.0), (1.0, 2.5, 5.0), (0.0, 0.4, 1.0))
 )
+
+
+def variants(setting: Setting) -> tuple[Setting, ...]:
+    """The setting; with norfair's own R; with the percepts' names."""
+    return setting, setting._replace(trusts=4.0), setting._replace(ids=True)
 
 
 def per_percept(looks: Sequence[Look]) -> list[Track]:
