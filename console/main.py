@@ -29,6 +29,8 @@ COMMANDS: CommandTable = {
     "chronicle": (f"{_TEXTS}.chronicle:chronicle", "Chronicles in recorded events, or over a platform's live streams."),
     "link": (f"{_OBJECTS}.link:link", "Which percepts of a recording are the same objects, through gaps and clutter."),
     "objects": (f"{_OBJECTS}.objects:objects", "The objects that platforms see, each with its newest state."),
+    "explain": (f"{_OBJECTS}.events:explain", "Why an object is what it is: its links, and what made and ended them."),
+    "events": (f"{_OBJECTS}.events:events", "What happened to objects: links made and ended, what was recognised."),
     "delegate": (f"{_MEMBERS}.delegate:delegate", "A task for a platform, as a speech act to its interface agent."),
     "tasks": (f"{_MEMBERS}.delegate:tasks", "Delegated tasks of all platforms."),
     "cancel": (f"{_MEMBERS}.delegate:cancel", "End a task, and take down all it set up."),

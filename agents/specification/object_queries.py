@@ -1,28 +1,53 @@
 """The objects that are there, in the streams of object states of one platform, for others who ask (thesis 8.5.1)."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Protocol
 
 from agents.actions import QUERIED, Action, Offer, Role
 from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.part import Part
 from agents.specification.specification_part import SPECIFICATION
+from dyknow import NO_VALUE, Label, Sample
 from dyknow.model.errors import Refused
 from dyknow.model.values import without_nan
 from dyknow.objects.object_table import ObjectTable
 from federation.messages.acts import Act
-from federation.messages.contents import ObjectEntry, ObjectList
+from federation.messages.contents import ObjectEntry, ObjectEvent, ObjectEvents, ObjectList
+from federation.messages.descriptions import in_one_line
 from kpl import Instance
+from kpl.introspection.link_reasons import because
+from kpl.syntax.specification import RECOGNISED
 
-OBJECTS_A_PAGE = 40
+if TYPE_CHECKING:
+    from anchoring.links.objects import LinkEvent
+
+OBJECTS_A_PAGE, MOST_EVENTS = 40, 400
 LONGEST_TEXT = 200
 """Characters of an attribute in an answer."""
+LONGEST_REASON = 800
+
+
+class LinkHistory(Protocol):
+    """What a process of links knows of them."""
+
+    recent: "Iterable[LinkEvent]"
+
+    def explain(self, symbol: str) -> "tuple[LinkEvent, ...]": ...
 
 
 class ObjectQueries(Part):
-    """Lists the objects of the streams that the requester may see, each with its newest state."""
+    """Lists the objects of the streams that the requester may see, each with its newest state, and what happened to them."""
 
-    offers = (Offer(SPECIFICATION, (Action(ObjectList, "on_object_list", QUERIED, Role.OBSERVER),)),)
+    offers = (
+        Offer(
+            SPECIFICATION,
+            (
+                Action(ObjectList, "on_object_list", QUERIED, Role.OBSERVER),
+                Action(ObjectEvents, "on_object_events", QUERIED, Role.OBSERVER),
+            ),
+        ),
+    )
 
     def __init__(self, agent: InterfaceAgent, agreements: LabelAgreements, instance: Instance) -> None:
         self._agent, self._agreements, self._instance = agent, agreements, instance
@@ -32,7 +57,7 @@ class ObjectQueries(Part):
         entries = [
             entry
             for table in self._instance.parts.objects.tables()
-            if self._may_see(act.sender.unit, table)
+            if self._may_see(act.sender.unit, table.label)
             for entry in _entries(table)
             if content.type in {None, entry.type}
         ]
@@ -40,12 +65,58 @@ class ObjectQueries(Part):
             act, entries, OBJECTS_A_PAGE, lambda page, more: ObjectList(objects=page, more=more), now_us
         )
 
-    def _may_see(self, unit: str, table: ObjectTable) -> bool:
+    def on_object_events(self, act: Act, content: ObjectEvents, now_us: int) -> None:
+        """`(object-events symbol: car1)`, or `(object-events since: 1700000000000000)`: the newest ones, in their order."""
+        since_us = -(2**80) if content.since_us is None else content.since_us
+        found = {each for each in self._events(act.sender.unit, content.symbol) if each.at_us > since_us}
+        newest = sorted(found, key=lambda each: each.at_us)[-MOST_EVENTS:]
+        self._agent.answer_pages(
+            act, newest, OBJECTS_A_PAGE, lambda page, more: ObjectEvents(events=page, more=more), now_us
+        )
+
+    def _events(self, unit: str, symbol: str | None) -> Iterator[ObjectEvent]:
+        network = self._instance.network
+        for label in network.labels():
+            linkage: LinkHistory | None = getattr(network.process(label), "linkage", None)
+            if linkage is not None and self._may_see(unit, label):
+                yield from map(_event, linkage.recent if symbol is None else linkage.explain(symbol))
+            elif label.feature == RECOGNISED:
+                history = network.generator(label).history
+                samples = history.get_slice(0, history.get_size() - 1) if history.get_size() else []
+                recognised = (_recognised(label, each) for each in samples[-MOST_EVENTS:] if each.value is not NO_VALUE)
+                yield from (each for each in recognised if symbol is None or symbol in _named(each))
+
+    def _may_see(self, unit: str, label: Label) -> bool:
         try:
-            self._agreements.check_stream(unit, table.label)
+            self._agreements.check_stream(unit, label)
         except Refused:
             return False
         return True
+
+
+def _event(event: "LinkEvent") -> ObjectEvent:
+    return ObjectEvent(
+        at_us=event.valid_us,
+        event=event.kind,
+        source=event.source[:LONGEST_TEXT],
+        target=event.target[:LONGEST_TEXT],
+        because=in_one_line(because(event.reason))[:LONGEST_REASON],
+    )
+
+
+def _recognised(label: Label, sample: Sample) -> ObjectEvent:
+    """An instance of a chronicle: its arguments, and when its instants were."""
+    arguments, _, instants = sample.value
+    times = ", ".join(f"{name} = {time_ms} ms" for name, time_ms in instants)
+    name = f"{label.objects[0]}[{', '.join(map(str, arguments))}]"
+    return ObjectEvent(
+        at_us=sample.valid_us, event="recognised", target=name[:LONGEST_TEXT], because=times[:LONGEST_REASON]
+    )
+
+
+def _named(event: ObjectEvent) -> tuple[str, ...]:
+    """The objects that a recognised chronicle is about."""
+    return tuple(event.target.partition("[")[2].removesuffix("]").split(", "))
 
 
 def _entries(table: ObjectTable) -> Iterator[ObjectEntry]:

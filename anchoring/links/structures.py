@@ -2,7 +2,7 @@
 
     linkage = ObjectLinkage([vision_to_world, world_to_on_road])
     outcome = linkage.on_percepts(valid_us, percepts)     # states of objects and events of links at that time
-    linkage.anchored("wo1"); linkage.explain("wo1")
+    linkage.anchored("wo1"); linkage.explain("wo1"); linkage.recent  # the latest events
 
 Within a tick percepts that ended are removed, the others take their states, objects that no percept shows are predicted,
 and the processes are stepped, those into lower types first. The order of the percepts of one tick does not matter. Between
@@ -30,8 +30,7 @@ from reasoning.formulas.tree import Formula
 MOST_TICKS: Final = 10_000
 """Most predictions at the sample period between two ticks."""
 GENERAL: Final = ConstantVelocity(noise=4.0)
-_FORGOTTEN_KEPT: Final = 1000
-_NEARLY: Final = 0.99
+_FORGOTTEN_KEPT, _NEARLY = 1000, 0.99
 
 
 class Percept(NamedTuple):
@@ -98,6 +97,7 @@ class ObjectLinkage:
         self._events: list[LinkEvent] = []
         self._wanted = WantedObjects()
         self._forgotten: deque[LinkObject] = deque(maxlen=_FORGOTTEN_KEPT)
+        self.recent: deque[LinkEvent] = deque(maxlen=_FORGOTTEN_KEPT)
 
     # Time and percepts
 
@@ -141,7 +141,7 @@ class ObjectLinkage:
         return outcome
 
     def _tick(self, valid_us: int, percepts: Sequence[Percept], outcome: LinkOutcome) -> None:
-        self._latest_us, self._events = valid_us, outcome.events
+        self._latest_us, self._events, before = valid_us, outcome.events, len(outcome.events)
         self._end_percepts(valid_us, percepts)
         for percept in percepts:
             if percept.state is not None:
@@ -157,6 +157,7 @@ class ObjectLinkage:
             fresh[type_] = updated(objects.values(), valid_us)
             self._forget(valid_us, type_)
             outcome.states.extend(_record(one) for one in fresh[type_] if one.symbol in objects)
+        self.recent.extend(outcome.events[before:])
 
     def _end_percepts(self, valid_us: int, percepts: Iterable[Percept]) -> None:
         """Remove percepts that have ended, and those without a sample for too long."""

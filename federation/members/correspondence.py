@@ -320,6 +320,7 @@ def _is_paged(content: contents.Content) -> bool:
         | contents.ActList
         | contents.ImportList
         | contents.Monitors
+        | contents.ObjectEvents
         | contents.ObjectList
         | contents.Specification,
     )

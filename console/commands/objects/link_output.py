@@ -1,16 +1,14 @@
 """What linking percepts brings, as JSON lines or as text."""
 
-from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from console.command import Call
 from console.output.shown import Shown, line, styled
 from dyknow.model.instants import US_PER_MS, US_PER_S
-from dyknow.model.values import NO_VALUE
-from kpl import print_formula
+from kpl.introspection.link_reasons import because
 
 if TYPE_CHECKING:
-    from anchoring.links.objects import LinkEvent, LinkReason
+    from anchoring.links.objects import LinkEvent
     from anchoring.links.structures import LinkOutcome, ObjectLinkage, StateRecord
 
 _STYLES = {"established": "green", "reestablished": "green", "unlinked": "yellow", "reclassified": "cyan"}
@@ -21,7 +19,6 @@ class LinkOutput:
 
     def __init__(self, call: Call) -> None:
         self._out = call.out
-        self._formulas: dict[Any, str] = {}
         self._objects: dict[tuple[str, str], _Seen] = {}
 
     def on_outcome(self, outcome: "LinkOutcome") -> None:
@@ -58,9 +55,7 @@ class LinkOutput:
         when = styled(f"{event.valid_us / US_PER_S:10.3f} s", "dim")
         between = f"{event.source} -> {event.target}" if event.source else event.target
         kind = styled(event.kind, _STYLES.get(event.kind, "dim"))
-        self._out.show(
-            line(when, "  ", styled(between, "bold"), "  ", kind, f": {self._because(event.reason)}"), whole=True
-        )
+        self._out.show(line(when, "  ", styled(between, "bold"), "  ", kind, f": {because(event.reason)}"), whole=True)
 
     def _event(self, event: "LinkEvent") -> dict[str, Any]:
         return {
@@ -68,23 +63,8 @@ class LinkOutput:
             "event": event.kind,
             "from": event.source or None,
             "to": event.target,
-            "because": self._because(event.reason),
+            "because": because(event.reason),
         }
-
-    def _because(self, reason: "LinkReason") -> str:
-        if reason.cause == "ended":
-            return "the percept ended"
-        if reason.cause == "silent":
-            return f"no sample for {reason.for_us / US_PER_S:g} s"
-        if reason.cause == "forgotten" or reason.formula is None:
-            return f"not linked to a percept for {reason.for_us / US_PER_S:g} s"
-        formula = self._formulas.get(reason.formula)
-        if formula is None:
-            formula = self._formulas[reason.formula] = print_formula(reason.formula)
-        verdict = "fails" if reason.cause == "maintain" else "holds"
-        samples = dict(chain.from_iterable(each.samples.items() for each in reason.explanations))
-        shown = ", ".join(f"{label} = {_shown(value)}" for label, value in samples.items())
-        return f"{reason.cause} {verdict}, {formula}{', with ' if shown else ''}{shown}"
 
 
 class _Seen:
@@ -117,7 +97,3 @@ def _state(record: "StateRecord") -> dict[str, Any]:
 
 def _ms(valid_us: int) -> float:
     return valid_us // US_PER_MS if valid_us % US_PER_MS == 0 else valid_us / US_PER_MS
-
-
-def _shown(value: Any) -> str:
-    return "no value" if value is NO_VALUE else f"{value:.2f}" if isinstance(value, float) else str(value).lower()

@@ -22,7 +22,7 @@ from federation.messages.contents.monitors import (
     Verdict,
     When,
 )
-from federation.messages.contents.objects import ObjectEntry, ObjectList
+from federation.messages.contents.objects import ObjectEntry, ObjectEvent, ObjectEvents, ObjectList
 from federation.messages.contents.parts import MAX_LIST, Content, ContentPart, prepare, read
 from federation.messages.contents.platform import (
     ActList,
@@ -106,6 +106,8 @@ __all__ = [
     "Monitors",
     "NamedText",
     "ObjectEntry",
+    "ObjectEvent",
+    "ObjectEvents",
     "ObjectList",
     "Progress",
     "Query",

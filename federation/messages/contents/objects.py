@@ -23,3 +23,27 @@ class ObjectList(parts.Content):
     type: parts.Word | None = None
     objects: Annotated[tuple[ObjectEntry, ...], Field(max_length=parts.MAX_LIST)] | None = None
     more: bool = False
+
+
+class ObjectEvent(parts.ContentPart):
+    """What happened to a link of two objects, to an object, or what was recognised of objects (thesis 8.5, 8.7).
+
+    Attributes:
+        event: `established`, `reestablished`, `unlinked`, `reclassified`, `forgotten`, `recognised`.
+        source, target: the objects of the link; of what was recognised `target` is the chronicle and its arguments.
+    """
+
+    at_us: parts.Instant
+    event: parts.Word
+    target: parts.Line
+    source: parts.Line = ""
+    because: parts.Line = ""
+
+
+class ObjectEvents(parts.Content):
+    """What happened: to one object, or to all later than a time; the query is without `events`, the answer with them."""
+
+    symbol: parts.Word | None = None
+    since_us: parts.Instant | None = None
+    events: Annotated[tuple[ObjectEvent, ...], Field(max_length=parts.MAX_LIST)] | None = None
+    more: bool = False

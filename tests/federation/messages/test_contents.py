@@ -42,6 +42,8 @@ TEXTS = [
     '(specification-changed number: 3 added: (sequence "stream s = alt[self]") more: 2 warnings: (sequence "a b"))',
     "(import-list imports: (sequence (import-account owner: 1 semantic-label: battery hash: ab12cd34 received: 7)))",
     "(object-list type: car)",
+    "(object-events symbol: car1)",
+    '(object-events events: (sequence (object-event at: 5 event: established target: wo1 source: vp1 because: "establish holds")))',
     "(object-list objects: (sequence (object-entry symbol: car1 type: car stream: cars valid: 5 attributes: (record colour: red x_m: 1.5))))",
     "(query semantic-label: heli-position)",
     "(query semantic-label: heli-position op: at at: 5 scope: global select: best)",
