@@ -24,6 +24,8 @@ from dyknow.states.state_streams import StateStreamProcess, check_delay_before, 
 from kpl.checking.definitions import Definitions
 from kpl.checking.domains import members_label
 from kpl.checking.symbols import SELF, SymbolTable
+from kpl.linking.declarations import chained, link_specifications, links_in, percept_labels
+from kpl.linking.streams import LinkStream, PerceptInput, lacks_of, object_sort
 from kpl.running.changes import in_text
 from kpl.running.formula_states import MAX_DELAY_US
 from kpl.running.ports import Admission
@@ -38,7 +40,6 @@ LEAST_PERIOD_US = US_PER_MS
 MAX_DECLARATIONS = 10_000
 MAX_ERRORS = 100
 """Most errors that are looked for."""
-LEFT_OUT = "nothing: leave the statement out"
 
 
 class CompiledGenerator(NamedTuple):
@@ -158,7 +159,28 @@ class Compiler:
                     ),
                 )
             case spec.Link():
-                raise located(made, "links of objects are not run here yet: they come with anchoring", LEFT_OUT)
+                return self._linking(declaration.label, made)
+
+    def _linking(self, label: Label, made: spec.Link) -> CompiledGenerator:
+        """The stream of linked objects of one type, by all declarations that are chained with it."""
+        held = [each.declaration for each in self.symbols.symbols()]
+        links = chained(label, {**links_in(held), label: made})
+        inputs = [PerceptInput(Input(each, Policy()), self._sort_of(each)) for each in percept_labels(links)]
+        for taken, sort in inputs:
+            if lacking := lacks_of(sort):
+                raise located(
+                    made,
+                    f"{taken.label} are of sort {sort.name}, which has no {', '.join(lacking)}: it makes no percepts",
+                    f"sort {sort.name}(symbol in text, x_m in m, y_m in m)",
+                )
+        specifications = link_specifications(links, Definitions(self.symbols).constants)
+        name = self._declared_unit_sort(made.unit) or label.feature
+        sort = self.symbols.shape(name) or object_sort(name)
+        return CompiledGenerator(sort, LinkStream(str(label), specifications, inputs, sort), unit="")
+
+    def _declared_unit_sort(self, unit: str) -> str:
+        declared = self.symbols.maker(unit)
+        return declared.sort if isinstance(declared, spec.UnitDeclaration) else ""
 
     # What can be said beforehand
 

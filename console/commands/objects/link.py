@@ -8,7 +8,7 @@ import typer
 
 from console.command import Call, command
 from console.commands.objects.roads import read_bytes
-from console.commands.texts.specification_files import opened
+from console.commands.texts.specification_files import opened, read_text
 from console.errors import DONE, WRONG
 from dyknow.model.errors import TextError, WrongCall
 
@@ -55,11 +55,25 @@ def link(
 
 
 def _specifications(file: Path | None, network: "RoadNetwork | None") -> "tuple[LinkSpecification, ...]":
+    """The link specifications of a file, or those that are ready."""
     from anchoring.ready import ready_specification
 
     if file is None:
         return ready_specification(network)
-    raise WrongCall(f"{file}: link declarations of a file are not linked here yet; leave it out.")
+    from kpl import parse_specification
+    from kpl.linking.declarations import constants_in, link_specifications, links_in
+
+    text = read_text(file)
+    declarations = parse_specification(text)
+    links = links_in(declarations)
+    if not links:
+        raise WrongCall(
+            f"{file}: there is no link declaration, as in strmgen world = link(vision_percept, WorldObject, e, r, m)."
+        )
+    try:
+        return link_specifications(links, constants_in(declarations), network)
+    except TextError as error:
+        raise error.but(text=text) from None
 
 
 def _network(call: Call, file: Path) -> "RoadNetwork":

@@ -68,3 +68,21 @@ def test_what_is_missing_or_cannot_be_read_is_said(dyknow: Run, tmp_path: Path) 
     gone = dyknow("link", "--percepts", str(tmp_path / "gone.jsonl"))
     assert gone.returncode == 2
     assert "cannot be read" in gone.stderr
+
+
+def test_a_file_of_link_declarations_says_what_is_linked(dyknow: Run, recording: Path, tmp_path: Path) -> None:
+    file = tmp_path / "cars.kpl"
+    file.write_text(
+        "source vision-object camera\ncompunit thing WorldObject(vision-object)\nstrmgen vision_percept = camera\n"
+        "define NEAR_M = 12.0\nstrmgen thing = link(vision_percept, WorldObject, eventually [500, oo] true,\n"
+        "    eventually [0, 1000] xy_dist[from, to] < NEAR_M, true)\n"
+    )
+    done = dyknow("link", str(file), "--percepts", str(recording), "--json")
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert done.returncode == 0
+    assert lines[0]["t_ms"] == 500
+    assert {each["symbol"] for each in lines if "symbol" in each} == {"to1"}
+    file.write_text(file.read_text().replace("link(vision_percept, WorldObject", "link(vision_percept, WorldObjects"))
+    wrong = dyknow("link", str(file), "--percepts", str(recording))
+    assert wrong.returncode == 2
+    assert "cars.kpl:5:17" in wrong.stderr
