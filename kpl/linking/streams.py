@@ -7,7 +7,6 @@ the sample period. With the last state of an object the field `end` is true.
 """
 
 from collections.abc import Sequence
-from math import nan
 from typing import Final, NamedTuple
 
 from anchoring.links.specification import LinkSpecification
@@ -15,10 +14,9 @@ from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import LinkOutcome, ObjectLinkage, Percept, StateRecord
 from anchoring.percepts.reading import FARTHEST_M, LEAST_SD_M, USUAL_SD_M, VELOCITY_SD_M_S
 from dyknow import NO_VALUE, Sample, Sort, Value
-from dyknow.model.values import SYMBOL, Field
+from dyknow.model.values import END, SYMBOL, Field
 from dyknow.network.process import Input
 from dyknow.network.processes import OnDemand
-from dyknow.objects.object_table import END
 from reasoning.formulas.evaluation import is_missing
 
 _STATE: Final = ("x_m", "y_m", "vx_m_s", "vy_m_s")
@@ -133,23 +131,15 @@ class LinkStream(OnDemand):
         state = record.state
         own = {SYMBOL: record.symbol, END: ended, "sd_m": state.deviation_m / 2**0.5, **_moving(state)}
         own["anchored"] = self.linkage.anchored(record.symbol)
-        return tuple(own.get(each.name, _attribute(state, each)) for each in self._sort.fields)
+        return tuple(own.get(each.name, state.attributes.get(each.name, NO_VALUE)) for each in self._sort.fields)
 
     def _ended(self, symbol: str) -> Value:
         known: dict[str, Value] = {SYMBOL: symbol, END: True}
-        return tuple(known.get(each.name, _EMPTY.get(each.unit, nan)) for each in self._sort.fields)
-
-
-_EMPTY: Final[dict[str, Value]] = {"text": "", "bool": False}
+        return tuple(known.get(each.name, NO_VALUE) for each in self._sort.fields)
 
 
 def _moving(state: ObjectState) -> dict[str, Value]:
     return dict(zip(_STATE, state[1:5], strict=True))
-
-
-def _attribute(state: ObjectState, field: Field) -> Value:
-    value = state.attributes.get(field.name, NO_VALUE)
-    return _EMPTY.get(field.unit, nan) if is_missing(value) else value
 
 
 class _PerceptRecord:
