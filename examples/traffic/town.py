@@ -13,7 +13,7 @@ ROADS = read_roads((Path(__file__).parent / "town.geojson").read_bytes(), "town.
 Ways = tuple[tuple[str, str, str], ...]
 
 
-@computational_unit(SEEN_CAR, "vision-object")
+@computational_unit(SEEN_CAR, "car-object")
 class OnMap:
     """The link or the crossing of an object and the direction of the road there; nothing while it is off the roads."""
 
@@ -22,7 +22,7 @@ class OnMap:
         self._road_deg = 0.0
 
     def __call__(self, _now_us: int, seen: Sample) -> tuple[str, float, float, float, str, str] | None:
-        symbol, x_m, y_m, _on_roadsystem = seen.value
+        symbol, x_m, y_m = seen.value[:3]
         place = snap(ROADS, x_m, y_m, previous=self._place)
         if place is None:
             return None

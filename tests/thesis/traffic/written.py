@@ -42,7 +42,10 @@ def seen_cars() -> Iterator[dict[str, Any]]:
 
 
 def vision_objects() -> Iterator[dict[str, Any]]:
-    """On the map of town.geojson: car v1 overtakes car v2 on l1 and turns left at x1, where v2 goes straight on."""
+    """On the map of town.geojson: a car overtakes another one on l1 and turns left at x1, where the other goes straight on.
+
+    The tracker loses the other for three seconds, and has another symbol for it then.
+    """
     rng = np.random.default_rng(1)
     at_s = np.arange(0.0, 60.0, 0.1)
     fast_m, slow_m = np.cumsum(np.interp(18.0 * at_s, [480.0, 560.0], [1.8, 0.7])), 60.0 + 12.0 * at_s
@@ -58,7 +61,10 @@ def vision_objects() -> Iterator[dict[str, Any]]:
     for i in range(len(at_s)):
         for symbol, each in places.items():
             x_m, y_m = (round(float(one + rng.uniform(-2.0, 2.0)), 2) for one in each[i])
-            yield {"t_ms": round(1000 * at_s[i]), "tracker": [symbol, x_m, y_m, True]}
+            if symbol == "v2" and 20.0 <= at_s[i] < 23.0:
+                continue
+            called = "v3" if symbol == "v2" and at_s[i] >= 23.0 else symbol
+            yield {"t_ms": round(1000 * at_s[i]), "tracker": [called, x_m, y_m, True]}
 
 
 def crossing() -> Iterator[Change]:
