@@ -15,7 +15,7 @@ from anchoring.links.structures import LinkOutcome, ObjectLinkage, Percept, Stat
 from anchoring.percepts.reading import FARTHEST_M, LEAST_SD_M, USUAL_SD_M, VELOCITY_SD_M_S
 from dyknow import NO_VALUE, Sample, Sort, Value
 from dyknow.model.values import END, SYMBOL, Field
-from dyknow.network.process import Input
+from dyknow.network.process import FAR_US, Input
 from dyknow.network.processes import OnDemand
 from reasoning.formulas.evaluation import is_missing
 
@@ -113,8 +113,11 @@ class LinkStream(OnDemand):
 
     @property
     def deadline_us(self) -> int | None:
-        deadline_us = self.linkage.deadline_us if self.running else None
-        return None if deadline_us is None else deadline_us + self._delay_us
+        """Far away, and not none, while there is nothing to predict."""
+        if not self.running:
+            return None
+        deadline_us = self.linkage.deadline_us
+        return FAR_US if deadline_us is None else deadline_us + self._delay_us
 
     def _tell(self, outcome: LinkOutcome, now_us: int) -> None:
         states = {(each.type, each.symbol): each for each in outcome.states}
