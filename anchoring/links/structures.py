@@ -163,13 +163,13 @@ class ObjectLinkage:
         """Remove percepts that have ended, and those without a sample for too long."""
         present = {(each.type, each.symbol) for each in percepts if each.state is not None}
         for percept in percepts:
-            one = self._objects[percept.type].get(percept.symbol)
-            if percept.state is None and one is not None:
-                self._remove(valid_us, one, LinkReason("ended"))
+            if percept.state is None:
+                self._rhythms[percept.type].on_end(percept.symbol)
+                if one := self._objects[percept.type].get(percept.symbol):
+                    self._remove(valid_us, one, LinkReason("ended"))
         for type_, rhythm in self._rhythms.items():
-            silence_us = rhythm.silence_us
             for one in list(self._objects[type_].values()):
-                silent_us = valid_us - one.state.valid_us
+                silent_us, silence_us = valid_us - one.state.valid_us, rhythm.silence_us(one.symbol)
                 if silent_us > silence_us or (silent_us == silence_us and (type_, one.symbol) not in present):
                     self._remove(valid_us, one, LinkReason("silent", for_us=silent_us))
 
@@ -177,8 +177,7 @@ class ObjectLinkage:
         one = self._objects[percept.type].get(percept.symbol)
         if one is None:
             one = self._added(LinkObject(percept.symbol, percept.type, valid_us, state))
-        else:
-            self._rhythms[percept.type].observe(valid_us - one.state.valid_us)
+        self._rhythms[percept.type].on_sample(percept.symbol, valid_us)
         one.observe(state)
         one.anchored_us = valid_us
 

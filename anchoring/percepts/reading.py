@@ -6,7 +6,8 @@
 
 Velocity, `sd_m` (1 m) and attributes are optional, `type` too where there is but one; `latitude_deg` and `longitude_deg` may
 take the place of x (east) and y (north). Lines are in the order of time; those with one `t_ms` are one tick. A line that
-cannot be used is reported with its number and left out, and so is a percept that a tick has twice with other contents.
+cannot be used is reported with its number and left out, and so is a percept that a tick has twice with other contents, and a
+tick that is far ahead of the lines before and after it.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -15,7 +16,7 @@ from typing import Any, Final, NamedTuple
 
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import Percept
-from dyknow import US_PER_MS, Value
+from dyknow import US_PER_MS, US_PER_S, Value
 from dyknow.model.errors import TextError, did_you_mean
 from navigation import LocalFrame
 from reasoning.monitoring.json_lines import JsonLine
@@ -28,6 +29,8 @@ USUAL_SD_M: Final = 1.0
 LEAST_SD_M: Final = 0.01
 VELOCITY_SD_M_S: Final = 1.0
 MOST_IN_TICK: Final = 100_000
+FAR_AHEAD_US: Final = US_PER_S
+"""Where one tick is so far ahead of the lines on either side, its time is wrong, and not theirs."""
 _LONGEST: Final = 256
 _MOST_ATTRIBUTES: Final = 64
 _KEYS: Final = frozenset(
@@ -51,6 +54,7 @@ class PerceptReader:
         types: the types that percepts may have.
         on_error: takes what is wrong with a line that is left out.
         frame: of geographic positions; None: about the first of them.
+        is_local: whether positions are in metres; None: as in the first line.
 
     Attributes:
         frame: as given, or as found; None while positions are local.
@@ -62,11 +66,15 @@ class PerceptReader:
         types: Collection[str],
         on_error: Callable[[TextError], None],
         frame: LocalFrame | None = None,
+        *,
+        is_local: bool | None = None,
     ) -> None:
         self.frame = frame
         self._file, self._types, self._on_error = file, tuple(types), on_error
-        self._is_local: bool | None = None if frame is None else False
+        self._is_local = is_local if frame is None else False
         self._latest_us: int | None = None
+        self._before_us: int | None = None
+        self._first: _PerceptLine | None = None
 
     def ticks(self, lines: Iterable[str]) -> Iterator[PerceptTick]:
         """The ticks, one as soon as a line of the next is read."""
@@ -77,12 +85,17 @@ class PerceptReader:
             try:
                 line = _PerceptLine(text, number, self._file)
                 valid_us, percept = line.valid_us(), line.percept(self._types, self._place)
+                if error := self._ahead(valid_us):
+                    self._on_error(error)
+                    tick, self._latest_us = {}, None
                 if self._latest_us is not None and valid_us < self._latest_us:
                     before_ms = self._latest_us / US_PER_MS
                     raise line.error(f"time goes backwards: before, there was t_ms {before_ms:g}", "the lines in order")
                 if valid_us != self._latest_us:
                     yield from _whole(self._latest_us, tick)
-                    tick, self._latest_us = {}, valid_us
+                    if self._latest_us is not None:
+                        self._before_us = self._latest_us
+                    tick, self._latest_us, self._first = {}, valid_us, line
                 key = percept.type, percept.symbol
                 if len(tick) >= MOST_IN_TICK and key not in tick:
                     raise line.error(f"a tick has at most {MOST_IN_TICK} percepts", "fewer percepts a tick")
@@ -96,6 +109,16 @@ class PerceptReader:
             except TextError as error:
                 self._on_error(error)
         yield from _whole(self._latest_us, tick)
+
+    def _ahead(self, valid_us: int) -> TextError | None:
+        """What is wrong with the tick that is being read, if the next line is so long before it, and after the last tick."""
+        first, latest_us, before_us = self._first, self._latest_us, self._before_us
+        if first is None or latest_us is None or latest_us - valid_us <= FAR_AHEAD_US:
+            return None
+        if before_us is not None and valid_us <= before_us:
+            return None
+        ahead_s = (latest_us - valid_us) / US_PER_S
+        return first.error(f"t_ms is {ahead_s:g} s ahead of the next line", "the lines in order")
 
     def _place(self, line: "_PerceptLine") -> tuple[float, float]:
         """East and north of a line's position."""

@@ -47,7 +47,8 @@ def link(
     output, problems = LinkOutput(call), _Problems(call)
     frame = None if network is None else network.frame
     with opened(percepts, "--percepts", "recorded percepts are a text of JSON lines") as lines:
-        reader = PerceptReader(str(percepts), linkage.percept_types, problems.on_error, frame)
+        is_local = True if network is not None and frame is None else None
+        reader = PerceptReader(str(percepts), linkage.percept_types, problems.on_error, frame, is_local=is_local)
         for tick in reader.ticks(iter(given(lines.readline, LIMIT_LINE + 2), "")):
             output.on_outcome(linkage.on_percepts(*tick))
     output.end(linkage)

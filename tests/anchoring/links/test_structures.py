@@ -212,6 +212,23 @@ def test_a_percept_that_is_silent_has_ended_and_may_come_back_under_its_name() -
     assert events[0].reason.cause == "silent"
 
 
+def test_a_slow_percept_beside_fast_ones_of_its_type_is_an_object_too() -> None:
+    linkage = ObjectLinkage(ready_specification())
+    events: list[LinkEvent] = []
+    for t_ms in range(0, 10_000, 20):
+        percepts = [seen(t_ms, "fast", t_ms / 100)] if t_ms % 40 == 0 else []
+        percepts += [seen(t_ms, "slow", t_ms / 100, 100.0)] if t_ms % 500 == 0 else []
+        events += linkage.on_percepts(t_ms * 1000, percepts).events if percepts else []
+    assert brief(events) == [(1000, "established", "fast", "wo1"), (1500, "established", "slow", "wo2")]
+
+
+def test_a_percept_that_comes_more_rarely_from_now_on_keeps_its_link() -> None:
+    linkage = ObjectLinkage(ready_specification())
+    run(linkage, "vp1", range(0, 5000, STEP_MS))
+    events = run(linkage, "vp1", range(5000, 20_000, 500))
+    assert brief(events) == [(5300, "unlinked", "vp1", "wo1"), (5500, "reestablished", "vp1", "wo1")]
+
+
 def test_time_goes_forward() -> None:
     linkage = ObjectLinkage(ready_specification())
     linkage.on_percepts(100_000, [])

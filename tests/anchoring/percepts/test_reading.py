@@ -108,6 +108,21 @@ def test_time_that_goes_backwards_is_left_out() -> None:
     assert "before, there was t_ms 100" in error.message
 
 
+@pytest.mark.parametrize("before", [[0, 100], []])
+def test_a_single_time_far_ahead_spoils_none_of_the_lines_after_it(before: list[int]) -> None:
+    times_ms = [*before, 1e9, 200, 300]
+    ticks, (error,) = read(*({**PERCEPT, "t_ms": t_ms} for t_ms in times_ms))
+    assert [tick.valid_us // 1000 for tick in ticks] == [*before, 200, 300]
+    assert error.line == len(before) + 1
+    assert "1e+06 s ahead" in error.message
+
+
+def test_a_recording_that_begins_anew_is_left_out_and_a_pause_is_none() -> None:
+    ticks, errors = read(*({**PERCEPT, "t_ms": t_ms} for t_ms in (0, 100, 90_000, 90_100, 0, 100, 90_200)))
+    assert [tick.valid_us // 1000 for tick in ticks] == [0, 100, 90_000, 90_100, 90_200]
+    assert [error.line for error in errors] == [5, 6]
+
+
 def test_one_percept_twice_in_a_tick_counts_if_both_are_the_same_and_else_not_at_all() -> None:
     (tick,), errors = read(PERCEPT, PERCEPT)
     assert len(tick.percepts) == 1

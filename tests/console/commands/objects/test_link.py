@@ -86,3 +86,16 @@ def test_a_file_of_link_declarations_says_what_is_linked(dyknow: Run, recording:
     wrong = dyknow("link", str(file), "--percepts", str(recording))
     assert wrong.returncode == 2
     assert "cars.kpl:5:17" in wrong.stderr
+
+
+def test_places_on_earth_are_left_out_where_roads_have_metres_and_no_place_on_earth(
+    dyknow: Run, tmp_path: Path
+) -> None:
+    roads, percepts = tmp_path / "roads.geojson", tmp_path / "percepts.jsonl"
+    line = {"type": "LineString", "coordinates": [[0, 0], [100, 0]]}
+    feature = {"type": "Feature", "geometry": line, "properties": {"id": "r"}}
+    roads.write_text(json.dumps({"type": "FeatureCollection", "frame": "local", "features": [feature]}))
+    percepts.write_text(json.dumps({"t_ms": 0, "percept": "a", "latitude_deg": 58.4, "longitude_deg": 15.6}))
+    done = dyknow("link", "--percepts", str(percepts), "--roads", str(roads))
+    assert done.returncode == 2
+    assert "positions of this file, or of its roads, are local" in done.stderr
