@@ -118,6 +118,26 @@ def test_a_platform_watches_how_far_it_is_from_what_it_sees():
     assert "xy_dist[0, car1]" in str(opened[0])
 
 
+def test_a_formula_over_platforms_and_objects_is_about_each_pair():
+    both = "monitor both = always forall u in units growing: forall c in cars: xy_dist[u, c] > 30\n"
+    road = Road(SEES + both, "source position own\nstrmgen pos = own\nexport heli-position = pos\n")
+    road.world.run_for(2)
+
+    def cars(at_s):
+        world, now_us = road.world, road.world.now_us
+        if now_us % 100_000 < 37_000:
+            place = (58.4, 15.6005 + at_s * 1e-5)
+            world._reach(world.nodes["1"], Fed(now_us, "own", now_us // 100_000 * 100_000, place))
+        yield "car1", 100.0 - 10.0 * at_s, 1.0, False
+
+    road.drive(6, cars)
+    road.world.run_for(2)
+    (opened,) = (each for each in road.told("0", "alarm-opened") if each["monitor"] == "both")
+    (reason,) = opened["because"]
+    assert reason["members"] == {"u": "1", "c": "car1"}
+    assert opened["values"].keys() == {"xy_dist[0, car1]", "xy_dist[1, car1]"}
+
+
 def test_a_name_that_becomes_that_of_a_platform_is_that_platform():
     road = Road(f"{SEES}stream d = xy_dist[self, 2]\n", IMPORTS)
     road.world.run_for(1)
