@@ -63,12 +63,12 @@ def test_wilson_intervals_are_those_of_the_textbook(successes, runs, expected) -
 
 @pytest.mark.parametrize("variant", reckless.VARIANTS)
 def test_example_8_2_2_each_reckless_overtake_is_recognised(variant) -> None:
-    runs = 200 if FULL else 8
+    runs = 200 if FULL else 5
     assert reckless.counted(variant, runs)[variant] >= 0.95 * runs
 
 
 def test_example_8_2_2_no_decent_overtake_is_reckless() -> None:
-    runs = 1000 if FULL else 12
+    runs = 1000 if FULL else 8
     found = reckless.counted("decent", runs)
     assert found == Counter(overtake=runs, passes=runs)
 
