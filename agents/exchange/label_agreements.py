@@ -49,6 +49,9 @@ class LabelAgreements(Part):
         ontology: what labels mean here.
         offer: tells the others that conditions have changed, at a time.
         note: takes words for users.
+
+    Attributes:
+        sources: the streams that a stream about objects is made of: what hides them hides it.
     """
 
     def __init__(
@@ -63,6 +66,7 @@ class LabelAgreements(Part):
         self._ontology, self._directory, self._offer, self._note = ontology, directory, offer, note
         self._conflicts: dict[tuple[str, str], ConditionEntry] = {}
         self._noted = set[str]()
+        self.sources: Callable[[Label], Sequence[Label]] = lambda _label: ()
         self._due_us: int | None = None
         self._told_us = -BETWEEN_US
 
@@ -84,9 +88,10 @@ class LabelAgreements(Part):
 
     def check_stream(self, unit: str, stream: Label) -> None:
         """Raises Denied if the stream is exported, and under no label that `unit` may ask for."""
-        reasons = [self.refusal(unit, label) for label, to in self._restricted.items() if to.stream == stream]
-        if reasons and all(reasons):
-            raise next(filter(None, reasons))
+        for made_of in (stream, *self.sources(stream)):
+            reasons = [self.refusal(unit, label) for label, to in self._restricted.items() if to.stream == made_of]
+            if reasons and all(reasons):
+                raise next(filter(None, reasons))
 
     def receiving(self, units: Iterable[str], labels: Sequence[str]) -> list[str]:
         """The units that may have all of the labels; why others may not is noted. Raises Denied if there is none."""

@@ -16,7 +16,7 @@ from agents.part import Part
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import CHECK_FORMULA, LATER, WHEN
 from agents.tasks.task import Task
-from dyknow import NO_VALUE, US_PER_S, Policy
+from dyknow import NO_VALUE, US_PER_S, Label, Policy
 from dyknow.model.errors import ContentError, Refused, TextError, UnknownLabel
 from federation.members.clock import FederationClock
 from federation.members.deadlines import Deadlines
@@ -24,6 +24,7 @@ from federation.messages.acts import Act, Performative
 from federation.messages.contents import CheckFormula, Reason, Verdict, When, read
 from federation.messages.contents.parts import MAX_LIST
 from kpl import Instance, print_specification
+from kpl.checking.symbols import domains_of
 from kpl.running.asking import read_over
 from kpl.running.formula_states import FormulaState, FormulaStates
 from reasoning import Formula, Progressing, make_progression
@@ -154,13 +155,15 @@ class Checks(Part):
         made = FormulaStates(network, formula, POLICY, on_state, since_us=network.now_us)
         try:
             for label, owner in made.derived_from:
+                if self._instance.parts.objects.sources(borne := Label(label, (owner,))):
+                    self._agreements.check_stream(unit, borne)
+                    continue
                 self._gateway.local(label, owner)
                 if owner == self._gateway.unit:
                     self._agreements.check(unit, label)
-            for each in made.inputs:
-                stream = network.behind(each.label)
-                if stream is not None:
-                    self._agreements.check_stream(unit, stream.label)
+            for taken in (*(each.label for each in made.inputs), *map(Label, domains_of(formula))):
+                stream = network.behind(taken)
+                self._agreements.check_stream(unit, taken if stream is None else stream.label)
         except (UnknownLabel, Refused):
             made.cancel()
             raise

@@ -137,6 +137,7 @@ class SpecificationPart(Part):
             features=units,
             is_unit=units.is_unit,
         )
+        agreements.sources = self.instance.parts.objects.sources
         network.on_fault, network.on_producer = self._faults.on_fault, self._on_producer
         self.desk = HostDesk(self.instance, config.clock, note, config.monotonic_offset_us)
         self._waited_us = 0

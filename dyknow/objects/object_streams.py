@@ -84,6 +84,11 @@ class ObjectStreams:
         found = {label: self.table(label) for label in self._streams}
         return [table for table in found.values() if table is not None]
 
+    def sources(self, label: Label) -> list[Label]:
+        """The streams of object states that a stream about objects is made of."""
+        found = self.find(label)
+        return [table.label for table in found[1].tables] if found and isinstance(found[1], ObjectProcess) else []
+
     def bearers(self, feature: str) -> list[tuple[ObjectTable, tuple[Sort, View]]]:
         """The streams whose objects have a feature, and how it comes from their states."""
         quantity = self._quantities.get(feature)

@@ -1,7 +1,11 @@
 """Objects that one platform sees, on another: exported, imported, a domain there as here; units and objects together."""
 
+import pytest
+
 from agents.effects import Fed
 from dyknow import NO_VALUE
+from federation.messages.acts import Performative
+from federation.messages.contents import CheckFormula
 from tests.agents.specification.test_specification_part import Pair
 
 LABEL = (
@@ -136,6 +140,37 @@ def test_a_formula_over_platforms_and_objects_is_about_each_pair():
     (reason,) = opened["because"]
     assert reason["members"] == {"u": "1", "c": "car1"}
     assert opened["values"].keys() == {"xy_dist[0, car1]", "xy_dist[1, car1]"}
+
+
+PRIVATE = SEES.replace("export seen-cars", "export private seen-cars")
+
+
+@pytest.mark.parametrize(
+    ("text", "sees"),
+    [
+        ("always forall c in cars: xy_dist[self, c] > 1", True),
+        ('eventually forall c in cars: colour[c] = "red"', True),
+        ("eventually xy_dist[car1, car2] > 1", True),
+        ("always forall c in cars: xy_dist[self, c] > 1", False),
+        ('eventually colour[car1] = "red"', False),
+        ("eventually cars.x_m[car1] > 0", False),
+        ("eventually speed[car1] > 0", False),
+        ("eventually exists c in cars: c != self", False),
+    ],
+)
+def test_others_check_formulas_over_objects_that_they_may_see(text, sees):
+    road = Road(SEES if sees else PRIVATE, IMPORTS)
+    road.world.run_for(1)
+    road.drive(1, two_cars)
+    asked = road.world.ask("1", "0", CheckFormula(text=text, timeout_s=2.0), Performative.QUERY_IF)
+    road.drive(3, two_cars)
+    if sees:
+        assert not asked.trouble
+        assert asked.results[-1].verdict in {"true", "undecided"}
+        assert not asked.results[-1].missing
+    else:
+        assert not asked.results
+        assert "seen-cars" in asked.trouble
 
 
 def test_a_name_that_becomes_that_of_a_platform_is_that_platform():
