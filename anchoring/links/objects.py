@@ -40,7 +40,7 @@ class LinkEvent(NamedTuple):
     """What happened to a link, or to an object: then `source` is empty.
 
     Attributes:
-        weight: how probable it was, among the objects it could have been, that the source is this target.
+        weight: how probable the target was, among the known objects that the source could have been.
     """
 
     valid_us: int

@@ -10,7 +10,7 @@ from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator
 from typing import Final, NamedTuple, Protocol
 
-from anchoring.links.assignment import assigned, natural
+from anchoring.links.assignment import assigned, natural, probability
 from anchoring.links.deciding.conditions import PairCondition
 from anchoring.links.deciding.nearness import NearObjects
 from anchoring.links.objects import EventKind, LinkObject, LinkReason, ObjectLink
@@ -218,7 +218,8 @@ class LinkProcess:
                     sources[one.symbol] = one
         for source, target in assigned(scores):
             reason = LinkReason("reestablish", self._reestablish.formula, held[source, target].explain())
-            self._link(valid_us, "reestablished", sources[source], self.available[target][0], reason)
+            weight = probability(target, {other: score for (one, other), score in scores.items() if one == source})
+            self._link(valid_us, "reestablished", sources[source], self.available[target][0], reason, weight)
         for one, establish in new:
             if self.name not in one.outgoing:
                 reason = LinkReason("establish", self._establish.formula, establish.explain())
@@ -285,7 +286,15 @@ class LinkProcess:
         created = self._around.create(valid_us, self.specification.target, self._first(source), symbol)
         self._link(valid_us, "reestablished", source, created, reason)
 
-    def _link(self, valid_us: int, kind: EventKind, source: LinkObject, target: LinkObject, reason: LinkReason) -> None:
+    def _link(
+        self,
+        valid_us: int,
+        kind: EventKind,
+        source: LinkObject,
+        target: LinkObject,
+        reason: LinkReason,
+        weight: float = 1.0,
+    ) -> None:
         link = ObjectLink(self, source, target, valid_us)
         if not target.observed:
             target.observe(target.state)
@@ -296,7 +305,7 @@ class LinkProcess:
         source.outgoing[self.name] = target.incoming[self.name] = link
         self.drop_source(source.symbol)
         self.drop_target(target.symbol)
-        self._around.on_linked(valid_us, kind, link, reason)
+        self._around.on_linked(valid_us, kind, link, reason, weight)
         if self._maintain.is_trivial:
             return
         link.maintain = self._maintain.start()

@@ -1,6 +1,8 @@
 """Object linkage structures step by step: the seed's example, the timing of its conditions, and the rules."""
 
+import gc
 import random
+import tracemalloc
 from collections.abc import Iterable
 
 import pytest
@@ -145,13 +147,41 @@ def test_of_several_objects_a_percept_is_the_one_with_the_least_score() -> None:
     assert (event.kind, event.target) == ("reestablished", "wo2")
 
 
+def test_a_link_says_how_probable_it_was_among_the_objects_it_could_have_been() -> None:
+    linkage = ObjectLinkage(ready_specification())
+    for t in range(0, 2000, STEP_MS):
+        linkage.on_percepts(t * 1000, [seen(t, "a", 0.0), seen(t, "b", 6.0)])
+    linkage.on_percepts(2_000_000, [end("a"), end("b")])
+    (event,) = linkage.on_percepts(3_000_000, [seen(3000, "c", 3.0)]).events
+    assert event.weight == pytest.approx(0.5, abs=0.1), "it is as near to both"
+    linkage.on_percepts(3_100_000, [end("c")])
+    (event,) = linkage.on_percepts(3_200_000, [seen(3200, "d", -40.0), seen(3200, "e", 6.5)]).events
+    assert event.weight > 0.5
+
+
+def test_memory_stays_as_it_is_while_percepts_appear_and_vanish() -> None:
+    linkage = ObjectLinkage(ready_specification(), period_us=100_000)
+    sizes = []
+    tracemalloc.start()
+    for number in range(1500):
+        t = number * 400
+        linkage.on_percepts(t * 1000, [seen(t, f"p{number}", 50.0 * (number % 40))])
+        linkage.on_percepts(t * 1000 + 100_000, [end(f"p{number}")])
+        if number % 500 == 499:
+            gc.collect()
+            sizes.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert not linkage.objects(VISION)
+    assert sizes[2] - sizes[1] < 50_000
+
+
 def test_percepts_that_compete_are_assigned_together() -> None:
     """Rule L3: each is nearer to wo2 than to wo1, and both are linked."""
     events = two_known(8.0).on_percepts(2_100_000, [seen(2100, "c", 4.5), seen(2100, "d", 7.0)]).events
     assert {(each.source, each.target) for each in events} == {("c", "wo1"), ("d", "wo2")}
 
 
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(st.integers(0, 1000), st.randoms(use_true_random=False))
 def test_the_order_of_percepts_within_a_tick_changes_nothing(seed: int, order: random.Random) -> None:
     """Rule L3."""
