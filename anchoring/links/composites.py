@@ -16,7 +16,7 @@ import numpy as np
 
 from anchoring.links.assignment import assigned, natural
 from anchoring.links.deciding.conditions import PairCondition
-from anchoring.links.objects import LinkEvent, LinkObject, LinkReason
+from anchoring.links.objects import EventKind, LinkEvent, LinkObject, LinkReason
 from anchoring.links.specification import ALWAYS_TRUE, LinkSpecification
 from anchoring.links.states import ObjectState
 from reasoning import Progressing
@@ -144,7 +144,7 @@ class CompositeObjects:
         reason = (
             LinkReason("establish", specification.together) if joined else LinkReason("maintain", specification.stays)
         )
-        kind = "established" if joined else "unlinked"
+        kind: EventKind = "established" if joined else "unlinked"
         return LinkEvent(valid_us, kind, part, specification.part, symbol, specification.target, reason)
 
 

@@ -216,12 +216,14 @@ class LinkProcess:
                     scores[one.symbol, target] = self.specification.score(one.state, whereabouts)
                     held[one.symbol, target] = evaluation
                     sources[one.symbol] = one
-        for source, target in assigned(scores):
+        chosen = assigned(scores)
+        for source, target in chosen:
             reason = LinkReason("reestablish", self._reestablish.formula, held[source, target].explain())
             weight = probability(target, {other: score for (one, other), score in scores.items() if one == source})
             self._link(valid_us, "reestablished", sources[source], self.available[target][0], reason, weight)
+        known = {source for source, _ in chosen}
         for one, establish in new:
-            if self.name not in one.outgoing:
+            if one.symbol not in known:
                 reason = LinkReason("establish", self._establish.formula, establish.explain())
                 created = self._around.create(valid_us, self.specification.target, self._first(one))
                 self._link(valid_us, "established", one, created, reason)

@@ -135,10 +135,11 @@ class Transcription:
                     evaluation.progress(t_us, self.values(p, o))
                 if evaluation.verdict == "true":
                     true.setdefault(p, {})[o] = dist(each.at, self.objects[o].at)
-        for p, o in best(true).items():
+        chosen = best(true)
+        for p, o in chosen.items():
             self.link(t_us, p, o)
         for p in new:
-            if self.percepts[p].linked is None:
+            if p not in chosen:
                 self.made += 1
                 o = f"wo{self.made}"
                 self.objects[o] = SlowObject(self.percepts[p].at, t_us)
@@ -166,5 +167,5 @@ def best(true: Mapping[str, Mapping[str, float]]) -> dict[str, str]:
         pairs = {p: o for p, o in zip(percepts, chosen, strict=True) if o is not None}
         if all(o in true[p] for p, o in pairs.items()):
             cost = (-len(pairs), sum(true[p][o] for p, o in pairs.items()), pairs)
-            found = min(found, cost, key=lambda each: each[:2])
+            found = min(found, cost, key=lambda each: (*each[:2], [(len(o), o) for _, o in sorted(each[2].items())]))
     return found[2]
