@@ -30,7 +30,7 @@ class CompositeSpecification:
     Attributes:
         together: over `from` and `to`, two parts, the one whose symbol is first being `from`; true: they belong together.
         stays: over the same; false: they no longer do.
-        least: so many parts make a composite.
+        least: the number of parts that make a composite.
     """
 
     part: str
