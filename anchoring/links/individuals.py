@@ -52,6 +52,11 @@ class Habit:
         self._last = None
 
     @property
+    def latest(self) -> float:
+        """The value observed last; the mean after a pause."""
+        return self.mean if self._last is None else self._last
+
+    @property
     def deviation(self) -> float:
         return float(self._variance**0.5)
 

@@ -11,6 +11,7 @@ Implementations are pure: what they need to remember from tick to tick is in `be
 """
 
 from collections.abc import Sequence
+from math import atan2, cos, sin
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -113,3 +114,37 @@ def _slope(history: Sequence[ObjectState]) -> tuple[float, float]:
     seconds -= seconds.mean()
     slope = seconds @ (places - places.mean(axis=0)) / (seconds @ seconds)
     return float(slope[0]), float(slope[1])
+
+
+class HabitualMotion:
+    """The individual's model: speed and turn rate go back to what is usual for this object; else the general one.
+
+    Args:
+        general: for objects whose habits are not known yet; its covariance is used for all.
+        step_s: of the integration.
+    """
+
+    def __init__(self, general: ConstantVelocity | None = None, step_s: float = 0.1) -> None:
+        self._general, self._step_s = general or ConstantVelocity(), step_s
+
+    def predict(
+        self,
+        history: Sequence[ObjectState],
+        to_us: int,
+        before: ObjectPrediction | None = None,
+        individual: Individual | None = None,
+    ) -> ObjectPrediction:
+        last, general = history[-1], self._general.predict(history, to_us)
+        if individual is None or not individual.is_known or to_us == last.valid_us:
+            return general if before is None else self._general.predict(history, to_us, before)
+        seconds = (to_us - last.valid_us) / US_PER_S
+        steps = max(1, round(seconds / self._step_s))
+        x_m, y_m, heading, speed = last.x_m, last.y_m, atan2(last.vy_m_s, last.vx_m_s), last.speed_m_s
+        for number in range(steps):
+            middle_s = (number + 0.5) * seconds / steps
+            speed = max(0.0, individual.speed.after(last.speed_m_s, middle_s))
+            heading += individual.turn_rate.after(individual.turn_rate.latest, middle_s) * seconds / steps
+            x_m += speed * cos(heading) * seconds / steps
+            y_m += speed * sin(heading) * seconds / steps
+        vx_m_s, vy_m_s = speed * cos(heading), speed * sin(heading)
+        return certain(general.likely._replace(x_m=x_m, y_m=y_m, vx_m_s=vx_m_s, vy_m_s=vy_m_s))
