@@ -25,6 +25,8 @@ ON_A_ROAD: Final = Eventually(ROAD_SEEN, US_PER_S, None)
 STAYS_ON_ROADS: Final = Always(Eventually(ROAD_SEEN, 0, 10 * US_PER_S))
 SLACK_M: Final = 3.0
 """Beyond the edge of a road a position counts as on it: what sensors err."""
+ROAD_NOISE: Final = 4.0
+"""Of predictions along roads, m^2/s^3: so much drivers change their speed while they are not seen."""
 
 
 def ready_specification(
@@ -41,7 +43,7 @@ def ready_specification(
         NEAR,
         STAYS_ON_ROADS,
         unit=OnRoad(roads),
-        predictor=predictor or AlongRoads(roads, noise=4.0),
+        predictor=predictor or AlongRoads(roads, noise=ROAD_NOISE),
         threshold=threshold,
         score=unlikelihood,
         features={"on_road": lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)},

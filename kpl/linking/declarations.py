@@ -11,7 +11,7 @@ from typing import Any, Final
 from anchoring.links.specification import LinkSpecification as Specification
 from anchoring.links.specification import StateUnit, filtered, unlikelihood
 from anchoring.links.states import ObjectState
-from anchoring.ready import SLACK_M
+from anchoring.ready import ROAD_NOISE, SLACK_M
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.objects import OnRoad
 from anchoring.roads.prediction import AlongRoads
@@ -75,7 +75,7 @@ def _specification(
     if roads is None:
         return found
     features = {"on_road": lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)}
-    return replace(found, features=features, predictor=AlongRoads(roads) if made.unit == "OnRoad" else None)
+    return replace(found, features=features, predictor=AlongRoads(roads, noise=ROAD_NOISE) if made.unit == "OnRoad" else None)
 
 
 def _unit(made: spec.Link, roads: RoadNetwork | None) -> StateUnit:
