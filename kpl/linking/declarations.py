@@ -75,7 +75,9 @@ def _specification(
     if roads is None:
         return found
     features = {"on_road": lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)}
-    return replace(found, features=features, predictor=AlongRoads(roads, noise=ROAD_NOISE) if made.unit == "OnRoad" else None)
+    return replace(
+        found, features=features, predictor=AlongRoads(roads, noise=ROAD_NOISE) if made.unit == "OnRoad" else None
+    )
 
 
 def _unit(made: spec.Link, roads: RoadNetwork | None) -> StateUnit:
