@@ -154,9 +154,11 @@ def assert_maximal(policy, got, every):
 
 
 def assert_literal(policy, got, good):
-    """Each point within the horizon once; an exact sample counts from its arrival on, a missing one has its value."""
+    """Each point that came, or had to, within the horizon once; an exact sample counts from its arrival on, a missing one has its value."""
     to_us = END_US if policy.to_us is None else policy.to_us
-    literal = [late for late in literal_extension(good, replace(policy, to_us=to_us)) if late.available_us <= END_US]
+    literal = literal_extension(good, replace(policy, to_us=to_us))
+    came = {sample.valid_us for sample in good}
+    literal = [late for late in literal if late.available_us <= END_US or late.valid_us in came]
     assert [sample.valid_us for sample in got] == [sample.valid_us for sample in literal]
     for one, late in zip(got, literal, strict=True):
         exact = [s.value for s in good if s.valid_us == one.valid_us and s.available_us <= late.available_us]
