@@ -125,3 +125,11 @@ class ObjectLink:
     since_us: int
     maintain: Progressing | None = None
     state: ObjectState | None = None
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether both were seen so far apart that the place of the target is no evidence for that of the source."""
+        if not (self.source.observed and self.target.observed):
+            return False
+        apart_m = self.source.observed[-1].distance_m(self.target.observed[-1])
+        return apart_m > self.process.specification.threshold.most_m / 2

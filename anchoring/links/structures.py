@@ -216,8 +216,8 @@ class ObjectLinkage:
         """The highest object above one that has a predictor (rule L8), or itself, and where that is."""
         owner, predictor = one, self._predictor(one.type)
         above = one
-        while above.outgoing:
-            above = next(iter(above.outgoing.values())).target
+        while above.outgoing and not (link := next(iter(above.outgoing.values()))).is_doubtful:
+            above = link.target
             if (higher := self._predictor(above.type)) is not None and above.observed:
                 owner, predictor = above, higher
         if owner.state.valid_us == valid_us and owner.prediction is not None:

@@ -26,6 +26,8 @@ _COUNTS: Final = 4.0
 """The prior over turns counts as much as this many observed turns of the individual."""
 _ACROSS_M_S: Final = 0.5
 """Standard deviation of the speed across the road."""
+_WRONG_WAY_M_S: Final = 3.0
+"""What is so fast against a one-way street continues that way."""
 _TURNED_SD_RAD: Final = 0.5
 _STRAYED_SD_M: Final = 3.0
 
@@ -97,13 +99,15 @@ class AlongRoads:
         return self._in_crossing(place, velocity)
 
     def _on_link(self, place: RoadPlace, link: str, velocity: tuple[float, float]) -> tuple[RouteHypothesis, ...]:
-        """One hypothesis, or one for each direction if that is not known."""
+        """One hypothesis, or one for each direction if that is not known; none against a one-way street."""
         network = self._network
         directions: tuple[int, ...] = (place.direction,)
+        line_rad = network.links[link].line.at(place.offset_m)[2]
+        along_m_s = velocity[0] * math.cos(line_rad) + velocity[1] * math.sin(line_rad)
+        if len(network.links[link].directions) == 1 and along_m_s * place.direction < -_WRONG_WAY_M_S:
+            return ()
         if not place.direction:
             directions = network.links[link].directions
-            line_rad = network.links[link].line.at(place.offset_m)[2]
-            along_m_s = velocity[0] * math.cos(line_rad) + velocity[1] * math.sin(line_rad)
             if abs(along_m_s) >= self._settings.least_speed_m_s and len(directions) > 1:
                 directions = (1 if along_m_s > 0.0 else -1,)
         length_m = network.links[link].length_m

@@ -218,6 +218,19 @@ def test_an_object_that_leaves_the_road_keeps_its_world_symbol_and_loses_the_on_
     assert not linkage.anchored("oo1")
 
 
+def test_what_is_lost_far_off_its_road_is_expected_where_it_went_and_not_on_the_road() -> None:
+    linkage = ObjectLinkage(ready_specification(ROAD))
+    events: list[LinkEvent] = []
+    for t_ms in [*range(0, 9000, STEP_MS), *range(11_000, 13_000, STEP_MS)]:
+        x_m, y_m = t_ms / 100, -max(0, t_ms - 5000) / 100
+        name = "vp1" if t_ms < 9000 else "vp2"
+        events += linkage.on_percepts(t_ms * 1000, [seen(t_ms, name, min(x_m, 50.0), y_m)]).events
+    assert [(kind, source, target) for _, kind, source, target in brief(events)] == [
+        ("established", "vp1", "wo1"), ("established", "wo1", "oo1"),
+        ("unlinked", "vp1", "wo1"), ("reestablished", "vp2", "wo1"),
+    ]  # fmt: skip
+
+
 def test_what_was_not_anchored_for_thirty_seconds_is_forgotten_and_still_explained() -> None:
     linkage = ObjectLinkage(ready_specification(ROAD))
     run(linkage, "vp1", range(0, 5000, STEP_MS))

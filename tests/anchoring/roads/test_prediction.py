@@ -281,6 +281,12 @@ def test_off_the_roads_it_goes_straight_on() -> None:
     assert found.likely[1:3] == predicted(ConstantVelocity(), list(history), 1.0, 2.0).likely[1:3] == (106.0, 108.0)
 
 
+def test_against_a_one_way_street_it_goes_on_as_it_went() -> None:
+    street = read_roads(text(link("l", None, None, [(0, 0), (500, 0)], oneway=True)))
+    found = predicted(AlongRoads(street), shown(street, seen(300.0, 0.0, -10.0, 0.0)), 1.0, 2.0)
+    assert found.likely[1:3] == pytest.approx((280.0, 0.0))
+
+
 def test_habits_of_an_individual_change_where_it_is_expected() -> None:
     individual = Individual()
     for n in range(30):
