@@ -1,6 +1,6 @@
 """The ready specification: vision percepts, world objects and, with roads, on-road objects.
 
-The conditions are those of the seed's section V: a percept is a known object that is expected near it within a second, else
+The conditions are those of section V of the paper: a percept is a known object that is expected near it within a second, else
 after a second a new one; an object that is seen on a road for a second is on the road, until it was off it for ten.
 """
 

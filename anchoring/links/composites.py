@@ -1,4 +1,4 @@
-"""Objects made of others: a convoy, a queue, a car with its trailer (seed section VI, on composite anchors).
+"""Objects made of others: a convoy, a queue, a car with its trailer (Heintz, Rudol and Doherty, section VI).
 
 A composite has no percept of its own: it is anchored while one of its parts is. Two parts belong together once a condition
 over both has become true, until another one fails; a composite is what is connected by that. Its symbol stays with the group

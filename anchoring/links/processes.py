@@ -1,4 +1,4 @@
-"""ObjectLink processes: the state machine of each object of type A (seed Figure in section IV-B; thesis Figure 8.4).
+"""ObjectLink processes: the state machine of each object of type A (thesis Figure 8.4).
 
 An object of A is unlinked, with evaluations of establish and of reestablish for each available object of B, or linked, with
 one of maintain. All that happens at one valid time is decided together: first maintain, then reestablish for all pairs by

@@ -1,4 +1,4 @@
-"""ObjectLink specifications: how objects of one type become objects of another (seed section IV-B; thesis Def. 8.5.3).
+"""ObjectLink specifications: how objects of one type become objects of another (Heintz, Rudol and Doherty, section IV-B; thesis Def. 8.5.3).
 
 `strmgen b = link(a, cu, e, r, m)` with our additional keys. Conditions are formulas over the objects `from` and `to`:
 

@@ -414,6 +414,6 @@ def _ordered(processes: list[LinkProcess]) -> list[LinkProcess]:
 
 
 def _prefix(type_: str, types: Sequence[str]) -> str:
-    """`wo` of world objects, `oo` of on-road objects, as the seed has it; the whole name where another type has it too."""
+    """`wo` of world objects, `oo` of on-road objects, as the paper has it; the whole name where another type has it too."""
     short = f"{type_[0]}o"
     return short if sum(other[0] == type_[0] for other in types) == 1 else f"{type_}_"

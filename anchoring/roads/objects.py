@@ -1,4 +1,4 @@
-"""On-road objects: states of world objects, put on the roads (seed section V)."""
+"""On-road objects: states of world objects, put on the roads (Heintz, Rudol and Doherty, section V)."""
 
 from typing import Final
 

@@ -258,7 +258,7 @@ def _expected_m(speed_m_s: float, seen_us: int, from_us: int, to_us: int, indivi
 def siblings(origin: str, prediction: ObjectPrediction) -> Mapping[str, ObjectState]:
     """One object for each hypothesis: symbols last as long as the routes do, and all share the attribute `origin`.
 
-    So the seed splits objects at crossings (`split=objects`). One hypothesis splits nothing; of several on one lane the
+    So the paper splits objects at crossings (`split=objects`). One hypothesis splits nothing; of several on one lane the
     heaviest is an object.
     """
     if len(prediction.hypotheses) == 1:

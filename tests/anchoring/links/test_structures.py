@@ -1,4 +1,4 @@
-"""Object linkage structures step by step: the seed's example, the timing of its conditions, and the rules."""
+"""Object linkage structures step by step: the paper's example, the timing of its conditions, and the rules."""
 
 import gc
 import random

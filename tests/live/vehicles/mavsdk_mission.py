@@ -46,6 +46,11 @@ async def insist(ask, *arguments):
     raise RuntimeError("unreachable")
 
 
+def step(report, what):
+    """Say how far it came, for the one who reads why it did not come further."""
+    print(f"{time.monotonic():.1f} {report['system']} {what}", file=sys.stderr, flush=True)
+
+
 async def position_rate_hz(telemetry, seconds):
     """Median rate of position updates over so many seconds."""
     arrivals = []
@@ -64,13 +69,20 @@ async def position_rate_hz(telemetry, seconds):
 async def fly(system, take_off_m, seconds, north_deg, speed):
     action, telemetry = ActionAsync(system), TelemetryAsync(system)
     report = {"system": await system.get_system_id(), "autopilot": str(await system.autopilot_type())}
+    step(report, "meets it")
     await until(telemetry.subscribe_health_all_ok(), bool)
+    step(report, "waits for a position")
     start = await until(telemetry.subscribe_position(), lambda p: p.latitude_deg == p.latitude_deg)
+    step(report, "arms")
     await insist(action.set_takeoff_altitude, take_off_m)
     report["arm"] = await insist(action.arm)
+    step(report, "takes off")
     report["take_off"] = await insist(action.takeoff)
+    step(report, "waits for it to be in the air")
     await until(telemetry.subscribe_in_air(), bool)
+    step(report, "waits for the altitude")
     await until(telemetry.subscribe_position(), lambda p: p.relative_altitude_m > take_off_m - 1.0)
+    step(report, "sends it north")
     there = (start.latitude_deg + north_deg, start.longitude_deg, start.absolute_altitude_m + take_off_m + 2.0)
     report["go_to"] = await insist(action.goto_location, *there, 0.0)
 
@@ -79,11 +91,17 @@ async def fly(system, take_off_m, seconds, north_deg, speed):
             abs(p.latitude_deg - there[0]) * 111_000 < ARRIVED_M and abs(p.absolute_altitude_m - there[2]) < ARRIVED_M
         )
 
+    step(report, "waits for it to arrive")
     await until(telemetry.subscribe_position(), arrived)
+    step(report, "counts positions")
     report["rate_hz"] = await position_rate_hz(telemetry, seconds) / speed
+    step(report, "lands")
     report["land"] = await insist(action.land)
+    step(report, "waits for it to land")
     await until(telemetry.subscribe_in_air(), lambda in_air: not in_air)
+    step(report, "waits for it to disarm")
     await until(telemetry.subscribe_armed(), lambda armed: not armed)
+    step(report, "is done")
     return report
 
 

@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,8 @@ HOME = HomePlace(55.7240, 13.4600, 20.0)
 NORTH_DEG = 2e-4  # 22 m
 FULL = pytest.param(1.0, 10.0, marks=pytest.mark.full, id="as written")
 ENOUGH_S = 6.0  # of a few updates half may be lost by chance, and their median says nothing of the rate
+PATIENCE_S = 180.0  # at speed 1; a flight takes less than a quarter of it
+PROCESSES = 3
 BRIEF = pytest.param(2.0, 1.0, id="brief")
 
 
@@ -35,24 +38,40 @@ def free_port() -> int:
 def flown_by_mavsdk(
     task: str, persona: str, loss: float, speed: float, seconds: float
 ) -> tuple[list[dict], list[TrueMotion]]:
-    """What MAVSDK says of three vehicles that it flew at once, and where they really ended."""
-    port = free_port()
-    clock = FederationClock(epoch_us=time.time_ns() // 1000, speed=speed)
-    with contextlib.ExitStack() as stack:
-        servers = []
-        for unit in (1, 2, 3):
-            home = HomePlace(HOME.latitude_deg, HOME.longitude_deg + unit * 1e-3, HOME.altitude_m)
-            config = VehicleConfig(unit, home, persona=persona, seed=unit, peers=(("127.0.0.1", port),))
-            servers.append(stack.enter_context(AutopilotServer(config, clock=clock)))
-            if loss:
-                servers[-1].inject(SimulatedFault("packet-loss", loss))
+    """What MAVSDK says of three vehicles that it flew at once, and where they really ended.
+
+    MAVSDK 4.1 hangs now and then where much is lost: for minutes no command of it times out and no heartbeat is missed,
+    of any vehicle. Then another process of it flies new vehicles; a vehicle that does not answer ends its first one.
+    """
+    hung = ""
+    for _ in range(PROCESSES):
+        port = free_port()
         plan = {"task": task, "port": port, "count": 3, "take_off_m": 5.0}
         plan |= {"seconds": seconds, "north_deg": NORTH_DEG, "speed": speed}
-        flown = subprocess.run(
-            [sys.executable, str(PROGRAM), json.dumps(plan)], capture_output=True, text=True, timeout=180, check=False
-        )
-        assert flown.returncode == 0, f"{flown.stdout[-3000:]}\n{flown.stderr[-3000:]}"
-        return json.loads(flown.stdout.splitlines()[-1]), [true_motion_of(server) for server in servers]
+        with contextlib.ExitStack() as stack:
+            servers = [stack.enter_context(server) for server in vehicles(port, persona, speed)]
+            for server in servers if loss else ():
+                server.inject(SimulatedFault("packet-loss", loss))
+            try:
+                flown = subprocess.run(
+                    [sys.executable, str(PROGRAM), json.dumps(plan)],
+                    capture_output=True, text=True, timeout=PATIENCE_S / speed, check=False,
+                )  # fmt: skip
+            except subprocess.TimeoutExpired as late:
+                hung = (late.stderr or b"").decode()[-6000:]
+                continue
+            assert flown.returncode == 0, f"{flown.stdout[-3000:]}\n{flown.stderr[-3000:]}"
+            return json.loads(flown.stdout.splitlines()[-1]), [true_motion_of(server) for server in servers]
+    return pytest.fail(f"{PROCESSES} processes did not come to an end: {hung}")
+
+
+def vehicles(port: int, persona: str, speed: float) -> Iterator[AutopilotServer]:
+    """Three on the ground, side by side."""
+    clock = FederationClock(epoch_us=time.time_ns() // 1000, speed=speed)
+    for unit in (1, 2, 3):
+        home = HomePlace(HOME.latitude_deg, HOME.longitude_deg + unit * 1e-3, HOME.altitude_m)
+        config = VehicleConfig(unit, home, persona=persona, seed=unit, peers=(("127.0.0.1", port),))
+        yield AutopilotServer(config, clock=clock)
 
 
 @pytest.mark.parametrize(
