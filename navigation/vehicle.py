@@ -143,6 +143,18 @@ class FixReport(NamedTuple):
     has_fix: bool
 
 
+class MountReport(NamedTuple):
+    """Where the mount of a camera points: right of the vehicle's heading, and down from the horizon, radians.
+
+    Neither the vehicle's roll nor its pitch is in it: mounts keep the camera level, and MAVLink reports them that way.
+    """
+
+    valid_us: int
+    source: str
+    pan_rad: float
+    tilt_rad: float
+
+
 class LinkReport(NamedTuple):
     """Whether the vehicle is heard well enough, and in words what is heard, or what is wrong; reported on change."""
 
@@ -173,6 +185,7 @@ Report: TypeAlias = (
     | MissionReport
     | FenceReport
     | FixReport
+    | MountReport
     | LinkReport
     | CommandResult
 )
@@ -229,6 +242,24 @@ class MissionItemOrder(NamedTuple):
     item: int
 
 
+class PointMountOrder(NamedTuple):
+    """Turn the camera to these angles and keep them while the vehicle moves, in the sense of `MountReport`."""
+
+    pan_rad: float
+    tilt_rad: float
+
+
+class LookAtOrder(NamedTuple):
+    """Keep the camera on a place; altitude above mean sea level."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+
+
+MountOrder: TypeAlias = PointMountOrder | LookAtOrder
+"""Orders that move the camera and not the vehicle: they are no concern of the pilot's."""
+
 Order: TypeAlias = (
     Arm
     | SetGuided
@@ -240,6 +271,8 @@ Order: TypeAlias = (
     | InterruptOrder
     | ResumeMissionOrder
     | MissionItemOrder
+    | PointMountOrder
+    | LookAtOrder
 )
 
 

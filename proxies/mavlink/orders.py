@@ -34,6 +34,8 @@ _MISSION = {"copter": 3, "plane": 10, "rover": 10}
 _PX4_AUTO, _PX4_LOITER, _PX4_MISSION = 4, 3, 4
 _CUSTOM = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
 _POSITION_ONLY = 0b110111111000
+_PURPOSES = {vehicle.Arm: "arming", vehicle.PointMountOrder: "mount", vehicle.LookAtOrder: "mount"}
+"""What an order moves: a newer one for the same takes the place of an older one."""
 _REFUSALS = {
     mavlink.MAV_RESULT_TEMPORARILY_REJECTED: "temporarily rejected",
     mavlink.MAV_RESULT_DENIED: "denied",
@@ -118,6 +120,8 @@ def ways_of(order: vehicle.Order, known: VehicleReports, target: Target) -> list
             return _point(here, known, target, takes_mode=False)
         case vehicle.GoToOrder() | vehicle.InterruptOrder():
             return _point(order, known, target, takes_mode=px4 or isinstance(order, vehicle.InterruptOrder))
+        case vehicle.PointMountOrder() | vehicle.LookAtOrder():
+            return _mount(order, known, target)
 
 
 def _said(*messages: Any, changes_mode: bool = False) -> Way:
@@ -180,6 +184,30 @@ def _point(
     return [
         Way([reposition[0]], mavlink.MAV_CMD_DO_REPOSITION, changes_mode=True),
         Way([first, point], mavlink.MAVLINK_MSG_ID_SET_MODE, changes_mode=True),
+    ]
+
+
+def _mount(order: vehicle.MountOrder, known: VehicleReports, target: Target) -> list[Way]:
+    """The gimbal protocol, then what autopilots knew before it, which took heights above home."""
+    if isinstance(order, vehicle.LookAtOrder):
+        place = round(order.latitude_deg * 1e7), round(order.longitude_deg * 1e7), order.altitude_m
+        by_int = mavlink.MAVLink_command_int_message(
+            *target, mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_CMD_DO_SET_ROI_LOCATION, 0, 0, *(0.0,) * 4, *place
+        )
+        home_m = known.home_altitude_m
+        if home_m is None:
+            return [_said(by_int)]
+        at = (order.latitude_deg, order.longitude_deg, order.altitude_m - home_m)
+        roi = float(mavlink.MAV_ROI_LOCATION)
+        return [_said(by_int), _said(long_command(target, mavlink.MAV_CMD_DO_SET_ROI, roi, 0.0, 0.0, 0.0, *at))]
+    pitch_deg, yaw_deg, nan = -math.degrees(order.tilt_rad), math.degrees(order.pan_rad), math.nan
+    level = float(mavlink.GIMBAL_MANAGER_FLAGS_ROLL_LOCK | mavlink.GIMBAL_MANAGER_FLAGS_PITCH_LOCK)
+    targeting = float(mavlink.MAV_MOUNT_MODE_MAVLINK_TARGETING)
+    return [
+        _said(long_command(target, mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, pitch_deg, yaw_deg, nan, nan, level)),
+        _said(
+            long_command(target, mavlink.MAV_CMD_DO_MOUNT_CONTROL, pitch_deg, 0.0, yaw_deg, 0.0, 0.0, 0.0, targeting)
+        ),
     ]
 
 
@@ -259,7 +287,7 @@ class Errands:
             ways = ways_of(command.order, known, target)
         except Refused as refused:
             return OrderOutcome([], [vehicle.CommandResult(0, command.number, False, refused.reason)])
-        purpose = "arming" if isinstance(command.order, vehicle.Arm) else "flight"
+        purpose = _PURPOSES.get(type(command.order), "flight")
         replaced = self._open.pop(purpose, None)
         if replaced is not None:
             outcome.tell(replaced, accepted=False, reason=vehicle.SUPERSEDED)

@@ -103,6 +103,7 @@ class VehicleReports:
         self._satellite_altitude_m: float | None = None
         self._has_fix: bool | None = None
         self._heartbeat: Any = None
+        self._yaw_rad: float | None = None
 
     def on_reboot(self) -> None:
         """Forget what the vehicle itself forgot."""
@@ -192,6 +193,7 @@ class VehicleReports:
         return (vehicle.LocalPositionReport(valid_us, "LOCAL_POSITION_NED", *at),)
 
     def on_attitude(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
+        self._yaw_rad = message.yaw if math.isfinite(message.yaw) else None
         return (vehicle.AttitudeReport(valid_us, "ATTITUDE", message.roll, message.pitch, message.yaw),)
 
     def on_highres_imu(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
@@ -233,6 +235,28 @@ class VehicleReports:
     def on_mission_current(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
         return (vehicle.MissionReport(valid_us, message.seq),)
 
+    def on_gimbal(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
+        """GIMBAL_DEVICE_ATTITUDE_STATUS: a quaternion from the camera to the horizon, turned from north or from the heading."""
+        w, x, y, z = message.q
+        length = math.hypot(w, x, y, z)
+        if not 0.5 < length < 2.0:
+            return ()
+        w, x, y, z = w / length, x / length, y / length, z / length
+        yaw_rad = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        pitch_rad = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+        if _turned_from_north(message.flags):
+            if self._yaw_rad is None:
+                return ()
+            yaw_rad -= self._yaw_rad
+        return (vehicle.MountReport(valid_us, "GIMBAL_DEVICE_ATTITUDE_STATUS", _half_turn(yaw_rad), -pitch_rad),)
+
+    def on_mount(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
+        """MOUNT_ORIENTATION, of older autopilots: degrees, pitch from the horizon, yaw from the heading."""
+        if not (math.isfinite(message.yaw) and abs(message.pitch) <= 180.0):
+            return ()
+        pan_rad, tilt_rad = math.radians(message.yaw), -math.radians(message.pitch)
+        return (vehicle.MountReport(valid_us, "MOUNT_ORIENTATION", _half_turn(pan_rad), tilt_rad),)
+
     def on_parameter(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
         """PARAM_VALUE: only those of the fence are kept. PX4 sends integers as their bits, ArduPilot as a number."""
         names = FENCE_PARAMETERS.get(self.autopilot or 0, ())
@@ -243,6 +267,14 @@ class VehicleReports:
             value = float(struct.unpack("<i", struct.pack("<f", value))[0])
         self._parameters[message.param_id] = value
         return (self._fence(valid_us),)
+
+    @property
+    def home_altitude_m(self) -> float | None:
+        """Of home, as it is reported, or as it follows from a position above it."""
+        if self.home is not None:
+            return self.home.altitude_m
+        at = self.position
+        return None if at is None or at.altitude_m is None or at.height_m is None else at.altitude_m - at.height_m
 
     @property
     def untold_parameters(self) -> tuple[str, ...]:
@@ -285,9 +317,23 @@ DESCRIBING: dict[str, Callable[[VehicleReports, Any, int], tuple[vehicle.Report,
     "HOME_POSITION": VehicleReports.on_home,
     "POSITION_TARGET_GLOBAL_INT": VehicleReports.on_target,
     "MISSION_CURRENT": VehicleReports.on_mission_current,
+    "GIMBAL_DEVICE_ATTITUDE_STATUS": VehicleReports.on_gimbal,
+    "MOUNT_ORIENTATION": VehicleReports.on_mount,
     "PARAM_VALUE": VehicleReports.on_parameter,
 }
 """What each message that describes a vehicle reports."""
+
+
+def _turned_from_north(flags: int) -> bool:
+    """Whether the yaw of a gimbal is from north; gimbals that say neither are from north where their yaw is locked."""
+    if flags & (mavlink.GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME | mavlink.GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME):
+        return bool(flags & mavlink.GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME)
+    return bool(flags & mavlink.GIMBAL_DEVICE_FLAGS_YAW_LOCK)
+
+
+def _half_turn(angle_rad: float) -> float:
+    """The same angle within half a turn."""
+    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
 
 
 def _accuracy_m(stated_mm: int, dilution_100: int) -> float:

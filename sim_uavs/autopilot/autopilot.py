@@ -36,7 +36,9 @@ class Autopilot(SensedFlight):
         self._persona = PERSONAS[config.persona]
         super().__init__(config, now_us, TICK_US, Mode.GUIDED if self._persona.names_take_off else None)
         self._now_us = now_us
-        self._commands = Commands(self.flight, self._frame, self._persona, lambda: self._disobeys(self._now_us))
+        self._commands = Commands(
+            self.flight, self._frame, self._persona, lambda: self._disobeys(self._now_us), self.aim
+        )
         self._missions = Missions(self.flight, self._frame, self._persona)
         self._parameters = Parameters(self._persona, self.flight.settings, config.system_id)
         version = 1 if self._persona.is_mavlink_1 else 2
@@ -128,6 +130,7 @@ class Autopilot(SensedFlight):
 
     def _snapshot(self, now_us: int) -> Snapshot:
         vehicle_us = now_us + self._faults.drift_us(now_us)
+        self.level_pose(now_us)
         return Snapshot(
             (vehicle_us - self._boot_us) // 1000 % 2**32,
             vehicle_us + self._faults.step_us(now_us),
@@ -137,6 +140,7 @@ class Autopilot(SensedFlight):
             self._gps,
             self._imu,
             self._missions.count,
+            None if self.mount is None else self.mount.reported(),
         )
 
     def _telemetry(self, tick: int) -> Sent:

@@ -1,18 +1,22 @@
 """COMMAND_LONG, COMMAND_INT and their older and faster cousins: wire order to flight order, flight answer to MAV_RESULT."""
 
 from collections.abc import Callable
-from math import isfinite, nan
+from math import isfinite, nan, pi, radians
 from typing import NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
 from navigation.geodesy import LocalFrame
+from navigation.vehicle import LookAtOrder, MountOrder, PointMountOrder
 from sim_uavs.autopilot.link import Message
 from sim_uavs.autopilot.personas import Persona
 from sim_uavs.autopilot.points import local_point
 from sim_uavs.dynamics.flight import Flight, FlightAnswer, Mode, Said
 from sim_uavs.dynamics.quadcopter import Vector
 
+LOOKING_DOWN = PointMountOrder(0.0, pi / 2.0)
+_FROM_HOME = frozenset({mavlink.MAV_CMD_DO_SET_ROI, mavlink.MAV_CMD_DO_SET_ROI_LOCATION})
+"""Commands whose COMMAND_LONG gives a height above home, as ArduPilot reads it."""
 _FORCE = 21196.0  # the number that overrides the checks of arming
 _IGNORE_POSITION, _IGNORE_VELOCITY, _IGNORE_YAW = 0b111, 0b111000, mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE
 
@@ -44,16 +48,23 @@ def read_order(message: Message) -> FlightOrder:
     if message.get_msgId() == mavlink.MAVLINK_MSG_ID_COMMAND_INT:
         return FlightOrder(message.command, params, message.x / 1e7, message.y / 1e7, message.z, message.frame)
     at = (message.param5, message.param6, message.param7)
-    return FlightOrder(message.command, params, *at, mavlink.MAV_FRAME_GLOBAL)
+    frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT if message.command in _FROM_HOME else mavlink.MAV_FRAME_GLOBAL
+    return FlightOrder(message.command, params, *at, frame)
 
 
 class Commands:
     """Orders to one flight. Every answer that is not an acceptance is also sent as a text."""
 
     def __init__(
-        self, flight: Flight, frame: LocalFrame, persona: Persona, disobeys: Callable[[], FlightAnswer | None]
+        self,
+        flight: Flight,
+        frame: LocalFrame,
+        persona: Persona,
+        disobeys: Callable[[], FlightAnswer | None],
+        aim: Callable[[MountOrder], FlightAnswer],
     ) -> None:
         self._flight, self._frame, self._persona, self._disobeys = flight, frame, persona, disobeys
+        self._aim = aim
         self._known: dict[int, Callable[[FlightOrder], FlightAnswer]] = {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm,
             mavlink.MAV_CMD_DO_SET_MODE: self._set_mode,
@@ -66,6 +77,11 @@ class Commands:
             mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: self._set_item,
             mavlink.MAV_CMD_DO_REPOSITION: self._reposition,
             mavlink.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
+            mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW: self._turn_gimbal,
+            mavlink.MAV_CMD_DO_MOUNT_CONTROL: self._turn_mount,
+            mavlink.MAV_CMD_DO_SET_ROI_LOCATION: self._look_at,
+            mavlink.MAV_CMD_DO_SET_ROI: self._look_at,
+            mavlink.MAV_CMD_DO_SET_ROI_NONE: lambda _: aim(LOOKING_DOWN),
         }
 
     def obey(self, order: FlightOrder) -> int:
@@ -176,3 +192,28 @@ class Commands:
     def _set_item(self, order: FlightOrder) -> FlightAnswer:
         index = order.params[0]
         return self._flight.set_item(int(index)) if isfinite(index) else FlightAnswer.OUT_OF_RANGE
+
+    def _turn_gimbal(self, order: FlightOrder) -> FlightAnswer:
+        """From the heading and the horizon; a yaw that is locked to north, and rates, are not taken."""
+        pitch_deg, yaw_deg, *_ = order.params
+        flags = order.latitude_deg
+        if not isfinite(flags) or int(flags) & mavlink.GIMBAL_MANAGER_FLAGS_YAW_LOCK:
+            return FlightAnswer.OUT_OF_RANGE
+        return self._aim(PointMountOrder(radians(yaw_deg), -radians(pitch_deg)))
+
+    def _turn_mount(self, order: FlightOrder) -> FlightAnswer:
+        """What came before the gimbal protocol: pitch, roll and yaw in degrees, the mode in the last parameter."""
+        pitch_deg, _, yaw_deg, _ = order.params
+        if order.altitude_m != mavlink.MAV_MOUNT_MODE_MAVLINK_TARGETING:
+            return FlightAnswer.OUT_OF_RANGE
+        return self._aim(PointMountOrder(radians(yaw_deg), -radians(pitch_deg)))
+
+    def _look_at(self, order: FlightOrder) -> FlightAnswer:
+        """A place; without one ArduPilot stops looking at any."""
+        place = order.latitude_deg, order.longitude_deg, order.altitude_m
+        if place == (0.0, 0.0, 0.0):
+            return self._aim(LOOKING_DOWN)
+        point = local_point(self._frame, order.frame, *place)
+        if point is None:
+            return FlightAnswer.OUT_OF_RANGE
+        return self._aim(LookAtOrder(*self._frame.from_ned(*point)))

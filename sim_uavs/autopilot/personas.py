@@ -143,6 +143,8 @@ ARDUPILOT_3_3 = replace(
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
             mavlink.MAV_CMD_GET_MESSAGE_INTERVAL,
             mavlink.MAV_CMD_GET_HOME_POSITION,
+            mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW,
+            mavlink.MAV_CMD_DO_SET_ROI_LOCATION,
         }
     ),
     takes_command_int=False,
@@ -153,6 +155,7 @@ ARDUPILOT_3_3 = replace(
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE,
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
+            mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS,
         }
     ),
     on_request=True,

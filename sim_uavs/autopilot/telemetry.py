@@ -1,11 +1,12 @@
 """What a vehicle tells of itself: one builder per MAVLink message, from one snapshot. SI turns into wire units here."""
 
 from collections.abc import Callable, Mapping
-from math import isfinite, nan, pi
+from math import cos, isfinite, nan, pi, sin
 from typing import NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
+from navigation.cameras.pinhole import PanTilt
 from navigation.geodesy import LocalFrame
 from sim_uavs.autopilot.link import Message
 from sim_uavs.autopilot.personas import Persona
@@ -16,6 +17,11 @@ from sim_uavs.dynamics.sensors import GpsReading, ImuReading
 _INT32_MIN, _INT32_MAX = -(2**31), 2**31 - 1
 _CELLS, _FULL_CELL_MV, _EMPTY_CELL_MV = 6, 4200, 3300
 _UNKNOWN_16 = 65535
+_LEVEL_GIMBAL = (
+    mavlink.GIMBAL_DEVICE_FLAGS_ROLL_LOCK
+    | mavlink.GIMBAL_DEVICE_FLAGS_PITCH_LOCK
+    | mavlink.GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME
+)
 _SENSORS = (
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
@@ -34,7 +40,10 @@ _SENSORS = (
 
 
 class Snapshot(NamedTuple):
-    """A vehicle at one instant: `boot_ms` and `utc_us` by its own clock, sensors as they read (`gps` None: no fix)."""
+    """A vehicle at one instant: `boot_ms` and `utc_us` by its own clock, sensors as they read (`gps` None: no fix).
+
+    `mount` None: it carries no camera.
+    """
 
     boot_ms: int
     utc_us: int
@@ -44,6 +53,7 @@ class Snapshot(NamedTuple):
     gps: GpsReading | None
     imu: ImuReading
     has_mission: int
+    mount: PanTilt | None = None
 
 
 def _int32(value: float) -> int:
@@ -271,6 +281,17 @@ def position_target(s: Snapshot) -> Message | None:
     )
 
 
+def gimbal_attitude(s: Snapshot) -> Message | None:
+    """As ArduPilot reports a gimbal: level, its pitch from the horizon, its yaw from the vehicle's heading."""
+    if s.mount is None:
+        return None
+    yaw, pitch = s.mount.pan_rad / 2.0, -s.mount.tilt_rad / 2.0
+    quaternion = [cos(pitch) * cos(yaw), -sin(pitch) * sin(yaw), sin(pitch) * cos(yaw), cos(pitch) * sin(yaw)]
+    return mavlink.MAVLink_gimbal_device_attitude_status_message(
+        0, 0, s.boot_ms, _LEVEL_GIMBAL, quaternion, nan, nan, nan, 0, nan, nan, 1
+    )
+
+
 Builder = Callable[[Snapshot], Message | None]
 
 _STREAMS: Mapping[int, tuple[Builder, int]] = {
@@ -291,6 +312,7 @@ _STREAMS: Mapping[int, tuple[Builder, int]] = {
     mavlink.MAVLINK_MSG_ID_CURRENT_MODE: (current_mode, 20),
     mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: (position_target, 5),
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: (global_origin, 0),
+    mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS: (gimbal_attitude, 1),
 }
 """What builds each message, and every how many ticks of 100 ms it is sent unasked (0: never)."""
 BUILDERS: Mapping[int, Builder] = {kind: build for kind, (build, _) in _STREAMS.items()}

@@ -54,7 +54,7 @@ class VehicleSettings:
 class VehicleConfig:
     """One vehicle. `airborne_m` above 0 starts it armed and guided, hovering at that height above home.
 
-    `peers` are sent everything from the start and never forgotten; others are learned when they speak.
+    `has_mount`: whether it carries a camera on a mount. `peers` are sent everything from the start and never forgotten; others are learned when they speak.
     """
 
     system_id: int
@@ -65,6 +65,7 @@ class VehicleConfig:
     charge: float = 1.0
     seed: int = 0
     peers: tuple[Peer, ...] = ()
+    has_mount: bool = False
     limits: AirframeLimits = field(default_factory=AirframeLimits)
     wind: Wind = field(default_factory=Wind)
     gps: GpsNoise = field(default_factory=GpsNoise)

@@ -3,12 +3,15 @@
 The same flight, sensors and faults as the autopilot that speaks MAVLink, for the world in a box.
 """
 
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
 
 from navigation import vehicle
+from navigation.cameras.pinhole import Attitude, PanTilt
 from navigation.geodesy import LocalFrame
+from sim_uavs.cameras.mount import Mount, MountLimits
 from sim_uavs.dynamics.faults import ActiveFaults, SimulatedFault, spoil
 from sim_uavs.dynamics.flight import GUIDED_MODES, Flight, FlightAnswer, GoingTo, Mode
 from sim_uavs.dynamics.quadcopter import ZERO, Vector
@@ -60,6 +63,9 @@ class SensedFlight:
         self._orders_rng = np.random.default_rng((config.seed, config.system_id, 4))
         self._streamed: tuple[Vector, int] | None = None
         self._is_taken = False
+        mount_rng = np.random.default_rng((config.seed, config.system_id, 5))
+        self.mount = Mount(MountLimits(), mount_rng) if config.has_mount else None
+        self._mounted_us = now_us
 
     def inject(self, fault: SimulatedFault, now_us: int, until_us: int | None = None) -> None:
         """Begin a fault, until `until_us` or for good. `battery-low` empties the battery once, `killed` is for good."""
@@ -77,6 +83,28 @@ class SensedFlight:
         self.flight.on_time(now_us)
         body = self.flight.body
         return TrueState(now_us, *self._frame.from_ned(*body.position), *body.velocity)
+
+    def level_pose(self, now_us: int) -> tuple[Vector, Attitude]:
+        """Fly, and turn the mount, up to `now_us`; where the vehicle is, NED of home, and its heading."""
+        self.flight.on_time(now_us)
+        body = self.flight.body
+        heading = Attitude(0.0, 0.0, body.yaw_rad)
+        if self.mount is not None and now_us > self._mounted_us:
+            self.mount.advance((now_us - self._mounted_us) / 1e6, heading, np.array(body.position))
+            self._mounted_us = now_us
+        return body.position, heading
+
+    def aim(self, order: vehicle.MountOrder) -> FlightAnswer:
+        """Turn the mount, as far as it turns."""
+        if self.mount is None:
+            return FlightAnswer.UNSUPPORTED
+        if not all(map(isfinite, order)):
+            return FlightAnswer.OUT_OF_RANGE
+        if isinstance(order, vehicle.PointMountOrder):
+            self.mount.turn(PanTilt(*order))
+        else:
+            self.mount.look_at(*self._frame.to_ned(*order))
+        return FlightAnswer.ACCEPTED
 
     def _suffer(self, now_us: int) -> None:
         """Have others command the vehicle, while that holds: a ground station, and a pilot at the sticks."""
@@ -150,6 +178,9 @@ class SimulatedVehicle(SensedFlight):
         loss = self._faults.amount("packet-loss", now_us)
         if self._gps is not None and (loss is None or self._rng.random() * 100.0 >= loss):
             reports += self._often(self._gps, stamp_us)
+        self.level_pose(now_us)
+        if self.mount is not None:
+            reports.append(vehicle.MountReport(stamp_us, "MOUNT", *self.mount.reported()))
         return reports
 
     def _often(self, gps: GpsReading, stamp_us: int) -> list[vehicle.Report]:
@@ -218,3 +249,5 @@ class SimulatedVehicle(SensedFlight):
                 return flight.set_mode(Mode.AUTO)
             case vehicle.MissionItemOrder():
                 return flight.set_item(order.item)
+            case vehicle.PointMountOrder() | vehicle.LookAtOrder():
+                return self.aim(order)

@@ -17,7 +17,8 @@ from sim_uavs.cameras.detectors import (
     detect,
     in_view,
 )
-from sim_uavs.cameras.payload import CameraPayload, Mount, MountLimits
+from sim_uavs.cameras.mount import Mount, MountLimits
+from sim_uavs.cameras.payload import CameraPayload
 from sim_uavs.roads.drivers import Driver, RoadState
 from sim_uavs.roads.layouts import cross, straight
 from tests.sim_uavs.cameras.flights import FRAME, Image, hover
