@@ -83,14 +83,14 @@ def _from_file(path: Path) -> ModuleType:
 
 
 def prototypes_of(module: ModuleType) -> Mapping[str, Prototype]:
-    """What a module offers, by name; what it only imports from the library is none of it.
+    """What a module offers, by name, by itself or in a tuple; what it only imports from the library is none of it.
 
     Raises:
         UnitError: two units of one name.
     """
     found: dict[str, Prototype] = {}
     for each in vars(module).values():
-        for prototype in prototypes_in([each]):
+        for prototype in prototypes_in(each if isinstance(each, tuple) else [each]):
             if prototype is library().get(prototype.name):
                 continue
             if found.setdefault(prototype.name, prototype) is not prototype:

@@ -152,22 +152,21 @@ class KnowledgeHost:
         working.taken += item.counted
         made = self._made.setdefault((process, self._serial, item.past), [])  # also what brings nothing is taken
         try:
-            output = working.unit.on_sample(item.i, item.sample, item.sample.available_us)
+            made_now = working.unit.outputs_of({item.i: item.sample}, item.sample.available_us)
         except Exception as wrong:  # noqa: BLE001  (it is a user's code)
             self._faults.append(messages.HostFault(process, raised(working.name, wrong)))
             return
-        if output is None:
-            return
-        available_us = item.sample.available_us
-        if not item.past:
-            available_us = working.last_us = max(now_us, available_us, working.last_us + 1)
-        outputs = [output._replace(available_us=available_us)]
-        if working.adapter is not None:
-            outputs = working.adapter.on_sample(outputs[0], available_us)
-        made += outputs
-        if not item.past:
-            for each in outputs:
-                self._scheduler.follow(self._following(process, each))
+        for output in made_now:
+            available_us = item.sample.available_us
+            if not item.past:
+                available_us = working.last_us = max(now_us, available_us, working.last_us + 1)
+            outputs = [output._replace(available_us=available_us)]
+            if working.adapter is not None:
+                outputs = working.adapter.on_sample(outputs[0], available_us)
+            made += outputs
+            if not item.past:
+                for each in outputs:
+                    self._scheduler.follow(self._following(process, each))
 
     def _following(self, process: int, sample: Sample) -> list[tuple[int, _Item]]:
         return [(each, _Item(i, sample, False, False)) for each, i in self._followers.get(process, ())]

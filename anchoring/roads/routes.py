@@ -1,6 +1,6 @@
 """Routes through a road network: the shortest, the fastest, and those that an emergency vehicle can pass (networkx)."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from itertools import islice
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -50,9 +50,14 @@ class RoadRoutes:
                     self._graph.add_edge(arrived, (_TO, crossing))
 
     def shortest(
-        self, start: str | DirectedLink, end: str, by: str = BY_LENGTH, speeds: Speeds | None = None
+        self,
+        start: str | DirectedLink,
+        end: str,
+        by: str = BY_LENGTH,
+        speeds: Speeds | None = None,
+        closed: Container[str] = (),
     ) -> RoadRoute | None:
-        """The route of least length or least time; None if there is none.
+        """The route of least length or least time that leads over none of the closed links; None if there is none.
 
         Raises:
             KeyError: a crossing or link is not there.
@@ -60,7 +65,12 @@ class RoadRoutes:
         if start == end:
             return RoadRoute((), 0.0, 0.0)
         measured = speeds or {}
-        cost = self._length_m if by == BY_LENGTH else lambda step: self._time_s(step, measured)
+
+        def cost(step: DirectedLink) -> float | None:
+            if step.link in closed:
+                return None
+            return self._length_m(step) if by == BY_LENGTH else self._time_s(step, measured)
+
         source, target = self._ends(start, end)
         try:
             path = self._nx.dijkstra_path(self._graph, source, target, weight=_weight(cost))

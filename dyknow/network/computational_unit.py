@@ -1,6 +1,6 @@
 """Computational units: refinement processes with one output (thesis, 4.3.4, Def. 4.3.15)."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import prod
 from typing import TypeAlias
 
@@ -9,8 +9,10 @@ from dyknow.model.values import NO_VALUE
 
 Inputs: TypeAlias = tuple[Sample | None, ...]
 """The last available sample of each input, None where none has arrived (Def. 4.3.16)."""
-UnitFunction: TypeAlias = Callable[[int, Inputs, Value], tuple[Sample | None, Value]]
-"""(time, last sample of each input, state) -> (output or None, new state); the first state is `NO_VALUE`."""
+Output: TypeAlias = Sample | list[Sample] | None
+"""One sample, several, such as the states of several objects, or none."""
+UnitFunction: TypeAlias = Callable[[int, Inputs, Value], tuple[Output, Value]]
+"""(time, last sample of each input, state) -> (output, new state); the first state is `NO_VALUE`."""
 
 
 class ComputationalUnit:
@@ -34,11 +36,18 @@ class ComputationalUnit:
         return self.on_element({i: sample}, now_us)
 
     def on_element(self, element: Mapping[int, Sample], now_us: int) -> Sample | None:
-        """The join of the inputs has a new element, in which these are new; the output, if there is one."""
+        """The join of the inputs has a new element, in which these are new; the output, the last one of several."""
+        outputs = self.outputs_of(element, now_us)
+        return outputs[-1] if outputs else None
+
+    def outputs_of(self, element: Mapping[int, Sample], now_us: int) -> Sequence[Sample]:
+        """The same; all outputs."""
         for i, sample in element.items():
             self._inputs[i] = sample
         output, self.state = self._function(now_us, tuple(self._inputs), self.state)
-        return output
+        if output is None:
+            return ()
+        return output if isinstance(output, list) else (output,)
 
 
 def latest_valid_us(inputs: Inputs) -> int | None:

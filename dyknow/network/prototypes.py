@@ -27,7 +27,7 @@ from typing import Any, Protocol, TypeAlias, TypeVar
 from dyknow.model.labels import Label
 from dyknow.model.sample import Sample, Value
 from dyknow.model.values import Sort
-from dyknow.network.computational_unit import Inputs, UnitFunction, latest_valid_us, of_values, quality_of
+from dyknow.network.computational_unit import Inputs, Output, UnitFunction, latest_valid_us, of_values, quality_of
 from dyknow.network.process import Input, Process
 from dyknow.policies.policy import Policy
 
@@ -125,7 +125,8 @@ class SampleUnit(Protocol):
     """What `computational_unit` decorates: called with the time and the last sample of each input, once all are there.
 
     Where it does not need all, it is called before that, too, with None (no_sample) for an input that has none yet.
-    It returns a value, which is valid at the latest valid time of its inputs (P7), a `Sample`, or None for no output.
+    It returns a value, which is valid at the latest valid time of its inputs (P7), a `Sample`, a list of them, such as the
+    states of several objects, or None for no output.
     """
 
     def __call__(self, now_us: int, /, *samples: Sample) -> Any: ...
@@ -276,12 +277,14 @@ def _function(form: Callable[..., UnitFunction], made: Callable[..., Any], **set
 def of_samples(unit: SampleUnit, *, needs_all: bool = True) -> UnitFunction:
     """A unit in the form of Def. 4.3.15; its memory is its own. Unless it needs all, it meets no_sample, as None."""
 
-    def step(now_us: int, inputs: Inputs, state: Value) -> tuple[Sample | None, Value]:
+    def step(now_us: int, inputs: Inputs, state: Value) -> tuple[Output, Value]:
         valid_us = latest_valid_us(inputs)
         if valid_us is None or (needs_all and None in inputs):
             return None, state
         made = unit(now_us, *inputs)  # type: ignore[arg-type]  # it says that it takes None
         if made is None or isinstance(made, Sample):
+            return made, state
+        if type(made) is list and all(isinstance(each, Sample) for each in made):
             return made, state
         return Sample(now_us, valid_us, made, quality_of(inputs)), state
 

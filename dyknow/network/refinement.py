@@ -87,10 +87,10 @@ class UnitAtWork:
         if self.unit is None:
             return Outcome((), faults)
         try:
-            output = self.unit.on_element(element, available_us)
+            outputs = self.unit.outputs_of(element, available_us)
         except Exception as wrong:  # noqa: BLE001  (it is a user's code)
             return Outcome((), (raised(self._prototype.name, wrong),))
-        return _NOTHING if output is None else Outcome((output,))
+        return Outcome(tuple(outputs)) if outputs else _NOTHING
 
 
 _NOTHING: Final = Outcome()
@@ -258,16 +258,16 @@ class RefinementProcess(OnDemand):
         now_us = available_us + (self.prototype.cost_us or 0)
         began_us = 0 if clock is None else clock.now_us()
         try:
-            output = unit.on_element(element, available_us)
+            outputs = unit.outputs_of(element, available_us)
         except Exception as wrong:  # noqa: BLE001  (it is a user's code)
-            output = None
+            outputs = ()
             self.fault(raised(self.prototype.name, wrong))
         if clock is not None:
             ended_us = clock.now_us()
             self._pace.took(ended_us - began_us)
             self._is_apart = self._pace.is_slow and (not self._in_past or self._pace.is_known_slow)
             now_us = available_us + ended_us - began_us if self._in_past else max(available_us, ended_us)
-        if output is not None:
+        for output in outputs:
             self._hand_on(output, now_us)
 
     def _hand_on(self, output: Sample, now_us: int) -> None:
@@ -404,6 +404,5 @@ class EagerUnit:
     def on_instant(self) -> None:
         for element in self._join.take():
             available_us = max([sample.available_us for sample in element.values()])
-            output = self._unit.on_element(element, available_us)
-            if output is not None:
+            for output in self._unit.outputs_of(element, available_us):
                 self._generator.push(output.valid_us, output.value, available_us, output.quality)

@@ -387,3 +387,36 @@ def test_an_outcome_without_a_taker_is_ignored() -> None:
     network = Network()
     network.on_computed(7, Outcome(), 1, 1)
     assert not network.calls
+
+
+# Several outputs of one call
+
+
+def test_a_unit_may_make_several_samples_of_one() -> None:
+    @computational_unit("", "")
+    def split(now_us, sample):
+        return [sample._replace(value=(name, sample.value)) for name in "ab"[: sample.value]]
+
+    network = Network()
+    network.add_source(label(0), ANY)
+    refine(network, 1, prototypes_in([split])[0], (0,))
+    got = listen(network, 1)
+    for value in (2, 0, 1):
+        network.push(label(0), value, value, value)
+    assert [sample.value for sample in got] == [("a", 2), ("b", 2), ("a", 1)]
+
+
+def test_a_list_of_other_things_is_a_value_and_refused_as_before() -> None:
+    @computational_unit("", "")
+    def listed(_now_us, sample):
+        return [sample.value]
+
+    network = Network()
+    network.add_source(label(0), ANY)
+    faults = []
+    network.on_fault = lambda _label, said: faults.append(said)
+    refine(network, 1, prototypes_in([listed])[0], (0,))
+    got = listen(network, 1)
+    network.push(label(0), 1, 1, 1)
+    assert got == []
+    assert "not of its sort" in faults[0]

@@ -67,6 +67,29 @@ def vision_objects() -> Iterator[dict[str, Any]]:
             yield {"t_ms": round(1000 * at_s[i]), "tracker": [called, x_m, y_m, True]}
 
 
+def streets() -> Iterator[dict[str, Any]]:
+    """On the map of streets.geojson: traffic on the main road, on which one car breaks down, later one next to it.
+
+    The first one stands in its lane from second 20 on, the other comes towards it and stops there from second 40 to 70.
+    """
+    rng = np.random.default_rng(1)
+    at_s = np.arange(0.0, 80.0, 0.5)
+    places = {f"car{n}": np.stack([10.0 * (at_s - begin), np.full(len(at_s), -1.75)], axis=1)
+              for n, begin in enumerate((0.0, 6.0, 12.0))}  # fmt: skip
+    broken = np.interp(at_s, [0.0, 4.0, 19.0, 20.0], [-40.0, 0.0, 148.0, 150.0])
+    places["car3"] = np.stack([broken, np.full(len(at_s), -1.75)], axis=1)
+    stops = np.interp(at_s, [26.0, 39.0, 40.0, 70.0, 71.0, 84.0], [290.0, 160.0, 155.0, 155.0, 150.0, 20.0])
+    places["car4"] = np.stack([stops, np.full(len(at_s), 1.75)], axis=1)
+    wants = {0.0: ("ambulance", "station", "hospital", 2.6), 10.0: ("crane", "station", "hospital", 6.0)}
+    for i, now_s in enumerate(at_s):
+        if now_s in wants:
+            yield {"t_ms": round(1000 * now_s), "dispatcher": list(wants[now_s])}
+        for symbol, each in places.items():
+            x_m, y_m = (round(float(one + rng.uniform(-0.5, 0.5)), 2) for one in each[i])
+            if 0.0 <= each[i][0] < 300.0 and not (symbol == "car4" and now_s < 26.0):
+                yield {"t_ms": round(1000 * now_s), "tracker": [symbol, x_m, y_m]}
+
+
 def crossing() -> Iterator[Change]:
     """What the map says of a crossing, and the areas of two cars that turn left in it; the second is not seen in it."""
     driven = next(
@@ -95,6 +118,7 @@ def written() -> dict[str, str]:
     made = {
         "relations.jsonl": events(road()),
         "crossing.jsonl": events(crossing()),
+        "streets.jsonl": streets(),
         "seen_cars.jsonl": seen_cars(),
         "vision_objects.jsonl": vision_objects(),
     }

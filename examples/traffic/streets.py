@@ -1,0 +1,8 @@
+"""The map of streets.kpl: the units and sources of the streets in streets.geojson."""
+
+from pathlib import Path
+
+from anchoring.roads.files.geojson import read_roads
+from anchoring.traffic.units import road_units
+
+UNITS = road_units(read_roads((Path(__file__).parent / "streets.geojson").read_bytes(), "streets.geojson"))

@@ -1,0 +1,165 @@
+"""Units and sources of a network in specifications: traffic on links and passable routes as streams."""
+
+import json
+import math
+
+import pytest
+
+from anchoring.traffic.units import road_units
+from compunits.registry import Catalogue
+from dyknow import NO_VALUE, US_PER_S
+from dyknow.model.members import MAX_MEMBERS
+from tests.anchoring.roads.towns import crossing, link, read_roads, text
+from tests.kpl.instances import Running
+from tests.thesis.traffic.written import EXAMPLES
+
+ROADS = read_roads(
+    text(crossing("a", 0, 0), crossing("b", 218, 0), link("a b", "a", "b", [(0, 0), (218, 0)], width_m=7, speed_m_s=10))
+)
+SPECIFICATION = """
+sort seen-object(symbol in text, x_m in m, y_m in m)
+source seen-object tracker
+source wanted-route dispatcher
+source instant seconds
+compunit link-traffic LinkTraffic(seen-object, instant)
+compunit route-state PassableRoutes(seen-object, wanted-route, instant)
+compunit seen-car OnMap(seen-object)
+strmgen cars = tracker
+strmgen wanted = dispatcher
+strmgen second = seconds
+strmgen traffic = LinkTraffic(cars, second)
+strmgen routes = PassableRoutes(cars, wanted, second)
+stream figures = traffic
+stream way = routes
+"""
+
+
+class Streets(Running):
+    def __init__(self, text=SPECIFICATION, roads=ROADS):
+        super().__init__(text, road_units(roads), sorts={})
+
+    def drive(self, seconds, cars, begin_s=0.0, period_s=0.5):
+        """Cars by what their place is after so many seconds."""
+        for step in range(int(seconds / period_s)):
+            at_s = begin_s + step * period_s
+            self.wait(round(at_s * US_PER_S))
+            for symbol, place in cars.items():
+                self.push("tracker", (symbol, *place(at_s)), round(at_s * US_PER_S))
+        self.wait(round((begin_s + seconds) * US_PER_S))
+
+
+def through(speed_m_s, begin_m=9.0, y_m=-1.75):
+    return lambda at_s: (begin_m + speed_m_s * at_s, y_m)
+
+
+def test_flow_speed_and_density_of_a_stream_of_cars_are_those_that_were_driven() -> None:
+    """One car each 4 s at 10 m/s: 900 an hour, and 25 on a kilometre, where the link is whole in view: 200 m for 20 s."""
+    streets = Streets()
+    cars = {f"c{n}": through(10.0, 9.0 - 40.0 * n) for n in range(16)}
+    streets.drive(64.0, cars)
+    symbol, flow, speed, density, _, open_m, obstacles = streets.values("figures")[-1]
+    assert symbol == "a_b"
+    assert flow == pytest.approx(900, rel=0.15)
+    assert speed == pytest.approx(10.0, rel=0.01)
+    assert density == pytest.approx(25.0, rel=0.15)
+    assert flow == pytest.approx(speed * 3.6 * density)
+    assert (open_m, obstacles) == (7.0, "")
+
+
+def test_a_link_that_was_left_has_one_more_state_without_traffic() -> None:
+    streets = Streets()
+    streets.drive(10.0, {"c": through(10.0)})
+    streets.wait(200 * US_PER_S)
+    last = [sample for name, sample in streets.outputs if name == "figures"][-1]
+    assert last.value == ("a_b", 0.0, NO_VALUE, 0.0, 0.0, 7.0, "")
+    assert last.valid_us == pytest.approx(70 * US_PER_S, abs=1.5 * US_PER_S)
+
+
+def test_both_directions_are_apart() -> None:
+    streets = Streets()
+    streets.drive(12.0, {"there": through(10.0), "back": through(-5.0, 209.0, 1.75)})
+    figures = {value[0]: value[2] for value in streets.values("figures")}
+    assert figures == {"a_b": pytest.approx(10.0), "a_b-back": pytest.approx(5.0)}
+
+
+def test_figures_are_valid_half_a_second_before_they_are_made_and_come_each_second() -> None:
+    streets = Streets()
+    streets.drive(8.0, {"c": through(10.0)})
+    samples = [sample for name, sample in streets.outputs if name == "figures"]
+    assert [sample.valid_us for sample in samples] == [US_PER_S * n - US_PER_S // 2 for n in range(1, 8)]
+    assert {sample.available_us - sample.valid_us for sample in samples} == {US_PER_S // 2}
+
+
+def test_a_route_is_reported_when_it_changes_and_every_ten_seconds() -> None:
+    streets = Streets()
+    streets.push("dispatcher", ("ambulance", "a", "b", 2.6), 0)
+    streets.drive(30.0, {"stands": lambda _at_s: (100.0, -1.75), "opposite": lambda _at_s: (104.0, 1.75)}, begin_s=1.0)
+    told = [(sample.valid_us // US_PER_S, sample.value[1]) for name, sample in streets.outputs if name == "way"]
+    assert told == [(0, True), (5, False), (15, False), (25, False)]
+    assert streets.values("way")[-1][-1].startswith("stands and opposite stand on a b at 100 m and leave 0 m of 7 m")
+
+
+def test_a_route_that_is_no_longer_wanted_is_not_reported_and_comes_again() -> None:
+    streets = Streets()
+    streets.push("dispatcher", ("ambulance", "a", "b", 2.6), 0)
+    streets.wait(5 * US_PER_S)
+    streets.push("dispatcher", ("ambulance", "a", "b", 0.0), 5 * US_PER_S)
+    streets.wait(60 * US_PER_S)
+    assert len(streets.values("way")) == 1
+    streets.push("dispatcher", ("ambulance", "a", "b", 9.0), 60 * US_PER_S)
+    streets.wait(70 * US_PER_S)
+    assert streets.values("way")[-1] == (
+        "ambulance", False, "", NO_VALUE, NO_VALUE, "a b is 7 m wide, 9 m are needed; no other way is open"
+    )  # fmt: skip
+
+
+def test_what_is_no_place_and_objects_beyond_the_limit_are_left_out_and_that_is_said() -> None:
+    streets = Streets()
+    streets.push("tracker", ("c", math.nan, 0.0), 0)
+    streets.push("tracker", ("c", 1e300, 0.0), 0)
+    for n in range(MAX_MEMBERS + 2):
+        streets.push("tracker", (f"c{n}", 50.0, -1.75), 0)
+    assert {said for _, said in streets.faults if "4096 objects" in said}
+    streets.drive(10.0, {"c1": through(10.0)}, begin_s=1.0)
+    assert streets.values("figures")[-1][4] == 1.0
+
+
+def test_names_that_are_no_names_of_objects_are_made_ones_and_stay_apart() -> None:
+    roads = read_roads(
+        text(
+            link("1:2", None, None, [(0, 0), (100, 0)]),
+            link("1.2", None, None, [(0, 50), (100, 50)]),
+            link("-5", None, None, [(0, 90), (100, 90)]),
+        )
+    )
+    streets = Streets(roads=roads)
+    streets.drive(5.0, {name: through(10.0, 10.0, y_m) for name, y_m in {"a": -1.75, "b": 48.0, "c": 88.0}.items()})
+    assert {value[0] for value in streets.values("figures")} == {"1_2", "1_2_2", "_5"} or streets.faults == []
+    assert {value[0] for value in streets.values("figures")} & {"1_2_2"}
+
+
+def test_a_module_offers_what_is_in_a_tuple() -> None:
+    class Module:
+        UNITS = road_units(ROADS)
+        __file__ = "roads.py"
+
+    names = Catalogue([Module]).names
+    assert {"LinkTraffic", "PassableRoutes", "OnMap", "seconds", "left_turns"} <= set(names)
+
+
+def test_the_example_says_when_and_why_a_crane_and_an_ambulance_cannot_pass() -> None:
+    roads = read_roads((EXAMPLES / "streets.geojson").read_bytes())
+    streets = Streets(roads=roads)
+    for line in map(json.loads, (EXAMPLES / "streets.jsonl").read_text().splitlines()):
+        streets.wait(line["t_ms"] * 1000)
+        for name in ("tracker", "dispatcher"):
+            if name in line:
+                streets.push(name, tuple(line[name]), line["t_ms"] * 1000)
+    streets.wait(82 * US_PER_S)
+    told = [(value[0], value[1], value[2]) for value in streets.values("way")]
+    assert list(dict.fromkeys(told)) == [
+        ("ambulance", True, "main river"),
+        ("crane", True, "main river"),
+        ("crane", False, ""),
+        ("ambulance", True, "hill park"),
+    ]
