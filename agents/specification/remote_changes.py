@@ -21,7 +21,8 @@ from federation.messages.acts import Act, Performative
 from federation.messages.contents.parts import uncontrolled
 from kpl import Specification, print_declaration, print_specification
 from kpl.checking.symbols import symbol_of
-from kpl.introspection.graph import drawn, graph_of
+from kpl.introspection.drawings import drawn
+from kpl.introspection.graph import graph_of
 from kpl.running.changes import difference
 from kpl.syntax.specification import Declaration, MonitorDeclaration
 

@@ -4,13 +4,10 @@ Figures come from what is kept anyway, so that nothing is spent without a reader
 samples of a history, drops and gaps from the adapters.
 """
 
-import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from dyknow import Label, Network, PolicyAdapter, Sample
-from dyknow.model.instants import print_span
 from dyknow.network.mediation import Failover, Mediation, Relay
 from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import SourcePrototype, UnitPrototype
@@ -20,21 +17,14 @@ from dyknow.objects.object_streams import DomainStream, ObjectFeature, ObjectPro
 from dyknow.states.state_streams import StateStreamProcess
 from dyknow.states.synchronization import Origin
 from kpl.checking.specifications import LONGEST_CHAIN
+from kpl.introspection.declared import of_members, units_of_families
+from kpl.linking.streams import LinkStream
 from kpl.running.figures import SAMPLE_BYTES, rate_and_delay
 from kpl.running.formula_monitors import FormulaMonitor
 from kpl.running.instance import Instance
 from kpl.running.parts import inputs_taken
 from kpl.syntax.listing import print_specification
 from kpl.syntax.specification import Export, Import
-
-_SHAPES = {
-    "source": ('[("{}")]', "cylinder"),
-    "stream": ('(["{}"])', "oval"),
-    "monitor": ('{{{{"{}"}}}}', "hexagon"),
-    **dict.fromkeys(("import", "export"), ('[/"{}"/]', "parallelogram")),
-}
-_BOX = ('["{}"]', "box")
-"""How a kind of node is drawn: in Mermaid, and for Graphviz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +89,7 @@ class Graph:
 
 def graph_of(instance: Instance) -> Graph:
     """The network as it is now."""
-    network = instance.network
+    network, made_by = instance.network, units_of_families(instance)
     fed_from = {label: source for source, labels in instance.parts.fed.items() for label in labels}
     nodes = [_generator_node(network, label, fed_from.get(label, "")) for label in network.labels()]
     edges = [
@@ -123,12 +113,16 @@ def graph_of(instance: Instance) -> Graph:
         edges += [Edge(path, str(label)) for label in chronicles.labels]
     for label, family in instance.families.members.items():
         members = ", ".join(map(_member, family.members)) or "none now"
-        nodes.append(GraphNode(str(label), "family", note=(f"members: {members}",)))
+        nodes.append(
+            GraphNode(str(label), "family", made_by=made_by.get(str(label), ""), note=(f"members: {members}",))
+        )
         edges.append(_edge(str(family.domain.label), str(label), family.proxy))
     for prototype, labels in instance.lacking.items():
         for label in labels:
             nodes.append(GraphNode(str(label), "unit", made_by=prototype, note=(f"no host offers {prototype} yet",)))
             edges += [Edge(str(source), str(label)) for source in instance.parts.inputs_of(label)]
+    there = {(edge.source, edge.target) for edge in edges}
+    edges += [Edge(*each) for each in of_members(instance, {node.name for node in nodes}) if each not in there]
     return _with_federation(instance, nodes, edges)
 
 
@@ -281,6 +275,8 @@ def _kind(process: object) -> str:
             return "objects"
         case ObjectFeature():
             return "object"
+        case LinkStream():
+            return "link"
         case None:
             return "source"
     return type(process).__name__.lower()
@@ -316,105 +312,3 @@ def _edge(source: str, target: str, proxy: StreamProxy | None) -> Edge:
         adapter.gaps,
         proxy.linked,
     )
-
-
-def drawn(graph: Graph, form: str) -> str:
-    """The graph as `text`, `json`, `mermaid` or `dot`."""
-    forms = {
-        "text": as_text,
-        "json": lambda found: json.dumps(as_json(found)) + "\n",
-        "mermaid": as_mermaid,
-        "dot": as_dot,
-    }
-    return forms[form](graph)
-
-
-def as_text(graph: Graph) -> str:
-    """For display: each node, and what it takes below it."""
-    lines: list[str] = []
-    for node in graph.nodes:
-        made = f" = {node.made_by}" if node.made_by else ""
-        sort = f"{node.sort} " if node.sort not in {"", node.kind} else ""
-        kind = "" if node.name.startswith(f"{node.kind} ") else f"{node.kind} "
-        lines.append(f"{kind}{sort}{node.name}{made}{_figures(node)}")
-        lines += [f"    <- {edge.source}{_conditions(edge)}" for edge in graph.edges if edge.target == node.name]
-        lines += [f"    {each}" for each in (*node.note, *node.states.splitlines())]
-        if node.counted:
-            what = "ignored" if node.kind == "chronicles" else "states"
-            lines.append(f"    {what} {', '.join(f'{reason}: {count}' for reason, count in node.counted.items())}")
-    return "".join(f"{line}\n" for line in lines)
-
-
-def as_json(graph: Graph) -> dict[str, Any]:
-    """Nodes and edges as JSON has them."""
-    return {
-        "nodes": [{name: getattr(node, name) for name in GraphNode.__slots__} for node in graph.nodes],
-        "edges": [{name: getattr(edge, name) for name in Edge.__slots__} for edge in graph.edges],
-    }
-
-
-def as_mermaid(graph: Graph) -> str:
-    """A flowchart for documents that draw Mermaid."""
-    ids = {node.name: f"n{i}" for i, node in enumerate(graph.nodes)}
-    lines = ["flowchart LR"]
-    for node in graph.nodes:
-        shape, _ = _SHAPES.get(node.kind, _BOX)
-        said = node.name if not node.made_by else f"{node.name}<br/>{node.made_by}"
-        lines.append(f"    {ids[node.name]}{shape.format(_quoted(said))}")
-    for edge in graph.edges:
-        source = ids.get(edge.source)
-        if source is None:
-            source = ids[edge.source] = f"n{len(ids)}"
-            lines.append(f'    {source}["{_quoted(edge.source)}?"]')
-        said = f'|"{_quoted(edge.in_force or edge.policy)}"|' if edge.policy or edge.in_force else ""
-        lines.append(f"    {source} -->{said} {ids[edge.target]}")
-    return "".join(f"{line}\n" for line in lines)
-
-
-def as_dot(graph: Graph) -> str:
-    """For Graphviz."""
-    lines = ["digraph dyknow {", "    rankdir=LR;", "    node [shape=box];"]
-    for node in graph.nodes:
-        said = node.name if not node.made_by else f"{node.name}\\n{node.made_by}"
-        _, shape = _SHAPES.get(node.kind, _BOX)
-        lines.append(f'    "{_escaped(node.name)}" [label="{_escaped(said)}", shape={shape}];')
-    for edge in graph.edges:
-        policy = edge.in_force or edge.policy
-        said = f' [label="{_escaped(policy)}"]' if policy else ""
-        lines.append(f'    "{_escaped(edge.source)}" -> "{_escaped(edge.target)}"{said};')
-    return "".join(f"{line}\n" for line in [*lines, "}"])
-
-
-def _figures(node: GraphNode) -> str:
-    parts = []
-    if node.running is False:
-        parts.append("dormant: no subscriber")
-    if node.rate_hz is not None:
-        parts.append(f"{node.rate_hz:.3g} Hz")
-    if node.delay_us is not None:
-        parts.append(f"{print_span(node.delay_us)} late")
-    if node.held:
-        parts.append(f"{node.held} held")
-    return f"  ({', '.join(parts)})" if parts else ""
-
-
-def _conditions(edge: Edge) -> str:
-    parts = [f" with {edge.policy}"] if edge.policy and edge.policy != "any update" else []
-    if edge.in_force:
-        parts.append(f", now {edge.in_force}")
-    lost = ", ".join(f"{count} {reason}" for reason, count in edge.dropped.items())
-    if lost:
-        parts.append(f"; dropped: {lost}")
-    if edge.gaps:
-        parts.append(f"; {edge.gaps} gap{'' if edge.gaps == 1 else 's'}")
-    if not edge.linked:
-        parts.append("; no producer")
-    return "".join(parts)
-
-
-def _quoted(text: str) -> str:
-    return text.replace('"', "#quot;")
-
-
-def _escaped(text: str) -> str:
-    return text.replace('"', '\\"')

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from dyknow import NO_VALUE
 from dyknow.model.errors import TextErrors
 from kpl import parse_specification, print_specification
-from kpl.introspection.graph import as_text, graph_of, maker_of
+from kpl.introspection.drawings import as_text
+from kpl.introspection.graph import graph_of, maker_of
 from tests.kpl.instances import Running
 
 MS = 1000

@@ -7,16 +7,16 @@ from console.command import Call
 if TYPE_CHECKING:
     from kpl import Instance
 
-GraphForm: TypeAlias = Literal["text", "json", "mermaid", "dot"]
+GraphForm: TypeAlias = Literal["text", "json", "mermaid", "dot", "svg"]
 
 
 def show_graph(call: Call, instance: "Instance", form: str) -> None:
     """Print the network in a form."""
-    from kpl.introspection.graph import as_dot, as_json, as_mermaid, as_text, graph_of
+    from kpl.introspection.drawings import as_json, drawn
+    from kpl.introspection.graph import graph_of
 
     found = graph_of(instance)
     if call.out.json_lines or form == "json":
         call.out.line(as_json(found))
         return
-    text = {"text": as_text, "mermaid": as_mermaid, "dot": as_dot}[form](found)
-    call.out.plain(text, folds=form == "text")
+    call.out.plain(drawn(found, form), folds=form == "text")

@@ -199,12 +199,15 @@ def held(
             words = line(styled("restored", "green"), f" configuration {restore}")
             call.out.say(words, event="restored", unit=unit, number=restore)
             return DONE
-        [dialogue] = client.ask([unit], Specification(number=number, form=form), Performative.QUERY_REF, 3.0)
+        question = Specification(number=number, form="json" if form == "svg" else form)
+        [dialogue] = client.ask([unit], question, Performative.QUERY_REF, 3.0)
     pages = [said for said in dialogue.results if isinstance(said, SpecificationText)]
     if dialogue.trouble or not pages:
         raise NothingFound(f"platform {unit}: {dialogue.trouble or 'no answer came'}")
     text = "".join(page.text for page in pages)
-    if form != "kpl":
+    if form == "svg":
+        call.out.plain(_picture(unit, text), folds=False)
+    elif form != "kpl":
         call.out.plain(text, folds=form == "text")
     elif call.out.json_lines:
         about = {"unit": unit, "number": pages[0].number, "last": pages[0].last, "at_us": pages[0].at_us}
@@ -215,6 +218,17 @@ def held(
         held_since = "what it holds now" if newest else f"{pages[0].last} is what it holds now"
         call.out.note(f"configuration {pages[0].number}: {held_since}")
     return DONE
+
+
+def _picture(unit: str, text: str) -> str:
+    """What a platform runs is drawn here, of what it says about that."""
+    from kpl.introspection.drawings import graph_of_json
+    from kpl.introspection.picture import as_svg
+
+    try:
+        return as_svg(graph_of_json(text))
+    except (ValueError, TypeError, KeyError) as wrong:
+        raise NothingFound(f"platform {unit}: what it says of its network is none: {wrong}") from wrong
 
 
 def _say(call: Call, severity: str, found: TextError) -> None:

@@ -5,7 +5,8 @@ import pytest
 from dyknow import Network
 from dyknow.model.errors import SourceText, TextErrors
 from kpl import Hooks, Instance, parse_specification, print_specification
-from kpl.introspection.graph import as_text, graph_of
+from kpl.introspection.drawings import as_text
+from kpl.introspection.graph import graph_of
 
 MS = 1000
 TURNS = """

@@ -6,7 +6,8 @@ import pytest
 
 from dyknow.model.errors import TextErrors
 from kpl import parse_specification, print_formula, print_specification
-from kpl.introspection.graph import as_json, as_text, graph_of
+from kpl.introspection.drawings import as_json, as_text
+from kpl.introspection.graph import graph_of
 from kpl.running.asking import read_over
 from tests.kpl.instances import Running
 

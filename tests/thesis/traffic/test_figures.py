@@ -75,7 +75,9 @@ def test_figure_8_6_both_tasks_are_monitored_at_once_and_a_car_keeps_its_symbol_
 CHAINS = {
     "overtakes.kpl": [
         ("seen_cars", "seen_cars.objects", "car_pairs", "car_pair[a, b]"),
-        ("seen_cars.objects", "car[c]"),
+        ("seen_cars.objects", "car[c]", "car_pair[a, b]", "offset[a, b]", "smooth_offset[a, b]", "relations[a, b]"),
+        ("relations[a, b]", "car_relations[a, b]", "overtakes.chr", "chronicle[wrong_side]", "on_wrong_side"),
+        ("reckless_cars", "keeps_off"),
         ("car_pairs", "car_relations[a, b]"),
         ("overtakes.chr", "chronicle[passes]", "passed"),
         ("chronicle[oncoming_too_near]", "met_too_near", "one_of_two", "reckless_cars", "reckless"),
@@ -83,6 +85,8 @@ CHAINS = {
     "monitoring.kpl": [
         ("vision_objects", "car_objects", "car_objects.objects", "on_map[c]"),
         ("car_objects.objects", "cars[c]"),
+        ("on_map[c]", "car[c]", "area[c]", "cars[c]", "turns.chr"),
+        ("links.left[l, x, m]", "turns.chr"),
         ("car_objects.objects", "car_pairs"),
         ("car_pairs", "car_relations[a, b]"),
         ("left_turns", "links.left[l, x, m]"),
@@ -99,3 +103,11 @@ def test_the_figures_are_drawn_as_chains_from_what_is_seen_to_events(name, folde
     edges = {(each["source"], each["target"]) for each in graph["edges"]}
     missing = [edge for chain in CHAINS[name] for edge in pairwise(chain) if edge not in edges]
     assert missing == []
+
+
+@pytest.mark.parametrize(
+    ("name", "figure"), [("overtakes.kpl", "figure-8.12.svg"), ("monitoring.kpl", "figure-8.6.svg")]
+)
+def test_the_pictures_in_the_documentation_are_those_of_the_specifications(name, figure, folder):
+    done = run(["kpl", "graph", str(EXAMPLES / name), *MORE[name], "--form", "svg"], environment(folder), ROOT)
+    assert done.stdout == (ROOT / "docs" / "figures" / figure).read_text(encoding="utf-8")
