@@ -12,6 +12,7 @@ from federation.members.clock import FederationClock
 from federation.security.trust import Trust
 from federation.sharing.ontology import Ontology, default_ontology
 from federation.sharing.translation import Translation
+from navigation.cameras.rig import CameraRig
 from reasoning import Profile, builtin_profiles
 
 
@@ -24,6 +25,7 @@ class PlatformConfig:
         boot: which life of it this is: the node clock at its beginning, in milliseconds; greater in each later one.
         zid: identity of its session, for tokens.
         vehicle: whether it has one, and so labels to offer.
+        cameras: those that its vehicle carries, if their images are reported.
         simulated: whether faults can be injected.
         control: whether it may command its vehicle.
         missions: whether it may interrupt a mission of its vehicle to give way.
@@ -42,6 +44,7 @@ class PlatformConfig:
     zid: str = ""
     clock: FederationClock = field(default_factory=FederationClock)
     vehicle: bool = True
+    cameras: CameraRig | None = None
     simulated: bool = False
     control: bool = False
     missions: bool = False

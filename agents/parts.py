@@ -18,6 +18,7 @@ from agents.admission.admission import Admission
 from agents.admission.limits import ActLimits
 from agents.admission.message_log import MessageLog
 from agents.audit_log import AuditLog
+from agents.cameras.cameras import Cameras
 from agents.config import PlatformConfig
 from agents.directory.directory import DirectoryAgent
 from agents.effects import Effect
@@ -68,7 +69,7 @@ from reasoning import AlarmEvent
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    FlightAgent, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports,
+    Cameras, FlightAgent, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports,
     Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, MessageLog, DirectoryAgent,
@@ -117,7 +118,8 @@ class Ports:
     def kinds(self) -> list[type[Part]]:
         """The classes of the parts that this platform has."""
         config = self.config
-        missing = {kind for kind, has in ((FlightAgent, config.vehicle), (Faults, config.simulated)) if not has}
+        wanted = ((Cameras, config.cameras), (FlightAgent, config.vehicle), (Faults, config.simulated))
+        missing = {kind for kind, has in wanted if not has}
         return [kind for kind in (*PARTS[:-1], *config.extensions, PARTS[-1]) if kind not in missing]
 
     def build(self) -> tuple[Part, ...]:

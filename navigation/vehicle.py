@@ -155,6 +155,27 @@ class MountReport(NamedTuple):
     tilt_rad: float
 
 
+class ImageDetection(NamedTuple):
+    """Something that a detector found in an image: pixels from the left and from the top, and what else it found of it.
+
+    Attributes:
+        channel: the camera's name.
+        attributes: names and values, as ("colour", "red").
+    """
+
+    channel: str
+    u_px: float
+    v_px: float
+    attributes: tuple[tuple[str, str | float | bool], ...] = ()
+
+
+class ImageReport(NamedTuple):
+    """What the detectors found in the images that all cameras took at one instant; often that is nothing."""
+
+    valid_us: int
+    detections: tuple[ImageDetection, ...]
+
+
 class LinkReport(NamedTuple):
     """Whether the vehicle is heard well enough, and in words what is heard, or what is wrong; reported on change."""
 
@@ -186,6 +207,7 @@ Report: TypeAlias = (
     | FenceReport
     | FixReport
     | MountReport
+    | ImageReport
     | LinkReport
     | CommandResult
 )

@@ -1,6 +1,7 @@
 """The kind of vehicle `simulated`: an autopilot in this process and the feed that hears it, over real MAVLink on loopback."""
 
 from dataclasses import replace
+from typing import Any
 
 from agents.effects import InjectFault
 from dyknow.model.errors import Refused
@@ -26,11 +27,21 @@ def simulated(table: SimulatedVehicleConfig, ports: VehiclePorts) -> Vehicle:
         Refused: the ground station's address is none.
     """
     origin = ORIGIN if table.origin is None else HomePlace(*table.origin)
-    unit = scenario(table.scenario, table.count, table.seed, origin).units[table.index]
+    situation = scenario(table.scenario, table.count, table.seed, origin)
+    unit = situation.units[table.index]
     flown = unit.vehicle(table.index % 254 + 1, persona=table.persona, airborne=True)
+    settings: dict[str, Any] = {}
+    carried = None
+    if situation.streets is not None:
+        from sim_uavs.streets import carried_over
+
+        carried, settings["cameras"] = carried_over(situation, unit, table.seed)
+        flown = replace(flown, has_mount=True)
     if table.gcs is not None:
         flown = replace(flown, peers=(*flown.peers, _address(table.gcs)))
-    server = AutopilotServer(flown, clock=ports.clock, wall_us=ports.node_clock.now_us)
+    server = AutopilotServer(
+        flown, clock=ports.clock, wall_us=ports.node_clock.now_us, carried=carried, on_image=ports.post
+    )
     feed = MavlinkFeed(f"udpout:127.0.0.1:{server.port}", flown.system_id, ports.post, ports.now_us, driven=True)
     start_us = ports.now_us() + SETTLE_US if table.start_us is None else table.start_us
 
@@ -39,7 +50,7 @@ def simulated(table: SimulatedVehicleConfig, ports: VehiclePorts) -> Vehicle:
         text = fault.kind if fault.value is None else f"{fault.kind}={fault.value}"
         server.inject(parse_fault(text), duration_us)
 
-    settings = {"control": True, "simulated": True, "limits": ports.limits, "plan": plan_of(unit.route, start_us)}
+    settings |= {"control": True, "simulated": True, "limits": ports.limits, "plan": plan_of(unit.route, start_us)}
     return Vehicle((server, feed), settings, feed.command, inject)
 
 

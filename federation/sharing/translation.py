@@ -215,7 +215,8 @@ def _converter(steps: list[tuple[int, str, str, bool]]) -> LabelConversion:
 
 
 def _number(value: Value, convert: Callable[[float], float], sign: float) -> Value:
-    return value if isinstance(value, NoValue) else sign * convert(value)
+    """Texts and truths have no unit."""
+    return value if isinstance(value, NoValue | str | bool) else sign * convert(value)
 
 
 def _default_local(label: SemanticLabel) -> LocalLabel:

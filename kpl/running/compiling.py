@@ -164,7 +164,10 @@ class Compiler:
     def _linking(self, label: Label, made: spec.Link) -> CompiledGenerator:
         """The stream of linked objects of one type, by all declarations that are chained with it."""
         held = [each.declaration for each in self.symbols.symbols()]
-        links = chained(label, {**links_in(held), label: made})
+        links = {
+            self.label(each): replace(one, source=self.label(one.source))
+            for each, one in chained(label, {**links_in(held), label: made}).items()
+        }
         inputs = [PerceptInput(Input(each, Policy()), self._sort_of(each)) for each in percept_labels(links)]
         for taken, sort in inputs:
             if lacking := lacks_of(sort):
@@ -176,7 +179,7 @@ class Compiler:
         specifications = link_specifications(links, Definitions(self.symbols).constants)
         name = self._declared_unit_sort(made.unit) or label.feature
         sort = self.symbols.shape(name) or object_sort(name)
-        return CompiledGenerator(sort, LinkStream(str(label), specifications, inputs, sort), unit="")
+        return CompiledGenerator(sort, LinkStream(str(self.label(label)), specifications, inputs, sort), unit="")
 
     def _declared_unit_sort(self, unit: str) -> str:
         declared = self.symbols.maker(unit)
@@ -330,7 +333,7 @@ class Compiler:
         raise located(place, f"{unit.name} is for streams of any sort and not declared: name its sorts", repair)
 
     def _sort_of(self, label: Label) -> Sort:
-        """The sort of what a label of a member is made of: that of any of its makers."""
+        """The sort of what a label of a member is made of: that of any of its makers, or that of the semantic label."""
         for symbol in self.symbols.of_feature(label.feature):
             made = symbol.declaration
             body = made.body if isinstance(made, spec.ForEach) else made
@@ -338,7 +341,10 @@ class Compiler:
                 body.made, spec.Select | spec.Merge | spec.FirstOf
             ):
                 return self.making(body).sort
-        return Sort(label.feature, is_open=True)
+            if isinstance(body, spec.Import) and (imported := self.symbols.semantic(body.semantic)) is not None:
+                return imported.sort
+        semantic = self.symbols.semantic(label.feature)
+        return Sort(label.feature, is_open=True) if semantic is None else semantic.sort
 
 
 def too_many(declarations: int, text: str) -> TextError:

@@ -39,10 +39,18 @@ class CameraStateEstimator:
         frame: in which places are north, east, down.
         arm_m: (3,), from the vehicle's reference point to the camera, in body axes.
         errors: what is assumed; the accuracy of the position is the one that is fused.
+        is_level: the mount keeps the camera level, so that neither roll nor pitch of the vehicle turns it.
     """
 
-    def __init__(self, frame: LocalFrame, arm_m: FloatArray | None = None, errors: PoseErrors = USUAL_ERRORS) -> None:
-        self._frame, self._errors = frame, errors
+    def __init__(
+        self,
+        frame: LocalFrame,
+        arm_m: FloatArray | None = None,
+        errors: PoseErrors = USUAL_ERRORS,
+        *,
+        is_level: bool = False,
+    ) -> None:
+        self._frame, self._errors, self._is_level = frame, errors, is_level
         self._arm_m = np.zeros(3) if arm_m is None else arm_m
         self._estimates: _Recent[Estimate] = _Recent()
         self._attitudes: _Recent[Attitude] = _Recent()
@@ -58,6 +66,12 @@ class CameraStateEstimator:
     def on_mount(self, valid_us: int, mount: PanTilt) -> None:
         self._mounts.add(valid_us, mount)
 
+    @property
+    def whole_until_us(self) -> int | None:
+        """The newest time for which nothing has to be predicted; None: a part was never known."""
+        newest = [each.newest_us for each in (self._estimates, self._attitudes, self._mounts)]
+        return None if None in newest else min(each for each in newest if each is not None)
+
     def at(self, valid_us: int) -> CameraState | None:
         """The state at a time; None: a part of it is not known for that time."""
         known = self._estimates.covers(valid_us), self._attitudes.covers(valid_us), self._mounts.covers(valid_us)
@@ -69,7 +83,8 @@ class CameraStateEstimator:
         seconds = (valid_us - seen_us) / US_PER_S
         place = np.array(self._frame.to_ned(estimate.latitude_deg, estimate.longitude_deg, estimate.altitude_m))
         moved = place + seconds * np.array([estimate.north_m_s, estimate.east_m_s, estimate.down_m_s])
-        pose = CameraPose(valid_us, moved + attitude.rotation() @ self._arm_m, attitude, mount)
+        at_m = moved + attitude.rotation() @ self._arm_m
+        pose = CameraPose(valid_us, at_m, Attitude(0.0, 0.0, attitude.yaw_rad) if self._is_level else attitude, mount)
         grown = seconds * seconds
         level = max(estimate.var_n + grown * estimate.var_vn, estimate.var_e + grown * estimate.var_ve)
         vertical = estimate.var_d + grown * estimate.var_vd
@@ -86,6 +101,10 @@ class _Recent(Generic[T]):
         """Keep a value; one that is not newer than the last is left out."""
         if not self._kept or valid_us > self._kept[-1][0]:
             self._kept.append((valid_us, value))
+
+    @property
+    def newest_us(self) -> int | None:
+        return self._kept[-1][0] if self._kept else None
 
     def covers(self, valid_us: int) -> bool:
         kept = self._kept

@@ -37,7 +37,7 @@ from dyknow import NO_VALUE, Quality, Sample
 from dyknow.model.errors import DecodeError
 from dyknow.network.process import Outcome
 from federation.transport import WireEvent
-from navigation.vehicle import Report
+from navigation.vehicle import ImageDetection, Report
 
 EVENT, TIME, SHOWN, LOST, SAMPLES = "event", "time", "shown", "lost", "x/"
 ABOUT = "node"
@@ -51,6 +51,7 @@ _KINDS: dict[str, type[Any]] = {
     for kind in (
         *get_args(WireEvent),
         *get_args(Report),
+        ImageDetection,
         *get_args(HostEvent),
         Reported,
         LeaveRequested,

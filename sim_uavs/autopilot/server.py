@@ -5,16 +5,23 @@ import socket
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from federation.members.clock import FederationClock
+from navigation.vehicle import ImageReport
 from runtime.clock import NodeClock
 from sim_uavs.autopilot.autopilot import Autopilot, Sent
 from sim_uavs.dynamics.faults import SimulatedFault
+from sim_uavs.dynamics.flight import STEP_US
 from sim_uavs.dynamics.settings import VehicleConfig
+
+if TYPE_CHECKING:
+    from sim_uavs.cameras.onboard import OnboardCameras
 
 _LARGEST, _FRAME = 65_535, 1_400
 _LONGEST_WAIT_S = 0.5
+IMAGE_US = 40_000
+"""25 images a second."""
 
 
 def _is_here(address: str) -> bool:
@@ -28,6 +35,7 @@ class AutopilotServer:
     a peer elsewhere: then that host, and no other, may speak to it as well.
 
     Attributes:
+        carried: cameras on its mount; what they find goes to `on_image`, which must not block.
         clock: how the vehicle's time follows `wall_us`; at speed 10 it flies ten times as fast.
 
     Raises:
@@ -42,6 +50,8 @@ class AutopilotServer:
         port: int = 0,
         clock: FederationClock | None = None,
         wall_us: Callable[[], int] | None = None,
+        carried: "OnboardCameras | None" = None,
+        on_image: Callable[[ImageReport], None] = lambda _report: None,
     ) -> None:
         peers = tuple((socket.gethostbyname(name), number) for name, number in config.peers)
         self.config, self.clock = replace(config, peers=peers), clock or FederationClock()
@@ -50,6 +60,7 @@ class AutopilotServer:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((host or ("0.0.0.0" if self._elsewhere else "127.0.0.1"), port))  # noqa: S104  asked for
         self._autopilot = Autopilot(self.config, self.now_us())
+        self._carried, self._on_image, self._image_us = carried, on_image, self.now_us()
         self._lock, self._stopping = threading.Lock(), threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"autopilot-{config.system_id}", daemon=True)
 
@@ -102,9 +113,24 @@ class AutopilotServer:
                 now_us = self.now_us()
                 sent = self._autopilot.on_bytes(data, peer, now_us) if data else self._autopilot.on_time(now_us)
             self._send(sent)
+            if self._carried is not None and now_us >= self._image_us:
+                self._look(self._carried, now_us)
+
+    def _look(self, carried: "OnboardCameras", now_us: int) -> None:
+        """Take the images of an instant at which the flight was stepped; late ones are skipped."""
+        self._image_us = now_us - now_us % IMAGE_US + IMAGE_US
+        valid_us = now_us - now_us % STEP_US
+        with self._lock:
+            seen = self._autopilot.looking(valid_us)
+        report = None if seen is None else carried.image(valid_us, *seen)
+        if report is not None:
+            self._on_image(report)
 
     def _wait_s(self) -> float:
-        due_us = self.clock.wall_us(self._autopilot.deadline_us)
+        due_us = self._autopilot.deadline_us
+        if self._carried is not None:
+            due_us = min(due_us, self._image_us)
+        due_us = self.clock.wall_us(due_us)
         return min(_LONGEST_WAIT_S, max(1e-6, (due_us - self._wall_us()) / 1e6))
 
     def _send(self, sent: Sent) -> None:

@@ -20,9 +20,6 @@ from sim_uavs.cameras.detectors import COLOUR, COLOUR_CAMERA, THERMAL, THERMAL_C
 from sim_uavs.cameras.mount import Mount, MountLimits
 from sim_uavs.roads.drivers import RoadState
 
-IMAGE_US = 40_000
-"""25 images a second."""
-
 
 class CameraPayload:
     """Both cameras of one vehicle. Its estimator takes what the platform knows; `see` what is the case.

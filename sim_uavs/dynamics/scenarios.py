@@ -20,6 +20,7 @@ _SPEED_M_S = 6.0
 _ACROSS_M = 120.0  # from the start of a leg to where two of them meet
 _APART_M = 600.0  # where those fly that are to meet nobody
 _SPACING_M = 150.0
+_WATCHING_M = 50.0
 _BETWEEN_RNG = 11  # keeps the generator of scenarios apart from those of vehicles
 
 
@@ -46,13 +47,27 @@ class Meeting(NamedTuple):
     after_us: int
 
 
+class Streets(NamedTuple):
+    """Square blocks of streets with traffic on them, beginning at the origin: crossings to the east and to the north."""
+
+    across: int
+    down: int
+    cars: int
+    apart_m: float = 80.0
+
+
 class Scenario(NamedTuple):
+    """`streets`: what the vehicles' cameras see; without them they carry none."""
+
     name: str
     units: tuple[Unit, ...]
     meetings: tuple[Meeting, ...] = ()
+    streets: Streets | None = None
+    origin: HomePlace = ORIGIN
 
 
 _Legs = list[Vector]
+_STREETS = Streets(4, 3, 18)
 _FRAME = LocalFrame(*ORIGIN)
 _UP = Vector(0.0, 0.0, -HEIGHT_M)
 
@@ -94,7 +109,7 @@ def _moved(found: Scenario, origin: HomePlace) -> Scenario:
         home = HomePlace(first.latitude_deg, first.longitude_deg, origin.altitude_m)
         units.append(unit._replace(home=home, route=route, height_m=first.altitude_m - origin.altitude_m))
     meetings = tuple(meeting._replace(place=moved(meeting.place)) for meeting in found.meetings)
-    return Scenario(found.name, tuple(units), meetings)
+    return found._replace(units=tuple(units), meetings=meetings, origin=origin)
 
 
 def _unit(index: int, route: Route, seed: int) -> Unit:
@@ -139,6 +154,19 @@ def _meeting(name: str, count: int, seed: int, legs: tuple[_Legs, _Legs]) -> Sce
     return Scenario(name, tuple(_unit(i, route, seed) for i, route in enumerate(routes)), (met,))
 
 
+def _watching(name: str, count: int, seed: int) -> Scenario:
+    """Each hovers over a crossing, the ones in the middle first; neighbours see some of the same. Those beyond see no streets."""
+    across, down, _, apart_m = _STREETS
+    columns, rows = max(across, -(-count // down)), range(down)
+    middle = (across - 1) / 2.0, (down - 1) / 2.0
+    crossings = [(column, row) for column in range(columns) for row in rows]
+    crossings.sort(key=lambda each: (max(abs(each[0] - middle[0]), abs(each[1] - middle[1])), each))
+    up = Vector(0.0, 0.0, -_WATCHING_M)
+    places = [up.plus(Vector(row * apart_m, column * apart_m, 0.0)) for column, row in crossings[:count]]
+    units = tuple(_unit(index, hover(_FRAME, place), seed) for index, place in enumerate(places))
+    return Scenario(name, units, (), _STREETS)
+
+
 def _leg_us(distance_m: float, speed_m_s: float) -> int:
     """How long the beginning of a leg takes from a hover: s / v, and v / 2a + a tau^2 / 2v lost in speeding up."""
     limits = AirframeLimits()
@@ -167,5 +195,6 @@ _SCENARIOS: dict[str, tuple[Callable[[str, int, int], Scenario], int, int]] = {
     "hover": (_hovering, 1, 3),
     "patrol": (_patrolling, 1, 3),
     "swarm": (_swarming, 1, 8),
+    "traffic": (_watching, 1, 2),
 }
 NAMES = tuple(_SCENARIOS)

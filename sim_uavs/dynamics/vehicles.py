@@ -63,8 +63,8 @@ class SensedFlight:
         self._orders_rng = np.random.default_rng((config.seed, config.system_id, 4))
         self._streamed: tuple[Vector, int] | None = None
         self._is_taken = False
-        mount_rng = np.random.default_rng((config.seed, config.system_id, 5))
-        self.mount = Mount(MountLimits(), mount_rng) if config.has_mount else None
+        self._mount_rng = np.random.default_rng((config.seed, config.system_id, 5))
+        self.mount = Mount(MountLimits(), self._mount_rng) if config.has_mount else None
         self._mounted_us = now_us
 
     def inject(self, fault: SimulatedFault, now_us: int, until_us: int | None = None) -> None:
@@ -93,6 +93,13 @@ class SensedFlight:
             self.mount.advance((now_us - self._mounted_us) / 1e6, heading, np.array(body.position))
             self._mounted_us = now_us
         return body.position, heading
+
+    def looking(self, now_us: int) -> tuple[Vector, Attitude, PanTilt] | None:
+        """Where the vehicle is, its heading, and where its mount points; None: nothing is heard of it, or it has no mount."""
+        position, heading = self.level_pose(now_us)
+        if self.mount is None or self._faults.holds("silence", now_us):
+            return None
+        return position, heading, self.mount.angles
 
     def aim(self, order: vehicle.MountOrder) -> FlightAnswer:
         """Turn the mount, as far as it turns."""
@@ -178,10 +185,17 @@ class SimulatedVehicle(SensedFlight):
         loss = self._faults.amount("packet-loss", now_us)
         if self._gps is not None and (loss is None or self._rng.random() * 100.0 >= loss):
             reports += self._often(self._gps, stamp_us)
-        self.level_pose(now_us)
-        if self.mount is not None:
-            reports.append(vehicle.MountReport(stamp_us, "MOUNT", *self.mount.reported()))
-        return reports
+        return reports + self._mounted(now_us, stamp_us)
+
+    def _mounted(self, now_us: int, stamp_us: int) -> list[vehicle.Report]:
+        """What the place of a camera's image follows from, next to the position."""
+        looking = self.looking(now_us)
+        if looking is None or self.mount is None:
+            return []
+        body, sd_rad = self.flight.body, self.config.imu.attitude_rad
+        turned = self._mount_rng.normal((body.roll_rad, body.pitch_rad, body.yaw_rad), sd_rad).tolist()
+        attitude = vehicle.AttitudeReport(stamp_us, "ATTITUDE", *turned)
+        return [attitude, vehicle.MountReport(stamp_us, "MOUNT", *self.mount.reported())]
 
     def _often(self, gps: GpsReading, stamp_us: int) -> list[vehicle.Report]:
         latitude, longitude, altitude = self._frame.from_ned(*gps.position)

@@ -119,7 +119,28 @@ def town(across: int = 3, apart_m: float = 140.0, lanes: int = 2) -> RoadsJson:
     return _collection(places.values(), roads)
 
 
-_LAYOUTS: dict[str, Callable[[], RoadsJson]] = {"bends": bends, "cross": cross, "straight": straight, "town": town}
+def blocks(across: int = 3, down: int = 3, apart_m: float = 80.0) -> RoadsJson:
+    """Streets around square blocks, numbered to the east and to the north, that lead nowhere else: traffic stays in them."""
+    places = {
+        (column, row): _Place(f"x{column}{row}", column * apart_m, row * apart_m)
+        for column in range(across)
+        for row in range(down)
+    }
+    roads = []
+    for (column, row), here in places.items():
+        for name, other in ((f"e{column}{row}", (column + 1, row)), (f"n{column}{row}", (column, row + 1))):
+            if other in places:
+                roads.append(_Road(name, here.name, places[other].name))
+    return _collection(places.values(), roads)
+
+
+_LAYOUTS: dict[str, Callable[[], RoadsJson]] = {
+    "bends": bends,
+    "blocks": blocks,
+    "cross": cross,
+    "straight": straight,
+    "town": town,
+}
 LAYOUTS = tuple(sorted(_LAYOUTS))
 
 

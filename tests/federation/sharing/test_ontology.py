@@ -1,3 +1,4 @@
+from itertools import cycle
 from math import pi
 
 import pytest
@@ -151,11 +152,27 @@ def test_translation_there_and_back_is_the_same_value(one: float, two: float, th
     platform = Translation.parse(default_ontology(), FEET)
     for name in default_ontology():
         sort = platform.local_sort(name)
-        value = (one, two, three)[: len(sort.fields)]
+        numbers = cycle((one, two, three))
+        value = tuple({"text": "red", "bool": True}.get(field.unit) or next(numbers) for field in sort.fields)
         sort.check(value)
         there = platform.to_semantic(name)(value)
         default_ontology()[name].check(there)
-        assert platform.to_local(name)(there) == pytest.approx(value, rel=1e-9, abs=1e-9)
+        back = platform.to_local(name)(there)
+        assert [each for each in back if isinstance(each, float)] == pytest.approx(
+            [each for each in value if isinstance(each, float)], rel=1e-9, abs=1e-9
+        )
+        assert [each for each in back if not isinstance(each, float)] == [
+            each for each in value if not isinstance(each, float)
+        ]
+
+
+def test_records_with_texts_are_translated_too() -> None:
+    units = {"x_m": "ft", "y_m": "ft", "sd_m": "ft", "symbol": "text", "colour": "text", "end": "bool"}
+    fields = ", ".join(f'{name} = {{ name = "{name}", unit = "{unit}" }}' for name, unit in units.items())
+    feet = f"[vision-percepts]\nfields = {{ {fields} }}\n"
+    where = Translation.parse(default_ontology(), feet)
+    value = where.to_semantic("vision-percepts")((100.0, -50.0, 1.0, "vp1", NO_VALUE, False))
+    assert value == ("vp1", pytest.approx(30.48), pytest.approx(-15.24), pytest.approx(0.3048), NO_VALUE, False)
 
 
 def test_no_value_stays_no_value() -> None:

@@ -10,8 +10,9 @@ from navigation.cameras.pinhole import Attitude
 from navigation.fusion import Estimate
 from navigation.geodesy import LocalFrame
 from navigation.vehicle import AttitudeReport
+from sim_uavs.autopilot.server import IMAGE_US
 from sim_uavs.cameras.detectors import Obstacle
-from sim_uavs.cameras.payload import IMAGE_US, CameraPayload
+from sim_uavs.cameras.payload import CameraPayload
 from sim_uavs.roads.drivers import Driver, RoadState
 from sim_uavs.roads.layouts import RoadsJson, network_of
 from sim_uavs.roads.traffic import SimulatedTraffic

@@ -1,0 +1,165 @@
+"""The cameras of the platform's vehicle as a part: their state and the percepts are streams that the platform offers."""
+
+from collections.abc import Callable, Iterable
+from math import degrees, sqrt
+
+from agents.cameras.perception import Perception
+from agents.config import PlatformConfig
+from agents.effects import Reported
+from agents.exchange.export_proxy import ExportProxy
+from agents.flight.vehicle_streams import VehicleStreams
+from agents.part import NOT_MINE, Followed, Part
+from anchoring.links.structures import Percept
+from dyknow import NO_VALUE, Label, Network, Policy, Sample, Value
+from federation.members.clock import FederationClock
+from federation.messages.descriptions import ConditionEntry, LabelEntry
+from federation.sharing.translation import Translation
+from navigation.cameras.state import CameraState
+from navigation.geodesy import LocalFrame
+from navigation.vehicle import AttitudeReport, ImageReport, MountReport
+
+PERCEPTS, STATE = "vision-percepts", "camera-state"
+"""Semantic labels."""
+PERIOD_US = 100_000
+BLIND_US = 5_000_000
+"""After so long without any image of known place that is a condition."""
+
+
+class Cameras(Part):
+    """Takes images, attitudes and angles of the mount as they are reported; times of streams are federation time.
+
+    Args:
+        streams: of the vehicle; its estimates are the platform's own position.
+        exporter: sheds streams while there is too much to do; then fewer images are looked at.
+        offer: called when the condition changes.
+
+    Attributes:
+        perception: what is done with images.
+    """
+
+    takes = {Reported: "on_reported"}  # noqa: RUF012  (a declaration)
+
+    def __init__(
+        self,
+        config: PlatformConfig,
+        clock: FederationClock,
+        network: Network,
+        translation: Translation,
+        streams: VehicleStreams,
+        exporter: ExportProxy,
+        note: Callable[[str], None],
+        offer: Callable[[int], None],
+    ) -> None:
+        if config.cameras is None:
+            raise ValueError("a platform without cameras has no such part")
+        self._frame, self._clock, self._network, self._translation = config.cameras.frame, clock, network, translation
+        self._exporter, self._note, self._offer = exporter, note, offer
+        self.perception = Perception(config.cameras, f"vp{config.unit}_")
+        self._percepts, self._state = (translation.local_label(name, config.unit) for name in (PERCEPTS, STATE))
+        self._to_local = {name: translation.to_local(name) for name in (PERCEPTS, STATE)}
+        self._places: dict[str, tuple[Value, ...]] = {}
+        self._images = 0
+        self._images_us: int | None = None
+        self._seen_us: int | None = None
+        self._blind: ConditionEntry | None = None
+        for label, name in ((self._percepts, PERCEPTS), (self._state, STATE)):
+            network.add_source(label, translation.local_sort(name))
+        network.subscribe(streams.estimate, Policy(), self._on_estimate)
+
+    def labels(self) -> Iterable[LabelEntry]:
+        ontology = self._translation.ontology
+        return [
+            LabelEntry(
+                label=name, sort=ontology[name].sort.name, type_hash=ontology[name].type_hash, period_us=period_us
+            )
+            for name, period_us in ((PERCEPTS, 0), (STATE, PERIOD_US))
+        ]
+
+    def conditions(self) -> Iterable[ConditionEntry]:
+        return () if self._blind is None else (self._blind,)
+
+    def _on_estimate(self, sample: Sample) -> None:
+        if sample.value is not NO_VALUE:
+            self.perception.on_estimate(sample.valid_us, sample.value)
+
+    def on_reported(self, event: Reported, now_us: int) -> Followed:
+        """Images and angles of the mount are for this part alone, attitudes for others, too."""
+        report = event.report
+        if isinstance(report, ImageReport):
+            self._images += 1
+            if self._images % self._exporter.shed == 0:
+                self.perception.on_image(report)
+                self._images_us = now_us if self._images_us is None else self._images_us
+            return (self,)
+        if isinstance(report, MountReport):
+            self.perception.on_mount(report)
+            self._see(now_us)
+            return None
+        if isinstance(report, AttitudeReport):
+            self.perception.on_attitude(report)
+        return NOT_MINE
+
+    @property
+    def deadline_us(self) -> int | None:
+        due_us = self.perception.deadline_us
+        return None if due_us is None else self._clock.wall_us(due_us)
+
+    def on_time(self, now_us: int) -> None:
+        """Look at images that have waited long enough."""
+        due_us = self.deadline_us
+        if due_us is not None and now_us >= due_us:
+            self._see(now_us)
+
+    def _see(self, now_us: int) -> None:
+        federation_us = self._clock.federation_us(now_us)
+        self._push_state(federation_us)
+        for valid_us, percepts in self.perception.percepts(federation_us):
+            with self._network.instant.whole():
+                for percept in percepts:
+                    self._push(self._percepts, PERCEPTS, valid_us, self._record(percept), federation_us)
+        self._judge(now_us)
+
+    def _push_state(self, federation_us: int) -> None:
+        """The state of the cameras on the grid of its period, as soon as it is known."""
+        known_us = self.perception.known_us
+        if known_us is None:
+            return
+        valid_us = known_us - known_us % PERIOD_US
+        state = self.perception.state(valid_us) if self._seen_us is None or valid_us > self._seen_us else None
+        if state is not None:
+            self._seen_us = valid_us
+            self._push(self._state, STATE, valid_us, _camera_state(state, self._frame), federation_us)
+
+    def _push(self, label: Label, name: str, valid_us: int, value: Value, now_us: int) -> None:
+        self._network.push(label, valid_us, self._to_local[name](value), now_us)
+
+    def _record(self, percept: Percept) -> Value:
+        """A percept as a value of its label; the last one of a percept is where it was before."""
+        state = percept.state
+        if state is None:
+            return (*self._places.pop(percept.symbol), True)
+        colour = state.attributes.get("colour", NO_VALUE)
+        place = (percept.symbol, state.x_m, state.y_m, state.deviation_m / sqrt(2.0), colour)
+        self._places[percept.symbol] = place
+        return (*place, False)
+
+    def _judge(self, now_us: int) -> None:
+        """Show that images come and their place is not known, for as long as that is so."""
+        last_us = self.perception.placed_us
+        since_us = self._images_us if last_us is None else self._clock.wall_us(last_us)
+        is_blind = since_us is not None and self._images_us is not None and now_us - since_us > BLIND_US
+        if is_blind == (self._blind is not None):
+            return
+        left_out = ", ".join(f"{count} {why}" for why, count in sorted(self.perception.left_out.items()) if count)
+        text = f"cameras: no percepts: {left_out or 'no images'}"
+        self._blind = ConditionEntry(text=text[:200], since_us=now_us) if is_blind else None
+        self._note(text if is_blind else "cameras: percepts come again")
+        self._offer(now_us)
+
+
+def _camera_state(state: CameraState, frame: LocalFrame) -> Value:
+    """Where the camera is, and where the middle of its image is: from north, and down from the horizon."""
+    pose = state.pose
+    latitude_deg, longitude_deg, altitude_m = frame.from_ned(*pose.position_m.tolist())
+    bearing_rad = pose.attitude.yaw_rad + pose.mount.pan_rad
+    return latitude_deg, longitude_deg, altitude_m, degrees(bearing_rad) % 360.0, degrees(pose.mount.tilt_rad)

@@ -1,0 +1,22 @@
+"""What a platform knows of the cameras that its vehicle carries, once and for all."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from navigation.cameras.geolocation import USUAL_ERRORS, PoseErrors
+from navigation.cameras.pinhole import Intrinsics
+from navigation.geodesy import LocalFrame
+
+
+@dataclass(frozen=True)
+class CameraRig:
+    """Cameras on one mount that keeps them level, by name.
+
+    Attributes:
+        frame: its origin is where x and y of percepts are 0, and its altitude that of the ground.
+        errors: what is assumed of pose, mount, pixels and ground.
+    """
+
+    cameras: Mapping[str, Intrinsics]
+    frame: LocalFrame
+    errors: PoseErrors = USUAL_ERRORS

@@ -1,0 +1,45 @@
+"""Scenarios with streets: their roads, their cars, and the cameras of the vehicles that fly over them."""
+
+from math import radians
+
+import numpy as np
+
+from dyknow.model.errors import WrongCall
+from navigation.cameras.pinhole import Intrinsics
+from navigation.cameras.rig import CameraRig
+from navigation.geodesy import LocalFrame
+from sim_uavs.cameras.detectors import COLOUR, COLOUR_CAMERA, THERMAL, THERMAL_CAMERA
+from sim_uavs.cameras.onboard import OnboardCameras
+from sim_uavs.dynamics.scenarios import Scenario, Unit
+from sim_uavs.roads.layouts import RoadsJson, blocks
+from sim_uavs.roads.shared import SharedTraffic
+
+ACROSS_RAD = radians(84.0)
+"""The angle of view of cameras that watch traffic from above."""
+_IMAGES_RNG = 23  # keeps the generators of detectors apart from others of the same seed
+
+
+def roads_of(situation: Scenario) -> RoadsJson:
+    """The streets of a scenario, with their place on earth."""
+    streets, origin = situation.streets, situation.origin
+    if streets is None:
+        raise WrongCall(f"the scenario {situation.name} has no streets; traffic has")
+    roads = blocks(streets.across, streets.down, streets.apart_m)
+    return {**roads, "origin": [origin.longitude_deg, origin.latitude_deg]}
+
+
+def traffic_of(situation: Scenario, seed: int) -> SharedTraffic:
+    """The cars of a scenario, the same in every process."""
+    return SharedTraffic(roads_of(situation), seed, 0 if situation.streets is None else situation.streets.cars)
+
+
+def carried_over(situation: Scenario, unit: Unit, seed: int) -> tuple[OnboardCameras, CameraRig]:
+    """What a vehicle of a scenario with streets carries, and what its platform knows of that."""
+    cameras = {
+        name: camera._replace(intrinsics=Intrinsics.of_view(*camera.intrinsics[:2], ACROSS_RAD))
+        for name, camera in ((COLOUR, COLOUR_CAMERA), (THERMAL, THERMAL_CAMERA))
+    }
+    frame = LocalFrame(*situation.origin)
+    rng = np.random.default_rng((seed, unit.number, _IMAGES_RNG))
+    onboard = OnboardCameras(traffic_of(situation, seed), cameras, np.array(frame.to_ned(*unit.home)), rng)
+    return onboard, CameraRig({name: camera.intrinsics for name, camera in cameras.items()}, frame)
