@@ -87,7 +87,9 @@ def up(
     *,
     scenario: Annotated[
         str,
-        typer.Option(metavar="NAME", help="crossing, encounter, hover, patrol, swarm or traffic.", autocompletion=_scenarios),
+        typer.Option(
+            metavar="NAME", help="crossing, encounter, hover, patrol, swarm or traffic.", autocompletion=_scenarios
+        ),
     ] = "patrol",
     seed: Annotated[int, typer.Option(metavar="K", min=0, help="Wind, noise and routes follow from it.")] = 1,
     duration: Duration = None,
