@@ -28,6 +28,10 @@ COMMANDS: CommandTable = {
     "check": (f"{_TEXTS}.check:check", "A formula over a recorded trace, or over a platform's live states."),
     "chronicle": (f"{_TEXTS}.chronicle:chronicle", "Chronicles in recorded events, or over a platform's live streams."),
     "link": (f"{_OBJECTS}.link:link", "Which percepts of a recording are the same objects, through gaps and clutter."),
+    "world": (
+        f"{_OBJECTS}.world:world",
+        "What exists, its type and place, with degrees of belief, from recorded observations.",
+    ),
     "objects": (f"{_OBJECTS}.objects:objects", "The objects that platforms see, each with its newest state."),
     "explain": (f"{_OBJECTS}.events:explain", "Why an object is what it is: its links, and what made and ended them."),
     "events": (f"{_OBJECTS}.events:events", "What happened to objects: links made and ended, what was recognised."),

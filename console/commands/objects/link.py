@@ -44,7 +44,7 @@ def link(
         raise WrongCall("give the recorded percepts: --percepts FILE.jsonl.")
     network = None if roads is None else _network(call, roads)
     linkage = ObjectLinkage(_specifications(file, network))
-    output, problems = LinkOutput(call), _Problems(call)
+    output, problems = LinkOutput(call), LeftOutLines(call)
     frame = None if network is None else network.frame
     with opened(percepts, "--percepts", "recorded percepts are a text of JSON lines") as lines:
         is_local = True if network is not None and frame is None else None
@@ -90,7 +90,7 @@ def _network(call: Call, file: Path) -> "RoadNetwork":
     return network
 
 
-class _Problems:
+class LeftOutLines:
     """Lines that were left out: the first are reported, the others counted."""
 
     def __init__(self, call: Call) -> None:

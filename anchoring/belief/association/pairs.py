@@ -1,0 +1,128 @@
+"""Likelihoods of pairs of instance and observation, of all or of those within the gate."""
+
+from collections.abc import Mapping
+from math import pi
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from anchoring.belief.arrays import Floats, Indices
+from anchoring.belief.description import POSITION
+from anchoring.belief.gaussians import Innovations, determinants
+from anchoring.belief.instances import InstanceTable
+from anchoring.belief.observations import EncodedLook
+
+NEGLIGIBLE: Final = 1e-5
+"""Pairs that are so much less likely than both without it are left out."""
+_WIDEST_GATE = 1e4
+
+
+class MeasuredPairs(NamedTuple):
+    """One continuous attribute: which pairs have it, None for all, and by what these differ."""
+
+    which: Indices | None
+    innovations: Innovations
+
+
+class Pairs(NamedTuple):
+    """E pairs.
+
+    Attributes:
+        rows, cols: (E,) instance and observation; `rows` ascend.
+        log_likelihood: (E,) log L, with all that was observed.
+        is_limited: there were more than are allowed; the farthest were left out.
+    """
+
+    rows: Indices
+    cols: Indices
+    log_likelihood: Floats
+    measured: Mapping[str, MeasuredPairs]
+    is_limited: bool = False
+
+
+def all_pairs(table: InstanceTable, look: EncodedLook) -> Pairs:
+    """Every instance with every observation."""
+    count = len(table)
+    rows, cols = np.repeat(np.arange(count), look.size), np.tile(np.arange(look.size), count)
+    return _weighed(table, look, rows, cols, {})
+
+
+def gated_pairs(
+    table: InstanceTable, look: EncodedLook, odds: Floats, faintest: float, most: int, negligible: float = NEGLIGIBLE
+) -> Pairs:
+    """Those whose positions are near enough; where no position was observed, every instance with every observation.
+
+    Args:
+        table: the instances.
+        look: what was observed.
+        odds: (N,) that an instance exists and is detected.
+        faintest: the least intensity of births and clutter at any observation: a pair has at most the weight
+            odds / (faintest sqrt(|2 pi S|)) exp(-v^T S^-1 v / 2), and is not negligible within a gate that follows from it.
+        most: pairs.
+        negligible: the least weight.
+    """
+    measured = look.gaussian.get(POSITION)
+    if measured is None or measured.among is not None:
+        allowed = most // max(1, len(table))
+        if look.size <= allowed:
+            return all_pairs(table, look)
+        rows, cols = np.repeat(np.arange(len(table)), allowed), np.tile(np.arange(allowed), len(table))
+        return _weighed(table, look, rows, cols, {})._replace(is_limited=True)
+    beliefs = table.gaussian[POSITION]
+    with np.errstate(divide="ignore"):
+        peak = odds / (max(faintest, 1e-300) * negligible * np.sqrt(determinants(2.0 * pi * beliefs.spread())))
+        gate = np.clip(2.0 * np.log(peak), 0.0, _WIDEST_GATE)
+    noise = measured.noise[:, 0, 0].max(initial=0.0)
+    reach = np.sqrt(gate * (beliefs.covariance[:, 0, 0] + noise))
+    rows, cols, is_limited = _near(beliefs.mean[:, 0], reach, measured.values[:, 0], most)
+    known: dict[str, MeasuredPairs] = {}
+    if len(rows):
+        innovations = beliefs.innovations(rows, cols, measured.values, measured.noise)
+        inside = np.flatnonzero(innovations.distance < gate[rows])
+        rows, cols = rows[inside], cols[inside]
+        known[POSITION] = MeasuredPairs(None, innovations.chosen(inside))
+    return _weighed(table, look, rows, cols, known)._replace(is_limited=is_limited)
+
+
+def _near(mean: Floats, reach: Floats, places: Floats, most: int) -> tuple[Indices, Indices, bool]:
+    """Pairs that are near on one axis, (E,) each, and whether some of these had to be left out."""
+    order = np.argsort(places)
+    placed = places[order]
+    first, last = np.searchsorted(placed, mean - reach), np.searchsorted(placed, mean + reach, "right")
+    counts = last - first
+    total = int(counts.sum())
+    is_limited = total > most
+    if is_limited:
+        each = max(1, most // len(mean))
+        first = np.clip(np.searchsorted(placed, mean) - each // 2, first, np.maximum(first, last - each))
+        counts = np.minimum(last - first, each)
+        total = int(counts.sum())
+    rows = np.repeat(np.arange(len(mean)), counts)
+    starts = np.cumsum(counts) - counts
+    return rows, order[np.arange(total) + (first - starts)[rows]], is_limited
+
+
+def _weighed(
+    table: InstanceTable, look: EncodedLook, rows: Indices, cols: Indices, measured: dict[str, MeasuredPairs]
+) -> Pairs:
+    """The likelihoods of all attributes; those in `measured` are known already."""
+    log_likelihood = np.zeros(len(rows))
+    for name, values in look.gaussian.items():
+        pairs = measured.get(name)
+        if pairs is None:
+            which = None if values.among is None else np.flatnonzero(values.among[cols])
+            row, col = (rows, cols) if which is None else (rows[which], cols[which])
+            pairs = measured[name] = MeasuredPairs(
+                which, table.gaussian[name].innovations(row, col, values.values, values.noise)
+            )
+        if pairs.which is None:
+            log_likelihood += pairs.innovations.log_likelihood
+        else:
+            log_likelihood[pairs.which] += pairs.innovations.log_likelihood
+    for name, likely in look.categorical.items():
+        likelihood = table.categorical[name].likelihood(rows, cols, likely.likelihood)
+        if likely.among is None:
+            log_likelihood += np.log(np.maximum(likelihood, 1e-300))
+        else:
+            log_likelihood += np.where(likely.among[cols], np.log(np.maximum(likelihood, 1e-300)), 0.0)
+    return Pairs(rows, cols, log_likelihood, measured)

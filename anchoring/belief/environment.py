@@ -1,0 +1,321 @@
+"""The environment model: observations in, beliefs about what exists out.
+
+A value that is stepped: `observe` takes one observation, `observe_scan` several of one time, `predict_to` time alone. A step
+predicts all instances, associates, updates, and decides what is created, confirmed and deleted.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from anchoring.belief.arrays import Flags, Floats, Indices
+from anchoring.belief.association.pairs import NEGLIGIBLE, Pairs, all_pairs, gated_pairs
+from anchoring.belief.association.scans import EXACT_INSTANCES, associate
+from anchoring.belief.association.single import (
+    MOST_DETECTION,
+    MOST_EXISTENCE,
+    OtherSources,
+    by_event,
+    by_share,
+)
+from anchoring.belief.description import EVENT, POSITION, WorldModel, WorldSensor
+from anchoring.belief.instances import InstanceTable
+from anchoring.belief.observations import EncodedLook, LookEncoder, WorldObservation
+from anchoring.belief.relations import RelationBeliefs
+from anchoring.belief.reports import (
+    CREATED,
+    DELETED,
+    LATE,
+    LIMITED,
+    UNEXPLAINED,
+    UNKNOWN,
+    BelievedInstance,
+    LifeEvent,
+    UpdateReport,
+)
+from anchoring.belief.sensing import detection
+from dyknow import US_PER_S
+
+_ACTIVE = 1e-6
+"""What was less probably observed of an instance does not change what is believed of its attributes."""
+_LEAST, _MOST = 1e-6, 1.0 - 1e-6
+_FAINTEST = 1e-100
+_NO_INDICES = np.zeros(0, dtype=np.intp)
+
+
+class EnvironmentModel:
+    """Everything that is believed.
+
+    Args:
+        valid_us: when the initial beliefs hold; None: at the first step.
+        exact_instances: in scans, parts with cycles of up to this number of instances are summed exactly.
+        negligible: in scans, pairs that are so much less likely than both without it are left out.
+
+    Attributes:
+        table: the instances.
+        valid_us: of all beliefs.
+        counts: what was not taken as it came, by reason.
+    """
+
+    def __init__(
+        self,
+        model: WorldModel,
+        valid_us: int | None = None,
+        *,
+        exact_instances: int = EXACT_INSTANCES,
+        negligible: float = NEGLIGIBLE,
+    ) -> None:
+        self.model, self.valid_us = model, valid_us
+        self.table, self.counts = InstanceTable(model), Counter[str]()
+        self._exact, self._negligible = exact_instances, negligible
+        self._relations = RelationBeliefs(model.relations)
+        self._encoder = LookEncoder(
+            model.types,
+            self.table.gaussian,
+            {each.name: self.table.categorical[each.name] for each in model.categorical},
+        )
+
+    @property
+    def deadline_us(self) -> float:
+        """When an instance will be deleted if nothing is observed; infinite if none will."""
+        return float(self.table.deletions_us(self.valid_us or 0).min(initial=np.inf))
+
+    def predict_to(self, valid_us: int) -> UpdateReport:
+        """Let time pass without an observation; what ended on the way is in the report, each at its time."""
+        return self._late(valid_us) or self._report(valid_us, [*self._predict(valid_us)])
+
+    def observe(self, observation: WorldObservation) -> UpdateReport:
+        """Take in the single observation of a time, by the reading of the model."""
+        sensor = self.model.sensors[observation.sensor]
+        if sensor.is_frame:
+            return self.observe_scan([observation], valid_us=observation.valid_us, sensor=sensor)
+        if late := self._late(observation.valid_us):
+            return late
+        events = [*self._predict(observation.valid_us)]
+        look = self._encoder.look(observation.valid_us, sensor, [observation])
+        return self._single(look, events)
+
+    def observe_scan(
+        self,
+        observations: Sequence[WorldObservation],
+        *,
+        valid_us: int | None = None,
+        sensor: WorldSensor | None = None,
+    ) -> UpdateReport:
+        """Take in all observations of one sensor at one time.
+
+        Args:
+            observations: may be none, if the other arguments say whose look it was.
+            valid_us: of the look; None: of the observations.
+            sensor: as it looks now; None: as the model says.
+        """
+        sensor = self.model.sensors[observations[0].sensor] if sensor is None else sensor
+        valid_us = observations[0].valid_us if valid_us is None else valid_us
+        if late := self._late(valid_us):
+            return late
+        events = [*self._predict(valid_us)]
+        most = self.model.limits.scan
+        if len(observations) > most:
+            events.append(
+                self._told(valid_us, LIMITED, f"{len(observations)} observations in a scan, {most} are taken")
+            )
+            observations = observations[:most]
+        return self._scan(self._encoder.look(valid_us, sensor, observations), events)
+
+    def on_look(self, valid_us: int, sensor: str, observations: Sequence[WorldObservation]) -> UpdateReport:
+        """Take in one look: a single observation by the reading of the model, any other number as a scan."""
+        if len(observations) == 1:
+            return self.observe(observations[0])
+        return self.observe_scan(observations, valid_us=valid_us, sensor=self.model.sensors[sensor])
+
+    def most_certain(self, most: int) -> list[int]:
+        """Places of the instances that exist most probably, in the order of the table."""
+        if len(self.table) <= most:
+            return list(range(len(self.table)))
+        return sorted(np.argpartition(-self.table.existence, most)[:most].tolist())
+
+    def query(
+        self, *, type_: str | None = None, attribute: str | None = None, min_existence: float = 0.0
+    ) -> list[BelievedInstance]:
+        """Instances that exist with at least this probability, are probably of a type, and have an attribute."""
+        found = []
+        for row in np.flatnonzero(self.table.existence >= min_existence).tolist():
+            view = self.instance(row)
+            if type_ is not None and max(view.type, key=view.type.__getitem__) != type_:
+                continue
+            if attribute is None or attribute in view.gaussian or attribute in view.categorical:
+                found.append(view)
+        return found
+
+    def instance(self, row: int) -> BelievedInstance:
+        """The one at a place of the table."""
+        return self.table.view(row, self._relations.of(self.table.names[row], self.valid_us or 0))
+
+    def _late(self, valid_us: int) -> UpdateReport | None:
+        if self.valid_us is None or valid_us >= self.valid_us:
+            return None
+        because = f"observed at {valid_us} us, beliefs hold at {self.valid_us} us"
+        return self._report(self.valid_us, [self._told(self.valid_us, LATE, because)])
+
+    def _report(self, valid_us: int, events: Sequence[LifeEvent]) -> UpdateReport:
+        """Of a step in which nothing was observed."""
+        none = np.zeros(0)
+        return UpdateReport(
+            valid_us, self.table.names, self.table.existence, _NO_INDICES, _NO_INDICES, none, none, none, tuple(events)
+        )
+
+    def _told(self, valid_us: int, kind: str, because: str) -> LifeEvent:
+        self.counts[kind] += 1
+        return LifeEvent(valid_us, kind, because=because)
+
+    def _predict(self, valid_us: int) -> Iterator[LifeEvent]:
+        """Predict everything, and delete what time has ended."""
+        before_us = valid_us if self.valid_us is None else self.valid_us
+        self.valid_us = valid_us
+        if valid_us <= before_us:
+            return
+        ends_us = self.table.deletions_us(before_us)
+        ended: list[LifeEvent] = []
+        if (ends_us <= valid_us).any():
+            ended = [*self._delete(ends_us <= valid_us, ends_us)]
+        self.table.predict((valid_us - before_us) / US_PER_S)
+        ended += [*self._relations.predict(valid_us), *self.table.decide(valid_us)]
+        yield from sorted(ended, key=lambda each: each.valid_us)
+
+    def _delete(self, which: Flags, at_us: Floats, existence: Floats | None = None) -> Iterator[LifeEvent]:
+        """Remove instances, each at its time."""
+        least = self.model.thresholds.delete
+        gone = [
+            (self.table.names[row], int(at_us[row]), least if existence is None else float(existence[row]))
+            for row in np.flatnonzero(which).tolist()
+        ]
+        self.table.keep(~which)
+        for name, gone_us, value in gone:
+            yield LifeEvent(gone_us, DELETED, name, value)
+            yield from self._relations.forget(name, gone_us)
+
+    def _single(self, look: EncodedLook, events: list[LifeEvent]) -> UpdateReport:
+        """By one of the readings."""
+        table, sensor = self.table, look.sensor
+        pairs = all_pairs(table, look)
+        likelihood = pairs.log_likelihood + self._of_relations(look, pairs.rows, pairs.cols)
+        others = OtherSources(sensor.births, float(look.log_birth[0]), sensor.clutter, float(look.log_clutter[0]))
+        by = by_event if self.model.reading == EVENT else by_share
+        found = by(table.existence, likelihood, *self._detection(sensor), others)
+        if found is None:
+            events.append(self._told(look.valid_us, UNEXPLAINED, "no instance, birth or clutter explains it"))
+            return self._report(look.valid_us, events)
+        table.existence = np.minimum(found.existence, 1.0)
+        births, clutter = np.array([found.birth]), np.array([found.clutter])
+        names = table.names
+        events += self._learn(look, pairs, found.weights, births)
+        return UpdateReport(
+            look.valid_us,
+            names,
+            found.existence,
+            pairs.rows,
+            pairs.cols,
+            found.instances,
+            births,
+            clutter,
+            tuple(events),
+        )
+
+    def _scan(self, look: EncodedLook, events: list[LifeEvent]) -> UpdateReport:
+        """With mutual exclusion."""
+        table, sensor = self.table, look.sensor
+        births, clutter = sensor.births * np.exp(look.log_birth), sensor.clutter * np.exp(look.log_clutter)
+        other = births + clutter
+        hit, _ = self._detection(sensor)
+        seen = np.minimum(table.existence, MOST_EXISTENCE) * np.minimum(hit, MOST_DETECTION)
+        odds, most = seen / (1.0 - seen), self.model.limits.pairs
+        pairs = gated_pairs(table, look, odds, float(other.min(initial=1.0)), most, self._negligible)
+        rows, cols = pairs.rows, pairs.cols
+        if pairs.is_limited:
+            events.append(self._told(look.valid_us, LIMITED, f"more than {most} pairs in a scan"))
+        likelihood = np.exp(pairs.log_likelihood + self._of_relations(look, rows, cols))
+        psi = odds[rows] * likelihood / np.maximum(other, _FAINTEST)[cols]
+        found = associate(rows, cols, psi, len(table), look.size, exact_instances=self._exact)
+        silent = np.maximum(table.existence - seen, 0.0) / (1.0 - seen)
+        existence = np.bincount(rows, found.pairs, len(table)) + found.none * silent
+        table.existence = np.minimum(existence, 1.0)
+        weights = found.pairs / np.maximum(existence, _FAINTEST)[rows]
+        new = found.unclaimed * np.divide(births, other, out=np.zeros(look.size), where=other > 0.0)
+        unexplained = (other <= 0.0) & (np.bincount(cols, found.pairs, look.size) <= 0.0)
+        if unexplained.any():
+            events += [
+                self._told(look.valid_us, UNEXPLAINED, f"observation {col}") for col in np.flatnonzero(unexplained)
+            ]
+        names = table.names
+        events += self._learn(look, pairs, weights, new)
+        return UpdateReport(
+            look.valid_us, names, existence, rows, cols, found.pairs, new, found.unclaimed - new, tuple(events),
+            is_scan=True, is_exact=found.is_exact and not pairs.is_limited,
+        )  # fmt: skip
+
+    def _detection(self, sensor: WorldSensor) -> tuple[Floats, Floats]:
+        position = self.table.gaussian.get(POSITION)
+        if position is None or sensor.view_m is None:
+            count = len(self.table)
+            return np.full(count, sensor.detects), np.full(count, sensor.false_alarm)
+        return detection(sensor, position.mean[:, :2], position.covariance[:, :2, :2])
+
+    def _of_relations(self, look: EncodedLook, rows: Indices, cols: Indices) -> Floats:
+        """(E,) log likelihood of the relations that were reported."""
+        found = np.zeros(len(rows))
+        if self.model.relations and any(look.relations):
+            places = self.table.rows()
+            for col, reported in enumerate(look.relations):
+                which = np.flatnonzero(cols == col)
+                for each in (one for one in reported if one.other in places):
+                    likelihood = self._relations.likelihood(each, places, look.valid_us)
+                    found[which] += np.log(likelihood[rows[which]])
+        return found
+
+    def _learn(self, look: EncodedLook, pairs: Pairs, weights: Floats, new: Floats) -> list[LifeEvent]:
+        """Update what was observed with these weights (E,), bear what is new (M,), and decide."""
+        table, active = self.table, np.flatnonzero(weights > _ACTIVE)
+        rows, cols, weights = pairs.rows[active], pairs.cols[active], weights[active]
+        for name, measured in pairs.measured.items():
+            if measured.which is None:
+                table.gaussian[name].update(rows, weights, measured.innovations.chosen(active))
+            else:
+                of_active, of_measured = np.intersect1d(active, measured.which, return_indices=True)[1:]
+                table.gaussian[name].update(
+                    rows[of_active], weights[of_active], measured.innovations.chosen(of_measured)
+                )
+        for name, likely in look.categorical.items():
+            table.categorical[name].update(rows, cols, weights, likely.likelihood)
+        events: list[LifeEvent] = []
+        if self.model.relations and any(look.relations):
+            known = set(table.names)
+            unknown = {each.other for reported in look.relations for each in reported} - known
+            events += [self._told(look.valid_us, UNKNOWN, f"no instance {each}") for each in sorted(unknown)]
+            for row, col, weight in zip(rows.tolist(), cols.tolist(), weights.tolist(), strict=True):
+                for each in (one for one in look.relations[col] if one.other in known):
+                    events += self._relations.update(each, {table.names[row]: weight}, look.valid_us)
+        events += self._bear(look, new)
+        events += table.decide(look.valid_us)
+        ended = table.existence < self.model.thresholds.delete
+        if ended.any():
+            events += self._delete(ended, np.full(len(table), look.valid_us), table.existence)
+        return events
+
+    def _bear(self, look: EncodedLook, new: Floats) -> list[LifeEvent]:
+        """Tentative instances of what is probably new."""
+        cols = np.flatnonzero(new > self.model.thresholds.create)
+        if not len(cols):
+            return []
+        events = []
+        room = self.model.limits.instances - len(self.table)
+        if len(cols) > room:
+            cols = np.sort(cols[np.argsort(-new[cols], kind="stable")[: max(0, room)]])
+            because = f"there are {self.model.limits.instances} instances, as many as are allowed"
+            events.append(self._told(look.valid_us, LIMITED, because))
+        if not len(cols):
+            return events
+        first = len(self.table)
+        names = self.table.bear(look, cols, np.clip(new[cols], _LEAST, _MOST))
+        events += [self.table.event(look.valid_us, CREATED, first + place) for place in range(len(names))]
+        return events

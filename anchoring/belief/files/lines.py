@@ -1,0 +1,203 @@
+"""Observations from JSON lines, in looks: all of one sensor at one time.
+
+    {"t_ms": 100, "sensor": "camera", "position_m": [1.0, 2.0], "covariance_m2": [[0.2, 0.0], [0.0, 0.2]], "colour": "red"}
+    {"t_ms": 200, "sensor": "camera", "type": "cup", "relations": {"on": {"i2": true}}}
+    {"t_ms": 300, "sensor": "camera", "nothing": true}
+
+What is observed of one thing is one line; `sensor` is optional where there is but one; `nothing` is a look in which nothing
+was seen. Lines are in the order of time. A line that cannot be used is left out, and reported with its number; so is a time
+that is far ahead of the lines before and after it.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from anchoring.belief.arrays import Floats
+from anchoring.belief.description import POSITION, CategoricalAttribute, GaussianAttribute, WorldModel
+from anchoring.belief.files.models import is_covariance
+from anchoring.belief.observations import TYPE, ReportedRelation, WorldObservation
+from dyknow import US_PER_MS, US_PER_S
+from dyknow.model.errors import TextError, did_you_mean
+from reasoning.monitoring.json_lines import JsonLine
+
+FARTHEST: Final = 1e7
+FAR_AHEAD_US: Final = US_PER_S
+LEAST_SD: Final = 1e-3
+"""No observation is more exact, whatever it says of itself."""
+MOST_AT_ONCE: Final = 100_000
+_MOST_RELATIONS: Final = 64
+_LONGEST: Final = 256
+_COVARIANCE = "covariance_m2"
+_EXAMPLE: Final = '{"t_ms": 100, "sensor": "camera", "position_m": [1.0, 2.0]}'
+
+
+class SensorLook(NamedTuple):
+    """All observations of one sensor at one time; there may be none."""
+
+    valid_us: int
+    sensor: str
+    observations: list[WorldObservation]
+
+
+class ObservationReader:
+    """Reads one file.
+
+    Args:
+        file: its name, for errors.
+        model: what may be observed.
+        on_error: takes what is wrong with a line that is left out.
+    """
+
+    def __init__(self, file: str, model: WorldModel, on_error: Callable[[TextError], None]) -> None:
+        self._file, self._model, self._on_error = file, model, on_error
+        self._latest_us: int | None = None
+        self._before_us: int | None = None
+        self._first: _ObservationLine | None = None
+
+    def looks(self, lines: Iterable[str]) -> Iterator[SensorLook]:
+        """The looks, in the order of time, those of one time as soon as a line of the next is read."""
+        found: dict[str, SensorLook] = {}
+        count = 0
+        for number, text in enumerate(lines, 1):
+            if not text.strip():
+                continue
+            try:
+                line = _ObservationLine(text, number, self._file, self._model)
+                valid_us, sensor = line.valid_us(), line.sensor()
+                observation = line.observation(valid_us, sensor)
+                if error := self._ahead(valid_us):
+                    self._on_error(error)
+                    found, count, self._latest_us = {}, 0, None
+                self._check_order(line, valid_us)
+                if valid_us != self._latest_us:
+                    yield from found.values()
+                    if self._latest_us is not None:
+                        self._before_us = self._latest_us
+                    found, count, self._latest_us, self._first = {}, 0, valid_us, line
+                count += 1
+                if count > MOST_AT_ONCE:
+                    raise line.error(f"there are at most {MOST_AT_ONCE} observations of one time", "fewer of one time")
+                look = found.setdefault(sensor, SensorLook(valid_us, sensor, []))
+                if observation is not None:
+                    look.observations.append(observation)
+            except TextError as error:
+                self._on_error(error)
+        yield from found.values()
+
+    def _check_order(self, line: "_ObservationLine", valid_us: int) -> None:
+        latest_us = self._before_us if self._latest_us is None else self._latest_us
+        if latest_us is not None and valid_us < latest_us:
+            before_ms = latest_us / US_PER_MS
+            raise line.error(f"time goes backwards: before, there was t_ms {before_ms:g}", "the lines in order")
+
+    def _ahead(self, valid_us: int) -> TextError | None:
+        """What is wrong with the time that is being read, if the next line is far before it, but after the one before."""
+        first, latest_us, before_us = self._first, self._latest_us, self._before_us
+        if first is None or latest_us is None or latest_us - valid_us <= FAR_AHEAD_US:
+            return None
+        if before_us is not None and valid_us <= before_us:
+            return None
+        return first.error(
+            f"t_ms is {(latest_us - valid_us) / US_PER_S:g} s ahead of the next line", "the lines in order"
+        )
+
+
+class _ObservationLine(JsonLine):
+    """One line."""
+
+    def __init__(self, line: str, number: int, file: str, model: WorldModel) -> None:
+        super().__init__(line, number, file, "an observation", _EXAMPLE)
+        self._model = model
+
+    def valid_us(self) -> int:
+        return round(self.time_ms() * US_PER_MS)
+
+    def sensor(self) -> str:
+        sensors = self._model.sensors
+        if "sensor" not in self.record and len(sensors) == 1:
+            return next(iter(sensors))
+        name = self.record.get("sensor")
+        if not isinstance(name, str) or name not in sensors:
+            hint = did_you_mean(str(name)[:_LONGEST], sorted(sensors))
+            raise self.error(f"the model has no sensor {str(name)[:40]!r}.{hint}", f'"sensor": "{next(iter(sensors))}"')
+        return name
+
+    def observation(self, valid_us: int, sensor: str) -> WorldObservation | None:
+        """What the line says; None: that nothing was seen."""
+        attributes, values = self._model.attributes, dict[str, Any]()
+        for key, value in self.record.items():
+            if key in {"t_ms", "sensor", _COVARIANCE, "relations", "nothing"}:
+                continue
+            attribute = self._model.types.belief if key == TYPE else attributes.get(key)
+            if attribute is None:
+                hint = did_you_mean(key[:_LONGEST], [*attributes, TYPE, "relations"])
+                raise self.error(f"the model has no attribute {key[:40]!r}.{hint}", "attributes of the model")
+            values[key] = self._value(key, value, attribute, sensor)
+        if self.record.get("nothing", False) is not False:
+            if self.record["nothing"] is not True or values or "relations" in self.record:
+                raise self.error("nothing is true, alone: nothing was seen", '{"t_ms": 300, "nothing": true}')
+            return None
+        relations = tuple(self._relations())
+        if not values and not relations:
+            raise self.error("nothing is observed", _EXAMPLE)
+        return WorldObservation(valid_us, sensor, values, self._covariance(values), relations)
+
+    def _value(
+        self, key: str, value: Any, attribute: GaussianAttribute | CategoricalAttribute, sensor: str
+    ) -> Floats | str:
+        if isinstance(attribute, GaussianAttribute):
+            listed = value if isinstance(value, list) else [value]
+            if len(listed) != attribute.axes or not all(_is_number(each) for each in listed):
+                example = f'"{key}": [{", ".join(["1.0"] * attribute.axes)}]'
+                raise self.error(f"{key} is {attribute.axes} finite numbers, at most {FARTHEST:g}", example)
+            return np.array(listed, dtype=np.float64)
+        confusion = self._model.sensors[sensor].confusion.get(key)
+        symbols = attribute.values if confusion is None else confusion.symbols
+        if not isinstance(value, str) or value not in symbols:
+            hint = did_you_mean(str(value)[:_LONGEST], symbols)
+            raise self.error(f"{sensor} reports no {key} {str(value)[:40]!r}.{hint}", f'"{key}": "{symbols[0]}"')
+        return value
+
+    def _covariance(self, values: Mapping[str, Any]) -> Floats | None:
+        given = self.record.get(_COVARIANCE)
+        if given is None:
+            return None
+        if POSITION not in values:
+            raise self.error(f"{_COVARIANCE} is of {POSITION}, which is not there", _EXAMPLE)
+        size = len(values[POSITION])
+        example = '"covariance_m2": [[0.2, 0.0], [0.0, 0.2]]'
+        is_square = isinstance(given, list) and len(given) == size and all(
+            isinstance(row, list) and len(row) == size and all(_is_number(each, 1e12) for each in row) for row in given
+        )  # fmt: skip
+        if not is_square:
+            raise self.error(f"{_COVARIANCE} is {size} rows of {size} finite numbers", example)
+        matrix = np.array(given, dtype=np.float64)
+        if not is_covariance(matrix):
+            raise self.error(f"{_COVARIANCE} is symmetric and positive definite", example)
+        return matrix + max(0.0, LEAST_SD**2 - float(np.linalg.eigvalsh(matrix)[0])) * np.eye(size)
+
+    def _relations(self) -> Iterator[ReportedRelation]:
+        given = self.record.get("relations", {})
+        kinds = {each.name for each in self._model.relations}
+        example = '"relations": {"on": {"i2": true}}'
+        if not isinstance(given, dict) or sum(len(each) for each in given.values() if isinstance(each, dict)) > (
+            _MOST_RELATIONS
+        ):
+            raise self.error(f"relations are by name and instance, at most {_MOST_RELATIONS}", example)
+        for name, others in given.items():
+            if name not in kinds:
+                raise self.error(
+                    f"the model has no relation {name[:40]!r}.{did_you_mean(name, sorted(kinds))}", example
+                )
+            if not isinstance(others, dict):
+                raise self.error(f"{name} is to instances, each true or false", example)
+            for other, holds in others.items():
+                if not isinstance(holds, bool) or not other or len(other) > _LONGEST:
+                    raise self.error(f"{name} is to instances, each true or false", example)
+                yield ReportedRelation(name, other, holds)
+
+
+def _is_number(value: Any, most: float = FARTHEST) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= most

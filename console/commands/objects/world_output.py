@@ -1,0 +1,133 @@
+"""Beliefs and what happens to them, as JSON lines or as text."""
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from console.command import Call
+from console.output.shown import Shown, line, styled
+from dyknow.model.instants import US_PER_MS, US_PER_S
+
+if TYPE_CHECKING:
+    from anchoring.belief.environment import EnvironmentModel
+    from anchoring.belief.reports import BelievedInstance, LifeEvent, UpdateReport
+
+MOST_SHOWN = 100
+"""Instances in one line; the most certain ones."""
+_STYLES = {"created": "cyan", "confirmed": "green", "deleted": "yellow"}
+
+
+class WorldOutput:
+    """A line for each update, or a line for each event and a table in the end."""
+
+    def __init__(self, call: Call, environment: "EnvironmentModel") -> None:
+        self._out, self._environment = call.out, environment
+
+    def on_report(self, report: "UpdateReport") -> None:
+        if not self._out.json_lines:
+            for event in report.events:
+                self._show(event)
+            return
+        associations = [_rounded(each) for each in report.associations]
+        shown, more = self._instances()
+        record: dict[str, Any] = {"t_ms": _ms(report.valid_us)}
+        if report.is_scan:
+            record |= {"associations": associations, "exact": report.is_exact}
+        elif associations:
+            record["association"] = associations[0]
+        record |= {"instances": [_instance(each) for each in shown], "events": [_event(each) for each in report.events]}
+        if more:
+            record["more_instances"] = more
+        self._out.line(record)
+
+    def end(self) -> None:
+        """The table of what is believed in the end, and what was not taken as it came."""
+        counts = self._environment.counts
+        if counts:
+            listed = ", ".join(f"{number} {what}" for what, number in sorted(counts.items()))
+            self._out.note(f"not taken as it came: {listed}", style="yellow")
+        if self._out.json_lines:
+            return
+        instances, more = self._instances()
+        if not instances:
+            self._out.show("nothing is believed to exist")
+            return
+        rows = [
+            (each.name, f"{each.existence:.3f}", each.status, _likeliest(each.type), ", ".join(_attributes(each)))
+            for each in instances
+        ]
+        self._out.table("", ("instance", "existence", "status", "type", "attributes"), rows, wraps=("attributes",))
+        if more:
+            self._out.show(f"and {more} less certain ones")
+
+    def _instances(self) -> "tuple[list[BelievedInstance], int]":
+        rows = self._environment.most_certain(MOST_SHOWN)
+        return [self._environment.instance(row) for row in rows], len(self._environment.table) - len(rows)
+
+    def _show(self, event: "LifeEvent") -> None:
+        when = styled(f"{event.valid_us / US_PER_S:10.3f} s", "dim")
+        parts: list[Shown] = [when, "  "]
+        if event.instance:
+            parts += [styled(event.instance, "bold"), "  "]
+        parts += [styled(event.kind, _STYLES.get(event.kind, "dim"))]
+        if event.what:
+            parts.append(f" {event.what}")
+        if event.instance:
+            parts.append(f", existence {event.existence:.3f}")
+        if event.because:
+            parts.append(f": {event.because}")
+        self._out.show(line(*parts), whole=True)
+
+
+def _instance(each: "BelievedInstance") -> dict[str, Any]:
+    attributes: dict[str, Any] = {
+        name: {"mean": _numbers(belief.mean), "covariance": [_numbers(row) for row in belief.covariance]}
+        for name, belief in each.gaussian.items()
+    }
+    attributes |= {name: _rounded(shares) for name, shares in each.categorical.items()}
+    record: dict[str, Any] = {
+        "id": each.name,
+        "existence": round(each.existence, 6),
+        "status": each.status,
+        "type": _rounded(each.type),
+        "attributes": attributes,
+    }
+    if each.relations:
+        record["relations"] = [
+            {"name": name, "to": other, "probability": round(value, 6)}
+            for (name, other), value in each.relations.items()
+        ]
+    return record
+
+
+def _event(event: "LifeEvent") -> dict[str, Any]:
+    record: dict[str, Any] = {"t_ms": _ms(event.valid_us), "event": event.kind}
+    if event.instance:
+        record |= {"id": event.instance, "existence": round(event.existence, 6)}
+    return record | {key: value for key, value in (("what", event.what), ("because", event.because)) if value}
+
+
+def _likeliest(shares: Mapping[str, float]) -> str:
+    name = max(shares, key=shares.__getitem__)
+    return f"{name} {shares[name]:.2f}"
+
+
+def _attributes(each: "BelievedInstance") -> Iterable[str]:
+    for name, belief in each.gaussian.items():
+        size = len(belief.mean)
+        yield f"{name} ({', '.join(f'{value:.1f}' for value in belief.mean[: min(size, 2)])})"
+    for name, shares in each.categorical.items():
+        yield f"{name} {_likeliest(shares)}"
+    for (name, other), value in each.relations.items():
+        yield f"{name} {other} {value:.2f}"
+
+
+def _rounded(shares: Mapping[str, float]) -> dict[str, float]:
+    return {name: round(value, 6) for name, value in shares.items()}
+
+
+def _numbers(values: Iterable[float]) -> list[float]:
+    return [round(float(value), 6) for value in values]
+
+
+def _ms(valid_us: int) -> float:
+    return valid_us // US_PER_MS if valid_us % US_PER_MS == 0 else valid_us / US_PER_MS
