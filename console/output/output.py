@@ -8,6 +8,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from console.output.shown import Shown, as_text, line, print_trimmed, printable, styled
+from dyknow.model.values import as_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -75,9 +76,9 @@ class Output:
         return self._err
 
     def line(self, record: Mapping[str, Any]) -> None:
-        """One JSON object, at once."""
+        """One JSON object, at once; what has no value is null."""
         stream = self._held or sys.stdout
-        stream.write(json.dumps(record, separators=(",", ":"), allow_nan=False) + "\n")
+        stream.write(json.dumps(record, separators=(",", ":"), allow_nan=False, default=as_json) + "\n")
         stream.flush()
 
     def say(self, text: Shown, /, **record: Any) -> None:

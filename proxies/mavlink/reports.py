@@ -242,8 +242,10 @@ class VehicleReports:
         if not 0.5 < length < 2.0:
             return ()
         w, x, y, z = w / length, x / length, y / length, z / length
-        yaw_rad = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        pitch_rad = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+        # The camera's right stays level: its yaw is known also where the camera looks straight down, and turns over.
+        yaw_rad = math.atan2(2.0 * (w * z - x * y), 1.0 - 2.0 * (x * x + z * z))
+        north, east, down = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
+        pitch_rad = math.atan2(-down, north * math.cos(yaw_rad) + east * math.sin(yaw_rad))
         if _turned_from_north(message.flags):
             if self._yaw_rad is None:
                 return ()

@@ -20,7 +20,7 @@ _SPEED_M_S = 6.0
 _ACROSS_M = 120.0  # from the start of a leg to where two of them meet
 _APART_M = 600.0  # where those fly that are to meet nobody
 _SPACING_M = 150.0
-_WATCHING_M = 50.0
+_WATCHING_M = 65.0
 _BETWEEN_RNG = 11  # keeps the generator of scenarios apart from those of vehicles
 
 

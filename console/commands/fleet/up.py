@@ -116,9 +116,17 @@ def up(
 ) -> int:
     """Start simulated UAVs, one process each, and wait until they have found each other.
 
+    Over the streets of the scenario traffic, without --spec, each links cars and recognises their turns.
     Where some of them run already, those that are missing are started, one that has died as it was before.
     """
-    each = UnitFile(spec=spec, modules=tuple(modules or ()), feed=feed, govern=govern, admit=admit)
+    own = default_specification(scenario) if spec is None else None
+    each = UnitFile(
+        spec=spec if own is None else own.spec,
+        modules=(*(modules or ()), *(() if own is None else own.modules)),
+        feed=feed,
+        govern=govern,
+        admit=admit,
+    )
     for own in (each, *call.settings.by_unit.values()):
         check_specified(specified(own, each))
     plan = FleetPlan(units, scenario, seed, persona, gcs, avoidance, speed, tuple(only or ()), each=each)
@@ -130,6 +138,14 @@ def up(
         return DONE
     fleet = Fleet(directory, lifeline=not detach)
     return _run(call, fleet, configs, present, detach=detach)
+
+
+def default_specification(scenario: str) -> UnitFile | None:
+    """What platforms of a scenario derive where nothing else is given; None: nothing."""
+    from sim_uavs.monitoring.specifications import READY
+
+    ready = READY.get(scenario)
+    return None if ready is None else UnitFile(spec=ready.file, modules=ready.modules)
 
 
 def _run(call: Call, fleet: Fleet, configs: list[NodeConfig], present: list[str], *, detach: bool) -> int:

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from agents.config import PlatformConfig
-from agents.effects import Effect, Reported
+from agents.effects import Effect, Reported, Specify
 from agents.platform import Platform
 from dyknow import Label, Policy, Sample
 from navigation.vehicle import Command, Order
@@ -48,6 +48,9 @@ class Watching:
         for label in labels:
             taken = self.samples.setdefault(label, [])
             self.platform.ports.network.subscribe(Label.parse(label), Policy(), taken.append)
+
+    def specify(self, event: Specify) -> None:
+        self.effects += self.platform.on_event(event, self.now_us)
 
     def order(self, order: Order) -> None:
         self.vehicle.on_command(Command(1, order), self.now_us, self.now_us)

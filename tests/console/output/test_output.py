@@ -4,6 +4,7 @@ import pytest
 
 from console.output.output import Output, unit_json
 from console.output.shown import printable, styled
+from dyknow import NO_VALUE
 
 
 def test_brackets_in_what_others_say_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
@@ -22,6 +23,11 @@ def test_nothing_that_others_say_commands_the_terminal() -> None:
 
 def test_a_numbered_unit_is_a_number_in_json() -> None:
     assert [unit_json("3"), unit_json("visitor")] == [3, "visitor"]
+
+
+def test_an_attribute_without_a_value_is_null_in_json(capsys: pytest.CaptureFixture[str]) -> None:
+    Output(json_lines=True).line({"value": {"symbol": "car1", "colour": NO_VALUE}})
+    assert capsys.readouterr().out == '{"value":{"symbol":"car1","colour":null}}\n'
 
 
 def test_json_lines_hold_no_words_for_people(capsys: pytest.CaptureFixture[str]) -> None:

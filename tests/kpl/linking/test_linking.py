@@ -120,3 +120,14 @@ def test_what_cannot_be_linked_is_told_with_its_place(text: str, message: str) -
 def test_a_stream_that_is_none_of_percepts_is_refused() -> None:
     with pytest.raises(TextError, match="makes no percepts"):
         Running("source number n\ncompunit w WorldObject(number)\nstrmgen percepts = n\n" + WORLD)
+
+
+def test_a_stream_of_the_unit_itself_is_linked_and_so_is_one_that_goes_by_a_semantic_label() -> None:
+    text = (
+        (PERCEPTS + WORLD)
+        .replace("percepts = camera", "percepts[self] = camera")
+        .replace("link(percepts,", "link(percepts[self],")
+    )
+    camera = Camera(text + "stream seen = world\n")
+    camera.drive(2000)
+    assert {sample.value[0] for name, sample in camera.outputs if name == "seen"} == {"wo1"}

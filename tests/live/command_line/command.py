@@ -49,15 +49,15 @@ class Dyknow:
         kept = {name: value for name, value in os.environ.items() if not name.startswith("DYKNOW_")}
         return {**kept, "XDG_RUNTIME_DIR": str(self.directory), "COLUMNS": "80"}
 
-    def run(self, *arguments: str, code: int = 0) -> list[dict[str, Any]]:
-        """The JSON lines of a command that must end with `code`."""
+    def run(self, *arguments: str, code: int | None = 0) -> list[dict[str, Any]]:
+        """The JSON lines of a command that must end with `code`; None: with any."""
         out, err = self.raw(*arguments, "--json", code=code)
         del err
         return [json.loads(line) for line in out.splitlines()]
 
-    def raw(self, *arguments: str, code: int = 0) -> tuple[str, str]:
+    def raw(self, *arguments: str, code: int | None = 0) -> tuple[str, str]:
         done = command.run(self._words(arguments), self._environment())
-        assert done.returncode == code, f"dyknow {' '.join(arguments)} ended with {done.returncode}\n{done}"
+        assert code in {None, done.returncode}, f"dyknow {' '.join(arguments)} ended with {done.returncode}\n{done}"
         return done.stdout, done.stderr
 
     def until(self, *arguments: str, within_s: float = 20.0, **wanted: Any) -> list[dict[str, Any]]:

@@ -114,6 +114,16 @@ def test_a_yaw_from_north_needs_the_heading_and_is_reported_from_it() -> None:
     assert report.pan_rad == pytest.approx(radians(100.0))
 
 
+@pytest.mark.parametrize("pitch_deg", [-89.9, -90.0, -90.1, -95.0, -20.0, 0.0, 25.0])
+@pytest.mark.parametrize("yaw_deg", [-179.0, -90.0, 0.0, 35.0, 150.0])
+def test_also_straight_down_the_angles_are_those_of_the_gimbal_and_do_not_turn_over(
+    pitch_deg: float, yaw_deg: float
+) -> None:
+    (report,) = VehicleReports().reports(status(radians(yaw_deg), radians(pitch_deg), 0), 5)
+    assert isinstance(report, MountReport)
+    assert report[2:] == pytest.approx((radians(yaw_deg), radians(-pitch_deg)), abs=1e-6)
+
+
 @pytest.mark.parametrize("quaternion", [[nan] * 4, [0.0] * 4, [inf, 0.0, 0.0, 0.0], [3e38, 3e38, 0.0, 0.0]])
 def test_what_is_no_attitude_of_a_gimbal_is_no_report(quaternion: list[float]) -> None:
     message = mavlink.MAVLink_gimbal_device_attitude_status_message(0, 0, 0, 0, quaternion, nan, nan, nan, 0)

@@ -64,5 +64,5 @@ def test_streets_have_their_place_on_earth_and_units_hover_over_crossings() -> N
     for unit in situation.units:
         x_m, y_m = network.to_local(unit.home.latitude_deg, unit.home.longitude_deg)
         assert min(abs(x_m - each.x_m) + abs(y_m - each.y_m) for each in network.crossings.values()) < 0.1
-        assert unit.height_m == pytest.approx(50.0, abs=0.01)
+        assert unit.height_m == pytest.approx(65.0, abs=0.01)
     assert len({unit.home for unit in situation.units}) == 5

@@ -1,0 +1,16 @@
+"""Ready specifications, by scenario."""
+
+from pathlib import Path
+from typing import Final, NamedTuple
+
+
+class ReadySpecification(NamedTuple):
+    """A specification and the modules with its units."""
+
+    file: Path
+    modules: tuple[str, ...]
+
+
+READY: Final = {
+    "traffic": ReadySpecification(Path(__file__).with_name("traffic.kpl"), ("sim_uavs.monitoring.units",)),
+}

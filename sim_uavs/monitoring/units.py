@@ -1,0 +1,17 @@
+"""What `traffic.kpl` takes from outside: the map of the scenario's streets, and what an observed state is."""
+
+from anchoring.traffic.units import road_units
+from dyknow import Sample, Value, computational_unit
+from sim_uavs.dynamics.scenarios import scenario
+from sim_uavs.roads.layouts import network_of
+from sim_uavs.streets import roads_of
+
+UNITS = road_units(network_of(roads_of(scenario("traffic"))))
+
+
+@computational_unit("car-object", "car-object")
+class Observed:
+    """States of an object while a percept shows it, and none while it is predicted: `anchored` is the field before the last."""
+
+    def __call__(self, _now_us: int, state: Sample) -> Value:
+        return state.value if isinstance(state.value, tuple) and state.value[-2] is True else None

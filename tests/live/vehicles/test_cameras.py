@@ -1,0 +1,64 @@
+"""From the camera to the event over live processes: simulated UAVs over streets, their cameras, cars, turns (thesis, 8.7)."""
+
+import re
+import time
+from typing import Any
+
+import pytest
+
+from sim_uavs.dynamics.scenarios import scenario
+from sim_uavs.roads.shared import ROUND_US
+from sim_uavs.streets import traffic_of
+from tests.live.command_line.command import Dyknow
+from tests.sim_uavs.monitoring.truth import Passage, chronicle_of, passages
+
+pytestmark = pytest.mark.live
+SEED = 3
+PATIENCE_S = 200.0
+TURN = re.compile(r"(turn_left|turn_right)_in_crossing\[(\w+), (\w+), (\w+), (\w+)\]")
+
+
+def test_cars_are_listed_and_explained_and_a_turn_that_is_recognised_is_one_that_a_car_took(dyknow: Dyknow) -> None:
+    dyknow.run("up", "2", "--scenario", "traffic", "--seed", str(SEED), "--detach")
+    turn = recognised_turn(dyknow)
+    name, car, come, crossing, gone = TURN.fullmatch(turn["to"]).groups()  # type: ignore[union-attr]
+
+    listed = dyknow.run("objects", "--type", "car-object")
+    assert car in {each["symbol"] for each in listed if each["unit"] == turn["unit"]}
+    history = dyknow.run("explain", car, "--unit", str(turn["unit"]))
+    assert history[0]["event"] == "established"
+    assert history[0]["from"].startswith(f"vp{turn['unit']}_")
+    assert f"{name}_in_crossing[{car}, {come}, {crossing}, {gone}]" in {each["to"] for each in history}
+
+    at_us = round(turn["t_ms"] * 1000)
+    traffic = traffic_of(scenario("traffic"), SEED)
+    begun_us = at_us - at_us % ROUND_US
+    took = passages(traffic.at, range(begun_us, at_us + 1_000_000, 100_000))
+    near = [each for each in took if abs(each.at_us - at_us) < 3_000_000]
+    assert (come, crossing, gone) in {(each.come, each.crossing, each.gone) for each in near}
+    assert is_turn(traffic.network, name, near, (come, crossing, gone))
+
+    percepts = dyknow.run("watch", "vision-percepts", "--unit", str(turn["unit"]), "--count", "3")
+    assert all(each["value"]["sd_m"] is not None for each in percepts)
+    state = dyknow.run("query", "camera-state", "--unit", "0")[0]["value"]
+    assert state["altitude_m"] == pytest.approx(85.0, abs=3.0)
+
+
+def recognised_turn(dyknow: Dyknow) -> dict[str, Any]:
+    """The first left or right turn that any platform recognises."""
+    until = time.monotonic() + PATIENCE_S
+    while True:
+        events = dyknow.run("events", code=None)
+        for each in events:
+            if each["event"] == "recognised" and TURN.fullmatch(each["to"]):
+                return each
+        assert time.monotonic() < until, f"no turn among {len(events)} events: {events[-5:]}"
+        time.sleep(2.0)
+
+
+def is_turn(network: Any, name: str, near: list[Passage], way: tuple[str, str, str]) -> bool:
+    return any(
+        chronicle_of(network, each) == f"{name}_in_crossing"
+        for each in near
+        if (each.come, each.crossing, each.gone) == way
+    )
