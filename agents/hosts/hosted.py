@@ -5,6 +5,7 @@ to the host as messages, what it makes comes back later; so its streams cannot b
 """
 
 from collections.abc import Callable, Sequence
+from itertools import groupby
 from typing import Final, NamedTuple
 
 from dyknow import Label, Policy, Prototype, Sort, SourcePrototype, UnitPrototype
@@ -267,19 +268,26 @@ class HostedProcess(OnDemand):
         self._taken = made.taken
         if len(self._backlog):
             self._host.due[self] = None
-        for sample in made.samples:
-            generator = self._generator
-            if generator is None or not self.number:
+        for _, together in groupby(made.samples, lambda sample: sample.valid_us):
+            if self._network is None:
                 return  # who got a sample has ended it
-            try:
-                generator.sort.check(sample.value)
-            except SortError as wrong:
-                self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
-                continue
-            if made.past:
-                generator.remember(sample.valid_us, sample.value, min(sample.available_us, now_us), sample.quality)
-            else:
-                self.emit(sample.valid_us, sample.value, now_us, sample.quality)
+            with self._network.instant.whole():
+                for sample in together:
+                    self._take(sample, now_us, past=made.past)
+
+    def _take(self, sample: Sample, now_us: int, *, past: bool) -> None:
+        generator = self._generator
+        if generator is None or not self.number:
+            return
+        try:
+            generator.sort.check(sample.value)
+        except SortError as wrong:
+            self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
+            return
+        if past:
+            generator.remember(sample.valid_us, sample.value, min(sample.available_us, now_us), sample.quality)
+        else:
+            self.emit(sample.valid_us, sample.value, now_us, sample.quality)
 
     # Chains
 

@@ -4,7 +4,7 @@ A value that is stepped: messages of the platform go in, `work` lets one process
 for it come out. Sources are read outside, where iterators may block.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
 from agents.hosts.scheduling import Scheduler
@@ -128,11 +128,12 @@ class KnowledgeHost:
                 return [message]
         return []
 
-    def on_reading(self, process: int, sample: Sample) -> list[messages.FromHost]:
-        """A source that is read has a new sample, which may begin a chain."""
-        for follower, item in self._following(process, sample):
-            self._scheduler.put(follower, item)
-        return [messages.HostOutput(process, 0, self._serial, False, (sample,))]
+    def on_reading(self, process: int, samples: Sequence[Sample]) -> list[messages.FromHost]:
+        """A source that is read has new samples of one instant, which may begin chains."""
+        for sample in samples:
+            for follower, item in self._following(process, sample):
+                self._scheduler.put(follower, item)
+        return [messages.HostOutput(process, 0, self._serial, False, tuple(samples))]
 
     def work(self, now_us: int) -> list[messages.FromHost] | None:
         """Let one process work on one sample; its messages, at the end of an action. None: nothing to do.
@@ -222,6 +223,7 @@ def on_grid(valid_us: int, grid: Grid | None) -> bool:
     return grid is None or grid.anchor_us is None or (valid_us - grid.anchor_us) % grid.period_us == 0
 
 
-def reading(valid_us: int | None, value: Value, now_us: int) -> Sample:
-    """A reading of a source as a sample; without a valid time it is valid now."""
-    return Sample(now_us, now_us if valid_us is None else int(valid_us), value)
+def reading(valid_us: int | None, value: Value | list[Value], now_us: int) -> tuple[Sample, ...]:
+    """A reading of a source as samples; without a valid time they are valid now."""
+    at_us = now_us if valid_us is None else int(valid_us)
+    return tuple(Sample(now_us, at_us, each) for each in (value if isinstance(value, list) else (value,)))

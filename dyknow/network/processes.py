@@ -258,7 +258,7 @@ class SourceReader(OnDemand):
         super().__init__()
         self.prototype = prototype
         self._readings: Iterator[Reading] = iter(())
-        self._next: tuple[int, Value] | None = None
+        self._next: tuple[int, Value | list[Value]] | None = None
 
     def begin(self) -> None:
         network, read = self._network, self.prototype.read
@@ -282,13 +282,16 @@ class SourceReader(OnDemand):
             return
         (valid_us, value), generator = self._next, self._generator
         self._advance()
-        try:
-            if generator is not None:
-                generator.sort.check(value)
-        except SortError as wrong:
-            self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
-        else:
-            self.emit(valid_us, value, now_us)
+        if generator is None or self._network is None:
+            return
+        with self._network.instant.whole():
+            for each in value if isinstance(value, list) else (value,):
+                try:
+                    generator.sort.check(each)
+                except SortError as wrong:
+                    self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
+                else:
+                    self.emit(valid_us, each, now_us)
 
     @property
     def deadline_us(self) -> int | None:
@@ -319,7 +322,7 @@ class SourceReader(OnDemand):
                 self._next = None
 
 
-def _timed(reading: Reading) -> tuple[int, Value]:
+def _timed(reading: Reading) -> tuple[int, Value | list[Value]]:
     valid_us, value = reading
     if valid_us is None:
         raise TypeError("the valid time None, for the time of the reading, is for sources in hosts")

@@ -31,8 +31,9 @@ from dyknow.network.computational_unit import Inputs, Output, UnitFunction, late
 from dyknow.network.process import Input, Process
 from dyknow.policies.policy import Policy
 
-Reading: TypeAlias = tuple[int | None, Value]
-"""Valid time and value of one sample of a source; in a host the time may be None: when it was read."""
+Reading: TypeAlias = tuple[int | None, Value | list[Value]]
+"""Valid time and value of one sample of a source, or the values of several, such as the percepts of one image: they come at
+one instant. In a host the time may be None: when it was read."""
 
 
 @dataclass(frozen=True, slots=True)

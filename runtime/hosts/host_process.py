@@ -6,7 +6,7 @@ continue; what the host has to say is bounded (`agents/hosts/outbox.py`), what i
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, Final
@@ -129,9 +129,9 @@ class HostProcess:
 
     def _on_came(self, came: Any) -> None:
         if isinstance(came, SourceThread):
-            for sample in came.taken():
+            for samples in came.taken():
                 if self._sources.get(came.process) is came:
-                    self._put(self._host.on_reading(came.process, sample))
+                    self._put(self._host.on_reading(came.process, samples))
             return
         try:
             message = decode_from_platform(came)
@@ -181,10 +181,10 @@ class HostProcess:
 
     # From the threads of sources, and of the line
 
-    def _on_reading(self, source: SourceThread, sample: Sample) -> None:
+    def _on_reading(self, source: SourceThread, samples: Sequence[Sample]) -> None:
         if not self._host.is_train:
-            self._put((HostOutput(source.process, 0, 0, False, (sample,)),))
-        elif source.leave(sample):
+            self._put((HostOutput(source.process, 0, 0, False, tuple(samples)),))
+        elif source.leave(samples):
             self._queue.put(source)
 
     def _on_fault(self, process: int, said: str) -> None:

@@ -21,7 +21,7 @@ class SourceThread:
         read: what is to be read.
         after: threads that read the same source before; they have been ended, but may still be waiting for its sensor.
         now_us: federation time; `wall_s` seconds pass while so much of it does.
-        post: takes what was read.
+        post: takes what was read at one instant.
         fault: takes what is wrong with the source.
     """
 
@@ -31,7 +31,7 @@ class SourceThread:
         after: Sequence["SourceThread"],
         now_us: Callable[[], int],
         wall_s: Callable[[int], float],
-        post: Callable[["SourceThread", Sample], None],
+        post: Callable[["SourceThread", Sequence[Sample]], None],
         fault: Callable[[int, str], None],
     ) -> None:
         self.process, self.source = read.process, read.source
@@ -41,7 +41,7 @@ class SourceThread:
         self._now_us, self._wall_s, self._post, self._fault = now_us, wall_s, post, fault
         self._over = threading.Event()
         self._lock = threading.Lock()
-        self._left: deque[Sample] = deque(maxlen=KEPT)
+        self._left: deque[Sequence[Sample]] = deque(maxlen=KEPT)
         self._thread = threading.Thread(target=self._run, name=f"source {read.source.name}", daemon=True)
 
     def start(self) -> None:
@@ -56,13 +56,13 @@ class SourceThread:
         """Whether the source has let go."""
         return not self._thread.is_alive()
 
-    def leave(self, sample: Sample) -> bool:
+    def leave(self, samples: Sequence[Sample]) -> bool:
         """Leave a reading for the thread that owns the processes, which must be notified if this is True; the newest are kept."""
         with self._lock:
-            self._left.append(sample)
+            self._left.append(samples)
             return len(self._left) == 1
 
-    def taken(self) -> list[Sample]:
+    def taken(self) -> list[Sequence[Sample]]:
         """Take the readings that wait for that thread."""
         with self._lock:
             left = list(self._left)
@@ -83,11 +83,13 @@ class SourceThread:
             return
         try:
             for valid_us, value in readings:
-                sample = reading(valid_us, value, self._now_us())
-                if self._over.wait(self._wall_s(max(0, sample.valid_us - sample.available_us))):
+                now_us = self._now_us()
+                samples = reading(valid_us, value, now_us)
+                at_us = samples[0].valid_us if samples else now_us
+                if self._over.wait(self._wall_s(max(0, at_us - now_us))):
                     break
-                if on_grid(sample.valid_us, self.grid):
-                    self._post(self, sample)
+                if samples and on_grid(at_us, self.grid):
+                    self._post(self, samples)
         except Exception as wrong:  # noqa: BLE001  (it is a user's code)
             self._fault(self.process, f"{name} raised {wrong!r}; it is read no more")
         finally:

@@ -103,7 +103,7 @@ class Site:
 
     def made(self, guest: Guest, process: int, sample: Sample) -> None:
         """A source that the host reads has a sample."""
-        for message in guest.host.on_reading(process, sample):
+        for message in guest.host.on_reading(process, (sample,)):
             guest.outbox.put(message)
         self.settle()
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from dyknow import Label
+from dyknow import Label, SourcePrototype
 from dyknow.model.errors import TextError
 from kpl import parse_specification
 from kpl.linking.declarations import constants_in, link_specifications, links_in
@@ -131,3 +131,18 @@ def test_a_stream_of_the_unit_itself_is_linked_and_so_is_one_that_goes_by_a_sema
     camera = Camera(text + "stream seen = world\n")
     camera.drive(2000)
     assert {sample.value[0] for name, sample in camera.outputs if name == "seen"} == {"wo1"}
+
+
+def test_the_percepts_of_one_image_that_a_source_reads_at_once_are_one_tick() -> None:
+    def images(from_us):
+        for number in range(30):
+            at_us = from_us + 100_000 * number
+            yield at_us, [(f"vp{each}", 10.0 * number / 10.0, 100.0 * each, "red", False) for each in range(3)]
+
+    camera = Camera(prototypes=(SourcePrototype("camera", "vision-object", images),))
+    camera.add(PERCEPTS + WORLD + "stream seen = world\n")
+    for at_ms in range(0, 2500, 50):
+        camera.wait(at_ms * 1000)
+    seen = [sample for name, sample in camera.outputs if name == "seen"]
+    assert {sample.value[0] for sample in seen} == {"wo1", "wo2", "wo3"}
+    assert not camera.faults

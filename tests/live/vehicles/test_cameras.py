@@ -2,6 +2,7 @@
 
 import re
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,11 +10,19 @@ import pytest
 from sim_uavs.dynamics.scenarios import scenario
 from sim_uavs.roads.shared import ROUND_US
 from sim_uavs.streets import traffic_of
-from tests.live.command_line.command import Dyknow
+from tests.live.command_line.command import Dyknow, lines
 from tests.sim_uavs.monitoring.truth import Passage, chronicle_of, passages
 
 pytestmark = pytest.mark.live
 SEED = 3
+EXAMPLES = Path(__file__).parents[3] / "examples" / "traffic"
+LINKED = """\
+sort car-object(symbol in text, x_m in m, y_m in m, vx_m_s in m/s, vy_m_s in m/s, colour in text, end in bool)
+compunit car-object WorldObject(percept)
+strmgen cars = link(vision-percepts[self], WorldObject,
+    eventually[1s, oo] true, eventually[0, 1s] xy_dist[from, to] < thresh, true)
+stream seen = cars
+"""
 PATIENCE_S = 200.0
 TURN = re.compile(r"(turn_left|turn_right)_in_crossing\[(\w+), (\w+), (\w+), (\w+)\]")
 
@@ -62,3 +71,18 @@ def is_turn(network: Any, name: str, near: list[Passage], way: tuple[str, str, s
         for each in near
         if (each.come, each.crossing, each.gone) == way
     )
+
+
+def test_a_detector_of_ones_own_in_a_host_takes_the_place_of_cameras(dyknow: Dyknow, tmp_path: Path) -> None:
+    spec = tmp_path / "cars.kpl"
+    spec.write_text(LINKED, encoding="utf-8")
+    dyknow.run("up", "1", "--scenario", "hover", "--spec", str(spec), "--detach")
+    host = dyknow.start("host", str(EXAMPLES / "detector.py"), "--unit", "0", "--json")
+    registered = next(line for line in lines(host) if line["event"] == "registered")
+    assert registered["labels"] == ["vision-percepts[0]"]
+    until = time.monotonic() + PATIENCE_S
+    while len(listed := dyknow.run("objects", code=None)) < 2:
+        assert time.monotonic() < until
+        time.sleep(1.0)
+    assert {each["colour"] for each in listed} == {"red", "white"}
+    assert {each["to"] for each in dyknow.run("events") if each["event"] == "established"} >= {"co1", "co2"}

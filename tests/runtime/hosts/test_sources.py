@@ -40,7 +40,7 @@ class Host:
     def read(self, process: int, *after: SourceThread, grid: Grid | None = None) -> SourceThread:
         thread = SourceThread(
             Read(process, self.source, 0, grid), after, now_us, lambda span_us: span_us / 1e6,
-            lambda thread, sample: self.readings.put((thread.process, sample)),
+            lambda thread, samples: [self.readings.put((thread.process, sample)) for sample in samples] and None,
             lambda _process, said: self.faults.put(said),
         )  # fmt: skip
         thread.start()
@@ -105,8 +105,8 @@ def test_what_is_wrong_with_a_source_is_told() -> None:
 def test_who_owns_the_processes_is_told_once_and_gets_the_newest() -> None:
     host = Host(SourcePrototype("some", "number", lambda _from_us: iter(())))
     thread = host.read(1)
-    told = [thread.leave(Sample(0, n, n)) for n in range(5000)]
+    told = [thread.leave((Sample(0, n, n),)) for n in range(5000)]
     assert told == [True, *[False] * 4999]
-    assert thread.taken()[-1].value == 4999
+    assert thread.taken()[-1][0].value == 4999
     assert len(thread.taken()) == 0
     assert threading.active_count() < 50
