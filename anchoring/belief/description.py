@@ -221,6 +221,12 @@ class WorldModel:
     initial: Sequence[InitialInstance] = ()
 
     @property
+    def area(self) -> tuple[float, float, float, float] | None:
+        """West, south, east and north of the region, metres; None where positions have none."""
+        place = next((each for each in self.gaussian if each.name == POSITION and len(each.low)), None)
+        return None if place is None else (*place.low[:2].tolist(), *place.high[:2].tolist())
+
+    @property
     def attributes(self) -> dict[str, GaussianAttribute | CategoricalAttribute]:
         """Each attribute by its name."""
         every: list[GaussianAttribute | CategoricalAttribute] = [*self.gaussian, *self.categorical]

@@ -5,7 +5,8 @@ predicts all instances, associates, updates, and decides what is created, confir
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from anchoring.belief.association.single import (
 )
 from anchoring.belief.description import EVENT, POSITION, WorldModel, WorldSensor
 from anchoring.belief.instances import InstanceTable
-from anchoring.belief.observations import EncodedLook, LookEncoder, WorldObservation
+from anchoring.belief.observations import TYPE, EncodedLook, LookEncoder, WorldObservation
 from anchoring.belief.relations import RelationBeliefs
 from anchoring.belief.reports import (
     CREATED,
@@ -70,6 +71,7 @@ class EnvironmentModel:
         self.table, self.counts = InstanceTable(model), Counter[str]()
         self._exact, self._negligible = exact_instances, negligible
         self._relations = RelationBeliefs(model.relations)
+        self._types = model.types.belief
         self._encoder = LookEncoder(
             model.types,
             self.table.gaussian,
@@ -151,6 +153,35 @@ class EnvironmentModel:
     def instance(self, row: int) -> BelievedInstance:
         """The one at a place of the table."""
         return self.table.view(row, self._relations.of(self.table.names[row], self.valid_us or 0))
+
+    def restrict_types(self, possible: Flags) -> None:
+        """Only these types (T,) are possible from now on; one that becomes possible again has its prior share."""
+        types, beliefs = self.model.types, self.table.categorical[TYPE]
+        before, prior = beliefs.attribute.prior, self._types.prior * possible
+        if not prior.sum() > 0.0:
+            prior = self._types.prior
+        prior /= prior.sum()
+        returned = np.where(before > 0.0, 0.0, prior)
+        shares = beliefs.shares * (prior > 0.0) * (1.0 - returned.sum())
+        remaining = shares.sum(axis=1, keepdims=True)
+        shares = np.where(remaining > 0.0, shares / np.maximum(remaining, _FAINTEST) * (1.0 - returned.sum()), prior)
+        beliefs.shares = np.where(remaining > 0.0, shares + returned, prior)
+        beliefs.attribute = replace(beliefs.attribute, prior=prior)
+        self.model = replace(self.model, types=replace(types, belief=beliefs.attribute))
+        self._encoder.types = self.model.types
+
+    def remove(self, which: Flags) -> list[LifeEvent]:
+        """Delete instances (N,) now."""
+        return [*self._delete(which, np.full(len(self.table), self.valid_us or 0), self.table.existence)]
+
+    def revise(self, relations: Mapping[tuple[str, str, str], float]) -> list[LifeEvent]:
+        """Believe these relations, (name, instance, other), with these probabilities."""
+        now_us = self.valid_us or 0
+        return [event for key, value in relations.items() for event in self._relations.revise(*key, value, now_us)]
+
+    def relations(self) -> Mapping[tuple[str, str, str], float]:
+        """All relations that instances have: (name, instance, other) -> probability."""
+        return self._relations.every(self.valid_us or 0)
 
     def _late(self, valid_us: int) -> UpdateReport | None:
         if self.valid_us is None or valid_us >= self.valid_us:

@@ -172,6 +172,12 @@ def inverted(matrices: Floats) -> tuple[Floats, Floats]:
     return inverse, determinant
 
 
+def log_normal(difference: Floats, covariance: Floats) -> float:
+    """Log density of one vector (m,), log N(difference; 0, covariance)."""
+    _, log_determinant = np.linalg.slogdet(2.0 * pi * covariance)
+    return float(-0.5 * (difference @ np.linalg.solve(covariance, difference) + log_determinant))
+
+
 def determinants(matrices: Floats) -> Floats:
     """(E,) of symmetric matrices (E, m, m)."""
     if matrices.shape[-1] == 2:

@@ -56,7 +56,8 @@ class EncodedLook(NamedTuple):
     """All observations of one sensor at one time.
 
     Attributes:
-        log_birth, log_clutter: (M,) density of each, if it is of something new, and if it is of nothing.
+        log_birth, log_clutter: (M,) density of each, if it is of something new, and if it is of nothing; the two are equal
+            within the region, beyond which nothing new appears.
         relations: of each observation.
     """
 
@@ -79,30 +80,37 @@ class LookEncoder:
         gaussian: Mapping[str, GaussianBeliefs],
         categorical: Mapping[str, CategoricalBeliefs],
     ) -> None:
-        self._types, self._gaussian, self._categorical = types, gaussian, categorical
+        self.types, self._gaussian, self._categorical = types, gaussian, categorical
 
     def look(self, valid_us: int, sensor: WorldSensor, observations: Sequence[WorldObservation]) -> EncodedLook:
         count = len(observations)
-        log_birth = np.zeros(count)
+        log_birth, log_clutter = np.zeros(count), np.zeros(count)
         measured: dict[str, MeasuredValues] = {}
         for name, gaussian in self._gaussian.items():
             found = self._measured(name, gaussian, sensor, observations)
             if found is not None:
                 measured[name] = found
-                _add(log_birth, gaussian.log_birth(found.values, found.noise), found.among)
+                log_new = gaussian.log_birth(found.values, found.noise)
+                _add(log_birth, log_new, found.among)
+                volume = gaussian.attribute.volume
+                _add(log_clutter, log_new if volume is None else np.full(count, -log(volume)), found.among)
         likely: dict[str, ValueLikelihoods] = {}
         for name, categorical in self._categorical.items():
             values = self._likelihoods(name, categorical, sensor, observations)
             if values is not None:
                 likely[name] = values
                 prior = categorical.attribute.prior
-                log_new = _log(values.likelihood @ prior) if categorical.attribute.has_prior else -log(len(prior))
-                _add(log_birth, np.broadcast_to(log_new, count), values.among)
+                known = categorical.attribute.has_prior
+                log_new = _log(values.likelihood @ prior) if known else np.full(count, -log(len(prior)))
+                _add(log_birth, log_new, values.among)
+                _add(log_clutter, log_new, values.among)
         if (types := self._of_type(sensor, observations)) is not None:
             likely[TYPE] = types
-            log_birth += _log(types.likelihood @ self._types.belief.prior)
+            log_new = _log(types.likelihood @ self.types.belief.prior)
+            log_birth += log_new
+            log_clutter += log_new
         relations = tuple(each.relations for each in observations)
-        return EncodedLook(valid_us, sensor, count, measured, likely, log_birth, log_birth, relations)
+        return EncodedLook(valid_us, sensor, count, measured, likely, log_birth, log_clutter, relations)
 
     @staticmethod
     def _measured(
@@ -139,15 +147,15 @@ class LookEncoder:
     def _of_type(self, sensor: WorldSensor, observations: Sequence[WorldObservation]) -> ValueLikelihoods | None:
         """p(M | t), times the confusion of what class the sensor reports."""
         reports = any(TYPE in each.values for each in observations)
-        if not self._types.observed and not reports:
+        if not self.types.observed and not reports:
             return None
         known: dict[tuple[str, ...], Floats] = {}
-        table = _by_symbol(TYPE, self._types.names, sensor) if reports else {}
+        table = _by_symbol(TYPE, self.types.names, sensor) if reports else {}
         rows = []
         for each in observations:
             key = tuple(each.values)
             if key not in known:
-                known[key] = self._types.probability(frozenset(key) - {TYPE})
+                known[key] = self.types.probability(frozenset(key) - {TYPE})
             symbol = each.values.get(TYPE)
             rows.append(known[key] if symbol is None else known[key] * table[symbol])
         return ValueLikelihoods(np.array(rows), None)

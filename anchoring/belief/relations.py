@@ -46,6 +46,21 @@ class RelationBeliefs:
             if instance in beliefs and beliefs[instance].present
         }
 
+    def every(self, now_us: int) -> Mapping[tuple[str, str, str], float]:
+        """All that have been created: (name, instance, other) -> probability."""
+        return {
+            (name, instance, other): self._aged(name, belief, now_us)
+            for (name, other), beliefs in self._to.items()
+            for instance, belief in beliefs.items()
+            if belief.present
+        }
+
+    def revise(self, name: str, instance: str, other: str, probability: float, now_us: int) -> Iterator[LifeEvent]:
+        """Believe one of these with another probability."""
+        belief = self._to[name, other][instance]
+        belief.probability, belief.at_us = probability, now_us
+        yield from self._watch(self.kinds[name], instance, other, now_us)
+
     def likelihood(self, reported: ReportedRelation, rows: Mapping[str, int], now_us: int) -> Floats:
         """(N,) of a report, for each instance in `rows`."""
         kind = self.kinds[reported.name]

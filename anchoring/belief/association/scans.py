@@ -5,7 +5,7 @@ propagation (Williams, Lau: "Approximate evaluation of marginal association prob
 exact for each connected part without a cycle. Of parts with cycles, all associations are summed where these are few.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ _SAFE = 1e6
 """Below it differences of sums are exact to 1e-10."""
 EXACT_INSTANCES: Final = 8
 """Parts with cycles and more instances than that are left to belief propagation."""
-EXACT_STEPS: Final = 20_000
+EXACT_STEPS: Final = 2_000
 """So are those that take more additions."""
 
 
@@ -140,33 +140,49 @@ def _parts(rows: Indices, cols: Indices, core: Flags) -> list[list[int]]:
     return parts
 
 
+class _Choices(NamedTuple):
+    """What one instance can give: nothing, with weight 1, or one of its pairs.
+
+    Attributes:
+        shared: (pair, bit of the observation) where also other instances can give that.
+        free: the other pairs.
+    """
+
+    shared: list[tuple[int, int]]
+    free: list[int]
+
+
 def _sum(
     part: list[int], rows: Indices, cols: Indices, psi: Floats, into: ScanAssociation, exact_instances: int
 ) -> bool:
-    """Replace the marginals of a part by sums over its associations; whether these are few enough."""
-    choices = defaultdict[int, list[tuple[int, int]]](list)
-    bits: dict[int, int] = {}
-    weights = {}
-    for edge in part:
-        bit = bits.setdefault(int(cols[edge]), 1 << len(bits))
-        choices[int(rows[edge])].append((edge, bit))
-        weights[edge] = float(psi[edge])
+    """Replace the marginals of a part by sums over its associations; whether these are few enough.
+
+    Instance by instance, sums are kept for each set of shared observations that were given so far, and then from the back.
+    """
+    row_of, col_of, weights = rows[part].tolist(), cols[part].tolist(), dict(zip(part, psi[part].tolist(), strict=True))
+    shared = [col for col, number in Counter(col_of).items() if number > 1]
+    bits = {col: 1 << place for place, col in enumerate(shared)}
+    choices: dict[int, _Choices] = {}
+    for edge, row, col in zip(part, row_of, col_of, strict=True):
+        chosen = choices.setdefault(row, _Choices([], []))
+        chosen.shared.append((edge, bits[col])) if col in bits else chosen.free.append(edge)
     if len(choices) > exact_instances:
         return False
     forward: list[dict[int, float]] = [{0: 1.0}]
+    alone: list[float] = []
     steps = 0
-    none: list[float] = []
     for chosen in choices.values():
-        scale = max(1.0, *(weights[edge] for edge, _ in chosen))
-        for edge, _ in chosen:
+        every = [*chosen.free, *(edge for edge, _ in chosen.shared)]
+        scale = max(1.0, *(weights[edge] for edge in every))
+        for edge in every:
             weights[edge] /= scale
-        none.append(1.0 / scale)
+        alone.append(1.0 / scale + sum(weights[edge] for edge in chosen.free))
         taken = forward[-1]
-        after = {mask: value / scale for mask, value in taken.items()}
-        steps += len(taken) * len(chosen)
+        after = {mask: value * alone[-1] for mask, value in taken.items()}
+        steps += len(taken) * (1 + len(chosen.shared))
         if steps > EXACT_STEPS:
             return False
-        for edge, bit in chosen:
+        for edge, bit in chosen.shared:
             weight = weights[edge]
             for mask, value in taken.items():
                 if not mask & bit:
@@ -174,20 +190,23 @@ def _sum(
         forward.append(after)
     total = sum(forward[-1].values())
     backward = dict.fromkeys(forward[-1], 1.0)
-    for (row, chosen), before, alone in zip(
-        reversed(choices.items()), reversed(forward[:-1]), reversed(none), strict=True
-    ):
-        earlier = {mask: backward[mask] * alone for mask in before}
-        for edge, bit in chosen:
-            weight, found = weights[edge], 0.0
+    for chosen, before, rest in zip(reversed(choices.values()), reversed(forward[:-1]), reversed(alone), strict=True):
+        without = sum([value * backward[mask] for mask, value in before.items()]) / total
+        for edge in chosen.free:
+            into.pairs[edge] = without * weights[edge]
+        earlier = {mask: backward[mask] * rest for mask in before}
+        for edge, bit in chosen.shared:
+            weight, found = weights[edge] / total, 0.0
             for mask, value in before.items():
                 if not mask & bit:
-                    rest = weight * backward[mask | bit]
-                    found += value * rest
-                    earlier[mask] += rest
-            into.pairs[edge] = found / total
-        into.none[row] = sum(value * backward[mask] for mask, value in before.items()) * alone / total
+                    after_it = weight * backward[mask | bit]
+                    found += value * after_it
+                    earlier[mask] += after_it * total
+            into.pairs[edge] = found
         backward = earlier
-    for col, bit in bits.items():
-        into.unclaimed[col] = sum(value for mask, value in forward[-1].items() if not mask & bit) / total
+    for edge, row, col in zip(part, row_of, col_of, strict=True):
+        into.none[row] -= into.pairs[edge]
+        into.unclaimed[col] -= into.pairs[edge]
+    for places, found_of in ((row_of, into.none), (col_of, into.unclaimed)):
+        found_of[places] = np.maximum(found_of[places], 0.0)
     return True

@@ -1,6 +1,7 @@
 """Beliefs and what happens to them, as JSON lines or as text."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from math import isinf
 from typing import TYPE_CHECKING, Any
 
 from console.command import Call
@@ -8,7 +9,7 @@ from console.output.shown import Shown, line, styled
 from dyknow.model.instants import US_PER_MS, US_PER_S
 
 if TYPE_CHECKING:
-    from anchoring.belief.environment import EnvironmentModel
+    from anchoring.belief.knowledge.informed import InformationRequest, InformedModel
     from anchoring.belief.reports import BelievedInstance, LifeEvent, UpdateReport
 
 MOST_SHOWN = 100
@@ -19,8 +20,17 @@ _STYLES = {"created": "cyan", "confirmed": "green", "deleted": "yellow"}
 class WorldOutput:
     """A line for each update, or a line for each event and a table in the end."""
 
-    def __init__(self, call: Call, environment: "EnvironmentModel") -> None:
-        self._out, self._environment = call.out, environment
+    def __init__(self, call: Call, informed: "InformedModel") -> None:
+        self._out, self._informed, self._environment = call.out, informed, informed.environment
+        self._has_knowledge = False
+
+    def on_selected(self, events: "Sequence[LifeEvent]", *, given: bool) -> None:
+        """Which knowledge was loaded."""
+        self._has_knowledge = given
+        if given and not events:
+            self._out.note("no knowledge is needed for that task: nothing is loaded", style="yellow")
+        for event in events:
+            self._out.note(f"{event.kind} {event.what}")
 
     def on_report(self, report: "UpdateReport") -> None:
         if not self._out.json_lines:
@@ -35,6 +45,8 @@ class WorldOutput:
         elif associations:
             record["association"] = associations[0]
         record |= {"instances": [_instance(each) for each in shown], "events": [_event(each) for each in report.events]}
+        if self._has_knowledge:
+            record["requests"] = [_request(each) for each in self._informed.requests()[:MOST_SHOWN]]
         if more:
             record["more_instances"] = more
         self._out.line(record)
@@ -58,10 +70,19 @@ class WorldOutput:
         self._out.table("", ("instance", "existence", "status", "type", "attributes"), rows, wraps=("attributes",))
         if more:
             self._out.show(f"and {more} less certain ones")
+        for each in self._informed.requests()[:MOST_SHOWN] if self._has_knowledge else ():
+            by = f"by {each.sensor}" if each.sensor else "which no sensor observes"
+            self._out.show(
+                line("wanted: ", styled(f"{each.what} of {each.instance}", "bold"), f", {by}: {each.because}")
+            )
 
     def _instances(self) -> "tuple[list[BelievedInstance], int]":
         rows = self._environment.most_certain(MOST_SHOWN)
-        return [self._environment.instance(row) for row in rows], len(self._environment.table) - len(rows)
+        shown = [self._environment.instance(row) for row in rows]
+        matched = self._informed.matched
+        return [each._replace(known=matched.get(each.name, "")) for each in shown], len(self._environment.table) - len(
+            rows
+        )
 
     def _show(self, event: "LifeEvent") -> None:
         when = styled(f"{event.valid_us / US_PER_S:10.3f} s", "dim")
@@ -91,6 +112,8 @@ def _instance(each: "BelievedInstance") -> dict[str, Any]:
         "type": _rounded(each.type),
         "attributes": attributes,
     }
+    if each.known:
+        record["known"] = each.known
     if each.relations:
         record["relations"] = [
             {"name": name, "to": other, "probability": round(value, 6)}
@@ -104,6 +127,18 @@ def _event(event: "LifeEvent") -> dict[str, Any]:
     if event.instance:
         record |= {"id": event.instance, "existence": round(event.existence, 6)}
     return record | {key: value for key, value in (("what", event.what), ("because", event.because)) if value}
+
+
+def _request(request: "InformationRequest") -> dict[str, Any]:
+    until = {} if isinf(request.until_us) else {"until_ms": _ms(int(request.until_us))}
+    return {
+        "id": request.instance,
+        "what": request.what,
+        "sensor": request.sensor or None,
+        "because": request.because,
+        "place_m": None if request.place_m is None else _numbers(request.place_m),
+        **until,
+    }
 
 
 def _likeliest(shares: Mapping[str, float]) -> str:

@@ -77,3 +77,38 @@ def test_what_is_not_taken_as_it_comes_is_told(dyknow: Run, tmp_path: Path) -> N
     done = dyknow("world", str(model), "--observations", str(file))
     assert "not taken as it came: 1 limited" in done.stderr
     assert "there are 2 instances, as many as are allowed" in done.stdout
+
+
+def test_prior_knowledge_is_loaded_for_a_task_completes_repairs_and_is_learnt_back(dyknow: Run, tmp_path: Path) -> None:
+    knowledge, learnt = EXAMPLES / "knowledge.toml", tmp_path / "learnt.toml"
+    done = dyknow(*CALL, "--knowledge", str(knowledge), "--learn", str(learnt), "--json")
+    assert (done.returncode, done.stderr) == (0, "loaded yard\n")
+    lines = [json.loads(each) for each in done.stdout.splitlines()]
+    events = [(each["event"], each.get("what")) for line in lines for each in line["events"]]
+    assert ("matched", "car-of-anna") in events
+    assert ("repaired", "colour") in events
+    assert lines[1]["instances"][0]["known"] == "car-of-anna"
+    asked = [each for line in lines for each in line["requests"]]
+    assert {each["what"] for each in asked} == {"existence"}
+    assert asked[0]["sensor"] == "camera"
+    assert 'id = "car-of-anna"' in learnt.read_text()
+    again = dyknow(*CALL, "--knowledge", str(learnt))
+    assert "matched car-of-anna" in again.stdout
+    again = dyknow(*CALL, "--knowledge", str(knowledge), "--knowledge", str(learnt))
+    assert again.returncode == 2
+    assert "car-of-anna is in yard and in" in again.stderr
+
+
+def test_knowledge_that_no_task_needs_is_not_loaded_and_a_wrong_file_is_refused(dyknow: Run, tmp_path: Path) -> None:
+    text = (EXAMPLES / "knowledge.toml").read_text()
+    file = tmp_path / "knowledge.toml"
+    file.write_text(text.replace('name = "yard"', 'name = "yard"\ntasks = ["parking"]'))
+    done = dyknow(*CALL, "--knowledge", str(file), "--task", "watching")
+    assert "nothing is loaded" in done.stderr
+    assert "matched" not in done.stdout
+    file.write_text(text.replace('is_a = "vehicle"', 'is_a = "vehicles"'))
+    done = dyknow(*CALL, "--knowledge", str(file))
+    assert done.returncode == 2
+    assert f"{file}:8:1: classes.car.is_a: there is no class vehicles" in done.stderr
+    done = dyknow(*CALL, "--learn", str(tmp_path / "no" / "learnt.toml"))
+    assert "--learn" in done.stderr

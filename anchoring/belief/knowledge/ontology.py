@@ -1,0 +1,109 @@
+"""What is known before anything is observed. All of it is values."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from anchoring.belief.arrays import Floats, Indices
+
+REFUSE, REPAIR = "refuse", "repair"
+ACTIONS: Final = (REPAIR, REFUSE)
+Area = tuple[float, float, float, float]
+"""West, south, east, north in metres."""
+
+
+class KnownClass(NamedTuple):
+    """What holds of things of one type.
+
+    Attributes:
+        is_a: the class above it; empty: none.
+        is_lasting: its instances are remembered when they are gone.
+        gaussian: mean (d,) and covariance (d, d) of what is not observed of an instance.
+        categorical: (K,) likewise.
+        has: attributes that all of its instances have.
+    """
+
+    name: str
+    is_a: str = ""
+    is_lasting: bool = False
+    gaussian: Mapping[str, tuple[Floats, Floats]] = {}
+    categorical: Mapping[str, Floats] = {}
+    has: frozenset[str] = frozenset()
+
+
+class ClassRule(NamedTuple):
+    """What must hold of the instances of a class; it is cited by its name.
+
+    Attributes:
+        attribute, relation: what it is about; one of the two.
+        low, high: (m,) bounds of a continuous attribute.
+        values: (K,) 1 for what is allowed of a discrete attribute, 0 for what is not.
+        other: the class to which the relation leads; empty: any.
+        at_most: instances to which the relation leads at one time; 0: any number.
+        tolerance: the greatest probability of a violation that is left alone.
+    """
+
+    name: str
+    of_class: str
+    action: str
+    attribute: str = ""
+    relation: str = ""
+    low: Floats | None = None
+    high: Floats | None = None
+    values: Floats | None = None
+    other: str = ""
+    at_most: int = 0
+    tolerance: float = 0.1
+
+
+class KnownInstance(NamedTuple):
+    """One thing that is known from before.
+
+    Attributes:
+        categorical: also of `type`.
+    """
+
+    name: str
+    gaussian: Mapping[str, tuple[Floats, Floats]]
+    categorical: Mapping[str, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class KnowledgeBundle:
+    """What is loaded and unloaded together.
+
+    Attributes:
+        area: where it is about; None: everywhere.
+        tasks: for which it is needed; empty: any.
+    """
+
+    name: str
+    area: Area | None = None
+    tasks: frozenset[str] = frozenset()
+    classes: Mapping[str, KnownClass] = field(default_factory=dict)
+    rules: tuple[ClassRule, ...] = ()
+    known: tuple[KnownInstance, ...] = ()
+
+    def is_for(self, area: Area | None, task: str) -> bool:
+        """Whether it is needed there, for that."""
+        if self.tasks and task not in self.tasks:
+            return False
+        if self.area is None or area is None:
+            return True
+        west, south, east, north = self.area
+        return west <= area[2] and area[0] <= east and south <= area[3] and area[1] <= north
+
+
+def members(classes: Mapping[str, KnownClass], name: str, types: tuple[str, ...]) -> Indices:
+    """Places of the types that are of a class, or of one below it."""
+    return np.array([place for place, each in enumerate(types) if name in lineage(classes, each)], dtype=np.intp)
+
+
+def lineage(classes: Mapping[str, KnownClass], name: str) -> tuple[str, ...]:
+    """A class and those above it."""
+    found = [name]
+    while (known := classes.get(found[-1])) is not None and known.is_a and known.is_a not in found:
+        found.append(known.is_a)
+    return tuple(found)

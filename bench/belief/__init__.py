@@ -1,0 +1,1 @@
+"""Association of the observations of a scan with instances, next to a tracking library."""
