@@ -74,12 +74,9 @@ def moved(state: ObjectState, to_us: int, noise: float) -> ObjectState:
         return state
     seconds = (to_us - state.valid_us) / US_PER_S
     transition, unit_noise = _constant_velocity(seconds)
-    return state._replace(
-        valid_us=to_us,
-        x_m=state.x_m + seconds * state.vx_m_s,
-        y_m=state.y_m + seconds * state.vy_m_s,
-        covariance=transition @ state.covariance @ transition.T + noise * unit_noise,
-    )
+    _, x_m, y_m, vx_m_s, vy_m_s, covariance, attributes = state
+    grown = transition @ covariance @ transition.T + noise * unit_noise
+    return ObjectState(to_us, x_m + seconds * vx_m_s, y_m + seconds * vy_m_s, vx_m_s, vy_m_s, grown, attributes)
 
 
 @lru_cache(maxsize=4096)

@@ -4,6 +4,7 @@ A link is a polyline from one crossing to another. Its lanes lie at signed offse
 direction from `start` to `end`. A link can be travelled in the directions of its lanes: 1 from start to end, -1 back.
 """
 
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 from anchoring.roads.geometry import Point2, Polyline
@@ -12,6 +13,8 @@ CROSSING, ROAD = "crossing", "road"
 """Kinds of areas that are part of the road system."""
 LEAVE: Final = 1.2
 """A crossing is entered at its radius and left at its radius times this (hysteresis)."""
+_KNOWN: Final = 1024
+"""Kinds of roads, by their lanes, whose directions are kept."""
 
 
 class Crossing(NamedTuple):
@@ -63,12 +66,11 @@ class RoadLink(NamedTuple):
     @property
     def directions(self) -> tuple[int, ...]:
         """In which directions it can be travelled."""
-        return tuple(each for each in (1, -1) if any(lane.direction in {0, each} for lane in self.lanes))
+        return _directions(self.lanes)
 
     def lanes_of(self, direction: int) -> tuple[int, ...]:
         """Indices of the lanes in which one travels in `direction`; all for 0, or where none leads there."""
-        chosen = tuple(n for n, lane in enumerate(self.lanes) if not direction or lane.direction in {0, direction})
-        return chosen or tuple(range(len(self.lanes)))
+        return _lanes_of(self.lanes, direction)
 
     def lane_near(self, across_m: float, direction: int, previous: int | None = None, stay_m: float = 0.0) -> int:
         """The lane of `direction` whose centre is nearest to `across_m`; the previous one counts `stay_m` nearer."""
@@ -80,6 +82,17 @@ class RoadLink(NamedTuple):
     def crossing_at(self, direction: int) -> str | None:
         """Where travelling in `direction` leads."""
         return self.end if direction > 0 else self.start
+
+
+@lru_cache(maxsize=_KNOWN)
+def _directions(lanes: tuple[Lane, ...]) -> tuple[int, ...]:
+    return tuple(each for each in (1, -1) if any(lane.direction in {0, each} for lane in lanes))
+
+
+@lru_cache(maxsize=_KNOWN)
+def _lanes_of(lanes: tuple[Lane, ...], direction: int) -> tuple[int, ...]:
+    chosen = tuple(n for n, lane in enumerate(lanes) if not direction or lane.direction in {0, direction})
+    return chosen or tuple(range(len(lanes)))
 
 
 class RoadArea(NamedTuple):

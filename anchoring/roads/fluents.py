@@ -66,13 +66,15 @@ def turn_made(network: RoadNetwork, before: RoadPlace | None, place: RoadPlace |
     return network.turns.relation(arrived, departed)
 
 
-def turn_attributes(network: RoadNetwork, before: ObjectState | None, state: ObjectState) -> dict[str, Value]:
-    """The last turn of a state that follows another one: this one, or that of the state before."""
+def turn_attributes(
+    network: RoadNetwork, before: ObjectState | None, previous: RoadPlace | None, place: RoadPlace | None, valid_us: int
+) -> dict[str, Value]:
+    """The last turn of a place that follows another one, that of the state before: this one, or that of the state."""
     if before is None:
         return {}
-    turn = turn_made(network, place_of(before), place_of(state))
+    turn = turn_made(network, previous, place)
     if turn is not None:
-        return {TURN: turn, TURNED: state.valid_us}
+        return {TURN: turn, TURNED: valid_us}
     return {name: before.attributes[name] for name in (TURN, TURNED) if name in before.attributes}
 
 

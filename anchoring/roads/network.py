@@ -74,8 +74,7 @@ class RoadNetwork:
         if not (math.isfinite(x_m) and math.isfinite(y_m)):
             return False
         index = self.index
-        reach_m = index.widest_m / 2 + slack_m
-        if any(abs(at.across_m) <= link.width_m / 2 + slack_m for link, at in index.links_near(x_m, y_m, reach_m)):
+        if index.on_link(x_m, y_m, slack_m):
             return True
         if any(distance_m <= one.radius_m for one, distance_m in index.crossings_near(x_m, y_m)):
             return True

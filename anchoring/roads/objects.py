@@ -25,12 +25,13 @@ class OnRoad:
         previous = None if before is None else place_of(before)
         place = snap(self._network, state.x_m, state.y_m, velocity_of(state), previous, self._settings)
         kept = {name: value for name, value in state.attributes.items() if name not in ROAD_ATTRIBUTES}
-        attributes = kept | {"world_x_m": state.x_m, "world_y_m": state.y_m} | attributes_of(place)
-        x_m, y_m = (state.x_m, state.y_m) if place is None else place[:2]
-        put = state._replace(x_m=x_m, y_m=y_m, attributes=attributes)
-        if place is None and before is not None:
-            put = put._replace(x_m=before.x_m, y_m=before.y_m, vx_m_s=0.0, vy_m_s=0.0)
-        return put._replace(attributes=attributes | turn_attributes(self._network, before, put))
+        turn = turn_attributes(self._network, before, previous, place, state.valid_us)
+        attributes = kept | {"world_x_m": state.x_m, "world_y_m": state.y_m} | attributes_of(place) | turn
+        if place is not None:
+            return state._replace(x_m=place.x_m, y_m=place.y_m, attributes=attributes)
+        if before is None:
+            return state._replace(attributes=attributes)
+        return state._replace(x_m=before.x_m, y_m=before.y_m, vx_m_s=0.0, vy_m_s=0.0, attributes=attributes)
 
 
 def velocity_of(state: ObjectState) -> tuple[float, float] | None:

@@ -181,10 +181,11 @@ class AlongRoads:
             x_m, y_m, None if crossing else way.link, crossing, way.direction, route.lane, route.offset_m(network),
             network.links[way.link].lanes[route.lane].offset_m, heading_rad, speed_m_s, route.via if crossing else way,
         )  # fmt: skip
-        back = np.kron(np.eye(2), _axes(heading_rad)).T
+        cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
+        back = np.array([[cosine, -sine, 0.0, 0.0], [sine, cosine, 0.0, 0.0],
+                         [0.0, 0.0, cosine, -sine], [0.0, 0.0, sine, cosine]])  # fmt: skip
         return ObjectState(
-            to_us, x_m, y_m, speed_m_s * math.cos(heading_rad), speed_m_s * math.sin(heading_rad),
-            back @ grown @ back.T, {**kept, **attributes_of(place), ROUTE: way.link, TRAVELLED: route.travelled_m},
+            to_us, x_m, y_m, speed_m_s * cosine, speed_m_s * sine, back @ grown @ back.T, {**kept, **attributes_of(place), ROUTE: way.link, TRAVELLED: route.travelled_m},
         )  # fmt: skip
 
     def _around(self, x_m: float, y_m: float, route: RouteHypothesis) -> str | None:

@@ -6,6 +6,7 @@ drive on the right. All cars of a run are seen from its beginning to its end.
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -40,11 +41,16 @@ class Run(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """The positions of each car, (n, 2), x east and y north in metres, at n valid times, on a road in one direction."""
+    """The positions of each car, (n, 2), x east and y north in metres, at n valid times, on a road in one direction.
+
+    Attributes:
+        links: of each car, where all are not on one link.
+    """
 
     at_us: list[int]
     places: Mapping[str, Floats]
     road_deg: float
+    links: Mapping[str, Sequence[str]] = MappingProxyType({})
 
 
 def seen(run: Run, period_ms: int, most_m: float, rng: np.random.Generator) -> Seen:

@@ -59,7 +59,10 @@ def relations(seen: Seen, *, filtered: bool) -> Iterator[tuple[int, tuple[str, s
     pairs = {pair: _chain(*(_FILTERED if filtered else _RAW)) for pair in permutations(cars, 2)}
     places = {car: each.tolist() for car, each in seen.places.items()}
     for i, at_us in enumerate(seen.at_us):
-        now = {car: step(at_us, (car, *places[car][i], seen.road_deg, LINK, NO_CROSSING)) for car, step in cars.items()}
+        on = {car: seen.links[car][i] if car in seen.links else LINK for car in cars}
+        now = {
+            car: step(at_us, (car, *places[car][i], seen.road_deg, on[car], NO_CROSSING)) for car, step in cars.items()
+        }
         for pair, step in pairs.items():
             first, second = now[pair[0]], now[pair[1]]
             made = None if first is None or second is None else step(at_us, (first.value, second.value))

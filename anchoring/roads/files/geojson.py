@@ -14,14 +14,14 @@ the left.
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from statistics import median
 from typing import Any, Final, NamedTuple
 
 from anchoring.roads.elements import Crossing, Lane, RoadArea, RoadLink
 from anchoring.roads.files.assembly import Assembly
 from anchoring.roads.files.lanes import MOST_LANES, even_lanes, offset_lanes
-from anchoring.roads.files.problems import MOST_BYTES, FeatureError, Problems, RoadSurvey
+from anchoring.roads.files.problems import MOST_BYTES, FeatureError, Problems, RoadSurvey, Tries
 from anchoring.roads.geometry import Point2, Polyline
 from anchoring.roads.network import RoadNetwork
 from navigation.geodesy import LocalFrame
@@ -33,6 +33,7 @@ LONGEST_ID: Final = 200
 WIDTH_M: Final = 7.0
 RADIUS_M: Final = 8.0
 SPEED_M_S: Final = 13.9
+_WIDEST_M: Final = 200.0
 _GEOMETRIES: Final = {"Point": 0, "LineString": 1, "Polygon": 2}
 
 
@@ -62,16 +63,15 @@ def survey_roads(text: str | bytes) -> RoadSurvey:
     if collection is None:
         return problems.survey(None)
     is_local, left_hand = collection.get("frame") == "local", collection.get("traffic") == "left"
-    features = list(_features(collection["features"], problems, is_local=is_local))
+    features = list(_features(collection["features"], problems, is_local=is_local, left_hand=left_hand))
     frame = _frame(collection, features, problems, is_local=is_local)
     assembly = Assembly(problems)
     for feature in features:
-        try:
-            made = _made(feature, _local(feature.rings, None if is_local else frame), left_hand=left_hand)
-        except FeatureError as wrong:
-            problems.error(feature.number, feature.id, wrong.message, wrong.remedy)
-            continue
-        if made is None:
+        tries = Tries()
+        made = _made(feature, None if is_local else frame, tries, left_hand=left_hand)
+        if tries.wrong:
+            problems.errors(feature.number, feature.id, tries.wrong)
+        elif made is None:
             what = f"a Point of kind {_brief(feature.properties['kind'])} is left out"
             problems.warning(feature.number, feature.id, what, 'crossings have "kind": "crossing"')
         else:
@@ -113,19 +113,27 @@ def _collection(text: str | bytes, problems: Problems) -> dict[str, Any] | None:
     return None if problems.has_errors else found
 
 
-def _features(features: Sequence[Any], problems: Problems, *, is_local: bool) -> Iterator[_Feature]:
-    """The features that can be read."""
+def _features(features: Sequence[Any], problems: Problems, *, is_local: bool, left_hand: bool) -> Iterator[_Feature]:
+    """The features that can be read; of others all that is wrong."""
     check = _in_reach if is_local else _on_earth
     for index, feature in enumerate(features):
-        name: str | None = None
-        try:
-            kind, coordinates, properties = _parts(feature)
-            name = _id(feature, properties)
-            rings = [[check(_pair(each)) for each in ring] for ring in coordinates]
-        except FeatureError as wrong:
-            problems.error(index, name, wrong.message, wrong.remedy)
+        tries = Tries()
+        parts = tries(_parts, feature)
+        if parts is None:
+            problems.errors(index, None, tries.wrong)
+            continue
+        kind, coordinates, properties = parts
+        name = tries(_id, feature, properties)
+        rings = tries(_checked, coordinates, check)
+        if name is None or rings is None:
+            _attributes(kind, properties, tries, left_hand=left_hand)
+            problems.errors(index, name, tries.wrong)
         else:
             yield _Feature(index, name, kind, rings, properties)
+
+
+def _checked(rings: list[list[Any]], check: Callable[[Point2], Point2]) -> list[list[Point2]]:
+    return [[check(_pair(each)) for each in ring] for ring in rings]
 
 
 def _frame(
@@ -201,23 +209,55 @@ def _id(feature: Mapping[str, Any], properties: Mapping[str, Any]) -> str:
     )
 
 
-def _made(feature: _Feature, rings: list[list[Point2]], *, left_hand: bool) -> Crossing | RoadLink | RoadArea | None:
-    """What a feature declares, its rings in metres; None for Points of other kinds."""
-    kind, name, properties = feature.kind, feature.id, feature.properties
+def _made(
+    feature: _Feature, frame: LocalFrame | None, tries: Tries, *, left_hand: bool
+) -> Crossing | RoadLink | RoadArea | None:
+    """What a feature declares; None for Points of other kinds, and if something is wrong."""
+    kind, name = feature.kind, feature.id
+    attributes = _attributes(kind, feature.properties, tries, left_hand=left_hand)
+    rings = tries(_local, feature.rings, frame)
+    if rings is None:
+        return None
+    if kind == "LineString":
+        line = tries(_line, rings[0])
+        if line is None or attributes is None:
+            return None
+        start, end, width_m, lanes, speed_m_s = attributes
+        return RoadLink(name, start, end, line, width_m, lanes, speed_m_s)
+    if kind == "Polygon":
+        tries(_closed, rings)
+        return (
+            None if tries.wrong or attributes is None else RoadArea(name, attributes[0], _rings(rings), attributes[1])
+        )
+    (x_m, y_m), = rings[0]  # fmt: skip
+    return None if attributes is None else Crossing(name, x_m, y_m, *attributes)
+
+
+def _attributes(kind: str, properties: Mapping[str, Any], tries: Tries, *, left_hand: bool) -> tuple[Any, ...] | None:
+    """What properties say of a kind of geometry; None for Points of other kinds, and if something is wrong."""
     if kind == "Point":
         if properties.get("kind") is None:
-            raise FeatureError("a Point has a kind", 'write "kind": "crossing"')
-        if properties["kind"] != "crossing":
+            tries.add("a Point has a kind", 'write "kind": "crossing"')
+        if properties.get("kind") != "crossing":
             return None
-        (x_m, y_m), = rings[0]  # fmt: skip
-        return Crossing(name, x_m, y_m, _number(properties, "radius_m", RADIUS_M, 0.1, 1000.0))
-    if kind == "LineString":
-        return _link(name, rings[0], properties, left_hand=left_hand)
+        found: tuple[Any, ...] = (tries(_number, properties, "radius_m", RADIUS_M, 0.1, 1000.0),)
+    elif kind == "Polygon":
+        found = properties.get("kind"), properties.get("of")
+        if not isinstance(found[0], str) or not isinstance(found[1], str | None):
+            tries.add("a Polygon has a kind", 'write "kind": "road" or "crossing"')
+    else:
+        width_m = tries(_number, properties, "width_m", WIDTH_M, 0.1, _WIDEST_M)
+        found = (
+            tries(_end, properties, "from"), tries(_end, properties, "to"), width_m,
+            tries(_lanes, properties, _WIDEST_M if width_m is None else width_m, left_hand),
+            tries(_number, properties, "speed_m_s", SPEED_M_S, 0.01, 200.0),
+        )  # fmt: skip
+    return None if tries.wrong else found
+
+
+def _closed(rings: list[list[Point2]]) -> None:
     if any(len(ring) < 4 or ring[0] != ring[-1] for ring in rings):
         raise FeatureError("a ring of its Polygon is not closed", "four points or more, the last one as the first")
-    area_kind, of = properties.get("kind"), properties.get("of")
-    if not isinstance(area_kind, str) or not isinstance(of, str | None):
-        raise FeatureError("a Polygon has a kind", 'write "kind": "road" or "crossing"')
     import shapely
 
     polygon = shapely.Polygon(rings[0], rings[1:])
@@ -225,19 +265,17 @@ def _made(feature: _Feature, rings: list[list[Point2]], *, left_hand: bool) -> C
         raise FeatureError(
             f"its Polygon is not valid: {shapely.is_valid_reason(polygon)}", "let no border cross another"
         )
-    return RoadArea(name, area_kind, tuple(tuple(ring) for ring in rings), of)
 
 
-def _link(name: str, points: list[Point2], properties: Mapping[str, Any], *, left_hand: bool) -> RoadLink:
+def _rings(rings: list[list[Point2]]) -> tuple[tuple[Point2, ...], ...]:
+    return tuple(map(tuple, rings))
+
+
+def _line(points: list[Point2]) -> Polyline:
     try:
-        line = Polyline(points)
+        return Polyline(points)
     except ValueError:
         raise FeatureError("its length is zero", "a LineString has two different points") from None
-    width_m = _number(properties, "width_m", WIDTH_M, 0.1, 200.0)
-    return RoadLink(
-        name, _end(properties, "from"), _end(properties, "to"), line, width_m, _lanes(properties, width_m, left_hand),
-        _number(properties, "speed_m_s", SPEED_M_S, 0.01, 200.0),
-    )  # fmt: skip
 
 
 def _end(properties: Mapping[str, Any], role: str) -> str | None:

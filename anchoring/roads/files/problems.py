@@ -1,7 +1,7 @@
 """What is wrong with the text of a road network: which feature, the cause and the remedy."""
 
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import Final, NamedTuple, TypeVar
 
 from anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import RoadsError
@@ -76,6 +76,10 @@ class Problems:
     def error(self, feature: int | None, name: str | None, message: str, remedy: str) -> None:
         self._add(RoadProblem(ERROR, feature, name, message, remedy, self.noun))
 
+    def errors(self, feature: int | None, name: str | None, wrong: Iterable["FeatureError"]) -> None:
+        for each in wrong:
+            self.error(feature, name, each.message, each.remedy)
+
     def warning(self, feature: int | None, name: str | None, message: str, remedy: str) -> None:
         self._add(RoadProblem(WARNING, feature, name, message, remedy, self.noun))
 
@@ -99,3 +103,28 @@ class FeatureError(ValueError):
     def __init__(self, message: str, remedy: str) -> None:
         self.message, self.remedy = message, remedy
         super().__init__(message)
+
+
+_Made = TypeVar("_Made")
+
+
+class Tries:
+    """Reads the parts of a feature one by one; what is wrong with one part does not hide what is wrong with another.
+
+    Attributes:
+        wrong: what was wrong until now.
+    """
+
+    def __init__(self) -> None:
+        self.wrong: list[FeatureError] = []
+
+    def __call__(self, make: Callable[..., _Made], *arguments: object) -> _Made | None:
+        """What is made of the arguments; None if that is wrong."""
+        try:
+            return make(*arguments)
+        except FeatureError as wrong:
+            self.wrong.append(wrong)
+            return None
+
+    def add(self, message: str, remedy: str) -> None:
+        self.wrong.append(FeatureError(message, remedy))

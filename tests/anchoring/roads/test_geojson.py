@@ -312,3 +312,22 @@ def test_whatever_stands_in_a_member_there_are_problems_or_a_network_and_no_cras
     assert all(each.message and each.remedy for each in survey.problems)
     if survey.network is not None:
         assert survey.network.on_road(50.0, 0.0) in {True, False}
+
+
+def test_all_that_is_wrong_with_one_feature_is_listed() -> None:
+    """The first problem of a feature hides none of the others, wherever they are."""
+    wrong = link("l", "x", 1.5, LINE, width_m="8", lanes=0, speed_m_s=-1, oneway="no")
+    survey = survey_roads(text(X, wrong))
+    assert [each.feature for each in survey.problems] == [1, 1, 1, 1]
+    about = {each.message.partition(" is ")[0] for each in survey.problems}
+    assert about == {'"to"', '"width_m"', '"oneway"', '"speed_m_s"'}
+    far = link("", "x", None, [[1e9, 0], [0, 0]], width_m=-1)
+    messages = [each.message for each in survey_roads(text(X, far)).problems]
+    assert [message.partition(" is ")[0] for message in messages] == ["its id", "[1000000000.0, 0.0]", '"width_m"']
+    area = feature("Polygon", [[[0, 0], [9, 0], [0, 0]]], id="a")
+    assert [each.message[:9] for each in survey_roads(text(X, area)).problems] == ["a Polygon", "a ring of"]
+
+
+def test_lanes_are_judged_by_themselves_where_the_width_is_wrong() -> None:
+    survey = survey_roads(text(X, link("l", "x", None, LINE, width_m="wide", lanes=[60.0, -60.0])))
+    assert [each.message for each in survey.problems] == ['"width_m" is "wide"']
