@@ -79,7 +79,7 @@ class RoadIndex:
 
 
 class _NearBoxes:
-    """Boxes by their place: a tree, and what it found around the cells that were asked about lately."""
+    """Boxes by their place: a tree, and what it found around the cells that were used lately."""
 
     def __init__(self, boxes: Iterable[_Box]) -> None:
         import numpy as np
