@@ -10,6 +10,7 @@ from agents.part import Part
 from agents.specification.specification_part import SPECIFICATION
 from dyknow import NO_VALUE, Label, Sample
 from dyknow.model.errors import Refused
+from dyknow.model.instants import US_PER_MS, print_span
 from dyknow.model.values import without_nan
 from dyknow.objects.object_table import ObjectTable
 from federation.messages.acts import Act
@@ -18,6 +19,7 @@ from federation.messages.descriptions import in_one_line
 from kpl import Instance
 from kpl.introspection.link_reasons import because
 from kpl.syntax.specification import RECOGNISED
+from reasoning.chronicles import MINUS_INFINITY
 
 if TYPE_CHECKING:
     from anchoring.links.objects import LinkEvent
@@ -105,9 +107,10 @@ def _event(event: "LinkEvent") -> ObjectEvent:
 
 
 def _recognised(label: Label, sample: Sample) -> ObjectEvent:
-    """An instance of a chronicle: its arguments, and when its instants were."""
+    """An instance of a chronicle: its arguments, and how long before it the instants were that it names itself."""
     arguments, _, instants = sample.value
-    times = ", ".join(f"{name} = {time_ms} ms" for name, time_ms in instants)
+    known = [(name, sample.valid_us - time_ms * US_PER_MS) for name, time_ms in instants if time_ms != MINUS_INFINITY]
+    times = ", ".join(f"{name} {print_span(ago_us)} before" for name, ago_us in known if ago_us > 0 and "." not in name)
     name = f"{label.objects[0]}[{', '.join(map(str, arguments))}]"
     return ObjectEvent(
         at_us=sample.valid_us, event="recognised", target=name[:LONGEST_TEXT], because=times[:LONGEST_REASON]

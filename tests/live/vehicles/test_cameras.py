@@ -39,6 +39,8 @@ def test_cars_are_listed_and_explained_and_a_turn_that_is_recognised_is_one_that
     assert history[0]["from"].startswith(f"vp{turn['unit']}_")
     assert f"{name}_in_crossing[{car}, {come}, {crossing}, {gone}]" in {each["to"] for each in history}
 
+    assert "-" not in turn["because"], turn  # a way that has been there since ever has no time
+
     at_us = round(turn["t_ms"] * 1000)
     traffic = traffic_of(scenario("traffic"), SEED)
     begun_us = at_us - at_us % ROUND_US
