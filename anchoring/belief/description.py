@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import inf
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -44,23 +45,23 @@ class GaussianAttribute:
     create_sd: float = inf
     drop_sd: float = inf
 
-    @property
+    @cached_property
     def is_optional(self) -> bool:
         """Whether an instance may be without it."""
         return min(self.create_sd, self.drop_sd) < inf
 
-    @property
+    @cached_property
     def volume(self) -> float | None:
         """Of the region in which it is uniform; None where it is Gaussian."""
         return float(np.prod(self.high - self.low)) if len(self.low) else None
 
-    @property
+    @cached_property
     def prior_mean(self) -> Floats:
         """(d,) of something new."""
         places = (self.low + self.high) / 2.0 if len(self.low) else self.mean
         return np.concatenate((places, np.zeros(self.axes * (self.order - 1))))
 
-    @property
+    @cached_property
     def prior_covariance(self) -> Floats:
         """(d, d)."""
         variances = (self.high - self.low) ** 2 / 12.0 if len(self.low) else self.sd**2
@@ -86,7 +87,7 @@ class CategoricalAttribute:
     drop: float = 0.0
     has_prior: bool = False
 
-    @property
+    @cached_property
     def is_optional(self) -> bool:
         """Whether an instance may be without it."""
         return self.create > 0.0

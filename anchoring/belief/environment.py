@@ -7,6 +7,7 @@ predicts all instances, associates, updates, and decides what is created, confir
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 
@@ -206,10 +207,11 @@ class EnvironmentModel:
         self.valid_us = valid_us
         if valid_us <= before_us:
             return
-        ends_us = self.table.deletions_us(before_us)
         ended: list[LifeEvent] = []
-        if (ends_us <= valid_us).any():
-            ended = [*self._delete(ends_us <= valid_us, ends_us)]
+        if self.model.lifetime_s < inf and len(self.table):
+            ends_us = self.table.deletions_us(before_us)
+            if (ends_us <= valid_us).any():
+                ended = [*self._delete(ends_us <= valid_us, ends_us)]
         self.table.predict((valid_us - before_us) / US_PER_S)
         ended += [*self._relations.predict(valid_us), *self.table.decide(valid_us)]
         yield from sorted(ended, key=lambda each: each.valid_us)

@@ -5,7 +5,7 @@ noise of density q drives the highest of these on each axis; an observation y sh
 
     L = N(y - m; 0, S),  S = P + R,  K = P H^T S^-1                       (predictive likelihood)
     m' = m + d,  d = sum_j w_j K_j v_j                                     (equation (8), moments matched)
-    P' = P + sum_j w_j (K_j v_j v_j^T K_j^T - K_j S_j K_j^T) - d d^T
+    P' = (1 - sum_j w_j) (P + d d^T) + sum_j w_j (P - K_j S_j K_j^T + (K_j v_j - d) (K_j v_j - d)^T)
 """
 
 from functools import lru_cache
@@ -17,6 +17,9 @@ import numpy as np
 from anchoring.belief.arrays import Flags, Floats, Indices
 from anchoring.belief.description import GaussianAttribute
 
+_SHARP = 1e-6
+"""An observation that leaves less of the volume of a belief is taken in with care for its digits."""
+
 
 class Innovations(NamedTuple):
     """What E pairs of instance and observation differ by.
@@ -24,12 +27,14 @@ class Innovations(NamedTuple):
     Attributes:
         difference: (E, m) v = y - H m.
         inverse: (E, m, m) S^-1.
+        noise: (E, m, m) R.
         distance: (E,) v^T S^-1 v.
         log_likelihood: (E,).
     """
 
     difference: Floats
     inverse: Floats
+    noise: Floats
     distance: Floats
     log_likelihood: Floats
 
@@ -75,7 +80,8 @@ class GaussianBeliefs:
         difference = values[cols] - self.mean[rows, :axes]
         if self.attribute.is_angle:
             difference = _wrapped(difference)
-        spread = self.spread()[rows] + noise[cols]
+        noise = noise[cols]
+        spread = self.spread()[rows] + noise
         inverse, determinant = inverted(spread)
         if axes == 2:  # written out: the general form takes longer
             one, two = difference[:, 0], difference[:, 1]
@@ -83,23 +89,29 @@ class GaussianBeliefs:
         else:
             distance = np.einsum("ei,eij,ej->e", difference, inverse, difference)
         log_likelihood = -0.5 * (distance + np.log(determinant) + axes * log(2.0 * pi))
-        return Innovations(difference, inverse, distance, log_likelihood)
+        return Innovations(difference, inverse, noise, distance, log_likelihood)
 
     def update(self, rows: Indices, weights: Floats, innovations: Innovations) -> None:
         """Take in what was observed, each with its probability given existence; `rows` ascend."""
         if not len(rows):
             return
         axes = self.attribute.axes
-        cross = self.covariance[rows, :, :axes]
+        before = self.covariance[rows]
+        cross = before[:, :, :axes]
         gain = cross @ innovations.inverse
         shift = (gain @ innovations.difference[:, :, None])[:, :, 0]
-        moved = weights[:, None] * shift
-        change = moved[:, :, None] * shift[:, None, :] - (weights[:, None, None] * gain) @ cross.transpose(0, 2, 1)
+        after = before - gain @ cross.transpose(0, 2, 1)
+        sharp = np.flatnonzero(determinants(innovations.inverse) * determinants(innovations.noise) < _SHARP)
+        if len(sharp):
+            after[sharp] = _joseph(before[sharp], gain[sharp], innovations.noise[sharp])
         starts = np.flatnonzero(np.concatenate(([True], rows[1:] != rows[:-1])))
         which = rows[starts]
-        if len(starts) < len(rows):
-            moved, change = np.add.reduceat(moved, starts), np.add.reduceat(change, starts)
-        covariance = self.covariance[which] + change - moved[:, :, None] * moved[:, None, :]
+        moved = np.add.reduceat(weights[:, None] * shift, starts)
+        rest = np.maximum(1.0 - np.add.reduceat(weights, starts), 0.0)[:, None, None]
+        apart = shift - np.repeat(moved, np.diff(np.append(starts, len(rows))), axis=0)
+        each = weights[:, None, None] * (after + apart[:, :, None] * apart[:, None, :])
+        prior = self.covariance[which] + moved[:, :, None] * moved[:, None, :]
+        covariance = np.add.reduceat(each, starts) + rest * prior
         self.covariance[which] = 0.5 * (covariance + covariance.transpose(0, 2, 1))
         self.mean[which] += moved
         if self.attribute.is_angle:
@@ -157,6 +169,13 @@ class GaussianBeliefs:
         return created, dropped
 
 
+def _joseph(before: Floats, gain: Floats, noise: Floats) -> Floats:
+    """Covariances (E, d, d) after an update, (1 - K H) P (1 - K H)^T + K R K^T: positive however much that takes away."""
+    kept = np.broadcast_to(np.eye(before.shape[-1]), before.shape).copy()
+    kept[:, :, : gain.shape[-1]] -= gain
+    return np.asarray(kept @ before @ kept.transpose(0, 2, 1) + gain @ noise @ gain.transpose(0, 2, 1))
+
+
 def inverted(matrices: Floats) -> tuple[Floats, Floats]:
     """Inverses (E, m, m) of symmetric matrices, and determinants (E,)."""
     size = matrices.shape[-1]
@@ -198,11 +217,9 @@ def _motion(axes: int, order: int, seconds: float) -> tuple[Floats, Floats, Floa
         [[seconds ** (k - i) / factorial(k - i) if k >= i else 0.0 for k in range(order)] for i in range(order)]
     )
     transition = np.kron(block, each)
-    if order == 1:
-        noise = np.array([[seconds]])
-    else:
-        from filterpy.common import Q_continuous_white_noise
-
-        noise = Q_continuous_white_noise(order, seconds)
+    left = [order - 1 - i for i in range(order)]
+    noise = np.array(
+        [[seconds ** (i + j + 1) / ((i + j + 1) * factorial(i) * factorial(j)) for j in left] for i in left]
+    )
     both = np.asarray(np.kron(transition, transition).T, np.float64)
     return np.asarray(transition.T, np.float64), both, np.asarray(np.kron(noise, each), np.float64)

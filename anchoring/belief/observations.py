@@ -118,15 +118,16 @@ class LookEncoder:
     ) -> MeasuredValues | None:
         axes, usual = gaussian.attribute.axes, sensor.noise.get(name)
         given = [each.values.get(name) for each in observations]
-        among = np.array([each is not None for each in given], dtype=np.bool_)
-        if not among.any():
+        missing = sum([each is None for each in given])
+        if missing == len(given):
             return None
         usual = np.eye(axes) if usual is None else usual
         noise = np.broadcast_to(usual, (len(given), axes, axes))
         if name == POSITION and any(each.covariance is not None for each in observations):
             noise = np.array([usual if each.covariance is None else each.covariance for each in observations])
-        if among.all():
+        if not missing:
             return MeasuredValues(np.array(given, dtype=np.float64).reshape(-1, axes), noise, None)
+        among = np.array([each is not None for each in given])
         values = np.zeros((len(given), axes))
         values[among] = np.array([each for each in given if each is not None], dtype=np.float64).reshape(-1, axes)
         return MeasuredValues(values, noise, among)

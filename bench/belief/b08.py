@@ -157,7 +157,5 @@ def sides(options: Options) -> Iterator[Mapping[str, Side]]:
 
         return run
 
-    scene(10, 1.0, 1, 0)
-    ours(scene(10, 1.0, 1, 0))(0)  # filterpy is imported
     exact = partial(ours, exact_instances=EXACT_INSTANCES)
     yield {"ours": side("ours", ours), "exact": side("exact", exact), PEER: side(PEER, stone_soup)}
