@@ -120,9 +120,7 @@ def _weighed(
         else:
             log_likelihood[pairs.which] += pairs.innovations.log_likelihood
     for name, likely in look.categorical.items():
-        likelihood = table.categorical[name].likelihood(rows, cols, likely.likelihood)
-        if likely.among is None:
-            log_likelihood += np.log(np.maximum(likelihood, 1e-300))
-        else:
-            log_likelihood += np.where(likely.among[cols], np.log(np.maximum(likelihood, 1e-300)), 0.0)
+        with np.errstate(divide="ignore"):  # what no value explains has no likelihood
+            log_of = np.log(table.categorical[name].likelihood(rows, cols, likely.likelihood))
+        log_likelihood += log_of if likely.among is None else np.where(likely.among[cols], log_of, 0.0)
     return Pairs(rows, cols, log_likelihood, measured)

@@ -1,5 +1,6 @@
 """Prediction, update and life cycle of instances."""
 
+from dataclasses import replace
 from math import exp, log
 
 import numpy as np
@@ -223,6 +224,21 @@ def test_figure_4_only_its_type_says_which_attributes_are_observed_of_a_cup() ->
         report = environment.observe(WorldObservation(0, "camera", values))
         w = report.associations[0]["i3"] / environment.table.existence[0]
         assert environment.instance(0).type["cup"] == pytest.approx((1 - w) * 0.8 + w * share, abs=0.02)
+
+
+def test_what_the_type_of_an_instance_excludes_is_not_of_that_instance() -> None:
+    model = cup_world()
+    plate = InitialInstance(
+        "i1", 0.9, {"position_m": (np.array([5.0, 20.0]), np.eye(2))}, {"type": np.array([0.0, 1.0])}
+    )
+    blind = replace(model.sensors["camera"], births=0.0, clutter=0.0, false_alarm=0.0)
+    environment = EnvironmentModel(replace(model, initial=[plate], sensors={"camera": blind}), 0)
+    for _ in range(2):
+        report = environment.observe(WorldObservation(0, "camera", {"colour": "red"}))
+        assert report.is_unexplained  # the colour alone is never observed of a plate
+        assert environment.instance(0).type["plate"] == 1.0
+        environment.observe_scan([WorldObservation(0, "camera", {"colour": "red"})])
+        assert environment.instance(0).type["plate"] == 1.0
 
 
 def entropy(shares) -> float:
