@@ -172,9 +172,8 @@ class DirectoryAgent(Part):
     def on_answered(self, event: Answered, now_us: int) -> Followed:
         return None if self._member.on_answered(event, now_us) else self._clocks
 
-    def on_ask_ended(self, event: AskEnded, now_us: int) -> Followed:
-        self._member.dispatch(event, now_us)
-        return self._own
+    def on_ask_ended(self, event: AskEnded, _now_us: int) -> Followed:
+        return self._own if self._member.on_ask_ended(event) else ()
 
     def _on_own(self, change: PeerChange, now_us: int) -> None:
         """What is this platform's own affair: its name, its clock, its members."""

@@ -7,7 +7,7 @@ from dyknow import Label, Network, Policy, Sample
 from dyknow.model.errors import UnknownLabel
 from dyknow.model.values import without_nan
 from dyknow.network.stream_proxy import StreamProxy
-from federation.messages.codec import MAX_EVERY, MAX_RIDERS, Rider, WireSample
+from federation.messages.codec import MAX_EVERY, MAX_RIDERS, Rider, StreamSample
 from federation.sharing.exports import ContractEnded, ExportEvent, Exports, StreamEnded, StreamName
 from federation.sharing.streams import ExportStream
 from federation.sharing.translation import Translation
@@ -35,7 +35,7 @@ class ExportProxy:
         self.exports = exports
         self._network, self._translation, self._put = network, translation, put
         self._subscriptions: dict[StreamName, StreamProxy] = {}
-        self._waiting: dict[ExportStream, list[WireSample]] = {}
+        self._waiting: dict[ExportStream, list[StreamSample]] = {}
         self._importance: dict[str, float] = {}
         self.shed = 1
         self.omitted = Counter[str]()

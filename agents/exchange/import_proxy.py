@@ -12,7 +12,7 @@ from dyknow.model.errors import SortError
 from federation.members.clock import FederationClock, Offset, Standing
 from federation.members.imports import ImportName, Imports
 from federation.members.offers import DefinitionsChanged
-from federation.messages.codec import WireSample
+from federation.messages.codec import StreamSample
 from federation.sharing.ontology import Ontology
 from federation.sharing.translation import Convert, LabelConversion, Translation
 from federation.transport import WireEffect
@@ -135,7 +135,7 @@ class ImportProxy(Part):
         if policy is not None and policy.sample_us is not None:
             self.on_every(*name[:2], policy.sample_us, every)
 
-    def _deliver(self, found: ImportedStream, entries: Sequence[WireSample], at_us: int) -> None:
+    def _deliver(self, found: ImportedStream, entries: Sequence[StreamSample], at_us: int) -> None:
         offset = self._offset_of(found.owner)
         standing = found.standing
         if offset is not found.offset or offset is None:

@@ -11,7 +11,7 @@ SYNCHRONISED_US = 50_000
 CORRECTED_US = 1_000_000
 BURST = 8
 BURST_RETRY_US = 1_000_000
-PERIOD_US = 5_000_000
+PERIOD_US, TOGETHER_US = 5_000_000, 200_000
 PING_TIMEOUT_US = 1_000_000
 DRIFT_PPM = 200
 AGREEING = 2
@@ -136,10 +136,13 @@ class OffsetEstimator:
         return self._next_us
 
     def due(self, now_us: int) -> int:
-        """How many exchanges to start now: what is missing of eight, each second, then one every five seconds."""
-        if now_us < self._next_us:
-            return 0
+        """How many exchanges to start now: what is missing of eight, each second, then one every five seconds.
+
+        Once the eight are had, one that is due in 200 ms is started with those of other peers.
+        """
         missing = BURST - self._answered
+        if now_us < (self._next_us if missing > 0 else self._next_us - TOGETHER_US):
+            return 0
         self._next_us = now_us + (BURST_RETRY_US if missing > 0 else PERIOD_US)
         return max(1, missing)
 

@@ -15,14 +15,14 @@ from federation.members.imports import ImportName
 from federation.members.liveness import PeerState
 from federation.members.member import Member
 from federation.messages.acts import Act, Performative
-from federation.messages.codec import WireSample
+from federation.messages.codec import StreamSample
 from federation.messages.contents import Content, EndStream, Reason, Stream, read
 from federation.messages.dialogue import Dialogue
 from federation.messages.protocols import OPENING
 from federation.security.trust import Trust
 from federation.transport import TokenChanged, WireEffect, WireEvent
 
-OnSample: TypeAlias = Callable[[ImportName, WireSample, int], None]
+OnSample: TypeAlias = Callable[[ImportName, StreamSample, int], None]
 """Takes the stream's owner, semantic label and policy hash, a sample, and its arrival (node clock)."""
 
 
@@ -211,7 +211,7 @@ class CommandCentre:
         if outcome not in {"sent", "accepted"}:
             self.refused[outcome] += 1
 
-    def _on_samples(self, name: ImportName, samples: Sequence[WireSample], at_us: int) -> None:
+    def _on_samples(self, name: ImportName, samples: Sequence[StreamSample], at_us: int) -> None:
         for sample in samples:
             self.on_sample(name, sample, at_us)
 

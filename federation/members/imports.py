@@ -9,13 +9,13 @@ from typing import TypeAlias
 
 from federation import keys
 from federation.members.deadlines import Deadlines
-from federation.messages.codec import WireSample, decode_recovered, decode_samples
+from federation.messages.codec import StreamSample, decode_recovered, decode_samples
 from federation.sharing.streams import ImportStream
 from federation.transport import Answered, Arrived, Ask, AskEnded, Subscribe, Unsubscribe
 
 ImportName: TypeAlias = tuple[str, str, str]
 """Owner, semantic label and policy hash."""
-Take: TypeAlias = Callable[[Sequence[WireSample], int], None]
+Take: TypeAlias = Callable[[Sequence[StreamSample], int], None]
 """Takes new samples of one stream, and when they arrived (node clock)."""
 
 
@@ -110,7 +110,7 @@ class Imports:
                 self._take(imported, boot, carried, every, at_us)
         return True
 
-    def _take(self, imported: ImportRecord, boot: int, entries: Sequence[WireSample], every: int, at_us: int) -> None:
+    def _take(self, imported: ImportRecord, boot: int, entries: Sequence[StreamSample], every: int, at_us: int) -> None:
         imported.heard_us = at_us
         if every != imported.every:
             imported.every, stream = every, imported.stream

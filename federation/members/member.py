@@ -146,8 +146,7 @@ class Member:
             case transport.Answered():
                 self.on_answered(event, now_us)
             case transport.AskEnded():
-                if not (self.offsets.on_ask_ended(event) or self.imports.on_ask_ended(event)):
-                    self.directory.on_ask_ended(event)
+                self.on_ask_ended(event)
             case _:
                 self.refused[type(event).__name__] += 1
 
@@ -270,6 +269,14 @@ class Member:
         outcome = self.directory.on_answered(event)
         self.take(outcome, now_us)
         return bool(outcome)
+
+    def on_ask_ended(self, event: transport.AskEnded) -> bool:
+        """A question of ours is over; whether anything may follow: of clocks, what came was taken when it came."""
+        if self.offsets.on_ask_ended(event):
+            return False
+        if not self.imports.on_ask_ended(event):
+            self.directory.on_ask_ended(event)
+        return True
 
     def _learns_clock(self, event: transport.Answered | transport.Arrived) -> bool:
         """Adopt the clock that the first platform describes; whether ours was another, and the directory begins again."""

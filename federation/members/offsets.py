@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from dyknow.model.errors import DecodeError
 from federation import keys
-from federation.members.clock import PING_TIMEOUT_US, Offset, OffsetEstimator, Standing
+from federation.members.clock import PING_TIMEOUT_US, TOGETHER_US, Offset, OffsetEstimator, Standing
 from federation.members.deadlines import Deadlines
 from federation.messages.codec import Ping, Pong, decode_ping, decode_pong, encode_ping, encode_pong
 from federation.transport import Answer, Answered, AnswerEnd, Ask, Asked, AskEnded
@@ -13,6 +13,7 @@ from federation.transport import Answer, Answered, AnswerEnd, Ask, Asked, AskEnd
 ABSENT = 512
 SETTLE_US, SETTLE_PER_PEER_US = 100_000, 20_000
 """How long a peer is met before its clock is asked for: the rush of meeting would spoil what is measured."""
+_ANSWERED = ("", 0)
 
 
 class Compared(NamedTuple):
@@ -88,11 +89,12 @@ class ClockOffsets:
         return [Answer(asked.ask, asked.key, encode_pong(pong)), AnswerEnd(asked.ask)]
 
     def on_answered(self, answered: Answered) -> Compared | None:
-        """An answer; what came of it, or None if the question is none of ours."""
-        unit, sent_us = self._asked.pop(answered.question, ("", 0))
+        """An answer, taken once; what came of it, or None if the question is none of ours."""
+        unit, sent_us = self._asked.get(answered.question, _ANSWERED)
         estimator = self._estimators.get(unit)
         if estimator is None:
             return None
+        self._asked[answered.question] = _ANSWERED
         try:
             pong = decode_pong(answered.payload)
         except DecodeError:
@@ -107,7 +109,7 @@ class ClockOffsets:
         return Compared(unit, estimator.standing is not before)
 
     def on_ask_ended(self, ended: AskEnded) -> bool:
-        """No answer will come; False if the question is none of ours, or was answered."""
+        """No answer will come from now on; False if the question is none of ours."""
         return self._asked.pop(ended.question, None) is not None
 
     @property
@@ -115,9 +117,12 @@ class ClockOffsets:
         return self._due.next_us
 
     def on_time(self, now_us: int) -> list[Ask]:
-        """Ask whom it is time to ask."""
+        """Ask the peers that are due, and with them those that are due soon: one step asks many."""
+        due_us = self._due.next_us
+        if due_us is None or now_us < due_us:
+            return []
         asks = []
-        for unit in self._due.pop_due(now_us):
+        for unit in self._due.pop_due(now_us + TOGETHER_US):
             estimator = self._estimators[unit]
             for _ in range(estimator.due(now_us)):
                 question = next(self._questions)

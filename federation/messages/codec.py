@@ -10,7 +10,7 @@ quoted text = bin, `no_value` = nil.
 
 import re
 from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from pydantic import ValidationError
@@ -32,38 +32,18 @@ Signature: TypeAlias = bytes
 """Ed25519 over the body of an act, 64 bytes."""
 
 _IDENTIFIER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,95}")
-_quality = lru_cache(maxsize=256)(Quality)
 
 
 class StreamSample(NamedTuple):
-    """One sample on the wire: its number in the stream (from 1), when it held, and its value."""
+    """One sample of a stream: its number there (from 1), when it held, its value, and what its maker says of it.
+
+    On the wire a quality is two fields more, certainty and covariance, unless it is the default.
+    """
 
     seq: int
     valid_us: int
     value: Value
-
-    @property
-    def quality(self) -> Quality:
-        """The default: certain, without covariance."""
-        return SURE
-
-
-class QualifiedSample(NamedTuple):
-    """The same, with what its maker says of it: probability that it is right, and covariance of its components."""
-
-    seq: int
-    valid_us: int
-    value: Value
-    certainty: float
-    covariance: tuple[tuple[float, ...], ...]
-
-    @property
-    def quality(self) -> Quality:
-        """As the local instance has it; one for all receivers in a process, since each keeps it."""
-        return _quality(self.certainty, self.covariance)
-
-
-WireSample: TypeAlias = StreamSample | QualifiedSample
+    quality: Quality = SURE
 
 
 class Rider(NamedTuple):
@@ -71,14 +51,14 @@ class Rider(NamedTuple):
 
     label: str
     policy_hash: str
-    samples: Sequence[WireSample]
+    samples: Sequence[StreamSample]
 
 
 class StreamedSamples(NamedTuple):
     """What is put on the key of a stream: which life of its owner sent it, samples, riders; of how many samples one is sent."""
 
     boot: int
-    samples: Sequence[WireSample]
+    samples: Sequence[StreamSample]
     riders: Sequence[Rider]
     every: int = 1
 
@@ -97,7 +77,7 @@ class Recovered(NamedTuple):
     boot: int
     oldest: int
     tail: int
-    samples: Sequence[WireSample]
+    samples: Sequence[StreamSample]
 
 
 class Heartbeat(NamedTuple):
@@ -308,14 +288,24 @@ _new = tuple.__new__  # makes a NamedTuple in half the time
 
 def encode_samples(
     boot: int,
-    samples: Sequence[WireSample],
+    samples: Sequence[StreamSample],
     pack: Callable[[object], bytes] = pack,
     riders: Sequence[Rider] = (),
     every: int = 1,
 ) -> bytes:
     """Samples of one stream, which the key they are put on names, and of others of that owner that travel with it."""
-    more = (riders, every) if every > 1 else (riders,) if riders else ()
-    return pack((unpacking.VERSION, boot, samples, *more))
+    carried = [(label, policy_hash, _packed(entries)) for label, policy_hash, entries in riders]
+    more = (carried, every) if every > 1 else (carried,) if carried else ()
+    return pack((unpacking.VERSION, boot, _packed(samples), *more))
+
+
+def _packed(samples: Sequence[StreamSample]) -> list[tuple[Any, ...]]:
+    return [sample[:3] if sample.quality is SURE else (*sample[:3], *_exact(sample.quality)) for sample in samples]
+
+
+def _exact(quality: Quality) -> tuple[float, list[list[float]]]:
+    """In floats, as they are asked for on the way in."""
+    return float(quality.certainty), [list(map(float, row)) for row in quality.covariance]
 
 
 @lru_cache(maxsize=256)
@@ -330,13 +320,23 @@ def decode_samples(payload: bytes) -> StreamedSamples:
 
 
 def _riders(found: Any) -> tuple[Rider, ...]:
-    riders = [unpacking.fields(rider, 3) for rider in unpacking.items(found, MAX_RIDERS)]
-    label, digest = partial(named, keys.label), unpacking.digest
-    return tuple([Rider(label(name), digest(policy), tuple(_samples(samples))) for name, policy, samples in riders])
+    riders = []
+    for rider in unpacking.items(found, MAX_RIDERS):
+        label, policy_hash, samples = unpacking.fields(rider, 3)
+        if type(label) is not str or type(policy_hash) is not str:
+            unpacking.fail("name")
+        riders.append(Rider(*_stream(label, policy_hash), tuple(_samples(samples))))
+    return tuple(riders)
 
 
-def _samples(found: Any) -> list[WireSample]:
-    samples: list[WireSample] = []
+@lru_cache(maxsize=1024)
+def _stream(label: str, policy_hash: str) -> tuple[str, str]:
+    """The names of a stream, checked; what comes again and again is checked once."""
+    return named(keys.label, label), unpacking.digest(policy_hash)
+
+
+def _samples(found: Any) -> list[StreamSample]:
+    samples: list[StreamSample] = []
     for entry in unpacking.items(found):
         if type(entry) is not tuple or len(entry) not in (3, 5):
             unpacking.fail("shape")
@@ -345,10 +345,8 @@ def _samples(found: Any) -> list[WireSample]:
             unpacking.fail("number")
         if not (0 < seq <= MAX_INTEGER and MIN_INTEGER <= valid_us <= MAX_INTEGER):
             unpacking.fail("number")
-        if len(entry) == 3:
-            samples.append(_new(StreamSample, (seq, valid_us, unpacking.sampled(value))))
-        else:
-            samples.append(QualifiedSample(seq, valid_us, unpacking.sampled(value), *unpacking.qualified(*entry[3:])))
+        quality = SURE if len(entry) == 3 else _new(Quality, unpacking.qualified(*entry[3:]))
+        samples.append(_new(StreamSample, (seq, valid_us, unpacking.sampled(value), quality)))
     return samples
 
 
@@ -358,9 +356,11 @@ def _numbers(pair: Any) -> tuple[int, int]:
 
 
 encode_range, decode_range = unpacking.codec(Range, unpacking.digest, unpacking.count, unpacking.many(_numbers))
-encode_recovered, decode_recovered = unpacking.codec(
-    Recovered, unpacking.count, unpacking.count, unpacking.count, _samples
-)
+decode_recovered = unpacking.codec(Recovered, unpacking.count, unpacking.count, unpacking.count, _samples)[1]
+
+
+def encode_recovered(answer: Recovered) -> bytes:
+    return pack((unpacking.VERSION, *answer[:3], _packed(answer.samples)))
 
 
 # The directory and the clock

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from dyknow.model.sample import SURE, Sample
+from dyknow.model.sample import Sample
 from federation import keys
 from federation.messages import codec
 from federation.messages.unpacking import packer
@@ -42,36 +42,25 @@ class ExportStream:
         self.owner, self.label, self.policy_hash, self.boot = owner, label, policy_hash, boot
         self.key = keys.stream(owner, label, policy_hash)
         self.tail = tail
-        self._ring: deque[codec.WireSample] = deque(maxlen=capacity)
+        self._ring: deque[codec.StreamSample] = deque(maxlen=capacity)
         self._pack = packer()
 
     def on_sample(self, sample: Sample) -> Put:
         """Number a sample and put it, for every receiver at once."""
         return self.put((self.number(sample),))
 
-    def number(self, sample: Sample) -> codec.WireSample:
+    def number(self, sample: Sample) -> codec.StreamSample:
         """Number a sample and keep it for receivers that lost it; it is still to be put."""
         self.tail += 1
-        quality = sample.quality
-        entry: codec.WireSample = (
-            codec.StreamSample(self.tail, sample.valid_us, sample.value)
-            if quality is SURE
-            else codec.QualifiedSample(
-                self.tail,
-                sample.valid_us,
-                sample.value,
-                float(quality.certainty),
-                tuple(tuple(map(float, row)) for row in quality.covariance),
-            )
-        )
+        entry = codec.StreamSample(self.tail, sample.valid_us, sample.value, sample.quality)
         self._ring.append(entry)
         return entry
 
-    def put(self, entries: Sequence[codec.WireSample], riders: Sequence[codec.Rider] = (), every: int = 1) -> Put:
+    def put(self, entries: Sequence[codec.StreamSample], riders: Sequence[codec.Rider] = (), every: int = 1) -> Put:
         """Put numbered samples in one go, in their order, and those of other streams that travel with them."""
         return Put(self.key, codec.encode_samples(self.boot, entries, self._pack, riders, every), Urgency.STREAM)
 
-    def ride(self, entries: Sequence[codec.WireSample]) -> codec.Rider:
+    def ride(self, entries: Sequence[codec.StreamSample]) -> codec.Rider:
         """Numbered samples that travel with those of another stream."""
         return codec.Rider(self.label, self.policy_hash, entries)
 
@@ -80,7 +69,7 @@ class ExportStream:
         """The smallest number that is still held; one beyond the tail when nothing is."""
         return self._ring[0].seq if self._ring else self.tail + 1
 
-    def held(self, first: int, last: int) -> Iterator[codec.WireSample]:
+    def held(self, first: int, last: int) -> Iterator[codec.StreamSample]:
         """What is held of numbers first..last, both inclusive."""
         start = max(0, first - self.oldest)
         for at in range(start, min(len(self._ring), last - self.oldest + 1)):
@@ -154,7 +143,7 @@ class ImportStream:
     def deadline_us(self) -> int | None:
         return None if self._asked is not None else self._due_us
 
-    def on_samples(self, boot: int, entries: Sequence[codec.WireSample], now_us: int) -> Sequence[codec.WireSample]:
+    def on_samples(self, boot: int, entries: Sequence[codec.StreamSample], now_us: int) -> Sequence[codec.StreamSample]:
         """Take what was put on the stream's key; returns what is new, as it came."""
         if boot == self.boot and len(entries) == 1 and entries[0].seq == self._next:
             self._next += 1
@@ -169,7 +158,7 @@ class ImportStream:
             return ()
         return [entry for entry in entries if self._is_new(entry.seq, now_us)]
 
-    def _is_next_run(self, entries: Sequence[codec.WireSample]) -> bool:
+    def _is_next_run(self, entries: Sequence[codec.StreamSample]) -> bool:
         first = self._next or 0
         return [entry.seq for entry in entries] == list(range(first, first + len(entries)))
 
@@ -187,7 +176,7 @@ class ImportStream:
             self._miss(self._next, tail, now_us)
             self._next = tail + 1
 
-    def on_recovered(self, answer: codec.Recovered, now_us: int) -> list[codec.WireSample]:
+    def on_recovered(self, answer: codec.Recovered, now_us: int) -> list[codec.StreamSample]:
         """Take one answer to our question; returns what is new."""
         if not self._is_current(answer.boot):
             self.account.stale += len(answer.samples)

@@ -10,7 +10,7 @@ from federation.members.directory import unit_order
 from federation.members.imports import ImportName
 from federation.members.liveness import PeerState
 from federation.messages.acts import Performative
-from federation.messages.codec import WireSample
+from federation.messages.codec import StreamSample
 from federation.messages.contents import (
     Answers,
     Content,
@@ -189,7 +189,7 @@ class WatchedStreams:
         self._feeds.setdefault(stream, []).append(entry)
         return lambda: self._feeds[stream].remove(entry)
 
-    def _on_sample(self, name: ImportName, sample: WireSample, at_us: int) -> None:
+    def _on_sample(self, name: ImportName, sample: StreamSample, at_us: int) -> None:
         owner, label, policy_hash = name
         for units, feed in self._feeds.get((label, policy_hash), ()):
             if owner in units:

@@ -6,7 +6,7 @@ from typing import Any, Literal, NamedTuple, overload
 
 from dyknow import SURE, Quality
 from dyknow.model.values import NoValue
-from federation.messages.codec import QualifiedSample, WireSample
+from federation.messages.codec import StreamSample
 from federation.messages.contents import Reading
 from navigation.geodesy import metres_per_degree
 
@@ -124,8 +124,7 @@ def _quality(value: Mapping[str, Any], variance: Mapping[str, Any] | None) -> Qu
 
 
 def sample_of_wire(
-    value: Mapping[str, Any], unit: str, label: str, sample: WireSample, available_us: int
+    value: Mapping[str, Any], unit: str, label: str, sample: StreamSample, available_us: int
 ) -> UnitSample:
     """One sample of a stream that is watched; `value` is its value by field."""
-    quality = Quality(sample.certainty, sample.covariance) if isinstance(sample, QualifiedSample) else SURE
-    return UnitSample(unit, label, value, sample.valid_us, available_us, quality)
+    return UnitSample(unit, label, value, sample.valid_us, available_us, sample.quality)

@@ -22,7 +22,7 @@ from dyknow.model.errors import FederationFailed, TextError
 from federation.members.imports import ImportName
 from federation.messages import contents
 from federation.messages.acts import Act, Performative, parse_act
-from federation.messages.codec import WireSample
+from federation.messages.codec import StreamSample
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client
 from runtime.configuration.run_directory import run_directory
@@ -116,7 +116,7 @@ class Demo:
     def _watch(self, client: Client) -> None:
         """Streams of the two that will meet, to this command centre."""
 
-        def on_sample(name: ImportName, sample: WireSample, _at_us: int) -> None:
+        def on_sample(name: ImportName, sample: StreamSample, _at_us: int) -> None:
             if isinstance(sample.value, tuple):
                 self.separation.on_sample(*name[:2], sample.valid_us, sample.value)
 

@@ -15,7 +15,7 @@ from dyknow.model.errors import FederationFailed, WrongCall
 from dyknow.model.instants import print_span
 from dyknow.model.values import NO_VALUE
 from federation.messages.acts import Performative
-from federation.messages.codec import WireSample
+from federation.messages.codec import StreamSample
 from federation.messages.contents import Query, Samples
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client
@@ -175,7 +175,7 @@ def _tell_silence(
     return off_grid
 
 
-def _record(client: Client, owner: str, label: str, sample: WireSample, at_us: int) -> dict[str, Any]:
+def _record(client: Client, owner: str, label: str, sample: StreamSample, at_us: int) -> dict[str, Any]:
     value = None if sample.value is NO_VALUE else record_of(client, owner, label, sample.value)
     return {
         "unit": unit_json(owner),

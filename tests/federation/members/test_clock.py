@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow.model.errors import PolicyError
-from federation.members.clock import PERIOD_US, FederationClock, Offset, OffsetEstimator, Standing
+from federation.members.clock import PERIOD_US, TOGETHER_US, FederationClock, Offset, OffsetEstimator, Standing
 from federation.members.offsets import SETTLE_US, ClockOffsets
 from federation.transport import Answer, Answered, Ask, Asked, AskEnded
 
@@ -174,8 +174,8 @@ def test_eight_exchanges_at_once_then_one_every_five_seconds() -> None:
     for _ in range(2):
         end_us = exchange(estimator, 1_000_000, 0, 300, 300)
     assert estimator.deadline_us == end_us + PERIOD_US
-    assert estimator.due(end_us + PERIOD_US - 1) == 0
-    assert estimator.due(end_us + PERIOD_US) == 1
+    assert estimator.due(end_us + PERIOD_US - TOGETHER_US - 1) == 0
+    assert estimator.due(end_us + PERIOD_US - TOGETHER_US) == 1, "with those of others"
 
 
 def asked_after(offsets: ClockOffsets, unit: str, boot: int, at_us: int) -> list[Ask]:

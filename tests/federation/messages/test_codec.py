@@ -3,6 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow.model.errors import ContentError, DecodeError
+from dyknow.model.sample import SURE, Quality
 from dyknow.model.values import NO_VALUE
 from federation.messages import codec
 from federation.messages.acts import Act, AgentName, Performative
@@ -25,10 +26,8 @@ COVARIANCES = st.integers(0, 3).flatmap(
         tuple
     )
 )
-SAMPLES = st.lists(
-    st.builds(StreamSample, *SAMPLE) | st.builds(codec.QualifiedSample, *SAMPLE, st.floats(0, 1), COVARIANCES),
-    max_size=4,
-)
+QUALITIES = st.just(SURE) | st.builds(Quality, st.floats(0, 1), COVARIANCES)
+SAMPLES = st.lists(st.builds(StreamSample, *SAMPLE, QUALITIES), max_size=4)
 ACT = Act(Performative.INFORM, AgentName("interface", "1"), AgentName("interface", "0"), Expr("done"), "1-1-1")
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from agents.effects import InjectFault, Tell
 from agents.flight.places import FlightLimits, FlightPlan, Waypoint
 from agents.platform import Platform
+from dyknow.model.sample import SURE
 from federation import keys
 from federation.members.clock import FederationClock
 from federation.messages.codec import decode_act, decode_description, decode_heartbeat, decode_samples
@@ -89,7 +90,10 @@ def _samples(key: str, parsed: keys.StreamKey, payload: bytes) -> list[tuple[str
     """One entry a stream, whichever travel together."""
     boot, samples, riders, _ = decode_samples(payload)
     streams = [(key, samples), *((keys.stream(parsed.owner, *rider[:2]), rider.samples) for rider in riders)]
-    return [("samples", [name, boot, [list(sample) for sample in each]]) for name, each in streams]
+    return [
+        ("samples", [name, boot, [[*entry, *(() if quality is SURE else quality)] for *entry, quality in each]])
+        for name, each in streams
+    ]
 
 
 def _put(key: str, parsed: Any, payload: bytes) -> tuple[str, list[Any]]:
