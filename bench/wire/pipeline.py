@@ -14,7 +14,7 @@ from agents.exchange.import_proxy import ImportProxy
 from bench.instants import grid
 from bench.streams.experiments import fluent_streams
 from bench.wire.raw import IDLE_S, PATIENCE_S, delays, latencies
-from dyknow import Label, Network, Policy, Sample
+from dyknow import Label, Network, Policy, Sample, earlier
 from federation import keys
 from federation.members.clock import FederationClock, Offset
 from federation.members.imports import Imports
@@ -37,6 +37,7 @@ ONTOLOGY = Ontology({}).extended(
 VALUE = (1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5, 8.5)
 POLICY = Policy()
 OWNER, RECEIVER = "0", "1"
+_OFFSET = Offset(0, 100)
 
 
 def monotonic_us() -> int:
@@ -200,7 +201,7 @@ class _ImportingNode:
             ONTOLOGY,
             translation,
             FederationClock(),
-            lambda _owner: Offset(0, 100),
+            lambda _owner: _OFFSET,
             self._imports,
             self._effects.append,
             source,
@@ -258,7 +259,7 @@ class _ImportingNode:
 
     @property
     def deadline_us(self) -> int | None:
-        return min((due for due in (self.wake_us, self._imports.deadline_us) if due is not None), default=None)
+        return earlier(self.wake_us, self._imports.deadline_us)
 
     def on_event(self, event: Any, _now_us: int) -> list[WireEffect]:
         if isinstance(event, Arrived):

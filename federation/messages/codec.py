@@ -294,9 +294,10 @@ def encode_samples(
     every: int = 1,
 ) -> bytes:
     """Samples of one stream, which the key they are put on names, and of others of that owner that travel with it."""
+    if every == 1 and not riders:
+        return pack((unpacking.VERSION, boot, _packed(samples)))
     carried = [(label, policy_hash, _packed(entries)) for label, policy_hash, entries in riders]
-    more = (carried, every) if every > 1 else (carried,) if carried else ()
-    return pack((unpacking.VERSION, boot, _packed(samples), *more))
+    return pack((unpacking.VERSION, boot, _packed(samples), carried, *((every,) if every > 1 else ())))
 
 
 def _packed(samples: Sequence[StreamSample]) -> list[tuple[Any, ...]]:
@@ -311,12 +312,11 @@ def _exact(quality: Quality) -> tuple[float, list[list[float]]]:
 @lru_cache(maxsize=256)
 def decode_samples(payload: bytes) -> StreamedSamples:
     """What was put on the key of a stream; raises DecodeError. Read once for all in a process."""
-    found = unpacking.unpack(payload)
-    boot, samples, *more = unpacking.versioned(found, 2, 4)
-    riders, every = more + [(), 1][len(more) :]
-    if not 1 <= unpacking.count(every) <= MAX_EVERY:
+    boot, samples, *more = unpacking.versioned(unpacking.unpack(payload), 2, 4)
+    riders = _riders(more[0]) if more else ()
+    if not 1 <= (every := unpacking.count(more[1]) if len(more) > 1 else 1) <= MAX_EVERY:
         unpacking.fail("number")
-    return StreamedSamples(unpacking.count(boot), tuple(_samples(samples)), _riders(riders), every)
+    return _new(StreamedSamples, (unpacking.count(boot), tuple(_samples(samples)), riders, every))
 
 
 def _riders(found: Any) -> tuple[Rider, ...]:

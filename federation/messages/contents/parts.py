@@ -6,6 +6,7 @@ Names print with hyphens, but for those that name a quantity (`altitude_m`).
 
 import re
 from collections.abc import Callable
+from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
@@ -133,11 +134,19 @@ class ContentPart(BaseModel):
     def expr(self) -> Expr:
         """What to put into an act."""
         arguments: dict[str, ExprValue] = {}
+        defaults = _defaults(type(self))
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
-            if field.is_required() or value != field.get_default(call_default_factory=True):
+            if name not in defaults or value != defaults[name]:
                 arguments[field.alias or name] = _said(value, _WORDS.get(name))
         return Expr(self.head, arguments)
+
+
+@cache
+def _defaults(kind: type[ContentPart]) -> dict[str, Any]:
+    """What the parameters of a content are where they are left out, by field."""
+    optional = {name: field for name, field in kind.model_fields.items() if not field.is_required()}
+    return {name: field.get_default(call_default_factory=True) for name, field in optional.items()}
 
 
 def _said(value: Any, word: Callable[[str], ExprValue] | None) -> ExprValue:
