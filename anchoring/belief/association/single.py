@@ -147,11 +147,16 @@ class _Sums:
         weight = np.exp(heights - self._peak)
         both = self._exists * exists
         source = both + self._absent * absent
-        whole = source.sum(axis=1, keepdims=True) + constant
+        not_its = source.sum(axis=1, keepdims=True) + constant - source
+        if source.shape[1]:
+            nodes, largest = np.arange(len(source)), source.argmax(axis=1)
+            rest = source.copy()
+            rest[nodes, largest] = 0.0
+            not_its[nodes, largest] = rest.sum(axis=1) + constant
         self.scale += float(weight.sum())
         self.sources += weight @ source
         self.both += weight @ both
-        self.exist += weight @ (both + (whole - source) * exists)
+        self.exist += weight @ (both + not_its * exists)
 
     def _lift(self, peak: float) -> None:
         if peak > self._peak:

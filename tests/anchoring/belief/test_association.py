@@ -41,8 +41,16 @@ def enumerated(reading: str, case: dict) -> enumeration.Enumerated:
     )  # fmt: skip
 
 
+FAINT = {
+    "r": np.array([0.0, 0.5]), "log_l": np.array([0.0, -21.0]), "p_e": np.array([0.5, 0.5]), "p_f": np.array([0.0, 0.5]),
+    "others": OtherSources(1.0, -24.0, 0.0, 3.0),
+}  # fmt: skip
+"""What exists with a probability of 1e-10 after it, and yet gave the observation if it does."""
+
+
 @pytest.mark.parametrize("reading", READINGS)
 @given(case=cases())
+@example(case=FAINT)
 def test_a_single_observation_is_associated_as_enumeration_does(reading: str, case: dict) -> None:
     found = READINGS[reading](case["r"], case["log_l"], case["p_e"], case["p_f"], case["others"])
     expected = enumerated(reading, case)
