@@ -17,6 +17,8 @@ from agents.actions import ROLES, Role
 from agents.admission.admission import Admission
 from agents.admission.limits import ActLimits
 from agents.admission.message_log import MessageLog
+from agents.attention.camera_attention import CameraAttention
+from agents.attention.following import Following
 from agents.audit_log import AuditLog
 from agents.cameras.cameras import Cameras
 from agents.config import PlatformConfig
@@ -69,7 +71,7 @@ from reasoning import AlarmEvent
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    Cameras, FlightAgent, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports,
+    Cameras, CameraAttention, FlightAgent, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports,
     Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, MessageLog, DirectoryAgent,
@@ -118,7 +120,11 @@ class Ports:
     def kinds(self) -> list[type[Part]]:
         """The classes of the parts that this platform has."""
         config = self.config
-        wanted = ((Cameras, config.cameras), (FlightAgent, config.vehicle), (Faults, config.simulated))
+        attends = config.cameras is not None and config.vehicle
+        wanted = (
+            (Cameras, config.cameras), (CameraAttention, attends), (FlightAgent, config.vehicle), (Following, attends),
+            (Faults, config.simulated),
+        )  # fmt: skip
         missing = {kind for kind, has in wanted if not has}
         return [kind for kind in (*PARTS[:-1], *config.extensions, PARTS[-1]) if kind not in missing]
 

@@ -156,13 +156,17 @@ class FlightAgent(Part):
 
     def _await(self, act: Act, commands: Iterable[Command], now_us: int) -> None:
         """Agree, send, and inform when the vehicle has taken the order over; a newer order ends the wait for an older."""
-        if self._awaited is not None:
-            self._fail(self._awaited[0], "overtaken by a newer order", now_us)
-        self._awaited = None
+        self.supersede(now_us)
         self._fly(commands)
         self._agent.answer(act, Performative.AGREE, None, now_us)
         if self.pilot.errand is not None:
             self._awaited = act, self.pilot.errand
+
+    def supersede(self, now_us: int) -> None:
+        """A newer order is sent: end the wait for the one before."""
+        if self._awaited is not None:
+            self._fail(self._awaited[0], "overtaken by a newer order", now_us)
+        self._awaited = None
 
     def _tell(self, now_us: int) -> bool:
         """Inform of the order that is awaited if its outcome is known; whether it was."""

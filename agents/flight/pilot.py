@@ -47,6 +47,7 @@ class Pilot:
         clock: federation time now; None: the time of the last event.
         note: takes words for users.
         errand: the last order or leg of the plan, and what has become of it.
+        standing: the order that replaces the plan, until another one, or its end.
         diversion: the present manoeuvre, and whether it is flown; None when the vehicle does not give way.
     """
 
@@ -59,6 +60,7 @@ class Pilot:
     status: vehicle.StatusReport | None = None
     fix: Fix | None = None
     errand: Errand | None = None
+    standing: vehicle.Order | None = None
     diversion: Errand | None = None
     bounds: Bounds = field(default_factory=Bounds)
     _now_us: int = 0
@@ -67,7 +69,6 @@ class Pilot:
     _resumed_us: int = -RESUMES_US
     _target: vehicle.TargetReport | None = None
     _target_us: int = -HEARD_WITHIN_US
-    _standing: vehicle.Order | None = None
     _before: vehicle.Order | None = None
     _aside: vehicle.Order | _Mission | None = None
     _moved: bool = False
@@ -117,7 +118,7 @@ class Pilot:
             self._target = None
             on_plan = self._goal is not None and self.flying == "plan"
             ours = on_plan or self._aside is not None or self.flying in {"order", "diverted"}
-            if ours and not isinstance(self._standing, _ENDINGS):
+            if ours and not isinstance(self.standing, _ENDINGS):
                 reason = f"the vehicle was taken over: mode {status.mode}"
                 if self.diversion is not None and not self.diversion.is_over:
                     self.diversion.end(OrderProgress.OVERTAKEN, reason)
@@ -132,7 +133,7 @@ class Pilot:
 
     def _forget(self) -> None:
         """Nothing of this flight is left to be done."""
-        self._standing = self._before = self._aside = self._goal = self._again_us = self._target = None
+        self.standing = self._before = self._aside = self._goal = self._again_us = self._target = None
         self._raised_to_m = self._lowered_to_m = None
         self._moved, self._attempts = False, 0
 
@@ -153,18 +154,18 @@ class Pilot:
         if self._aside is not None and self.diversion is not None:
             self._aside, self._moved = None, False
         if current is not None and current is self.errand and current.progress is OrderProgress.OVERTAKEN:
-            self._standing = None
+            self.standing = None
             if self._goal is not None:
                 self._take_over("another ground station has sent the vehicle elsewhere")
                 self._target = target
 
     def _on_result(self, result: vehicle.CommandResult, now_us: int) -> None:
-        errand, is_leg = self.errand, self._goal is not None and self._standing is None
+        errand, is_leg = self.errand, self._goal is not None and self.standing is None
         self._judge(lambda each: each.on_result(result))
         if result.accepted or errand is None or result.number != errand.command.number:
             return
-        if errand.order == self._standing:
-            self._standing = None
+        if errand.order == self.standing:
+            self.standing = None
         elif is_leg and result.reason == vehicle.NO_ANSWER and self._attempts < ATTEMPTS:
             self._again_us = now_us + RETRY_US
         elif is_leg and errand.progress is OrderProgress.REFUSED:
@@ -217,17 +218,17 @@ class Pilot:
     def _fly(self, now_us: int) -> list[vehicle.Command]:
         if self._again_us is not None and now_us >= self._again_us:
             self._goal, self._again_us = None, None
-        blocked = self._suspended or self.diversion is not None or self._standing is not None
+        blocked = self._suspended or self.diversion is not None or self.standing is not None
         if self.plan is None or self.fix is None or blocked or now_us < self.plan.start_us:
             return []
-        self._leg, wanted = self.plan.next_leg(self._leg, self.fix, self._clamped)
+        self._leg, wanted = self.plan.next_leg(self._leg, self.fix, self.clamped)
         if wanted is None or wanted == self._goal or self.refusal(wanted) is not None:
             return []
         same = self.errand is not None and self.errand.order == wanted
         self._goal, self._attempts = wanted, self._attempts + 1 if same else 1
         return [self._begin(wanted)]
 
-    def _clamped(self, order: vehicle.GoToOrder) -> vehicle.GoToOrder:
+    def clamped(self, order: vehicle.GoToOrder) -> vehicle.GoToOrder:
         """The order, above (or below) the other vehicle while a bound is given."""
         return between(order, self._raised_to_m, self._lowered_to_m)
 
@@ -268,7 +269,7 @@ class Pilot:
     @property
     def _is_taken_over(self) -> bool:
         """Whether nothing is sent until a user asks for it."""
-        return self._suspended and self._standing is None
+        return self._suspended and self.standing is None
 
     @property
     def _may_interrupt(self) -> bool:
@@ -286,10 +287,10 @@ class Pilot:
         self._check(order)
         if self.diversion is not None and not isinstance(order, _ENDINGS):
             raise Refused("the vehicle is giving way to another; ask again when it flies on", "giving-way")
-        if self._standing is None:
+        if self.standing is None:
             self._before = self._others_target()
         self.diversion = self._aside = None
-        self._standing = order
+        self.standing = order
         return [self._begin(order)]
 
     def proceed(self) -> list[vehicle.Command]:
@@ -303,7 +304,7 @@ class Pilot:
             raise Refused("the vehicle is giving way to another; it flies on by itself", "giving-way")
         leg, wanted = self._interrupted()
         self._check(wanted)
-        self._standing, self._before, self._suspended = None, None, False
+        self.standing, self._before, self._suspended = None, None, False
         if self.plan is not None:
             self._leg, self._goal, self._attempts, self._again_us = leg, wanted, 1, None
         return [self._begin(wanted)]
@@ -319,7 +320,7 @@ class Pilot:
             raise Refused(f"the plan begins in {(self.plan.start_us - now_us) / 1e6:.1f} s", "plan-not-begun")
         if fix is None or now_us - fix.valid_us > HEARD_WITHIN_US:
             raise Refused("the vehicle's position is not known", _FORBIDDEN)
-        leg, wanted = self.plan.next_leg(self._leg, fix, self._clamped)
+        leg, wanted = self.plan.next_leg(self._leg, fix, self.clamped)
         if wanted is None:
             raise Refused("the plan is over", "plan-over")
         return leg, wanted
@@ -362,8 +363,8 @@ class Pilot:
         if self._may_interrupt:
             return _Mission(self._item, target)
         errand = self.errand
-        taken = errand is not None and errand.order == self._standing and not errand.is_over
-        return self._standing if taken else target if self.plan is None else None
+        taken = errand is not None and errand.order == self.standing and not errand.is_over
+        return self.standing if taken else target if self.plan is None else None
 
     def _others_target(self) -> vehicle.GoToOrder | None:
         """Where a ground station, or the mission, has sent the vehicle, if it says so still."""
@@ -387,7 +388,7 @@ class Pilot:
             self._aside, self._moved = None, False
         if self._is_taken_over:
             return []
-        if self.plan is not None and self._standing is None:
+        if self.plan is not None and self.standing is None:
             if diversion is not None or bounded:
                 self._leg = min(self._leg, len(self.plan.waypoints) - 1)  # who had arrived returns to where it was
             return [] if self.fix is None else self._fly(self.fix.valid_us)
@@ -401,7 +402,7 @@ class Pilot:
                 self._item, self._aside, self._moved = aside.item, None, False
                 return vehicle.ResumeMissionOrder()
             aside = aside.towards
-        return self._clamped(aside) if isinstance(aside, vehicle.GoToOrder) else aside
+        return self.clamped(aside) if isinstance(aside, vehicle.GoToOrder) else aside
 
     @property
     def flying(self) -> str:
@@ -410,7 +411,7 @@ class Pilot:
             return "watching"
         if self.diversion is not None:
             return "diverted"
-        if self._standing is not None:
+        if self.standing is not None:
             return "order"
         if self.plan is not None and self._leg < len(self.plan.waypoints) and not self._suspended:
             return "plan"

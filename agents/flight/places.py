@@ -116,6 +116,13 @@ class Bounds:
     def home_altitude_m(self) -> float | None:
         return self._home_altitude_m if self.home is None else self.home.altitude_m
 
+    def within(self, altitude_m: float, limits: FlightLimits) -> float:
+        """The altitude, or the nearest between floor and ceiling, where home is known."""
+        home_m = self.home_altitude_m
+        if home_m is None:
+            return altitude_m
+        return min(max(altitude_m, home_m + limits.floor_m), home_m + limits.ceiling_m)
+
     def outside(self, order: Order, limits: FlightLimits, fix: Fix | None) -> str | None:
         """The bound that `order` breaks, in words, or None."""
         if not isinstance(order, GoToOrder | InterruptOrder):

@@ -29,6 +29,8 @@ FLIGHT: Final = tuple(
         (contents.Resume, "on_resume"),
     )
 )
+FOLLOW: Final = Action(contents.Follow, "on_follow", role=Role.COMMAND_CENTRE, lasting=True, typed=True)
+ATTEND: Final = Action(contents.Attend, "on_attend", role=Role.COMMAND_CENTRE, lasting=True, typed=True)
 MEMBERSHIP: Final = tuple(
     Action(content, handler, role=Role.COMMAND_CENTRE, typed=True)
     for content, handler in ((contents.Leave, "on_leave"), (contents.Rejoin, "on_rejoin"))
@@ -47,5 +49,7 @@ TYPED: Final = (
     STOP_MULTICAST,
     RESET,
     *FLIGHT,
+    FOLLOW,
+    ATTEND,
     *MEMBERSHIP,
 )

@@ -2,12 +2,16 @@
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from math import sqrt
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Final, Literal, NamedTuple, TypeAlias
 
 from anchoring.links.objects import LinkObject
 from anchoring.links.specification import LinkSpecification
 from anchoring.links.states import ObjectState
 from anchoring.links.structures import ObjectLinkage
+from dyknow import US_PER_S
+
+LONGEST_US: Final = 2 * US_PER_S
+"""How far beyond its last state an object is taken to move on."""
 
 Interest: TypeAlias = Literal["known", "new", "undecided", "wanted", "followed"]
 """`new`: a percept that is no object yet; `undecided`: an object whose type exclusive links have not decided."""
@@ -45,6 +49,12 @@ class WatchedObject(NamedTuple):
     interest: Interest = "known"
 
 
+def moved_on(place: WatchedPlace, valid_us: int, now_us: int) -> WatchedPlace:
+    """The place a little later, at its velocity; `LONGEST_US` at most."""
+    seconds = min(max(now_us - valid_us, 0), LONGEST_US) / US_PER_S
+    return place._replace(x_m=place.x_m + seconds * place.vx_m_s, y_m=place.y_m + seconds * place.vy_m_s)
+
+
 def place_of(state: ObjectState, weight: float = 1.0) -> WatchedPlace:
     """A state as a place to look at."""
     sd_m = sqrt(max(float(state.covariance[0, 0] + state.covariance[1, 1]), 0.0))
@@ -52,35 +62,52 @@ def place_of(state: ObjectState, weight: float = 1.0) -> WatchedPlace:
 
 
 def watched(
-    linkage: ObjectLinkage, specifications: Sequence[LinkSpecification], followed: Collection[str] = ()
+    linkage: ObjectLinkage,
+    specifications: Sequence[LinkSpecification],
+    followed: Collection[str] = (),
+    now_us: int | None = None,
 ) -> Iterator[WatchedObject]:
-    """One object of each structure, the highest, with the hypotheses about it; percepts that are linked to nothing.
+    """One object of each structure, the highest, with the hypotheses about it; percepts that are linked to nothing; wanted ones.
 
-    A structure that has a followed symbol in it is followed.
+    A structure that has a followed object in it is followed.
+
+    Args:
+        linkage: the structures.
+        specifications: those that it links by.
+        followed: symbols.
+        now_us: when places are wanted; None: as they were predicted or seen last.
     """
     targets = dict.fromkeys(each.target for each in specifications)
     divided = {each.source for each in specifications if each.exclusive}
     for type_ in linkage.percept_types:
         for one in linkage.objects(type_).values():
             if not one.outgoing:
-                yield _watched(one, "new", is_anchored=True)
+                yield _watched(one, "new", now_us, is_anchored=True)
     for type_ in targets:
         for one in linkage.objects(type_).values():
             if one.outgoing:
                 continue
             interest: Interest = "undecided" if type_ in divided else "known"
-            if followed and not {one.symbol, *_below(one)}.isdisjoint(followed):
+            if followed and not {one.symbol, *_below(one, linkage.percept_types)}.isdisjoint(followed):
                 interest = "followed"
-            yield _watched(one, interest, is_anchored=linkage.anchored(one.symbol))
+            yield _watched(one, interest, now_us, is_anchored=linkage.anchored(one.symbol))
+    for symbol in linkage.wanted:
+        yield WatchedObject(symbol, (), 0, is_anchored=False, interest="wanted")
 
 
-def _watched(one: LinkObject, interest: Interest, *, is_anchored: bool) -> WatchedObject:
+def _watched(one: LinkObject, interest: Interest, now_us: int | None, *, is_anchored: bool) -> WatchedObject:
     seen_us = one.observed[-1].valid_us if one.observed else one.created_us
-    places = tuple(place_of(state, weight) for state, weight in one.whereabouts.hypotheses)
+    hypotheses = one.whereabouts.hypotheses
+    places = tuple(
+        moved_on(place_of(state, weight), state.valid_us, state.valid_us if now_us is None else now_us)
+        for state, weight in hypotheses
+    )
     return WatchedObject(one.symbol, places, seen_us, is_anchored, interest)
 
 
-def _below(one: LinkObject) -> Iterable[str]:
+def _below(one: LinkObject, percepts: Collection[str]) -> Iterable[str]:
+    """The objects that it is linked to, without percepts: their symbols do not last."""
     for link in one.incoming.values():
-        yield link.source.symbol
-        yield from _below(link.source)
+        if link.source.type not in percepts:
+            yield link.source.symbol
+            yield from _below(link.source, percepts)

@@ -65,6 +65,11 @@ class LinkStream(OnDemand):
         self._delay_us = 0
         self._now_step_us = 0
 
+    @property
+    def specifications(self) -> Sequence[LinkSpecification]:
+        """What links the whole chain."""
+        return self._specifications
+
     def inputs(self) -> Sequence[Input]:
         return [each.taken for each in self._inputs]
 

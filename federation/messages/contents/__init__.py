@@ -2,7 +2,7 @@
 
 from federation.messages.contents.answers import Cancel, Done, Progress, Reason
 from federation.messages.contents.chronicles import Expected, Recognise, Recognised
-from federation.messages.contents.flight import Avoid, Fault, Goto, Hold, Land, Resume, ReturnHome
+from federation.messages.contents.flight import Attend, Avoid, Fault, Follow, Goto, Hold, Land, Resume, ReturnHome
 from federation.messages.contents.monitors import (
     IDLE,
     Alarm,
@@ -74,6 +74,7 @@ __all__ = [
     "AlarmList",
     "Alarms",
     "Answers",
+    "Attend",
     "Avoid",
     "Because",
     "Cancel",
@@ -88,6 +89,7 @@ __all__ = [
     "EndStream",
     "Expected",
     "Fault",
+    "Follow",
     "Found",
     "Goto",
     "HandOver",

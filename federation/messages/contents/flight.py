@@ -19,6 +19,17 @@ class Hold(Content):
     """Stay where you are."""
 
 
+class Follow(Content):
+    """Fly after an object that you see, `standoff_m` away from it, at the altitude that you have."""
+
+    object: Word
+    standoff_m: Annotated[float, Field(ge=0, le=500)] = Field(default=20.0, alias="standoff_m")
+
+
+class Attend(Content):
+    """Turn the camera to what is to be learnt: objects that are lost, new, wanted or undecided."""
+
+
 class Land(Content):
     """Land where you are."""
 
