@@ -7,6 +7,7 @@ import pytest
 from agents.attention.following import Following
 from agents.attention.standoff import Leaps, Whereabouts, expected, goal
 from agents.flight.places import FlightLimits
+from agents.tasks.requests import ATTEND, FLIGHT, FOLLOW, LATER
 from anchoring.attention.watched import WatchedPlace
 from federation.messages.contents import Follow, Goto
 from federation.messages.dialogue import Dialogue
@@ -243,3 +244,9 @@ def test_what_is_too_fast_for_any_object_has_leapt() -> None:
     assert leaps.since_us == 1_200_000
     assert leaps.is_credible(1_400_000, Whereabouts(70.0, 0.0))
     assert leaps.since_us is None
+
+
+def test_only_those_that_may_give_orders_to_a_vehicle_may_have_it_follow_or_attend() -> None:
+    assert {FOLLOW.role, ATTEND.role} == {each.role for each in FLIGHT}
+    assert FOLLOW.lasting
+    assert not {FOLLOW.head, ATTEND.head} & LATER
