@@ -7,6 +7,7 @@ from typing import Literal
 from agents.admission.limits import ACTS_BURST, ACTS_PER_S
 from agents.flight.places import FlightLimits, FlightPlan
 from agents.part import Part
+from anchoring.roads.network import RoadNetwork
 from dyknow import Prototype
 from federation.members.clock import FederationClock
 from federation.security.trust import Trust
@@ -30,6 +31,7 @@ class PlatformConfig:
         control: whether it may command its vehicle.
         missions: whether it may interrupt a mission of its vehicle to give way.
         period_us: the grid of its estimates.
+        roads: those on which linked objects are, unless the specification names others.
         catalogue: what its specification can make sources and units from, by name.
         stopwatch: federation time as it is within a step, by which it is known how long units take, and which are
             called in workers; None: time is simulated.
@@ -57,6 +59,7 @@ class PlatformConfig:
     translation: Translation | None = None
     profiles: Mapping[str, Profile] = field(default_factory=builtin_profiles)
     trust: Trust | None = None
+    roads: RoadNetwork | None = None
     catalogue: Callable[[str], Prototype | None] = lambda _name: None
     stopwatch: Callable[[], int] | None = None
     monotonic_offset_us: int = 0

@@ -136,6 +136,7 @@ class SpecificationPart(Part):
             admission=config.admission,
             features=units,
             is_unit=units.is_unit,
+            roads=config.roads,
         )
         agreements.sources = self.instance.parts.objects.sources
         network.on_fault, network.on_producer = self._faults.on_fault, self._on_producer

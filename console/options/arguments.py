@@ -30,6 +30,10 @@ UnitModules: TypeAlias = Annotated[
 Feed: TypeAlias = Annotated[
     Path | None, typer.Option(metavar="FILE.jsonl", help="Samples of the specification's sources, one instant a line.")
 ]
+Roads: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Roads on which linked objects are, where the specification names none."),
+]
 Govern: TypeAlias = Annotated[
     str | None,
     typer.Option(metavar="TIME", help="Lengthen the least important periods while delays are longer than this."),

@@ -146,6 +146,7 @@ def platform_config(
         "spec": _absolute(own.spec),
         "units": [_found_anywhere(name) for name in own.modules],
         "feed": _absolute(own.feed),
+        "roads": _absolute(own.roads),
         "admit": own.admit or "refuse",
         "shedding": own.shedding,
         "govern_ms": duration_us(own.govern, option="govern", least_us=SHORTEST_US) / 1e3 if own.govern else None,
@@ -185,7 +186,7 @@ def fleet_of(call: Call, plan: FleetPlan, now_us: int) -> list[config.NodeConfig
 
 def specified(own: UnitFile, each: UnitFile) -> UnitFile:
     """A platform with what each has to run, unless the file says what it runs."""
-    names = ("spec", "modules", "feed", "govern", "admit")
+    names = ("spec", "modules", "feed", "roads", "govern", "admit")
     return own.model_copy(update={name: getattr(own, name) or getattr(each, name) for name in names})
 
 

@@ -5,28 +5,13 @@ grows by itself.
 """
 
 from dataclasses import fields, replace
-from typing import Any, Final
+from typing import Any
 
 from dyknow.model.labels import Label
 from dyknow.objects.object_streams import OBJECTS, domain_of
 from kpl.checking.streams import Streams
-from kpl.checking.symbols import DEFINITION, SymbolTable, constant_of, domains_of
-from kpl.syntax.specification import Define
+from kpl.checking.symbols import SymbolTable, domains_of
 from reasoning.formulas import tree
-
-ORIGIN: Final = ("ORIGIN_LATITUDE_DEG", "ORIGIN_LONGITUDE_DEG")
-"""The constants that say where the frame lies in which objects are seen, in metres."""
-
-
-def origin_of(symbols: SymbolTable) -> tuple[float, float] | None:
-    """Where x_m and y_m of objects are 0, in degrees; None: it is not declared."""
-    found: list[float] = []
-    for name in ORIGIN:
-        declared = symbols.named(DEFINITION, (name, 0))
-        value = constant_of(declared) if isinstance(declared, Define) else None
-        if isinstance(value, int | float):
-            found.append(float(value))
-    return (found[0], found[1]) if len(found) == len(ORIGIN) else None
 
 
 def members_label(label: Label, symbols: SymbolTable) -> Label:

@@ -13,7 +13,7 @@ from dyknow.model.values import Sort
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.formulas_in_context import FormulaChecker
 from kpl.checking.streams import ANY, Streams
-from kpl.checking.symbols import CHRONICLE, GENERATOR, MAKER, MARGIN, Symbol, SymbolTable, stem
+from kpl.checking.symbols import CHRONICLE, GENERATOR, LINK_UNITS, MAKER, MARGIN, Symbol, SymbolTable, stem
 from kpl.checking.warnings import warnings_of
 from kpl.syntax import specification as spec
 from reasoning.formulas.tree import Node, instantiate
@@ -158,7 +158,7 @@ class _Checker(DeclarationErrors):
                 self._from_source(source, made)
             case spec.Refinement(unit, inputs):
                 self._unit(unit, len(inputs), made)
-            case spec.Link(_, unit):
+            case spec.Link(_, unit) if self.symbols.unit(unit) is not None or unit not in LINK_UNITS:
                 self._unit(unit, 1, made)
             case spec.Select(term, variable) | spec.Merge(term, variable):
                 if variable not in term.label.objects:

@@ -6,14 +6,41 @@ from typing import Final
 from dyknow.model.labels import Label
 from dyknow.model.values import SYMBOL, Field, Sort
 from dyknow.objects.object_streams import OBJECTS, TYPE
-from kpl.checking.symbols import NOTHING, OF_A_PLATFORM, Symbol, SymbolTable, fit, is_pattern, stem
+from kpl.checking.symbols import (
+    DEFINITION,
+    LINK_UNITS,
+    NOTHING,
+    OF_A_PLATFORM,
+    Symbol,
+    SymbolTable,
+    constant_of,
+    fit,
+    is_pattern,
+    stem,
+)
 from kpl.diagnostics.collector import nearest
 from kpl.syntax import specification as spec
 from reasoning.features.derivation import FEATURES
 
 STATE: Final = "state"
+ORIGIN: Final = ("ORIGIN_LATITUDE_DEG", "ORIGIN_LONGITUDE_DEG")
+"""The constants that say where the frame lies in which objects are seen, in metres."""
 ANY: Final = "?"
 """How the sorts begin that stand for any: a unit with such a sort that is not declared is reported where it is made."""
+
+
+def origin_of(symbols: SymbolTable) -> tuple[float, float] | None:
+    """Where x_m and y_m of objects are 0, in degrees: as it is declared, else of the roads; None: it is not known."""
+    found: list[float] = []
+    for name in ORIGIN:
+        declared = symbols.named(DEFINITION, (name, 0))
+        value = constant_of(declared) if isinstance(declared, spec.Define) else None
+        if isinstance(value, int | float):
+            found.append(float(value))
+    if len(found) == len(ORIGIN):
+        return found[0], found[1]
+    roads = symbols.roads()
+    return None if roads is None or roads.frame is None else (roads.frame.latitude_deg, roads.frame.longitude_deg)
 
 
 class Streams:
@@ -24,6 +51,7 @@ class Streams:
         self._sorts: dict[int, str | None] = {}
         self._derived: dict[str, bool] = {}
         self._objects: dict[Label, Sort | None] = {}
+        self._linking = set[int]()
         self._known_by_stem: dict[str, list[Label]] = {}
         for label in self.known.labels:
             self._known_by_stem.setdefault(stem(label), []).append(label)
@@ -119,7 +147,23 @@ class Streams:
         makers = list(self.symbols.makers(whole, variables))
         sorts = {self._made_sort(made, frozenset()) for made in makers} or {self.known.labels.get(whole)}
         name = sorts.pop()
-        return None if sorts or name is None else self.symbols.shape(name)
+        if sorts or name is None:
+            return None
+        shape = self.symbols.shape(name)
+        return self._linked(makers[0]) if shape is None and makers else shape
+
+    def _linked(self, made: Symbol) -> Sort | None:
+        """What the states of linked objects are, where no sort is declared for them."""
+        from anchoring.percepts.records import object_sort
+
+        link = made.made
+        if not isinstance(link, spec.Link) or link.unit not in LINK_UNITS or id(made) in self._linking:
+            return None
+        self._linking.add(id(made))
+        below = self.record(link.source)
+        self._linking.discard(id(made))
+        is_placed = origin_of(self.symbols) is not None
+        return object_sort(made.label.feature, below, is_on_roads=link.unit == "OnRoad", is_placed=is_placed)
 
     def lacks(self, label: Label, variables: frozenset[str] = NOTHING) -> tuple[str, str] | None:
         """What is wrong with an attribute that the values of a stream are known not to have, and which they have."""
@@ -170,6 +214,8 @@ class Streams:
         match made.made:
             case spec.FromSource(source):
                 return self.symbols.source(source)
+            case spec.Link(_, unit) if unit in LINK_UNITS and self.symbols.unit(unit) is None:
+                return made.label.feature
             case spec.Refinement(unit) | spec.Link(_, unit):
                 found = self.symbols.unit(unit)
                 return None if found is None or found[0].startswith(ANY) else found[0]

@@ -6,7 +6,7 @@ so that a change is cheap to judge; checks, the running instance and its graph r
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 from dyknow.model.labels import Label
 from dyknow.model.semantic_labels import SemanticLabel
@@ -14,11 +14,16 @@ from dyknow.model.values import Sort
 from kpl.syntax import specification as spec
 from reasoning.formulas import tree
 
+if TYPE_CHECKING:
+    from anchoring.roads.network import RoadNetwork
+
 SELF = "self"
+LINK_UNITS: Final = frozenset({"WorldObject", "OnRoad", "SameState"})
+"""The units of links that need no declaration."""
 NOTHING = frozenset[str]()
 MAKER, GENERATOR, STREAM, EXPORT = "a source or a unit", "a generator", "a stream", "an export"
 MONITOR, CHRONICLE, DEFINITION = "a monitor", "a chronicle", "a definition"
-SEMANTIC, SORT = "a semantic label", "a sort"
+SEMANTIC, SORT, ROADS = "a semantic label", "a sort", "declared"
 MARGIN = "margin"
 OF_A_PLATFORM: Final = "units"
 """The stream, and the domain of formulas, that every platform has: the platforms of its federation."""
@@ -42,6 +47,7 @@ class Known(NamedTuple):
         running: declarations that a running instance holds already.
         figures: features of one object that an instance says of itself.
         values: what the values of sorts are; those of others are unchecked.
+        roads: those on which objects are unless others are declared.
         offered: names of what else sources and units can be made from.
         unread: words of statements that could not be read: nothing called so is missing.
     """
@@ -54,6 +60,7 @@ class Known(NamedTuple):
     running: Collection[spec.Declaration] = ()
     figures: Collection[str] = ()
     values: Mapping[str, Sort] = {}
+    roads: "RoadNetwork | None" = None
     offered: Collection[str] = ()
     unread: Collection[str] = ()
 
@@ -129,6 +136,8 @@ def symbol_of(declaration: spec.Declaration) -> Symbol:
             return Symbol(declaration, MONITOR, (name,), reads=_reads(formula))
         case spec.Define(feature, formula):
             return Symbol(declaration, DEFINITION, ((feature.name, len(feature.objects)),), reads=_reads(formula))
+        case spec.RoadsDeclaration():
+            return Symbol(declaration, ROADS, ("roads",))
         case spec.ChronicleDeclaration(content=content):
             return Symbol(declaration, CHRONICLE, tuple(content.chronicles) if content is not None else ())
 
@@ -250,6 +259,11 @@ class SymbolTable:
         labels = (each for each in self.of_kind(SEMANTIC) if isinstance(each, spec.LabelDeclaration))
         return next((each.sort for each in labels if each.sort.name == name and not each.sort.is_open), None)
 
+    def roads(self) -> "RoadNetwork | None":
+        """The roads on which linked objects are."""
+        declared = self.named(ROADS, "roads")
+        return declared.network if isinstance(declared, spec.RoadsDeclaration) else self.known.roads
+
     def sources(self) -> list[str]:
         """The names of all declared sources."""
         return [each.name for each in self.of_kind(MAKER) if isinstance(each, spec.SourceDeclaration)]
@@ -292,6 +306,8 @@ class SymbolTable:
                 dependent += self._needing.get(Label(MARGIN, (name,)), {}).values()
             case spec.LabelDeclaration(name):
                 dependent += (each for each in self._symbols.values() if _shares(each.declaration, name))
+            case spec.RoadsDeclaration():
+                dependent += (each for each in self._symbols.values() if isinstance(each.made, spec.Link))
             case spec.SortDeclaration():
                 of_sort = (each for each in self._named.get(SEMANTIC, {}).values())
                 dependent += (each for held in of_sort for each in held.values() if _is_of(each, declaration.name))

@@ -1,12 +1,12 @@
 """From `strmgen b = link(a, cu, e, r, m)` to link specifications.
 
-The types of objects are the labels of their streams. Constants that are defined stand for their values in conditions; that
+The types of objects are the labels of their streams. What is defined stands for its definition in conditions; that
 holds for `thresh`, too, which is then fixed. The units of links are those of `LINK_UNITS`.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields, replace
-from typing import Any, Final
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Final, NamedTuple
 
 from anchoring.links.specification import LinkSpecification as Specification
 from anchoring.links.specification import StateUnit, filtered, unlikelihood
@@ -17,9 +17,10 @@ from anchoring.roads.objects import OnRoad
 from anchoring.roads.prediction import AlongRoads
 from dyknow import Label
 from dyknow.model.errors import TextError, did_you_mean
-from kpl.checking.symbols import Constant, constant_of
+from kpl.checking.definitions import Definitions
+from kpl.checking.streams import origin_of
+from kpl.checking.symbols import SELF, SymbolTable
 from kpl.syntax import specification as spec
-from reasoning.formulas import tree
 
 
 def same_state(state: ObjectState, _before: ObjectState | None) -> ObjectState:
@@ -52,26 +53,74 @@ def percept_labels(links: Mapping[Label, spec.Link]) -> tuple[Label, ...]:
     return tuple(dict.fromkeys(made.source for made in links.values() if made.source not in links))
 
 
-def link_specifications(
-    links: Mapping[Label, spec.Link], constants: Mapping[str, Constant], roads: RoadNetwork | None = None
-) -> tuple[Specification, ...]:
+class LinkageKey(NamedTuple):
+    """What a linkage depends on: while it is the same, objects keep their symbols.
+
+    Attributes:
+        links: the declarations that are chained, in the order given, with definitions put into their conditions.
+        origin: latitude and longitude of x = y = 0, degrees, if that is known.
+    """
+
+    links: tuple[tuple[Label, spec.Link], ...]
+    roads: RoadNetwork | None
+    origin: tuple[float, float] | None
+
+
+def linkage_of(label: Label, made: spec.Link, symbols: SymbolTable) -> LinkageKey:
+    """Of the linkage to which a declaration belongs; raises TextError as `linkage_key`."""
+    held = links_in(each.declaration for each in symbols.symbols())
+    return linkage_key(chained(label, {**held, label: made}), symbols)
+
+
+def linkage_key(links: Mapping[Label, spec.Link], symbols: SymbolTable) -> LinkageKey:
+    """Of some declarations.
+
+    Raises:
+        TextError: a condition is wrong, or types are in a circle.
+    """
+    definitions = Definitions(symbols)
+    _check_circles(links)
+    whole = tuple((each, _with_definitions(link, definitions)) for each, link in links.items())
+    return LinkageKey(whole, symbols.roads(), origin_of(symbols))
+
+
+def _with_definitions(made: spec.Link, definitions: Definitions) -> spec.Link:
+    establish, reestablish, maintain = (
+        definitions.resolved(each, SELF) for each in (made.establish, made.reestablish, made.maintain)
+    )
+    return replace(made, establish=establish, reestablish=reestablish, maintain=maintain)
+
+
+def linkages(
+    symbols: SymbolTable, wanted: Iterable[spec.Declaration], new: Container[int]
+) -> Iterator[tuple[spec.Declaration, LinkageKey]]:
+    """The linkages of the declarations that stay; `new` are the identities of the others.
+
+    Raises:
+        TextError: as `linkage_key` and `link_specifications`.
+    """
+    for each in wanted:
+        if isinstance(each, spec.GeneratorDeclaration) and isinstance(each.made, spec.Link) and id(each) not in new:
+            key = linkage_of(each.label, each.made, symbols)
+            for _, made in key.links:
+                _unit(made, key.roads)
+            yield each, key
+
+
+def link_specifications(key: LinkageKey) -> tuple[Specification, ...]:
     """What chained declarations come to.
 
     Raises:
-        TextError: there is no such unit of links, or it needs roads; types are in a circle.
+        TextError: there is no such unit of links, or it needs roads.
     """
-    _check_circles(links)
-    return tuple(_specification(label, made, constants, roads) for label, made in links.items())
+    return tuple(_specification(label, made, key.roads) for label, made in key.links)
 
 
-def _specification(
-    label: Label, made: spec.Link, constants: Mapping[str, Constant], roads: RoadNetwork | None
-) -> Specification:
-    establish, reestablish, maintain = (
-        _with_constants(each, constants) for each in (made.establish, made.reestablish, made.maintain)
-    )
+def _specification(label: Label, made: spec.Link, roads: RoadNetwork | None) -> Specification:
     unit = _unit(made, roads)
-    found = Specification(str(made.source), str(label), establish, reestablish, maintain, unit, score=unlikelihood)
+    found = Specification(
+        str(made.source), str(label), made.establish, made.reestablish, made.maintain, unit, score=unlikelihood
+    )
     if roads is None:
         return found
     features = {"on_road": lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)}
@@ -87,7 +136,7 @@ def _unit(made: spec.Link, roads: RoadNetwork | None) -> StateUnit:
         raise TextError.at(made.place, f"{made.unit} makes no states of objects.{hint}", repair=next(iter(LINK_UNITS)))
     unit = make(roads)
     if unit is None:
-        raise TextError.at(made.place, f"{made.unit} needs roads", repair="dyknow link FILE.kpl --roads FILE.geojson")
+        raise TextError.at(made.place, f"{made.unit} needs roads", repair='roads "town.geojson", or --roads FILE')
     return unit
 
 
@@ -102,19 +151,6 @@ def _check_circles(links: Mapping[Label, spec.Link]) -> None:
             below = links[below].source
 
 
-def _with_constants(node: Any, constants: Mapping[str, Constant]) -> Any:
-    """A formula with the values of constants for their names."""
-    if isinstance(node, tuple):
-        return tuple(_with_constants(one, constants) for one in node)
-    if isinstance(node, tree.Feature) and not node.objects and node.name in constants:
-        value = constants[node.name]
-        return value if isinstance(value, tree.Duration) else tree.Const(value, place=node.place)
-    if not isinstance(node, tree.Node):
-        return node
-    changed = {each.name: _with_constants(getattr(node, each.name), constants) for each in fields(node) if each.init}
-    return replace(node, **changed)
-
-
 def links_in(declarations: Iterable[spec.Declaration]) -> dict[Label, spec.Link]:
     """The link declarations of a specification."""
     return {
@@ -122,10 +158,3 @@ def links_in(declarations: Iterable[spec.Declaration]) -> dict[Label, spec.Link]
         for each in declarations
         if isinstance(each, spec.GeneratorDeclaration) and isinstance(each.made, spec.Link)
     }
-
-
-def constants_in(declarations: Sequence[spec.Declaration]) -> dict[str, Constant]:
-    """The constants that a specification defines."""
-    defined = [each for each in declarations if isinstance(each, spec.Define) and not each.feature.objects]
-    found = {each.feature.name: constant_of(each) for each in defined}
-    return {name: value for name, value in found.items() if value is not None}

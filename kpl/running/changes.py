@@ -10,9 +10,9 @@ from dyknow.model.instants import US_PER_MS, print_span
 from dyknow.policies.policy import Policy
 from kpl.checking.definitions import Definitions
 from kpl.checking.symbols import SymbolTable, symbol_of
+from kpl.linking.declarations import linkages
 from kpl.syntax import specification as spec
 from kpl.syntax.parsing import raise_all
-from reasoning.formulas.tree import Formula
 
 _CONSTRAINED = (
     spec.StreamTerm, spec.Refinement, spec.StateStream, spec.Select, spec.Merge, spec.FirstOf, spec.GeneratorDeclaration,
@@ -136,20 +136,20 @@ def _names(declaration: spec.Declaration) -> list[tuple[str, object]]:
     return [(symbol.kind, name) for name in symbol.names]
 
 
-def formulas(
-    symbols: SymbolTable, change: SpecificationChange, unit: str
-) -> Iterator[tuple[spec.Declaration, Formula]]:
-    """What the monitors that stay say with their definitions put in; none where no definition comes or goes.
+def meanings(symbols: SymbolTable, change: SpecificationChange, unit: str) -> Iterator[tuple[spec.Declaration, object]]:
+    """What declarations that stay come to with what others say: monitors with definitions put in, links with their chains.
 
     Raises:
         TextError: a formula is wrong with them.
     """
-    if not any(isinstance(each, spec.Define) for each in (*change.gone, *change.new)):
-        return
-    definitions, new = Definitions(symbols), {id(each) for each in change.new}
-    for each in change.wanted:
-        if id(each) not in new and (monitor := spec.monitor_of(each)) is not None:
-            yield each, definitions.resolved(monitor.formula, unit)
+    changed, new = (*change.gone, *change.new), {id(each) for each in change.new}
+    if any(isinstance(each, spec.Define) for each in changed):
+        definitions = Definitions(symbols)
+        for each in change.wanted:
+            if id(each) not in new and (monitor := spec.monitor_of(each)) is not None:
+                yield each, definitions.resolved(monitor.formula, unit)
+    if any(isinstance(each, spec.Define | spec.RoadsDeclaration | spec.GeneratorDeclaration) for each in changed):
+        yield from linkages(symbols, change.wanted, new)
 
 
 def rank(declaration: spec.Declaration) -> int:

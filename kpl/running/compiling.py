@@ -4,7 +4,9 @@ from collections.abc import Callable, Iterable, Mapping
 from copy import copy
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
+from weakref import WeakValueDictionary
 
+from anchoring.percepts.records import is_geographic, lacks_of
 from dyknow import Label, Policy, PolicyError, Sort
 from dyknow.model.errors import (
     ChronicleError,
@@ -23,14 +25,16 @@ from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.states.state_streams import StateStreamProcess, check_delay_before, exactly, state_policy
 from kpl.checking.definitions import Definitions
 from kpl.checking.domains import members_label
+from kpl.checking.streams import Streams
 from kpl.checking.symbols import SELF, SymbolTable
-from kpl.linking.declarations import chained, link_specifications, links_in, percept_labels
-from kpl.linking.streams import LinkStream, PerceptInput, lacks_of, object_sort
+from kpl.linking.declarations import LinkageKey, link_specifications, linkage_of, percept_labels
+from kpl.linking.streams import LinkStream, PerceptInput, SharedLinkage
 from kpl.running.changes import in_text
 from kpl.running.formula_states import MAX_DELAY_US
 from kpl.running.ports import Admission
 from kpl.syntax import specification as spec
 from kpl.syntax.listing import print_declaration
+from navigation import LocalFrame
 from reasoning.chronicles import Recogniser
 from reasoning.formulas.tree import Node
 
@@ -78,6 +82,9 @@ class Compiler:
         self.unit, self.admission, self.symbols = unit, admission, symbols
         self.withdrawn = set[str]()
         self._prototypes, self._sort = prototypes, sort
+        self._linkages: WeakValueDictionary[tuple[LinkageKey, tuple[PerceptInput, ...]], SharedLinkage] = (
+            WeakValueDictionary()
+        )
 
     def over(self, symbols: SymbolTable) -> "Compiler":
         """The same for other declarations, to check them."""
@@ -163,12 +170,10 @@ class Compiler:
 
     def _linking(self, label: Label, made: spec.Link) -> CompiledGenerator:
         """The stream of linked objects of one type, by all declarations that are chained with it."""
-        held = [each.declaration for each in self.symbols.symbols()]
-        links = {
-            self.label(each): replace(one, source=self.label(one.source))
-            for each, one in chained(label, {**links_in(held), label: made}).items()
-        }
-        inputs = [PerceptInput(Input(each, Policy()), self._sort_of(each)) for each in percept_labels(links)]
+        key = linkage_of(label, made, self.symbols)
+        links = {self.label(each): replace(one, source=self.label(one.source)) for each, one in key.links}
+        key, labels = key._replace(links=tuple(links.items())), percept_labels(links)
+        inputs = tuple(PerceptInput(Input(each, Policy()), self._sort_of(each)) for each in labels)
         for taken, sort in inputs:
             if lacking := lacks_of(sort):
                 raise located(
@@ -176,14 +181,25 @@ class Compiler:
                     f"{taken.label} are of sort {sort.name}, which has no {', '.join(lacking)}: it makes no percepts",
                     f"sort {sort.name}(symbol in text, x_m in m, y_m in m)",
                 )
-        specifications = link_specifications(links, Definitions(self.symbols).constants)
-        name = self._declared_unit_sort(made.unit) or label.feature
-        sort = self.symbols.shape(name) or object_sort(name)
-        return CompiledGenerator(sort, LinkStream(str(self.label(label)), specifications, inputs, sort), unit="")
-
-    def _declared_unit_sort(self, unit: str) -> str:
-        declared = self.symbols.maker(unit)
-        return declared.sort if isinstance(declared, spec.UnitDeclaration) else ""
+            if key.origin is None and is_geographic(sort):
+                raise located(
+                    made,
+                    f"{taken.label} are placed in degrees, and it is not known where x_m and y_m of objects are 0",
+                    'roads "town.geojson", or define ORIGIN_LATITUDE_DEG = 58.4 and define ORIGIN_LONGITUDE_DEG = 15.6',
+                )
+        shared = self._linkages.get((key, inputs))
+        if shared is None:
+            frame = None if key.origin is None else LocalFrame(*key.origin, 0.0)
+            shared = SharedLinkage(link_specifications(key), inputs, frame)
+            self._linkages[key, inputs] = shared
+        made_sort = Streams(self.symbols).objects(label)
+        if made_sort is None:
+            raise located(
+                made,
+                f"what {made.unit} makes are no states of objects: their sort is not declared, or has no symbol",
+                "sort car(symbol in text, x_m in m, y_m in m, vx_m_s in m/s, vy_m_s in m/s, end in bool)",
+            )
+        return CompiledGenerator(made_sort, LinkStream(str(self.label(label)), shared, made_sort), unit="")
 
     # What can be said beforehand
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import replace
 from typing import NamedTuple
 
+from anchoring.roads.network import RoadNetwork
 from dyknow import SURE, Label, Network, Quality, Sample, Sort, Value
 from dyknow.model.errors import DyknowError, Refused, TextError, TextErrors, TooEarly, file_of
 from dyknow.model.semantic_labels import SemanticLabel
@@ -17,7 +18,7 @@ from kpl.running.changes import (
     DeclaredTimes,
     SpecificationChange,
     as_text_errors,
-    formulas,
+    meanings,
     needed_first,
     rank,
     together,
@@ -56,6 +57,7 @@ class Instance:
         admission: of declarations while a governor sees no time for more: refused, or sampled at a longer period.
         features: sort and process of a stream that is there while it is wanted; None: there is no such stream.
         is_unit: whether a name is that of a unit, and of no object that is seen.
+        roads: those on which linked objects are, unless the specification declares others.
     """
 
     def __init__(
@@ -73,6 +75,7 @@ class Instance:
         admission: Admission = "refuse",
         features: Features = derived_stream,
         is_unit: Callable[[str], bool] | None = None,
+        roads: RoadNetwork | None = None,
     ) -> None:
         self.governor: LoadGovernor | None = None
         self.network, self.unit, self.hooks = network, unit, hooks or Hooks()
@@ -82,13 +85,12 @@ class Instance:
         self.streams: dict[str, StreamProxy] = {}
         self.monitors: dict[str, FormulaMonitor] = {}
         self.chronicles: dict[str, ChronicleStreams] = {}
-        self._catalogue, self._offered = catalogue, offered
+        self._catalogue, self._offered, self._roads = catalogue, offered, roads
         self._sorts, self._semantic, self._federation = sorts or {}, semantic, federation
         self._undo: dict[spec.Declaration, Undo] = {}
         self._backlog: list[tuple[str, Sample]] = []
         self._file, self._is_going_back = "a specification", False
-        self._times = DeclaredTimes()
-        self.symbols = SymbolTable()
+        self._times, self.symbols = DeclaredTimes(), SymbolTable()
         self.compiler = Compiler(unit, self.prototypes, self.symbols, self.sort, admission)
         self.parts = Parts(network, self.prototypes, self.compiler, is_unit or unit.__eq__)
         self.families = Families(network, self.compiler, self.parts, self._of_member)
@@ -96,8 +98,6 @@ class Instance:
         network.resolve = lambda label: (
             figures.find(label) or recognitions(network, label) or self.parts.undeclared(label, features)
         )
-
-    # What a specification says
 
     def add(self, declarations: Iterable[spec.Declaration], now_us: int, text: str = "") -> None:
         """Declare more.
@@ -129,12 +129,12 @@ class Instance:
         if len(every) > MAX_DECLARATIONS:
             raise_all([too_many(len(every), text)])
         change = self._times.change(before, every, now_us, text)
-        meant = dict(formulas(self.symbols, change, self.unit))
+        meant = dict(meanings(self.symbols, change, self.unit))
         self.network.now_us = max(self.network.now_us, now_us)
         self._declare(change.gone, change.new)
         try:
             self._check(change, text)
-            redefined = [each for each, formula in formulas(self.symbols, change, self.unit) if formula != meant[each]]
+            redefined = [each for each, now in meanings(self.symbols, change, self.unit) if now != meant[each]]
             if self.governor is not None and self.compiler.admission == "refuse":
                 raise_all(self.governor.refusals(change.new, text))
         except TextError as wrong:
@@ -162,8 +162,6 @@ class Instance:
         """
         self.change(self.configurations[number].specification, now_us)
 
-    # Who makes it
-
     def offer(self, prototypes: Iterable[Prototype], now_us: int) -> None:
         """Offer more prototypes; streams that waited for them begin; see `Parts.offer`."""
         self.network.now_us = max(self.network.now_us, now_us)
@@ -178,8 +176,6 @@ class Instance:
     def lacking(self) -> dict[str, tuple[Label, ...]]:
         """Prototypes without an offer, and the generators that wait for them."""
         return self.parts.lacking
-
-    # What runs
 
     def push(self, source: str, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
         """A source that is fed from outside has a new sample; where nothing is made from it, it is dropped."""
@@ -217,6 +213,7 @@ class Instance:
             running=running,
             figures=MEANINGS,
             values={**{shape.name: shape for each in prototypes for shape in each.checked_sorts}, **self._sorts},
+            roads=self._roads,
             offered=self._offered,
             unread=unread,
         )
@@ -278,13 +275,14 @@ class Instance:
             self._begin_in_past(change)
             other = dict.fromkeys((*redefined, *self._affected((*gone, *new))))
             remade = [each for each in other if each in self._undo and each not in gone]
-            rest = [each for each in new if each not in self._undo]
-            self._become([*gone, *remade], sorted([*rest, *remade], key=rank))
+            self._become(
+                [*gone, *remade], sorted([*(each for each in new if each not in self._undo), *remade], key=rank)
+            )
         except (DyknowError, RecursionError) as wrong:
             self._is_going_back = True
             self._declare(new, gone)
             done = [each for each in (*new, *remade) if each in self._undo]
-            self._become(done[::-1], [each for each in before if each not in self._undo])
+            self._become(done[::-1], [each for each in before if each not in self._undo or each in remade])
             self._is_going_back = False
             raise as_text_errors(wrong, text) from wrong
         for name, sample in self._backlog:

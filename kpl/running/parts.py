@@ -13,7 +13,7 @@ from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import Prototype, SourcePrototype
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.objects.object_streams import ObjectProcess, ObjectStreams
-from kpl.checking.domains import origin_of
+from kpl.checking.streams import origin_of
 from kpl.checking.symbols import symbol_of
 from kpl.running.compiling import CompiledGenerator, Compiler, Members, check_offer
 from kpl.running.ports import Undo, nothing

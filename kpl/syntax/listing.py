@@ -53,6 +53,8 @@ def print_declaration(declaration: spec.Declaration) -> str:
             ]
             options = ", ".join(filter(None, said))
             return f'chronicle file "{path}"{f" with {options}" if options else ""}'
+        case spec.RoadsDeclaration(path):
+            return f'roads "{path}"'
 
 
 def _sort(sort: Sort) -> str:

@@ -5,8 +5,8 @@ where each stood.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from dyknow.model.instants import US_PER_MS
 from dyknow.model.labels import Label
@@ -15,6 +15,9 @@ from dyknow.policies.policy import Policy
 from reasoning.chronicles import ChronicleFile as Chronicles
 from reasoning.formulas.evaluation import NoValuePolicy
 from reasoning.formulas.tree import Domain, Feature, Forall, Formula, Node, instantiate
+
+if TYPE_CHECKING:
+    from anchoring.roads.network import RoadNetwork
 
 ANY_UPDATE = Policy()
 ExportVisibility: TypeAlias = Literal["public", "protected", "private"]
@@ -235,6 +238,20 @@ class ChronicleDeclaration(Node):
         return None if self.max_age_us is None else -(-self.max_age_us // US_PER_MS)
 
 
+@dataclass(frozen=True, slots=True)
+class RoadsDeclaration(Node):
+    """`roads "PATH"`: the roads on which linked objects are.
+
+    Attributes:
+        digest: of the text of the file; empty where it was not read.
+        network: what it holds, None where it was not read.
+    """
+
+    path: str
+    digest: str = ""
+    network: "RoadNetwork | None" = field(default=None, compare=False, repr=False)
+
+
 Declaration: TypeAlias = (
     SourceDeclaration
     | UnitDeclaration
@@ -248,6 +265,7 @@ Declaration: TypeAlias = (
     | Define
     | MonitorDeclaration
     | ChronicleDeclaration
+    | RoadsDeclaration
 )
 Specification: TypeAlias = tuple[Declaration, ...]
 

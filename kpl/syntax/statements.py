@@ -9,10 +9,12 @@ import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import lru_cache
+from hashlib import sha256
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias, cast
 
-from dyknow.model.errors import PolicyError, SourceText, TextError, TextErrors
+from dyknow.model.errors import PolicyError, RoadsError, SourceText, TextError, TextErrors
 from dyknow.model.instants import parse_duration
 from dyknow.model.labels import Label
 from dyknow.model.semantic_labels import SemanticLabel, definition_errors, sort_errors
@@ -30,7 +32,9 @@ from reasoning.formulas.tree import Place
 if TYPE_CHECKING:
     from lark import Token, Tree
 
-_STATEMENT = re.compile(r"^(?:[ \t]*(?:source|compunit|strmgen|stream|for|sort|label|export|import|define|monitor|chronicle)\b|[A-Za-z]\w+)", re.MULTILINE)  # fmt: skip
+    from anchoring.roads.network import RoadNetwork
+
+_STATEMENT = re.compile(r"^(?:[ \t]*(?:source|compunit|strmgen|stream|for|sort|label|export|import|define|monitor|chronicle|roads)\b|[A-Za-z]\w+)", re.MULTILINE)  # fmt: skip
 ReadFile: TypeAlias = Callable[[str], str]
 """The text of a file that a specification names; raises OSError or UnicodeDecodeError."""
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
@@ -57,7 +61,7 @@ class ReadSpecification(NamedTuple):
 
 
 def parse_specification(text: str, read_file: ReadFile | None = None) -> spec.Specification:
-    """Read a KPL specification, and with `read_file` the chronicle files it names.
+    """Read a KPL specification, and with `read_file` the files of chronicles and roads it names.
 
     Raises:
         TextErrors: with all that is wrong: where the text leaves the grammar, policies that cannot be, numbers,
@@ -278,6 +282,19 @@ class _StatementReader(FormulaReader):
         max_age_us = self._age(ages[0]) if ages else None
         return spec.ChronicleDeclaration(path, policy, content, max_age_us, "since_ever" in kinds, place=place)
 
+    def _roads(self, node: Any, place: Place) -> spec.Declaration:
+        path = str(node.children[0])[1:-1]
+        if self._read_file is None:
+            return spec.RoadsDeclaration(path, place=place)
+        try:
+            text = self._read_file(path)
+            return spec.RoadsDeclaration(path, digest_of(text), roads_of(text, path), place=place)
+        except RoadsError as wrong:
+            self.error(str(wrong), place, f"dyknow roads check {path}")
+        except (OSError, UnicodeDecodeError) as wrong:
+            self.error(f"{path} cannot be read: {wrong}", place, "the path, from where this file lies")
+        return spec.RoadsDeclaration(path, place=place)
+
     def _age(self, node: Any) -> int | None:
         place = place_of(node, self.text)
         age_us = self.attempt(lambda: parse_duration(str(node.children[0])), place, 1)
@@ -341,6 +358,19 @@ class _StatementReader(FormulaReader):
             self.error(f"a number of states is from 1 to {MAX_CLOSE_AFTER}", place, "close after 3")
             return 1
         return found
+
+
+@lru_cache(maxsize=4)
+def roads_of(text: str, file: str) -> "RoadNetwork":
+    """The road network of a text; raises RoadsError."""
+    from anchoring.roads.files.formats import survey_any
+
+    return survey_any(text).required(file)
+
+
+def digest_of(text: str) -> str:
+    """What distinguishes a text from others."""
+    return sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def _name(node: Any) -> str:

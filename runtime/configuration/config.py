@@ -126,6 +126,8 @@ class NodeConfig(Strict):
     """What becomes of declarations there is no time for: refused, or served at a longer period until there is."""
     feed: Path | None = None
     """Samples of the specification's sources."""
+    roads: Path | None = None
+    """Roads on which linked objects are, unless the specification names others."""
     hosts: Path | None = None
     """The socket at which knowledge process hosts of this machine register."""
     duration_s: float | None = Field(None, gt=0)

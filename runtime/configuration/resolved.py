@@ -8,6 +8,7 @@ from federation.sharing.translation import Translation
 from reasoning import builtin_profiles, parse_profiles
 from runtime.configuration.config import NodeConfig
 from runtime.configuration.ontologies import ontology_of
+from runtime.configuration.road_files import read_roads
 from runtime.configuration.session import load_trust
 
 
@@ -15,7 +16,7 @@ def platform_config(config: NodeConfig, clock: FederationClock, started_us: int,
     """What the platform is to know, files read.
 
     Raises:
-        TextError, RosterError: a file is wrong, and where.
+        TextError, RosterError, RoadsError: a file is wrong, and where.
         UnitError: an extension does not load.
     """
     ontology = ontology_of(config.extensions, config.ontology)
@@ -39,6 +40,7 @@ def platform_config(config: NodeConfig, clock: FederationClock, started_us: int,
         profiles=profiles,
         trust=load_trust(config.trust, config.wire.federation, started_us),
         catalogue=catalogue(config.units).offered,
+        roads=None if config.roads is None else read_roads(config.roads),
         extensions=tuple(part for name in config.extensions for part in load_extension(name).parts),
         admission=config.admit,
         govern_us=None if config.govern_ms is None else round(config.govern_ms * 1000),

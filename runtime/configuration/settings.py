@@ -73,6 +73,8 @@ class UnitFile(Strict):
     modules: Items = Field(default=(), alias="units")
     """Modules, or files that end with .py, with sources and computational units of the specification."""
     feed: Path | None = None
+    roads: Path | None = None
+    """Roads on which linked objects are."""
     govern: str | None = None
     admit: Literal["refuse", "longer"] | None = None
 
@@ -113,7 +115,7 @@ class FederationFile(Settings):
 
 
 _TABLES = ("clock", "unit")
-_UNIT_PATHS = ("replay", "translation", "profiles", "signing_key", "spec", "feed")
+_UNIT_PATHS = ("replay", "translation", "profiles", "signing_key", "spec", "feed", "roads")
 OPTION_KEYS = tuple(field.alias or name for name, field in Settings.model_fields.items())
 """The keys of a configuration file; those but the tables are, upper case after `DYKNOW_`, the variables."""
 VARIABLES = {key: f"DYKNOW_{key.upper()}" for key in OPTION_KEYS if key not in _TABLES}

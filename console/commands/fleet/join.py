@@ -15,7 +15,7 @@ from console.commands.fleet.up import READY_S, FleetStart, tell_notes
 from console.commands.texts.run_output import tell_record
 from console.commands.texts.specification_files import check_specified
 from console.errors import DONE, INTERRUPTED
-from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Speed, UnitModules
+from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Roads, Speed, UnitModules
 from console.output.output import unit_json
 from console.output.shown import line, styled
 from console.processes.launch import clock_of, mavlink_vehicle, platform_config, replayed, together
@@ -80,6 +80,7 @@ def join(
     ] = None,
     modules: UnitModules = None,
     feed: Feed = None,
+    roads: Roads = None,
     govern: Govern = None,
     admit: Admit = "refuse",
     avoidance: Avoidance = True,
@@ -97,7 +98,7 @@ def join(
             mavlink=mavlink, sysid=sysids[at] if sysids else None, compid=compid, control="auto" if control == "auto" else control is not None,
             floor_m=floor, ceiling_m=ceiling, range_m=range_,
             signing_key=signing_key, unsigned=unsigned, replay=replay, from_=from_, epoch=epoch, translation=translation,
-            spec=spec, modules=tuple(modules or ()), feed=feed, govern=govern, admit=admit,
+            spec=spec, modules=tuple(modules or ()), feed=feed, roads=roads, govern=govern, admit=admit,
         )  # fmt: skip
         if at == 0:
             _check_sources(own)

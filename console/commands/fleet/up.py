@@ -11,7 +11,7 @@ from console.command import Call, command
 from console.commands.members.ls import ls
 from console.commands.texts.specification_files import check_specified
 from console.errors import DONE, FAILED, INTERRUPTED, NO
-from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Speed, UnitModules
+from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Roads, Speed, UnitModules
 from console.output.output import unit_json
 from console.output.shown import line, styled
 from console.processes.launch import FleetPlan, clock_of, fleet_of, specified, together
@@ -111,6 +111,7 @@ def up(
     ] = None,
     modules: UnitModules = None,
     feed: Feed = None,
+    roads: Roads = None,
     govern: Govern = None,
     admit: Admit = "refuse",
 ) -> int:
@@ -124,6 +125,7 @@ def up(
         spec=spec if own is None else own.spec,
         modules=(*(modules or ()), *(() if own is None else own.modules)),
         feed=feed,
+        roads=roads,
         govern=govern,
         admit=admit,
     )

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from console.command import Call, command
-from console.commands.objects.roads import read_bytes
 from console.commands.texts.specification_files import opened, read_text
 from console.errors import DONE, WRONG
 from dyknow.model.errors import TextError, WrongCall
+from proxies.recordings.named_files import beside
+from runtime.configuration.road_files import read_bytes
 
 if TYPE_CHECKING:
     from anchoring.links.specification import LinkSpecification
@@ -43,7 +44,8 @@ def link(
     if percepts is None:
         raise WrongCall("give the recorded percepts: --percepts FILE.jsonl.")
     network = None if roads is None else _network(call, roads)
-    linkage = ObjectLinkage(_specifications(file, network))
+    specifications, network = _specifications(file, network)
+    linkage = ObjectLinkage(specifications)
     output, problems = LinkOutput(call), LeftOutLines(call)
     frame = None if network is None else network.frame
     with opened(percepts, "--percepts", "recorded percepts are a text of JSON lines") as lines:
@@ -55,24 +57,32 @@ def link(
     return problems.end(str(percepts))
 
 
-def _specifications(file: Path | None, network: "RoadNetwork | None") -> "tuple[LinkSpecification, ...]":
-    """The link specifications of a file, or those that are ready."""
+def _specifications(
+    file: Path | None, network: "RoadNetwork | None"
+) -> "tuple[tuple[LinkSpecification, ...], RoadNetwork | None]":
+    """The link specifications of a file, or those that are ready, and the roads that they are on."""
     from anchoring.ready import ready_specification
 
     if file is None:
-        return ready_specification(network)
+        return ready_specification(network), network
     from kpl import parse_specification
-    from kpl.linking.declarations import constants_in, link_specifications, links_in
+    from kpl.checking.symbols import Known, SymbolTable
+    from kpl.linking.declarations import link_specifications, linkage_key, links_in
 
     text = read_text(file)
-    declarations = parse_specification(text)
+    declarations = parse_specification(text, beside(file))
     links = links_in(declarations)
     if not links:
         raise WrongCall(
             f"{file}: there is no link declaration, as in strmgen world = link(vision_percept, WorldObject, e, r, m)."
         )
+    symbols = SymbolTable(declarations)
+    if network is not None and symbols.roads() is not None:
+        raise WrongCall(f"--roads: {file} declares its roads already; leave one out.")
+    symbols.known = Known(roads=network)
     try:
-        return link_specifications(links, constants_in(declarations), network)
+        key = linkage_key(links, symbols)
+        return link_specifications(key), key.roads
     except TextError as error:
         raise error.but(text=text) from None
 

@@ -9,7 +9,7 @@ from console.command import Call, command
 from console.errors import DONE, NO
 from console.output.output import counted
 from console.output.shown import line, styled
-from dyknow.model.errors import WrongCall
+from runtime.configuration.road_files import read_bytes
 
 if TYPE_CHECKING:
     from anchoring.roads.files.problems import RoadProblem
@@ -42,19 +42,6 @@ def check(
     contents = _contents(survey.network)
     call.out.say(f"{file}: {about['format']}, {_sentence(contents)}; {counts}", **about, **contents)
     return DONE
-
-
-def read_bytes(file: Path, option: str) -> bytes:
-    """The bytes of a file of roads, at most one more than is allowed; raises WrongCall."""
-    from anchoring.roads.files.problems import MOST_BYTES
-
-    try:
-        with file.open("rb") as text:
-            return text.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise WrongCall(
-            f"{option}: {file} cannot be read ({error.strerror}); roads are a file of GeoJSON, OpenStreetMap or SUMO."
-        ) from None
 
 
 def _show(call: Call, file: str, problem: "RoadProblem") -> None:

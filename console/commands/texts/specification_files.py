@@ -63,7 +63,9 @@ def read_samples(path: Path) -> "list[FedSample]":
 
 
 def check_specified(own: "UnitFile") -> None:
-    """Whether what a platform is to run can be read; raises WrongCall and TextErrors."""
+    """Whether what a platform is to run can be read; raises WrongCall, TextErrors and RoadsError."""
+    from runtime.configuration.road_files import read_roads
+
     if own.spec is not None:
         from kpl import parse_specification
         from proxies.recordings.named_files import beside
@@ -73,6 +75,8 @@ def check_specified(own: "UnitFile") -> None:
         raise WrongCall("--feed: samples are for the sources of a specification; give it with --spec FILE.kpl.")
     if own.feed is not None:
         read_samples(own.feed)
+    if own.roads is not None:
+        read_roads(own.roads)
 
 
 def instance_of(

@@ -137,6 +137,19 @@ def test_the_first_configuration_is_restored_however_many_changes_came_after_it(
             "it is about pairs of platforms: write it as always forall other in units - {self} growing",
         ),
         (AddDeclarations(text='chronicle file "/etc/passwd"'), "text", "does not come with the specification"),
+        (AddDeclarations(text='roads "/etc/passwd"'), "text", "does not come with the specification"),
+        (
+            AddDeclarations(
+                text='roads "a"', files=(NamedText(path="a", text="<!DOCTYPE x [<!ENTITY a 'b'>]><osm/>"),)
+            ),
+            "text",
+            "declarations of cc:1:1: a:",
+        ),
+        (
+            AddDeclarations(text='roads "a"', files=(NamedText(path="a", text="[" * 8000),)),
+            "text",
+            "declarations of cc:1:1: a:",
+        ),
         (RemoveDeclarations(names=("alt[self]",)), "text", "nothing makes alt[self], which the running instance needs"),
         (RemoveDeclarations(names=("distance",)), "unknown-name", "Did you mean 'distance_m'?"),
         (RestoreSpecification(number=7), None, "there are 1 configurations, counted from 0"),

@@ -1,12 +1,17 @@
 """Link declarations in running specifications: streams of linked objects, and formulas over them."""
 
+from pathlib import Path
+
 import pytest
 
 from dyknow import Label, SourcePrototype
-from dyknow.model.errors import TextError
+from dyknow.model.errors import SourceText, TextError, TextErrors
 from kpl import parse_specification
-from kpl.linking.declarations import constants_in, link_specifications, links_in
+from kpl.checking.symbols import Known, SymbolTable
+from kpl.linking.declarations import link_specifications, linkage_key, links_in
 from kpl.linking.streams import LinkStream
+from kpl.syntax.statements import roads_of
+from navigation import LocalFrame
 from reasoning.formulas.tree import Const, walk
 from tests.kpl.instances import Running
 
@@ -27,6 +32,24 @@ strmgen reds = link(world, SameState,
   eventually [0, oo] colour[from] = "red", eventually [0, 1000] (xy_dist[from, to] < thresh and colour[from] = "red"),
   always colour[from] = "red")
 """
+
+
+ROADS = 'roads "examples/roads/town.geojson"\n'
+ON_ROAD = """
+strmgen on_road = link(world, OnRoad,
+  eventually [1000, oo] always [0, 1000] on_road[from], eventually [0, 1000] xy_dist[from, to] < thresh,
+  always eventually [0, 10000] always [0, 1000] on_road[from])
+"""
+
+
+def specifications(text, roads=None):
+    """The link specifications of a text."""
+    declarations = parse_specification(text, read_file)
+    return link_specifications(linkage_key(links_in(declarations), SymbolTable(declarations, Known(roads=roads))))
+
+
+def read_file(path):
+    return Path(path).read_text("utf-8")
 
 
 class Camera(Running):
@@ -95,9 +118,110 @@ def test_without_a_subscriber_nothing_is_linked() -> None:
 
 def test_defined_constants_stand_for_their_values() -> None:
     text = PERCEPTS + "define thresh = 8.0\n" + WORLD
-    declarations = parse_specification(text)
-    (specification,) = link_specifications(links_in(declarations), constants_in(declarations))
+    (specification,) = specifications(text)
     assert Const(8.0) in list(walk(specification.reestablish))
+
+
+class OnTheRoad(Running):
+    """An instance that is given the files that its specification names."""
+
+    def add(self, text):
+        text = SourceText(text, "a.kpl")
+        self.instance.add(parse_specification(text, read_file), self.now_us, text)
+
+    def drive(self, y_m=-1.8, until_ms=9000):
+        """A car from the west through the crossing of the town at 10 m/s, hidden from 3 s to 4 s."""
+        for t in range(0, until_ms, 100):
+            self.wait(t * 1000)
+            if not 3000 < t <= 4000:
+                self.push("camera", (f"vp{t > 4000:d}", t / 100 - 100, y_m, "red", t == 3000), t * 1000)
+
+
+def test_linked_objects_are_on_the_declared_roads() -> None:
+    road = OnTheRoad(PERCEPTS + WORLD + ROADS + ON_ROAD + "for c in on_road stream link = on_road.link[c]\n")
+    road.drive()
+    found = [(name, sample.value) for name, sample in road.outputs]
+    assert next(value for name, value in found if name == "link-oo1") == "west"
+    assert {name for name, _ in found} == {"link-oo1"}
+    assert not road.faults
+
+
+def test_what_is_off_the_roads_is_no_object_on_them() -> None:
+    road = OnTheRoad(PERCEPTS + WORLD + ROADS + ON_ROAD + "stream on = on_road\nstream seen = world\n")
+    road.drive(y_m=-40.0)
+    assert {name for name, _ in road.outputs} == {"seen"}
+
+
+def test_streams_of_one_linkage_agree_on_the_symbols_whenever_they_begin() -> None:
+    road = OnTheRoad(PERCEPTS + WORLD + ROADS + ON_ROAD + "stream seen = world\n")
+    road.drive(until_ms=6000)
+    road.add("stream on = on_road\n")
+    for t in range(6000, 7000, 100):
+        road.push("camera", ("vp1", t / 100 - 100, -1.8, "red", False), t * 1000)
+    assert {sample.value[0] for name, sample in road.outputs if name == "on"} == {"oo1"}
+    assert {sample.value[0] for name, sample in road.outputs if name == "seen"} == {"wo1"}
+
+
+def test_roads_of_the_platform_serve_where_none_are_declared_and_others_replace_them() -> None:
+    roads = roads_of(read_file("examples/roads/town.geojson"), "town")
+    text = PERCEPTS + WORLD + ON_ROAD + "stream on = on_road\n"
+    road = OnTheRoad(text, roads=roads)
+    road.drive()
+    assert road.outputs
+    with pytest.raises(TextError, match="OnRoad needs roads"):
+        OnTheRoad(text)
+
+
+def test_without_the_roads_the_links_on_them_cannot_stay() -> None:
+    road = OnTheRoad(PERCEPTS + WORLD + ROADS + ON_ROAD + "stream on = on_road\n")
+    with pytest.raises(TextError, match="OnRoad"):
+        road.change(PERCEPTS + WORLD + ON_ROAD + "stream on = on_road\n")
+    road.drive()
+    assert road.outputs
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('roads "/etc/passwd-of-nobody"', "cannot be read"),
+        ('roads "tests/kpl/linking/test_linking.py"', "dyknow roads check"),
+        (ROADS + ROADS, "roads is declared already"),
+    ],
+)
+def test_roads_that_are_none_are_told_with_their_place(text: str, message: str) -> None:
+    with pytest.raises(TextErrors, match=message) as wrong:
+        OnTheRoad(text)
+    assert "a.kpl:" in str(wrong.value)
+
+
+def test_positions_in_degrees_are_linked_where_it_is_known_where_the_frame_lies() -> None:
+    text = (
+        """
+sort seen-object(symbol in text, latitude_deg in deg, longitude_deg in deg)
+source seen-object camera
+strmgen percepts = camera
+"""
+        + WORLD
+        + "stream seen = world\n"
+    )
+    with pytest.raises(TextError, match="placed in degrees"):
+        Camera(text)
+    camera = Camera("define ORIGIN_LATITUDE_DEG = 58.4\ndefine ORIGIN_LONGITUDE_DEG = 15.6\n" + text)
+    frame = LocalFrame(58.4, 15.6, 0.0)
+    for t in range(0, 3000, 100):
+        camera.push("camera", ("vp1", *frame.from_ned(0.0, t / 100, 0.0)[:2]), t * 1000)
+    last = camera.outputs[-1][1].value
+    names = [field.name for field in camera.network.generator(Label("world")).sort.fields]
+    record = dict(zip(names, last, strict=True))
+    assert record["x_m"] == pytest.approx(29.0, abs=1.0)
+    assert record["longitude_deg"] == pytest.approx(frame.from_ned(0.0, 29.0, 0.0)[1], abs=2e-5)
+
+
+def test_a_place_that_cannot_be_is_no_percept() -> None:
+    camera = Camera(PERCEPTS + WORLD + "stream seen = world\n")
+    for t, x_m in enumerate([float("nan"), float("inf"), 1e300, -1e300] * 6):
+        camera.push("camera", ("vp1", x_m, 0.0, "red", False), t * 100_000)
+    assert not [each for each in camera.outputs if each[0] == "seen"]
 
 
 @pytest.mark.parametrize(
@@ -113,7 +237,7 @@ def test_defined_constants_stand_for_their_values() -> None:
 )
 def test_what_cannot_be_linked_is_told_with_its_place(text: str, message: str) -> None:
     with pytest.raises(TextError, match=message) as wrong:
-        link_specifications(links_in(parse_specification(text)), {})
+        specifications(text)
     assert wrong.value.repair
 
 

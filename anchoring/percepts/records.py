@@ -1,0 +1,127 @@
+"""Percepts and objects as records of streams: which fields they have, and what is read from them.
+
+A percept has a symbol and a position, `x_m` and `y_m` (east and north) or, where the origin of those is known,
+`latitude_deg` and `longitude_deg`; deviation, velocity and further attributes are optional.
+"""
+
+from typing import Final
+
+from anchoring.links.states import ObjectState, diagonal
+from anchoring.links.structures import Percept, StateRecord
+from anchoring.percepts.reading import FARTHEST_GEOGRAPHIC_M, FARTHEST_M, LEAST_SD_M, USUAL_SD_M, VELOCITY_SD_M_S
+from dyknow import NO_VALUE, Sample, Sort, Value
+from dyknow.model.values import END, SYMBOL, Field
+from navigation import LocalFrame
+from reasoning.formulas.evaluation import is_missing
+
+ANCHORED: Final = "anchored"
+LOCAL: Final = ("x_m", "y_m")
+GEOGRAPHIC: Final = ("latitude_deg", "longitude_deg")
+_STATE: Final = (*LOCAL, "vx_m_s", "vy_m_s")
+_UNITS: Final = {SYMBOL: "text", **dict.fromkeys(LOCAL, "m"), "vx_m_s": "m/s", "vy_m_s": "m/s", "sd_m": "m"}
+_ON_ROADS: Final = {
+    "link": "text", "crossing": "text", "direction": "1", "lane": "1", "offset_m": "m", "along_m_s": "m/s",
+    "turn": "text", "world_x_m": "m", "world_y_m": "m",
+}  # fmt: skip
+_OWN: Final = frozenset({*_UNITS, *GEOGRAPHIC, END, ANCHORED})
+
+
+def object_sort(name: str, below: Sort | None, *, is_on_roads: bool, is_placed: bool) -> Sort:
+    """What the states of linked objects are unless it is declared.
+
+    Args:
+        name: of the sort.
+        below: of the objects from which they are made, whose attributes they keep.
+        is_on_roads: whether they are put on roads.
+        is_placed: whether it is known where `x_m` and `y_m` are 0.
+    """
+    units = dict(_UNITS)
+    if is_placed:
+        units |= dict.fromkeys(GEOGRAPHIC, "deg")
+    units |= {ANCHORED: "bool"} | (_ON_ROADS if is_on_roads else {})
+    units |= {each.name: each.unit for each in (below.fields if below else ()) if each.name not in {*units, *_OWN}}
+    return Sort(name, tuple(Field(*each) for each in (*units.items(), (END, "bool"))))
+
+
+def lacks_of(sort: Sort) -> tuple[str, ...]:
+    """The fields without which a record is no percept."""
+    named = {each.name for each in sort.fields}
+    position = GEOGRAPHIC if named.issuperset(GEOGRAPHIC) else LOCAL
+    return tuple(each for each in (SYMBOL, *position) if each not in named)
+
+
+def is_geographic(sort: Sort) -> bool:
+    """Whether positions are latitude and longitude alone."""
+    named = {each.name for each in sort.fields}
+    return named.issuperset(GEOGRAPHIC) and not named.issuperset(LOCAL)
+
+
+class PerceptRecords:
+    """Reads the records of one stream.
+
+    Args:
+        frame: about which positions in degrees are taken.
+    """
+
+    def __init__(self, type_: str, sort: Sort, frame: LocalFrame | None) -> None:
+        self._type, self._frame = type_, frame
+        self._names = tuple(each.name for each in sort.fields)
+        self._is_geographic = is_geographic(sort)
+
+    def percept(self, sample: Sample) -> Percept | None:
+        """None: it has no value, or no place that can be."""
+        if sample.value is NO_VALUE:
+            return None
+        record: dict[str, Value] = dict(zip(self._names, sample.value, strict=True))
+        symbol = record[SYMBOL]
+        if record.get(END) is True:
+            return Percept(symbol, self._type, None)
+        place = self._place(record)
+        if place is None:
+            return None
+        velocity = record.get("vx_m_s", NO_VALUE), record.get("vy_m_s", NO_VALUE)
+        moves = not any(map(is_missing, velocity))
+        sd_m = record.get("sd_m", NO_VALUE)
+        deviation_m = USUAL_SD_M if is_missing(sd_m) else max(LEAST_SD_M, float(sd_m))
+        attributes = {name: value for name, value in record.items() if name not in _OWN}
+        vx_m_s, vy_m_s = map(float, velocity) if moves else (0.0, 0.0)
+        covariance = diagonal(deviation_m, VELOCITY_SD_M_S if moves else None)
+        return Percept(symbol, self._type, ObjectState(sample.valid_us, *place, vx_m_s, vy_m_s, covariance, attributes))
+
+    def _place(self, record: dict[str, Value]) -> tuple[float, float] | None:
+        """East and north."""
+        one, other = (record[name] for name in (GEOGRAPHIC if self._is_geographic else LOCAL))
+        if is_missing(one) or is_missing(other):
+            return None
+        if not self._is_geographic:
+            return (float(one), float(other)) if max(abs(one), abs(other)) <= FARTHEST_M else None
+        if self._frame is None or not (abs(one) <= 90.0 and abs(other) <= 180.0):
+            return None
+        north_m, east_m, _ = self._frame.to_ned(one, other, 0.0)
+        return (east_m, north_m) if max(abs(north_m), abs(east_m)) <= FARTHEST_GEOGRAPHIC_M else None
+
+
+class ObjectRecords:
+    """Writes states of objects as records of a sort.
+
+    Args:
+        frame: of the positions, if it is known where they are 0.
+    """
+
+    def __init__(self, sort: Sort, frame: LocalFrame | None) -> None:
+        self._names = tuple(each.name for each in sort.fields)
+        self._frame = frame if {*GEOGRAPHIC} & {*self._names} else None
+
+    def value(self, record: StateRecord, *, is_anchored: bool, ended: bool) -> Value:
+        """The state of an object; `ended`: its last one."""
+        state = record.state
+        own = {SYMBOL: record.symbol, END: ended, "sd_m": state.deviation_m / 2**0.5, ANCHORED: is_anchored}
+        own |= zip(_STATE, state[1:5], strict=True)
+        if self._frame is not None:
+            own |= zip(GEOGRAPHIC, self._frame.from_ned(state.y_m, state.x_m, 0.0)[:2], strict=True)
+        return tuple(own.get(name, state.attributes.get(name, NO_VALUE)) for name in self._names)
+
+    def ended(self, symbol: str) -> Value:
+        """The last state of an object whose other attributes are unknown."""
+        known: dict[str, Value] = {SYMBOL: symbol, END: True}
+        return tuple(known.get(name, NO_VALUE) for name in self._names)
