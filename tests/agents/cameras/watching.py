@@ -26,9 +26,9 @@ class Watching:
         truth: the cars, by the time of each image.
     """
 
-    def __init__(self, seed: int = 1, **config: Any) -> None:
+    def __init__(self, seed: int = 1, index: int = 0, **config: Any) -> None:
         situation = scenario("traffic", 2, seed)
-        unit = situation.units[0]
+        unit = situation.units[index]
         self.onboard, rig = carried_over(situation, unit, seed)
         self._traffic = traffic_of(situation, seed)
         flown = unit.vehicle(1, airborne=True)
