@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dyknow import Field, Sort, Value, source
 
 PERCEPT = Sort(
-    "percept",
+    "camera-percept",
     (
         Field("symbol", "text"), Field("x_m", "m"), Field("y_m", "m"), Field("sd_m", "m"), Field("colour", "text"),
         Field("end", "bool"),

@@ -13,7 +13,7 @@ from console.main import app
 from tests.docs.pages import DOCS, PAGES, ROOT, commands, fences
 
 NAMES = [*(page.name for page in PAGES), "../README.md"]
-_FILE = re.compile(r"(examples|compose)/[\w./-]+")
+_FILE = re.compile(r"(examples|compose)/[\w./-]*\w")
 _MADE = re.compile(r"^dyknow ring\b|\bTASK\b|\bKIND\b")
 """A command of an extension, and patterns of commands."""
 

@@ -8,6 +8,8 @@ from federation.members.offers import Service, Visibility
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import encode_act
 from federation.messages.contents import Content, Hold, parts, read
+from navigation.cameras.rig import CameraRig
+from navigation.geodesy import LocalFrame
 from tests.agents.admission.test_hostile import signer, trust
 from tests.box import Box
 from tests.federation.expressions import parse_expr
@@ -43,7 +45,8 @@ def test_every_action_has_a_handler() -> None:
 def roster() -> Box:
     """0 has every service; cc commands, 1 is a platform, eye observes."""
     wire = Box()
-    wire.join("0", simulated=True, control=True, trust=trust("0"))
+    rig = CameraRig({}, LocalFrame(58.4, 15.6, 0.0))
+    wire.join("0", simulated=True, control=True, cameras=rig, trust=trust("0"))
     wire.join("1", trust=trust("1"))
     for unit in ("cc", "eye"):
         wire.centre(unit, trust=trust(unit))

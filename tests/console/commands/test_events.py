@@ -103,17 +103,17 @@ def test_recognised_chronicles_are_events_of_their_objects(
         "sort car(symbol in text, colour in text)\nsource car seen\nstrmgen cars = seen\n"
         'chronicle file "paint.chr" with max delay 100\n'
     )
-    chronicle = "chronicle painted[?c] { event(cars.colour[?c]:(red, blue), t1) }\n"
+    chronicle = "chronicle painted[?c] { event(cars.colour[?c]:(red, blue), t1) event(cars.colour[?c]:(blue, white), t2) t1 < t2 }\n"
     from agents.effects import Specify
 
     world._reach(world.nodes["0"], Specify(world.now_us, text, "a.kpl", (("paint.chr", chronicle),)))
-    for colour in ("red", "blue", "blue"):
+    for colour in ("red", "blue", "white"):
         world._reach(world.nodes["0"], Fed(world.now_us, "seen", world.now_us, ("car1", colour)))
         world.run(0.3)
     assert command.events(Call(call.settings, Output(json_lines=False)), unit=None, follow=False) == DONE
     out = capsys.readouterr().out
     assert "painted[car1]" in out
-    assert "recognised: t1 = " in " ".join(out.split())
+    assert "recognised: t1 300 ms before" in " ".join(out.split())
 
 
 def test_where_nothing_has_happened_it_is_said_so(world: Box, call: Call, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,7 @@ SEED = 3
 EXAMPLES = Path(__file__).parents[3] / "examples" / "traffic"
 LINKED = """\
 sort car-object(symbol in text, x_m in m, y_m in m, vx_m_s in m/s, vy_m_s in m/s, colour in text, end in bool)
-compunit car-object WorldObject(percept)
+compunit car-object WorldObject(camera-percept)
 strmgen cars = link(vision-percepts[self], WorldObject,
     eventually[1s, oo] true, eventually[0, 1s] xy_dist[from, to] < thresh, true)
 stream seen = cars

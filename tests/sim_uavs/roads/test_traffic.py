@@ -28,7 +28,7 @@ def driven(network: RoadNetwork, drivers: list[Driver], seconds: int, seed: int 
 
 
 def from_outside(network: RoadNetwork, count: int, seed: int, seconds: int) -> list[Driver]:
-    """Drivers that enter at the ends of the network, by chance."""
+    """Drivers that enter at the ends of the network, by chance; where it has none, on its links."""
     rng = np.random.default_rng(seed)
     ends = {
         name: network.links[ways[0].link].crossing_at(ways[0].direction)
@@ -36,6 +36,7 @@ def from_outside(network: RoadNetwork, count: int, seed: int, seconds: int) -> l
         if len(ways) == 1
     }
     routes = [(name, str(first)) for name, first in ends.items()]
+    routes = routes or [(str(link.start), str(link.end)) for link in network.links.values()]
     return [
         drawn(f"v{n}", routes[n % len(routes)], rng, enters_us=int(rng.integers(seconds * 1_000_000)))
         for n in range(count)
@@ -162,7 +163,7 @@ def test_impossible_routes_are_refused() -> None:
         SimulatedTraffic(network_of(cross()), [Driver("a", ("west", "north"))], np.random.default_rng(1)).advance(
             100_000
         )
-    with pytest.raises(DyknowError, match="no road layout is called 'tower'; there are bends, cross"):
+    with pytest.raises(DyknowError, match="no road layout is called 'tower'; there are bends, blocks, cross"):
         layout("tower")
 
 
