@@ -8,24 +8,6 @@ from tests.live.command_line.command import Dyknow, lines
 
 pytestmark = pytest.mark.live
 EXAMPLES = Path(__file__).parents[3] / "examples" / "traffic"
-TRACKER = """\
-from dyknow import source
-
-@source("seen-object")
-def tracker(from_us):
-    \"\"\"One car stands on the main road, cars drive past it in the other lane.\"\"\"
-    valid_us = -(-from_us // 500_000) * 500_000
-    while True:
-        yield valid_us, ("car1", 150.0, -1.75)
-        number, at_s = divmod(valid_us / 1e6, 25.0)
-        yield valid_us, (f"other{int(number)}", 290.0 - 11.0 * at_s, 1.75)
-        valid_us += 500_000
-
-@source("wanted-route")
-def dispatcher(from_us):
-    yield from_us, ("ambulance", "station", "hospital", 2.6)
-    yield from_us, ("crane", "station", "hospital", 6.0)
-"""
 WATCHER = """\
 import passable-routes from 7 as routes
 monitor can_pass = always forall r in routes: passable[r]
@@ -33,10 +15,9 @@ monitor can_pass = always forall r in routes: passable[r]
 
 
 def test_routes_and_traffic_are_exported_watched_and_monitored_elsewhere(dyknow: Dyknow, tmp_path: Path) -> None:
-    (tracker := tmp_path / "tracker.py").write_text(TRACKER, encoding="utf-8")
     (watcher := tmp_path / "watcher.kpl").write_text(WATCHER, encoding="utf-8")
-    spec, units = str(EXAMPLES / "streets.kpl"), str(EXAMPLES / "streets.py")
-    platform = dyknow.start("join", "--unit", "7", "--spec", spec, "--units", units, "--units", str(tracker), "--json")
+    spec, units, tracker = (str(EXAMPLES / name) for name in ("streets.kpl", "streets.py", "tracker.py"))
+    platform = dyknow.start("join", "--unit", "7", "--spec", spec, "--units", units, "--units", tracker, "--json")
     specified = next(line for line in lines(platform) if line["event"] == "specified")
     assert sorted(specified["exports"]) == ["passable-routes", "traffic-on-links"]
     crane = next(
