@@ -16,13 +16,6 @@ from tests.sim_uavs.monitoring.truth import Passage, chronicle_of, passages
 pytestmark = pytest.mark.live
 SEED = 3
 EXAMPLES = Path(__file__).parents[3] / "examples" / "traffic"
-LINKED = """\
-sort car-object(symbol in text, x_m in m, y_m in m, vx_m_s in m/s, vy_m_s in m/s, colour in text, end in bool)
-compunit car-object WorldObject(camera-percept)
-strmgen cars = link(vision-percepts[self], WorldObject,
-    eventually[1s, oo] true, eventually[0, 1s] xy_dist[from, to] < thresh, true)
-stream seen = cars
-"""
 PATIENCE_S = 200.0
 TURN = re.compile(r"(turn_left|turn_right)_in_crossing\[(\w+), (\w+), (\w+), (\w+)\]")
 
@@ -75,10 +68,8 @@ def is_turn(network: Any, name: str, near: list[Passage], way: tuple[str, str, s
     )
 
 
-def test_a_detector_of_ones_own_in_a_host_takes_the_place_of_cameras(dyknow: Dyknow, tmp_path: Path) -> None:
-    spec = tmp_path / "cars.kpl"
-    spec.write_text(LINKED, encoding="utf-8")
-    dyknow.run("up", "1", "--scenario", "hover", "--spec", str(spec), "--detach")
+def test_a_detector_of_ones_own_in_a_host_takes_the_place_of_cameras(dyknow: Dyknow) -> None:
+    dyknow.run("up", "1", "--scenario", "hover", "--spec", str(EXAMPLES / "cars.kpl"), "--detach")
     host = dyknow.start("host", str(EXAMPLES / "detector.py"), "--unit", "0", "--json")
     registered = next(line for line in lines(host) if line["event"] == "registered")
     assert registered["labels"] == ["vision-percepts[0]"]
