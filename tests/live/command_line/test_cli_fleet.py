@@ -28,11 +28,10 @@ def dyknow(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dyknow]:
 
 
 def test_ls_shows_all_three_alive_with_their_labels_and_clocks(dyknow: Dyknow) -> None:
-    found = dyknow.until("ls", state="alive")
+    found = dyknow.until("ls", state="alive", clock="synchronised")  # one machine, one clock; how sure, load decides
     assert [line["unit"] for line in found] == [0, 1, 2]
     for line in found:
         assert {"heli-position", "heli-altitude", "heli-velocity", "battery"} <= {e["label"] for e in line["labels"]}
-        assert line["clock"] == "synchronised", "one machine, one clock"
         assert abs(line["offset_us"]) <= line["bound_us"]
 
 
