@@ -37,7 +37,7 @@ FLAT_MB: Final = 5.0
 
 
 def vehicles_for(percepts: int) -> int:
-    """The vehicles of which so many are seen at a time."""
+    """How many vehicles have to drive so that on average this number of percepts is seen."""
     return round(percepts * CYCLE_S / SEEN_S)
 
 

@@ -39,7 +39,7 @@ def one(
 
 
 def turned(attention: Attention, objects: Sequence[WatchedObject], seconds: float) -> list[Gaze | None]:
-    """What is looked at, the mount turning as it is told, as fast as it can."""
+    """The gazes of a run in which the mount turns to each of them at its full rate."""
     mount, gazes = PanTilt(0.0, pi / 2.0), []
     for now_us in range(0, round(seconds * 1e6), STEP_US):
         here = camera(mount)

@@ -39,7 +39,7 @@ class Streets(Running):
         super().__init__(text, road_units(roads), sorts={})
 
     def drive(self, seconds, cars, begin_s=0.0, period_s=0.5):
-        """Cars by what their place is after so many seconds."""
+        """Cars whose places are given as functions of time, seconds."""
         for step in range(int(seconds / period_s)):
             at_s = begin_s + step * period_s
             self.wait(round(at_s * US_PER_S))

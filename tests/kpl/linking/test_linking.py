@@ -183,7 +183,7 @@ def test_without_the_roads_the_links_on_them_cannot_stay() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('roads "/etc/passwd-of-nobody"', "cannot be read"),
+        ('roads "/etc/no-such-file"', "cannot be read"),
         ('roads "tests/kpl/linking/test_linking.py"', "dyknow roads check"),
         (ROADS + ROADS, "roads is declared already"),
     ],
