@@ -57,7 +57,6 @@ def recognised_turn(dyknow: Dyknow) -> dict[str, Any]:
             if each["event"] == "recognised" and TURN.fullmatch(each["to"]):
                 return each
         assert time.monotonic() < until, f"no turn among {len(events)} events: {events[-5:]}"
-        time.sleep(2.0)
 
 
 def is_turn(network: Any, name: str, near: list[Passage], way: tuple[str, str, str]) -> bool:
@@ -76,6 +75,5 @@ def test_a_detector_of_ones_own_in_a_host_takes_the_place_of_cameras(dyknow: Dyk
     until = time.monotonic() + PATIENCE_S
     while len(listed := dyknow.run("objects", code=None)) < 2:
         assert time.monotonic() < until
-        time.sleep(1.0)
     assert {each["colour"] for each in listed} == {"red", "white"}
     assert {each["to"] for each in dyknow.run("events") if each["event"] == "established"} >= {"co1", "co2"}

@@ -30,7 +30,6 @@ def followed(dyknow: Dyknow, until: float) -> str:
             if "agree" in str(answers):
                 return str(each["symbol"])
         assert time.monotonic() < until, f"nothing to follow among {listed}"
-        time.sleep(1.0)
 
 
 def speed(entry: dict[str, Any]) -> float:
@@ -47,7 +46,6 @@ def test_the_vehicle_flies_after_a_car_and_the_task_is_listed_until_it_is_cancel
     followed(dyknow, until)
     while distance_m(*before, *place(dyknow)) < MOVED_M:
         assert time.monotonic() < until
-        time.sleep(1.0)
         if not dyknow.run("tasks", code=None):
             followed(dyknow, until)
     looked = dyknow.run("watch", "camera-attention", "--unit", "0", "--count", "1")
