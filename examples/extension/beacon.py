@@ -1,4 +1,4 @@
-"""A beacon that rings when it is asked to, and streams how often it has rung."""
+"""A beacon that rings on request, and streams how often it has rung."""
 
 from agents.actions import REQUESTED, Action, Offer, Role
 from agents.exchange.gateway import Gateway
