@@ -5,8 +5,8 @@
     {"t_ms": 900, "percept": "vp1", "end": true}
 
 Velocity, `sd_m` (1 m) and attributes are optional, `type` too where there is but one; `latitude_deg` and `longitude_deg` may
-take the place of x (east) and y (north). Lines are in the order of time; those with one `t_ms` are one tick. A line that
-cannot be used is reported with its number and left out, and so is a percept that a tick has twice with other contents, and a
+take the place of x (east) and y (north); a whole number may be the name of a percept. Lines are in the order of time; those
+with one `t_ms` are one tick. A line that cannot be used is reported with its number and left out, and so is a percept that a tick has twice with other contents, and a
 tick that is far ahead of the lines before and after it.
 """
 
@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple
 
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import Percept
+from anchoring.percepts.leaps import Leaps
 from dyknow import US_PER_MS, US_PER_S, Value
 from dyknow.model.errors import TextError, did_you_mean
 from navigation import LocalFrame
@@ -55,6 +56,7 @@ class PerceptReader:
         on_error: takes what is wrong with a line that is left out.
         frame: of geographic positions; None: about the first of them.
         is_local: whether positions are in metres; None: as in the first line.
+        is_piped: whether an empty line says that a tick is complete, so that it need not wait for a line of the next.
 
     Attributes:
         frame: as given, or as found; None while positions are local.
@@ -68,47 +70,70 @@ class PerceptReader:
         frame: LocalFrame | None = None,
         *,
         is_local: bool | None = None,
+        is_piped: bool = False,
     ) -> None:
         self.frame = frame
         self._file, self._types, self._on_error = file, tuple(types), on_error
         self._is_local = is_local if frame is None else False
+        self._is_piped, self._leaps = is_piped, Leaps()
+        self._tick: dict[tuple[str, str], Percept | None] | None = None
         self._latest_us: int | None = None
         self._before_us: int | None = None
         self._first: _PerceptLine | None = None
 
-    def ticks(self, lines: Iterable[str]) -> Iterator[PerceptTick]:
+    def ticks(self, lines: Iterable[str | bytes]) -> Iterator[PerceptTick]:
         """The ticks, one as soon as a line of the next is read."""
-        tick: dict[tuple[str, str], Percept | None] = {}
         for number, text in enumerate(lines, 1):
-            if not text.strip():
-                continue
             try:
-                line = _PerceptLine(text, number, self._file)
-                valid_us, percept = line.valid_us(), line.percept(self._types, self._place)
-                if error := self._ahead(valid_us):
-                    self._on_error(error)
-                    tick, self._latest_us = {}, None
-                if self._latest_us is not None and valid_us < self._latest_us:
-                    before_ms = self._latest_us / US_PER_MS
-                    raise line.error(f"time goes backwards: before, there was t_ms {before_ms:g}", "the lines in order")
-                if valid_us != self._latest_us:
-                    yield from _whole(self._latest_us, tick)
-                    if self._latest_us is not None:
-                        self._before_us = self._latest_us
-                    tick, self._latest_us, self._first = {}, valid_us, line
-                key = percept.type, percept.symbol
-                if len(tick) >= MOST_IN_TICK and key not in tick:
-                    raise line.error(f"a tick has at most {MOST_IN_TICK} percepts", "fewer percepts a tick")
-                if key in tick and (known := tick[key]) is not None and not _same(known, percept):
-                    tick[key] = None
-                    raise line.error(
-                        f"{percept.symbol} has two different samples at t_ms {valid_us / US_PER_MS:g}: neither counts",
-                        "one sample of a percept a time, or another name",
-                    )
-                tick.setdefault(key, percept)
+                if text.strip():
+                    yield from self._on_line(_PerceptLine(text, number, self._file))
+                elif self._is_piped and not self._is_leap:
+                    yield from self._completed()
             except TextError as error:
                 self._on_error(error)
-        yield from _whole(self._latest_us, tick)
+        yield from self._completed()
+
+    def _on_line(self, line: "_PerceptLine") -> Iterator[PerceptTick]:
+        """The tick before, if this line is of the next."""
+        valid_us, percept = line.valid_us(), line.percept(self._types, self._place)
+        if error := self._ahead(valid_us):
+            self._on_error(error)
+            self._tick = self._latest_us = None
+        if self._latest_us is not None and valid_us < self._latest_us:
+            before_ms = self._latest_us / US_PER_MS
+            raise line.error(f"time goes backwards: before, there was t_ms {before_ms:g}", "the lines in order")
+        if valid_us != self._latest_us:
+            yield from self._completed()
+            self._tick, self._latest_us, self._first = {}, valid_us, line
+        tick, key = self._tick, (percept.type, percept.symbol)
+        if tick is None:
+            raise line.error(
+                "an empty line came before, and completed this time", "the empty line after all of one time"
+            )
+        if len(tick) >= MOST_IN_TICK and key not in tick:
+            raise line.error(f"a tick has at most {MOST_IN_TICK} percepts", "fewer percepts a tick")
+        if key in tick and (known := tick[key]) is not None and not _same(known, percept):
+            tick[key] = None
+            raise line.error(
+                f"{percept.symbol} has two different samples at t_ms {valid_us / US_PER_MS:g}: neither counts",
+                "one sample of a percept a time, or another name",
+            )
+        if key not in tick and (leap_m := self._leaps.leap_m(percept)) is not None:
+            raise line.error(f"{percept.symbol} is {leap_m:g} m from where it was", "one name for each thing")
+        tick.setdefault(key, percept)
+
+    def _completed(self) -> Iterator[PerceptTick]:
+        """The tick that is being read, which is over."""
+        tick, self._tick, self._first = self._tick, None, None
+        if tick is not None and self._latest_us is not None:
+            self._before_us = self._latest_us
+            yield PerceptTick(self._latest_us, [each for each in tick.values() if each is not None])
+
+    @property
+    def _is_leap(self) -> bool:
+        """Whether the tick that is being read is so long after the last that only the next line shows that it is right."""
+        latest_us, before_us = self._latest_us, self._before_us
+        return latest_us is not None and before_us is not None and latest_us - before_us > FAR_AHEAD_US
 
     def _ahead(self, valid_us: int) -> TextError | None:
         """What is wrong with the tick that is being read, if the next line is so long before it, and after the last tick."""
@@ -142,11 +167,6 @@ class PerceptReader:
         return place
 
 
-def _whole(valid_us: int | None, tick: Mapping[tuple[str, str], Percept | None]) -> Iterator[PerceptTick]:
-    if valid_us is not None:
-        yield PerceptTick(valid_us, [each for each in tick.values() if each is not None])
-
-
 def _same(one: Percept, other: Percept) -> bool:
     if one.state is None or other.state is None:
         return one.state is other.state
@@ -156,14 +176,14 @@ def _same(one: Percept, other: Percept) -> bool:
 class _PerceptLine(JsonLine):
     """One line."""
 
-    def __init__(self, line: str, number: int, file: str) -> None:
+    def __init__(self, line: str | bytes, number: int, file: str) -> None:
         super().__init__(line, number, file, "a percept", _EXAMPLE)
 
     def valid_us(self) -> int:
         return round(self.time_ms() * US_PER_MS)
 
     def percept(self, types: tuple[str, ...], place: Callable[["_PerceptLine"], tuple[float, float]]) -> Percept:
-        symbol, type_ = self._name("percept"), self._type(types)
+        symbol, type_ = self._symbol(), self._type(types)
         end = self.record.get("end", False)
         if not isinstance(end, bool):
             raise self.error("end is true or false", '{"t_ms": 900, "percept": "vp1", "end": true}')
@@ -177,6 +197,12 @@ class _PerceptLine(JsonLine):
         velocity = (self.number("vx_m_s", FASTEST_M_S), self.number("vy_m_s", FASTEST_M_S)) if moves else (0.0, 0.0)
         covariance = diagonal(max(sd_m, LEAST_SD_M), VELOCITY_SD_M_S if moves else None)
         return Percept(symbol, type_, ObjectState(self.valid_us(), x_m, y_m, *velocity, covariance, self._attributes()))
+
+    def _symbol(self) -> str:
+        """The name of a percept; trackers number theirs."""
+        value = self.record.get("percept")
+        is_number = isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63
+        return str(value) if is_number else self._name("percept")
 
     def _name(self, key: str) -> str:
         value = self.record.get(key)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from anchoring.links.specification import LinkSpecification
 from anchoring.links.structures import LinkOutcome, ObjectLinkage, Percept
+from anchoring.percepts.leaps import Leaps
 from anchoring.percepts.records import ObjectRecords, PerceptRecords
 from dyknow import Sample, Sort
 from dyknow.network.process import FAR_US, Input
@@ -47,6 +48,7 @@ class SharedLinkage:
 
     def _restart(self) -> None:
         self.linkage = ObjectLinkage(self.specifications)
+        self._leaps = Leaps()
         self._ticks: dict[int, dict[tuple[str, str], Percept]] = {}
         self._latest_us: int | None = None
         self._delay_us = self._now_us = 0
@@ -69,6 +71,8 @@ class SharedLinkage:
             return ""
         if self._latest_us is not None and sample.valid_us <= self._latest_us:
             return f"a state of {percept.symbol} came after those of a later time and is left out"
+        if (leap_m := self._leaps.leap_m(percept)) is not None:
+            return f"{percept.symbol} is {leap_m:g} m from where it was, farther than it can be, and is left out"
         self._now_us = max(self._now_us, sample.available_us)
         self._delay_us = max(self._delay_us, sample.available_us - sample.valid_us)
         self._ticks.setdefault(sample.valid_us, {})[percept.type, percept.symbol] = percept

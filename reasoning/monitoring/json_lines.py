@@ -7,7 +7,7 @@ from typing import Any, Final
 from dyknow.model.errors import TextError
 
 LIMIT_LINE: Final = 1024 * 1024
-"""Most characters of a line."""
+"""Most characters of a line, or bytes."""
 LATEST_MS: Final = 2**53
 """No time is later, or earlier than this before 0."""
 
@@ -18,7 +18,7 @@ def no_constant(name: str) -> Any:
 
 
 class JsonLine:
-    """One line, decoded: `record` is its object.
+    """One line, decoded: `record` is its object. Bytes are UTF-8, and may begin with the mark of that.
 
     Args:
         what: what a line is, `a state`; `example` shows one.
@@ -30,7 +30,7 @@ class JsonLine:
 
     def __init__(
         self,
-        line: str,
+        line: str | bytes,
         number: int,
         file: str,
         what: str,
@@ -39,9 +39,10 @@ class JsonLine:
     ) -> None:
         self._number, self._file, self._what = number, file, what
         if len(line) > LIMIT_LINE:
-            raise self.error(f"the line has {len(line)} characters, {LIMIT_LINE} are allowed", f"{what} a line")
+            raise self.error(f"the line is longer than {LIMIT_LINE} characters", f"{what} a line")
         try:
-            record: Any = json.loads(line, parse_constant=constant)
+            text = line.decode("utf-8-sig") if isinstance(line, bytes) else line
+            record: Any = json.loads(text, parse_constant=constant)
         except (ValueError, RecursionError) as error:
             raise self.error(f"no JSON: {error}", example) from None
         if not isinstance(record, dict):

@@ -56,7 +56,7 @@ class ObservationReader:
         self._before_us: int | None = None
         self._first: _ObservationLine | None = None
 
-    def looks(self, lines: Iterable[str]) -> Iterator[SensorLook]:
+    def looks(self, lines: Iterable[str | bytes]) -> Iterator[SensorLook]:
         """The looks, in the order of time, those of one time as soon as a line of the next is read."""
         found: dict[str, SensorLook] = {}
         count = 0
@@ -107,7 +107,7 @@ class ObservationReader:
 class _ObservationLine(JsonLine):
     """One line."""
 
-    def __init__(self, line: str, number: int, file: str, model: WorldModel) -> None:
+    def __init__(self, line: str | bytes, number: int, file: str, model: WorldModel) -> None:
         super().__init__(line, number, file, "an observation", _EXAMPLE)
         self._model = model
 

@@ -1,13 +1,12 @@
 """`dyknow link`: which percepts of a recording are the same objects."""
 
-from functools import partial as given
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from console.command import Call, command
-from console.commands.texts.specification_files import opened, read_text
+from console.commands.texts.specification_files import STANDARD_INPUT, read_text, recorded_lines
 from console.errors import DONE, WRONG
 from dyknow.model.errors import TextError, WrongCall
 from proxies.recordings.named_files import beside
@@ -29,7 +28,8 @@ def link(
     ] = None,
     *,
     percepts: Annotated[
-        Path | None, typer.Option("--percepts", metavar="FILE.jsonl", help="Recorded percepts, JSON lines.")
+        Path | None,
+        typer.Option("--percepts", metavar="FILE.jsonl", help="Percepts, JSON lines; - for standard input."),
     ] = None,
     roads: Annotated[
         Path | None, typer.Option("--roads", metavar="FILE.geojson", help="Roads on which objects are.")
@@ -39,7 +39,6 @@ def link(
     from anchoring.links.structures import ObjectLinkage
     from anchoring.percepts.reading import PerceptReader
     from console.commands.objects.link_output import LinkOutput
-    from reasoning.monitoring.json_lines import LIMIT_LINE
 
     if percepts is None:
         raise WrongCall("give the recorded percepts: --percepts FILE.jsonl.")
@@ -48,13 +47,18 @@ def link(
     linkage = ObjectLinkage(specifications)
     output, problems = LinkOutput(call), LeftOutLines(call)
     frame = None if network is None else network.frame
-    with opened(percepts, "--percepts", "recorded percepts are a text of JSON lines") as lines:
+    is_piped = str(percepts) == STANDARD_INPUT
+    name = "standard input" if is_piped else str(percepts)
+    with recorded_lines(percepts, "--percepts", "recorded percepts are a text of JSON lines") as lines:
         is_local = True if network is not None and frame is None else None
-        reader = PerceptReader(str(percepts), linkage.percept_types, problems.on_error, frame, is_local=is_local)
-        for tick in reader.ticks(iter(given(lines.readline, LIMIT_LINE + 2), "")):
+        reader = PerceptReader(
+            name, linkage.percept_types, problems.on_error, frame, is_local=is_local, is_piped=is_piped
+        )
+        for tick in reader.ticks(lines):
+            output.on_frame(reader.frame)
             output.on_outcome(linkage.on_percepts(*tick))
     output.end(linkage)
-    return problems.end(str(percepts))
+    return problems.end(name)
 
 
 def _specifications(

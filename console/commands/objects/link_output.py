@@ -9,7 +9,9 @@ from kpl.introspection.link_reasons import because
 
 if TYPE_CHECKING:
     from anchoring.links.objects import LinkEvent
+    from anchoring.links.states import ObjectState
     from anchoring.links.structures import LinkOutcome, ObjectLinkage, StateRecord
+    from navigation import LocalFrame
 
 _STYLES = {"established": "green", "reestablished": "green", "unlinked": "yellow", "reclassified": "cyan"}
 
@@ -20,6 +22,14 @@ class LinkOutput:
     def __init__(self, call: Call) -> None:
         self._out = call.out
         self._objects: dict[tuple[str, str], _Seen] = {}
+        self._frame: LocalFrame | None = None
+
+    def on_frame(self, frame: "LocalFrame | None") -> None:
+        """Where x and y are 0 on earth, once that is known."""
+        if frame is not None and self._frame is None and self._out.json_lines:
+            place = f"latitude {frame.latitude_deg:.7f}, longitude {frame.longitude_deg:.7f}"
+            self._out.note(f"x_m and y_m are metres east and north of {place}", style="dim")
+        self._frame = frame
 
     def on_outcome(self, outcome: "LinkOutcome") -> None:
         """All of some ticks, in the order of time; of one time the events first."""
@@ -31,7 +41,7 @@ class LinkOutput:
             return
         records: list[tuple[int, int, dict[str, Any]]] = [
             *((each.valid_us, 0, self._event(each)) for each in outcome.events),
-            *((each.valid_us, 1, _state(each)) for each in outcome.states),
+            *((each.valid_us, 1, self._state(each)) for each in outcome.states),
         ]
         for _, _, record in sorted(records, key=lambda each: each[:2]):
             self._out.line(record)
@@ -66,6 +76,24 @@ class LinkOutput:
             "because": because(event.reason),
         }
 
+    def _state(self, record: "StateRecord") -> dict[str, Any]:
+        hypotheses = [(record.state, 1.0)] if record.prediction is None else record.prediction.hypotheses
+        return {
+            "t_ms": _ms(record.valid_us),
+            "symbol": record.symbol,
+            "type": record.type,
+            **self._place(record.state),
+            "linked_to": list(record.linked_to),
+            "hypotheses": [{**self._place(state), "weight": round(weight, 4)} for state, weight in hypotheses],
+        }
+
+    def _place(self, state: "ObjectState") -> dict[str, float]:
+        place = {"x_m": round(state.x_m, 3), "y_m": round(state.y_m, 3)}
+        if self._frame is not None:
+            latitude_deg, longitude_deg, _ = self._frame.from_ned(state.y_m, state.x_m, 0.0)
+            place |= {"latitude_deg": round(latitude_deg, 7), "longitude_deg": round(longitude_deg, 7)}
+        return place
+
 
 class _Seen:
     """One object over all its states."""
@@ -77,22 +105,6 @@ class _Seen:
     def on_state(self, state: "StateRecord") -> None:
         self.last_us = state.valid_us
         self.sources.update(dict.fromkeys(state.linked_to))
-
-
-def _state(record: "StateRecord") -> dict[str, Any]:
-    hypotheses = [(record.state, 1.0)] if record.prediction is None else record.prediction.hypotheses
-    return {
-        "t_ms": _ms(record.valid_us),
-        "symbol": record.symbol,
-        "type": record.type,
-        "x_m": round(record.state.x_m, 3),
-        "y_m": round(record.state.y_m, 3),
-        "linked_to": list(record.linked_to),
-        "hypotheses": [
-            {"x_m": round(state.x_m, 3), "y_m": round(state.y_m, 3), "weight": round(weight, 4)}
-            for state, weight in hypotheses
-        ],
-    }
 
 
 def _ms(valid_us: int) -> float:

@@ -1,6 +1,5 @@
 """`dyknow world`: what exists, and how sure that is, from recorded observations."""
 
-from functools import partial as given
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +7,7 @@ import typer
 
 from console.command import Call, command
 from console.commands.objects.link import LeftOutLines
-from console.commands.texts.specification_files import opened, read_text
+from console.commands.texts.specification_files import read_text, recorded_lines
 from dyknow.model.errors import WrongCall
 
 
@@ -18,7 +17,10 @@ def world(
     file: Annotated[Path, typer.Argument(metavar="MODEL.toml", help="Types, attributes, sensors and thresholds.")],
     *,
     observations: Annotated[
-        Path | None, typer.Option("--observations", metavar="FILE.jsonl", help="Recorded observations, JSON lines.")
+        Path | None,
+        typer.Option(
+            "--observations", metavar="FILE.jsonl", help="Recorded observations, JSON lines; - for standard input."
+        ),
     ] = None,
     knowledge: Annotated[
         list[Path] | None,
@@ -41,7 +43,6 @@ def world(
     from anchoring.belief.knowledge.informed import InformedModel
     from anchoring.belief.knowledge.memory import PriorKnowledge
     from console.commands.objects.world_output import WorldOutput
-    from reasoning.monitoring.json_lines import LIMIT_LINE
 
     if observations is None:
         raise WrongCall("give the recorded observations: --observations FILE.jsonl.")
@@ -51,9 +52,9 @@ def world(
     informed = InformedModel(EnvironmentModel(model), prior)
     output, problems = WorldOutput(call, informed), LeftOutLines(call)
     output.on_selected(informed.select(model.area, task), given=bool(bundles))
-    with opened(observations, "--observations", "recorded observations are a text of JSON lines") as lines:
+    with recorded_lines(observations, "--observations", "recorded observations are a text of JSON lines") as lines:
         reader = ObservationReader(str(observations), model, problems.on_error)
-        for look in reader.looks(iter(given(lines.readline, LIMIT_LINE + 2), "")):
+        for look in reader.looks(lines):
             output.on_report(informed.on_look(look.valid_us, look.sensor, look.observations))
     output.end()
     if learn is not None:

@@ -1,5 +1,6 @@
 """Specifications and what belongs to them, read from files: text, samples of sources, an instance with its units."""
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 Read = TypeVar("Read")
 LONGEST_FILE = 1 << 20
+STANDARD_INPUT = "-"
 
 
 def read_text(path: Path) -> SourceText:
@@ -53,6 +55,23 @@ def opened(path: Path, option: str, what: str) -> Iterator[TextIO]:
             yield file
         except UnicodeDecodeError as error:
             raise WrongCall(f"{option}: {path} is no UTF-8 text ({error.reason}); {what}.") from None
+
+
+@contextmanager
+def recorded_lines(path: Path, option: str, what: str) -> Iterator[Iterator[bytes]]:
+    """The lines of a file, or of standard input if that is called `-`, one by one; raises WrongCall as `opened`."""
+    from proxies.recordings.piped_lines import limited_lines
+    from reasoning.monitoring.json_lines import LIMIT_LINE
+
+    if str(path) == STANDARD_INPUT:
+        yield limited_lines(sys.stdin.buffer, LIMIT_LINE)
+        return
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise WrongCall(f"{option}: {path} cannot be read ({error.strerror}); {what}.") from None
+    with file:
+        yield limited_lines(file, LIMIT_LINE)
 
 
 def read_samples(path: Path) -> "list[FedSample]":

@@ -3,6 +3,7 @@
 import json
 import math
 import random
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -37,6 +38,34 @@ def test_a_line_is_a_percept_with_position_velocity_uncertainty_and_attributes()
     assert state[:5] == (100_000, 1.0, 2.0, 9.0, 0.1)
     assert state.covariance[0, 0] == pytest.approx(0.64)
     assert state.attributes == {"colour": "red"}
+
+
+def test_trackers_may_number_their_percepts_and_lines_may_be_bytes() -> None:
+    ticks, errors = read({**PERCEPT, "percept": 7}, {**PERCEPT, "percept": "8"})
+    assert [one.symbol for one in ticks[0].percepts] == ["7", "8"]
+    assert not errors
+    reader = PerceptReader("p.jsonl", (VISION,), errors.append)
+    found = list(reader.ticks([b"\xef\xbb\xbf" + json.dumps(PERCEPT).encode(), b'{"percept": "\xff"}\n']))
+    assert [one.symbol for tick in found for one in tick.percepts] == ["vp1"]
+    assert [error.line for error in errors] == [2]
+
+
+def test_an_empty_line_of_a_pipe_completes_a_tick_unless_only_the_next_line_shows_that_its_time_is_right() -> None:
+    errors: list[TextError] = []
+    taken: list[int] = []
+
+    def lines() -> Iterator[str]:
+        for t_ms, complete in ((0, [0]), (100, [0, 100]), (1e9, [0, 100]), (200, [0, 100, 200])):
+            yield json.dumps({**PERCEPT, "t_ms": t_ms})
+            yield "\n"
+            assert taken == complete
+        yield json.dumps({**PERCEPT, "percept": "late", "t_ms": 200})
+
+    reader = PerceptReader("-", (VISION,), errors.append, is_piped=True)
+    for tick in reader.ticks(lines()):
+        taken.append(tick.valid_us // 1000)
+        assert len(tick.percepts) == 1
+    assert [(error.line, error.message.split()[-1]) for error in errors] == [(5, "line"), (9, "time")]
 
 
 def test_lines_of_one_time_are_one_tick_and_an_end_has_no_state() -> None:
@@ -76,7 +105,7 @@ WRONG = {
     "no time": {"percept": "a", "x_m": 0, "y_m": 0},
     "time that is a text": {**PERCEPT, "t_ms": "now"},
     "no name": {"t_ms": 0, "x_m": 0, "y_m": 0},
-    "a name that is a number": {**PERCEPT, "percept": 7},
+    "a name that is a fraction": {**PERCEPT, "percept": 7.5},
     "a long name": {**PERCEPT, "percept": "x" * 300},
     "another type": {**PERCEPT, "type": "vision_precept"},
     "negative deviation": {**PERCEPT, "sd_m": -1},
@@ -130,6 +159,13 @@ def test_one_percept_twice_in_a_tick_counts_if_both_are_the_same_and_else_not_at
     (tick,), (error,) = read(PERCEPT, {**PERCEPT, "x_m": 90.0}, {**PERCEPT, "percept": "vp2"})
     assert [one.symbol for one in tick.percepts] == ["vp2"]
     assert error.line == 2
+
+
+def test_a_place_that_a_percept_cannot_have_reached_is_left_out() -> None:
+    ticks, (error,) = read(PERCEPT, {**PERCEPT, "t_ms": 110, "x_m": 1e6}, {**PERCEPT, "t_ms": 200, "x_m": 2.0})
+    assert [[each.state.x_m for each in tick.percepts if each.state] for tick in ticks] == [[1.0], [], [2.0]]
+    assert error.line == 2
+    assert "vp1 is 999999 m from where it was" in error.message
 
 
 def test_local_and_geographic_positions_do_not_mix() -> None:

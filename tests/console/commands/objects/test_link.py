@@ -1,7 +1,9 @@
 """`dyknow link` over recorded percepts."""
 
 import json
+import sys
 from pathlib import Path
+from subprocess import PIPE, Popen
 from typing import Any
 
 import pytest
@@ -99,3 +101,40 @@ def test_places_on_earth_are_left_out_where_roads_have_metres_and_no_place_on_ea
     done = dyknow("link", "--percepts", str(percepts), "--roads", str(roads))
     assert done.returncode == 2
     assert "positions of this file, or of its roads, are local" in done.stderr
+
+
+def test_what_a_detector_pipes_in_is_linked_while_it_runs_and_a_line_that_is_too_long_spoils_no_other() -> None:
+    command = [sys.executable, "-c", "from console.main import app; app()", "link", "--percepts", "-", "--json"]
+    with Popen(command, stdin=PIPE, stdout=PIPE, stderr=PIPE, bufsize=0) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
+        for t_ms in range(0, 1100, 100):
+            process.stdin.write(f"{json.dumps(percept(t_ms, 'vp1', t_ms / 100))}\n\n".encode())
+        events = iter(process.stdout.readline, b"")
+        assert json.loads(next(events))["event"] == "established"
+        process.stdin.write(b"x" * 2_500_000 + b"\n" + json.dumps(percept(1100, "vp1", 11.0)).encode())
+        process.stdin.close()
+        assert [json.loads(line)["t_ms"] for line in events] == [1000, 1100]
+        said = process.stderr.read().decode()
+    assert process.returncode == 2
+    assert "standard input:23:1: the line is longer" in said
+    assert said.count("left out") == 1
+
+
+def test_objects_of_percepts_in_degrees_are_in_degrees_and_the_origin_of_metres_is_told(
+    dyknow: Run, tmp_path: Path
+) -> None:
+    file = tmp_path / "percepts.jsonl"
+    lines = [
+        {"t_ms": t, "percept": 1, "latitude_deg": 58.4 + t * 1e-7, "longitude_deg": 15.6} for t in range(0, 1500, 100)
+    ]
+    file.write_text("\n".join(map(json.dumps, lines)))
+    done = dyknow("link", "--percepts", str(file), "--json")
+    state = json.loads(done.stdout.splitlines()[-1])
+    assert "latitude 58.4000000, longitude 15.6000000" in done.stderr
+    assert state["linked_to"] == ["1"]
+    for each in (state, *state["hypotheses"]):
+        assert each["latitude_deg"] == pytest.approx(58.4 + 1400 * 1e-7, abs=1e-5)
+        assert each["longitude_deg"] == pytest.approx(15.6, abs=1e-5)
+        assert each["y_m"] == pytest.approx((each["latitude_deg"] - 58.4) * 111_400, abs=0.1)
