@@ -13,7 +13,7 @@ REACH_M: Final = 100.0
 _REMEMBERED_US: Final = 10 * US_PER_S
 
 
-class Leaps:
+class PerceptLeaps:
     """The latest place of each percept. After two leaps to one place the percept is there."""
 
     def __init__(self) -> None:

@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import Percept
-from anchoring.percepts.leaps import Leaps
+from anchoring.percepts.leaps import PerceptLeaps
 from dyknow import US_PER_MS, US_PER_S, Value
 from dyknow.model.errors import TextError, did_you_mean
 from navigation import LocalFrame
@@ -75,7 +75,7 @@ class PerceptReader:
         self.frame = frame
         self._file, self._types, self._on_error = file, tuple(types), on_error
         self._is_local = is_local if frame is None else False
-        self._is_piped, self._leaps = is_piped, Leaps()
+        self._is_piped, self._leaps = is_piped, PerceptLeaps()
         self._tick: dict[tuple[str, str], Percept | None] | None = None
         self._latest_us: int | None = None
         self._before_us: int | None = None

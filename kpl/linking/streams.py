@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from anchoring.links.specification import LinkSpecification
 from anchoring.links.structures import LinkOutcome, ObjectLinkage, Percept
-from anchoring.percepts.leaps import Leaps
+from anchoring.percepts.leaps import PerceptLeaps
 from anchoring.percepts.records import ObjectRecords, PerceptRecords
 from dyknow import Sample, Sort
 from dyknow.network.process import FAR_US, Input
@@ -48,7 +48,7 @@ class SharedLinkage:
 
     def _restart(self) -> None:
         self.linkage = ObjectLinkage(self.specifications)
-        self._leaps = Leaps()
+        self._leaps = PerceptLeaps()
         self._ticks: dict[int, dict[tuple[str, str], Percept]] = {}
         self._latest_us: int | None = None
         self._delay_us = self._now_us = 0

@@ -2,7 +2,7 @@
 
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import Percept
-from anchoring.percepts.leaps import Leaps
+from anchoring.percepts.leaps import PerceptLeaps
 
 
 def at(t_ms: int, x_m: float, name: str = "a", sd_m: float = 1.0) -> Percept:
@@ -10,7 +10,7 @@ def at(t_ms: int, x_m: float, name: str = "a", sd_m: float = 1.0) -> Percept:
 
 
 def leaps_of(*percepts: Percept) -> list[float | None]:
-    leaps = Leaps()
+    leaps = PerceptLeaps()
     return [leaps.leap_m(each) for each in percepts]
 
 
@@ -32,7 +32,7 @@ def test_what_may_be_farther_away_is_no_leap() -> None:
 
 
 def test_percepts_that_were_not_seen_for_long_are_not_remembered() -> None:
-    leaps = Leaps()
+    leaps = PerceptLeaps()
     for number in range(10_000):
         assert leaps.leap_m(at(100 * number, 0.0, f"c{number}")) is None
         leaps.leap_m(at(100 * number, 1e6, f"c{number}"))
