@@ -1,0 +1,117 @@
+"""What objects are called: one name for one thing everywhere, whichever members see it.
+
+A track **holds** a name by what its member claims. A member speaks for its own tracks only. Of several groups of tracks with
+one name, it belongs to that which is seen, by most members, then for longest without a gap; of several names of one group, the
+one held by most members stands, then the oldest. So every picture of the same reports comes to the same names, and one
+member alone takes no name from two that hold it, nor from one that holds it longer. What a member claims to have begun while it
+was heard counts from when it was claimed; only at the first meeting of two its word is taken for what it brings along.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from anchoring.cooperation.reports import LONGEST_NAME, IdentityClaim, TrackKey
+from dyknow import US_PER_S
+
+TOLD_US: Final = 5 * US_PER_S
+"""A claim takes so long to be heard at most."""
+
+
+@dataclass(slots=True)
+class Held:
+    """A name that a track has, since when there is the name, and since when the track has it without a gap."""
+
+    name: str
+    born_us: int
+    since_us: int
+
+
+class Named(NamedTuple):
+    """A group of tracks and its name; None: it has none yet. `others`: further names that belong to it."""
+
+    tracks: frozenset[TrackKey]
+    name: str | None
+    others: tuple[str, ...] = ()
+
+
+def named(
+    groups: Sequence[frozenset[TrackKey]], held: Mapping[TrackKey, Held], is_live: Callable[[TrackKey], bool]
+) -> list[Named]:
+    """The name of each group."""
+    holders: dict[str, list[tuple[tuple[object, ...], int]]] = {}
+    for at, tracks in enumerate(groups):
+        by_name: dict[str, list[TrackKey]] = {}
+        for key in tracks:
+            if key in held:
+                by_name.setdefault(held[key].name, []).append(key)
+        for name, keys in by_name.items():
+            live = [key for key in keys if is_live(key)]
+            since_us = min(held[key].since_us for key in live or keys)
+            holders.setdefault(name, []).append(((not live, -len(live), since_us, min(keys)), at))
+    won: dict[int, list[str]] = {}
+    for name, rivals in holders.items():
+        won.setdefault(min(rivals)[1], []).append(name)
+    return [_named(tracks, won.get(at, []), held, is_live) for at, tracks in enumerate(groups)]
+
+
+def _named(
+    tracks: frozenset[TrackKey], names: list[str], held: Mapping[TrackKey, Held], is_live: Callable[[TrackKey], bool]
+) -> Named:
+    def rank(name: str) -> tuple[object, ...]:
+        keys = [key for key in tracks if key in held and held[key].name == name]
+        return -sum(map(is_live, keys)), min(held[key].born_us for key in keys), name
+
+    names = sorted(names, key=rank)
+    return Named(tracks, names[0], tuple(names[1:])) if names else Named(tracks, None)
+
+
+class Claims:
+    """What the members call their tracks, as far as that can be.
+
+    Attributes:
+        held: by track.
+    """
+
+    def __init__(self, refuse: Callable[[str, str], None]) -> None:
+        self.held: dict[TrackKey, Held] = {}
+        self._refuse = refuse
+        self._arrived_us: dict[str, int] = {}
+        self._departed_us: dict[str, int] = {}
+
+    def arrive(self, unit: str, now_us: int) -> None:
+        """The member is heard from now on; what it claims may be from the time when it was not."""
+        self._arrived_us[unit] = now_us
+
+    def depart(self, unit: str, now_us: int) -> None:
+        """The member is heard no longer."""
+        self._departed_us[unit] = now_us
+
+    def _earliest_us(self, unit: str, now_us: int) -> int:
+        """What began before, the member would have claimed before; at a first meeting its word is taken."""
+        if now_us - self._arrived_us.get(unit, now_us) > TOLD_US:
+            return now_us - TOLD_US
+        return self._departed_us[unit] - TOLD_US if unit in self._departed_us else 0
+
+    def take(self, key: TrackKey, claim: IdentityClaim, now_us: int, *, is_taken: bool) -> bool:
+        """Take a claim; whether the track has a new name. `is_taken`: until now it was the name of others alone."""
+        since_us, born_us = claim.since_us, claim.born_us
+        if not 0 < len(claim.identity) <= LONGEST_NAME or not 0 <= born_us <= since_us <= now_us + US_PER_S:
+            self._refuse(claim.unit, "a claim that cannot be")
+            return False
+        before = self.held.get(key)
+        if before is not None and before.name == claim.identity:
+            before.since_us = max(before.since_us, since_us)
+            return False
+        earliest_us = self._earliest_us(claim.unit, now_us)
+        if not is_taken and born_us < earliest_us:
+            self._refuse(claim.unit, "backdated")
+            born_us = now_us
+        since_us = now_us if is_taken else max(since_us, min(earliest_us, now_us))
+        self.held[key] = Held(claim.identity, born_us, since_us)
+        return True
+
+    def forget(self, keys: Sequence[TrackKey]) -> None:
+        """These tracks are there no longer."""
+        for key in keys:
+            self.held.pop(key, None)

@@ -1,0 +1,43 @@
+"""What a picture shows: a row for each object, and what happens to objects and members."""
+
+from typing import Literal, NamedTuple, TypeAlias
+
+from anchoring.cooperation.reports import TrackKey
+from anchoring.links.states import ObjectState
+
+PictureEventKind: TypeAlias = Literal[
+    "appeared", "joined", "split", "renamed", "lost", "reacquired", "forgotten", "refused", "arrived", "departed"
+]
+
+
+class PictureEvent(NamedTuple):
+    """What happened, and why.
+
+    Attributes:
+        name: the object, or the member.
+        because: in words.
+    """
+
+    valid_us: int
+    kind: PictureEventKind
+    name: str
+    because: str
+
+
+class PictureRow(NamedTuple):
+    """One object.
+
+    Attributes:
+        state: at the time of the row, predicted since it was seen.
+        seen_us: when it was seen last.
+        by: the members that see it now, sorted; none: it is kept and predicted.
+        tracks: what members call it, theirs and dormant ones.
+        others: further names that it had, or that are claimed.
+    """
+
+    name: str
+    state: ObjectState
+    seen_us: int
+    by: tuple[str, ...]
+    tracks: tuple[TrackKey, ...]
+    others: tuple[str, ...] = ()

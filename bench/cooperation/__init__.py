@@ -1,0 +1,1 @@
+"""Several platforms, one picture: identities over platforms, partitions, and manoeuvres that no platform sees whole."""

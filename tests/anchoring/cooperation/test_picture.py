@@ -1,0 +1,140 @@
+"""Cooperative anchoring: one name for one car at all members, through overlaps, gaps, splits, cuts and returns."""
+
+from anchoring.cooperation.picture import NEW_US
+from tests.anchoring.cooperation.skies import Sky, along
+
+CAR, NEXT = along(0.0), along(25.0, 3.5)
+
+
+def test_a_car_that_two_see_has_one_name_at_both_and_is_one_row() -> None:
+    sky = Sky()
+    sky.run(4, lambda t: {"0": {"co3": CAR(t)}, "1": {"co7": CAR(t)}})
+    assert sky.name("co3", "0") == sky.name("co7", "1")
+    for picture in sky.pictures.values():
+        (row,) = picture.rows(sky.now_us)
+        assert row.by == ("0", "1")
+        assert abs(row.state.x_m - CAR(4)[0]) < 2.0
+
+
+def test_two_cars_that_drive_near_each_other_are_two() -> None:
+    sky = Sky()
+    sky.run(6, lambda t: {"0": {"a": CAR(t), "b": NEXT(t)}, "1": {"c": CAR(t), "d": NEXT(t)}})
+    assert sky.name("a", "0") == sky.name("c", "1") != sky.name("b", "0") == sky.name("d", "1")
+
+
+def test_a_car_keeps_its_name_from_area_to_area_where_areas_overlap() -> None:
+    sky = Sky("012")
+
+    def seen(t):
+        x_m = CAR(t)[0]
+        return {
+            unit: {f"co{unit}": CAR(t)} if west <= x_m <= west + 80 else {}
+            for unit, west in (("0", 0.0), ("1", 50.0), ("2", 100.0))
+        }
+
+    sky.run(4, seen)
+    first = sky.name("co0", "0")
+    sky.run(8, seen)
+    assert sky.names("co2", "2") == {first}
+
+
+def test_a_car_keeps_its_name_over_a_gap_in_which_no_member_sees_it() -> None:
+    sky = Sky()
+    sky.run(4, lambda t: {"0": {"a": CAR(t)}, "1": {}})
+    name = sky.name("a", "0")
+    sky.run(5, lambda t: {"0": {}, "1": {"b": CAR(t)} if t > 6 else {}})
+    assert sky.names("b", "1") == {name}
+    assert "reacquired" in sky.kinds("1")
+
+
+def test_where_two_cars_may_be_the_one_that_was_lost_neither_takes_its_name() -> None:
+    sky = Sky()
+    other = along(0.0, 4.0)
+    sky.run(4, lambda t: {"0": {"a": CAR(t)}, "1": {}})
+    name = sky.name("a", "0")
+    sky.run(6, lambda t: {"0": {}, "1": {"b": CAR(t), "c": other(t)} if t > 7 else {}})
+    assert name not in sky.names("b", "1") | sky.names("c", "1")
+    assert sky.names("b", "1") != sky.names("c", "1")
+
+
+def test_what_was_taken_for_one_car_is_split_when_it_drives_apart_and_the_reason_is_given() -> None:
+    sky = Sky()
+
+    def turned(t):
+        return CAR(t) if t < 5 else (CAR(5)[0], 8.0 * (t - 5), 0.0, 8.0)
+
+    sky.run(5, lambda t: {"0": {"a": CAR(t)}, "1": {"b": CAR(t)}})
+    name = sky.name("a", "0")
+    sky.run(6, lambda t: {"0": {"a": CAR(t)}, "1": {"b": turned(t)}})
+    assert sky.names("a", "0") != sky.names("b", "1")
+    assert name in sky.names("a", "0") | sky.names("b", "1")
+    (split,) = (event for event in sky.pictures["0"].recent if event.kind == "split")
+    assert "d^2" in split.because
+
+
+def test_two_names_of_one_car_become_the_older_one_everywhere() -> None:
+    sky = Sky()
+    sky.wire.cut("1", sky.now_us)
+    sky.run(4, lambda t: {"0": {"a": CAR(t)}, "1": {"b": CAR(t)} if t > 2 else {}})
+    assert sky.pictures["0"].name_of("0", "a") != sky.pictures["1"].name_of("1", "b")
+    sky.wire.heal("1", sky.now_us)
+    sky.run(4, lambda t: {"0": {"a": CAR(t)}, "1": {"b": CAR(t)}})
+    assert sky.name("a", "0") == sky.name("b", "1") == "car0_1"
+    assert "renamed" in sky.kinds("1")
+
+
+def test_a_platform_that_leaves_and_returns_changes_no_name() -> None:
+    sky = Sky("012")
+    own = along(400.0)
+
+    def seen(t):
+        here = {"0": {"a": CAR(t)}, "1": {"b": CAR(t), "c": NEXT(t)}, "2": {"d": NEXT(t), "e": own(t)}}
+        return here if not 5 < t < 15 else {**here, "2": {}}
+
+    sky.run(5, seen)
+    before = sky.name("a", "0"), sky.name("c", "1")
+    for unit in "01":
+        sky.pictures[unit].depart("2", sky.now_us)
+    sky.run(10, seen)
+    for unit in "01":
+        sky.pictures[unit].arrive("2", sky.now_us, restarted=True)
+    sky.run(5, lambda t: {**seen(t), "2": {"x": NEXT(t)}})
+    assert (sky.name("a", "0"), sky.name("c", "1")) == before
+    assert {"departed", "arrived"} <= {*sky.kinds("0")}
+    assert sky.names("x", "2") == {before[1]}
+
+
+def test_what_only_a_member_sees_that_is_cut_off_is_kept_with_growing_uncertainty() -> None:
+    sky = Sky()
+    sky.run(4, lambda t: {"0": {}, "1": {"b": CAR(t)}})
+    name = sky.name("b", "1")
+    sky.wire.cut("1", sky.now_us)
+    vague = []
+    for _ in range(4):
+        sky.run(4, lambda t: {"0": {}, "1": {"b": CAR(t)}})
+        (row,) = sky.pictures["0"].rows(sky.now_us)
+        assert row.name == name
+        assert row.by == ()
+        vague.append(row.state.deviation_m)
+    assert vague == sorted(vague)
+    assert vague[-1] > 2 * vague[0]
+
+
+def test_a_name_waits_until_the_object_was_seen_for_a_second() -> None:
+    sky = Sky("0")
+    sky.run(NEW_US / 1e6 - 0.2, lambda t: {"0": {"a": CAR(t)}})
+    assert sky.names("a", "0") == {None}
+
+
+def test_pictures_do_not_depend_on_the_order_in_which_reports_come() -> None:
+    names = []
+    for order in (1, -1):
+        sky = Sky()
+        step = sky.wire.step
+        sky.wire.step = lambda reports, now_us, step=step, order=order: step(  # type: ignore[method-assign]
+            {unit: each[::order] for unit, each in reports.items()}, now_us
+        )
+        cars = [along(20.0 * number, 0.0) for number in range(5)]
+        sky.run(4, lambda t, cars=cars: {"0": {f"a{n}": car(t) for n, car in enumerate(cars)}, "1": {}})
+        names.append(len({*map(str, (sky.name(f"a{n}", "0") for n in range(5)))}))
+    assert names == [5, 5]
