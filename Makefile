@@ -3,12 +3,16 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test test-full lint bench clean
+.PHONY: demo test test-full lint style types layers collected bench clean
+
+# The tests start hundreds of processes: compiled modules are kept, whatever the shell says.
+unexport PYTHONDONTWRITEBYTECODE
 
 demo: $(READY)
 	$(BIN)/dyknow demo
 
-test: $(READY) lint
+test: $(READY)
+	$(MAKE) --no-print-directory -j 2 lint collected
 	$(BIN)/pytest -m "not full" --ignore=tests/live -n 3 --dist worksteal
 	$(BIN)/pytest -m "not full" tests/live -n 5 --dist loadfile --no-loadscope-reorder
 
@@ -16,11 +20,20 @@ test-full: $(READY) lint
 	DYKNOW_FULL=1 $(BIN)/pytest --timeout=3600 --ignore=tests/live -n 2 --dist worksteal
 	DYKNOW_FULL=1 $(BIN)/pytest --timeout=3600 tests/live -n 2 --dist loadfile --no-loadscope-reorder
 
-lint: $(READY)
+lint: style types layers
+
+style: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+types: $(READY)
 	$(BIN)/mypy
+
+layers: $(READY)
 	$(BIN)/lint-imports
+
+collected: $(READY)
+	@$(BIN)/pytest --collect-only --quiet > /dev/null || true
 
 bench: $(READY)
 	$(BIN)/python -m bench
