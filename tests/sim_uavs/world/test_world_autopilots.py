@@ -133,7 +133,7 @@ def test_missions_that_may_be_interrupted_are_and_are_flown_on(persona: PersonaN
 
 
 @PERSONAS
-@pytest.mark.parametrize("at_s", [5.0, 8.0, 12.0])
+@pytest.mark.parametrize("at_s", [5.0, *(pytest.param(at_s, marks=pytest.mark.full) for at_s in (8.0, 12.0))])
 def test_a_pilot_who_takes_over_in_the_middle_keeps_the_vehicle(persona: PersonaName, at_s: float) -> None:
     meeting = head_on(persona, ("station", "station"), Trouble("takeover", at_s, 5.0))
     assert least_m(meeting) > APART_M
@@ -142,7 +142,7 @@ def test_a_pilot_who_takes_over_in_the_middle_keeps_the_vehicle(persona: Persona
 
 
 @PERSONAS
-@pytest.mark.parametrize("at_s", [5.0, 9.0])
+@pytest.mark.parametrize("at_s", [5.0, pytest.param(9.0, marks=pytest.mark.full)])
 def test_an_autopilot_that_ends_in_the_middle_is_kept_away_from(persona: PersonaName, at_s: float) -> None:
     meeting = head_on(persona, ("station", "station"), Trouble("killed", at_s))
     assert least_m(meeting) > APART_M
