@@ -16,18 +16,23 @@ HISTORY: Final = 16
 LINKS_KEPT: Final = 64
 """How many of the latest events of its links an object keeps."""
 
-EventKind: TypeAlias = Literal["established", "reestablished", "unlinked", "reclassified", "forgotten"]
-Cause: TypeAlias = Literal["establish", "reestablish", "maintain", "wanted", "ended", "silent", "forgotten"]
+EventKind: TypeAlias = Literal[
+    "established", "reestablished", "unlinked", "reclassified", "forgotten", "find", "track", "reacquire", "lost"
+]
+"""The last four are of wanted objects: it comes into view, stays there for a second, is in view again; or is not."""
+Cause: TypeAlias = Literal[
+    "establish", "reestablish", "maintain", "wanted", "tracked", "released", "ended", "silent", "forgotten"
+]
 
 
 class LinkReason(NamedTuple):
     """Why a link was made or removed, or an object.
 
     Attributes:
-        cause: a condition, or the description of a wanted object; the percept ended, or had no sample for too long; the
-            object was not anchored for too long.
+        cause: a condition, or the description of a wanted object; that was seen for a while, or is wanted no more; the
+            percept ended, or had no sample for too long; the object was not anchored for too long.
         formula: of the condition, with the parts and samples that decided it in `explanations`.
-        for_us: how long the percept was silent, or the object not anchored.
+        for_us: how long the percept was silent, or the object seen, or not anchored.
     """
 
     cause: Cause

@@ -54,12 +54,14 @@ class Unlinked:
         from_us: no state before takes part.
         establish: None once it has ended.
         pairs: by the symbol of the object of B; those never near are not in it.
+        estimate: the latest state of the object of B that it would be; None: it is not asked for.
     """
 
     def __init__(self, from_us: int, establish: Progressing) -> None:
         self.from_us = from_us
         self.establish: Progressing | None = establish
         self.pairs: dict[str, ReestablishPair] = {}
+        self.estimate: ObjectState | None = None
         self._times: list[int] = []
         self._dropped_us = -1
 
@@ -131,17 +133,34 @@ class LinkProcess:
 
     # What happens at a tick
 
-    def step(self, valid_us: int, sources: Collection[LinkObject]) -> None:
-        """Take the states of all objects of A that have one at `valid_us`."""
+    def update(self, valid_us: int, sources: Iterable[LinkObject]) -> None:
+        """Take the states of all objects of A that have one at `valid_us` and are linked."""
         self.evaluations = 0
-        unlinked = []
         for one in sources:
             if (link := one.outgoing.get(self.name)) is not None:
                 self._update(valid_us, link)
-            elif (waiting := self.unlinked.get(one.symbol)) is not None and waiting.from_us <= valid_us:
+
+    def decide(self, valid_us: int, sources: Iterable[LinkObject]) -> None:
+        """Take those of the others, which may be linked."""
+        unlinked = []
+        for one in sources:
+            waiting = self.unlinked.get(one.symbol)
+            if waiting is not None and waiting.from_us <= valid_us and self.name not in one.outgoing:
                 unlinked.append((one, waiting))
         if unlinked:
             self._decide(valid_us, unlinked)
+
+    def estimate(self, one: LinkObject) -> ObjectState:
+        """The state of the object of B that an object of A is, or would be if it became one now."""
+        if (link := one.outgoing.get(self.name)) is not None:
+            return link.target.state
+        waiting = self.unlinked[one.symbol]
+        before, state = waiting.estimate, one.state
+        if before is None:
+            waiting.estimate = self._first(one)
+        elif before.valid_us < state.valid_us:
+            waiting.estimate = self.specification.unit(state, moved(before, state.valid_us, self.specification.noise))
+        return waiting.estimate or state
 
     def _update(self, valid_us: int, link: ObjectLink) -> None:
         """The state of B, and whether the hypothesis still holds with it."""

@@ -13,10 +13,9 @@ from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from graphlib import CycleError, TopologicalSorter
 from itertools import count
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from anchoring.links.assignment import natural
-from anchoring.links.deciding.wanted import WantedObject, WantedObjects, described
 from anchoring.links.individuals import Individual
 from anchoring.links.objects import EventKind, LinkEvent, LinkObject, LinkReason, ObjectLink
 from anchoring.links.prediction import ConstantVelocity, ObjectPrediction, Predictor, certain
@@ -24,6 +23,7 @@ from anchoring.links.processes import LinkProcess, updated
 from anchoring.links.rhythm import Rhythm
 from anchoring.links.specification import LinkSpecification
 from anchoring.links.states import ObjectState, moved
+from anchoring.links.top_down import TopDown
 from dyknow import Value
 from reasoning.formulas.tree import Formula
 
@@ -95,7 +95,7 @@ class ObjectLinkage:
         self._numbers = {prefix: count(1) for prefix in set(self._types.values())}
         self._latest_us: int | None = None
         self._events: list[LinkEvent] = []
-        self._wanted = WantedObjects()
+        self._top_down = TopDown(self, self._objects, self._into, self._from)
         self._forgotten: deque[LinkObject] = deque(maxlen=_FORGOTTEN_KEPT)
         self.recent: deque[LinkEvent] = deque(maxlen=_FORGOTTEN_KEPT)
 
@@ -143,6 +143,7 @@ class ObjectLinkage:
     def _tick(self, valid_us: int, percepts: Sequence[Percept], outcome: LinkOutcome) -> None:
         self._latest_us, self._events, before = valid_us, outcome.events, len(outcome.events)
         self._end_percepts(valid_us, percepts)
+        self._top_down.release(valid_us)
         for percept in percepts:
             if percept.state is not None:
                 self._observe(valid_us, percept, percept.state)
@@ -151,12 +152,14 @@ class ObjectLinkage:
         for type_, processes in self._into.items():
             for process in processes:
                 sources = fresh[process.specification.source]
-                self._seek(valid_us, process, sources)
-                process.step(valid_us, sources)
+                process.update(valid_us, sources)
+                self._top_down.seek(valid_us, process, sources)
+                process.decide(valid_us, sources)
             objects = self._objects[type_]
             fresh[type_] = updated(objects.values(), valid_us)
             self._forget(valid_us, type_)
             outcome.states.extend(_record(one) for one in fresh[type_] if one.symbol in objects)
+        self._top_down.observe(valid_us)
         self.recent.extend(outcome.events[before:])
 
     def _end_percepts(self, valid_us: int, percepts: Iterable[Percept]) -> None:
@@ -232,10 +235,16 @@ class ObjectLinkage:
 
     def create(self, valid_us: int, target: str, state: ObjectState, symbol: str | None = None) -> LinkObject:
         """A new object, with a symbol of its own if none is given."""
-        prefix = self._types[target]
-        while symbol is None or symbol in self._objects[target]:
-            symbol = f"{prefix}{next(self._numbers[prefix])}"
-        return self._added(LinkObject(symbol, target, valid_us, state, individual=Individual()))
+        return self._added(
+            LinkObject(symbol or self.new_symbol(target), target, valid_us, state, individual=Individual())
+        )
+
+    def new_symbol(self, type_: str) -> str:
+        """A symbol that no object of the type has, and none is wanted by."""
+        prefix = self._types[type_]
+        while (symbol := f"{prefix}{next(self._numbers[prefix])}") in self._objects[type_] or symbol in self.wanted:
+            pass
+        return symbol
 
     def _added(self, one: LinkObject) -> LinkObject:
         self._objects[one.type][one.symbol] = one
@@ -280,7 +289,7 @@ class ObjectLinkage:
             link.process.unlink(valid_us, link, reason)
         for process in self._from.get(one.type, ()):
             process.drop_source(one.symbol)
-            self._wanted.drop(process.name, one.symbol)
+            self._top_down.drop(process.name, one.symbol)
         for process in self._into.get(one.type, ()):
             process.drop_target(one.symbol)
 
@@ -296,16 +305,18 @@ class ObjectLinkage:
             elif valid_us - one.anchored_us >= forget_us:
                 reason = LinkReason("forgotten", for_us=valid_us - one.anchored_us)
                 self._remove(valid_us, one, reason)
-                event = LinkEvent(valid_us, "forgotten", "", "", one.symbol, type_, reason)
-                one.history.append(event)
-                self._events.append(event)
+                self.tell(LinkEvent(valid_us, "forgotten", "", "", one.symbol, type_, reason), one)
                 self._forgotten.append(one)
 
     def _tell(self, valid_us: int, kind: EventKind, link: ObjectLink, reason: LinkReason, weight: float = 1.0) -> None:
         source, target = link.source, link.target
         event = LinkEvent(valid_us, kind, source.symbol, source.type, target.symbol, target.type, reason, weight)
-        source.history.append(event)
-        target.history.append(event)
+        self.tell(event, source, target)
+
+    def tell(self, event: LinkEvent, *about: LinkObject) -> None:
+        """Something happened to these objects."""
+        for one in about:
+            one.history.append(event)
         self._events.append(event)
 
     # Top-down identification
@@ -313,58 +324,17 @@ class ObjectLinkage:
     def want(
         self, symbol: str, type_: str, description: Formula | Mapping[str, Value], place: ObjectState | None = None
     ) -> None:
-        """Look for an object that is described: the first one below for which the description holds is given the symbol.
+        """Look for an object that is described; see `TopDown.want`."""
+        self._top_down.want(symbol, type_, description, place)
 
-        Args:
-            symbol: of no other object.
-            type_: of objects that are linked.
-            description: a formula over `from`, and over `to` if a place is given; or values of attributes.
-            place: where it is thought to be.
-
-        Raises:
-            ValueError: there is no link into the type, or the symbol is taken.
-        """
-        if type_ not in self._into:
-            raise ValueError(f"no link leads to the type {type_!r}; there are {', '.join(self._into)}")
-        if symbol in self.wanted or self.find(symbol) is not None:
-            raise ValueError(f"the symbol {symbol!r} is taken; give the wanted object another")
-        formula = described(description) if isinstance(description, Mapping) else description
-        for process in self._into[type_]:
-            self._wanted.add(WantedObject(symbol, process.specification, formula, place), process.name)
+    def unwant(self, symbol: str) -> None:
+        """Look for it no more; see `TopDown.unwant`."""
+        self._top_down.unwant(symbol)
 
     @property
     def wanted(self) -> tuple[str, ...]:
         """The symbols of objects that are looked for."""
-        return self._wanted.symbols
-
-    def _seek(self, valid_us: int, process: LinkProcess, sources: Sequence[LinkObject]) -> None:
-        """Find wanted objects among those that are not linked to what excludes their type, or was wanted itself."""
-        if not self._wanted.symbols:
-            return
-
-        def candidates() -> list[LinkObject]:
-            return [one for one in sources if process.may_rename(one, self._wanted.named)]
-
-        for symbol, (source, reason) in self._wanted.found(valid_us, process.name, candidates):
-            if (link := source.outgoing.get(process.name)) is None:
-                process.anchor(valid_us, source, symbol, reason)
-            else:
-                self._rename(valid_us, link, symbol, reason)
-
-    def _rename(self, valid_us: int, link: ObjectLink, symbol: str, reason: LinkReason) -> None:
-        """What was known under another symbol is the wanted object."""
-        one = link.target
-        event = LinkEvent(valid_us, "forgotten", "", "", one.symbol, one.type, reason)
-        one.history.append(event)
-        self._events.append(event)
-        tables: list[dict[str, Any]] = [self._objects[one.type]]
-        tables += [process.unlinked for process in self._from.get(one.type, ())]
-        tables += [process.available for process in self._into[one.type]]
-        for table in tables:
-            if one.symbol in table:
-                table[symbol] = table.pop(one.symbol)
-        one.symbol = symbol
-        self._tell(valid_us, "reestablished", link, reason)
+        return self._top_down.sought
 
     # Questions
 

@@ -23,7 +23,7 @@ LINK_UNITS: Final = frozenset({"WorldObject", "OnRoad", "SameState"})
 NOTHING = frozenset[str]()
 MAKER, GENERATOR, STREAM, EXPORT = "a source or a unit", "a generator", "a stream", "an export"
 MONITOR, CHRONICLE, DEFINITION = "a monitor", "a chronicle", "a definition"
-SEMANTIC, SORT, ROADS = "a semantic label", "a sort", "declared"
+SEMANTIC, SORT, ROADS, WANTED = "a semantic label", "a sort", "declared", "wanted"
 MARGIN = "margin"
 OF_A_PLATFORM: Final = "units"
 """The stream, and the domain of formulas, that every platform has: the platforms of its federation."""
@@ -138,6 +138,9 @@ def symbol_of(declaration: spec.Declaration) -> Symbol:
             return Symbol(declaration, DEFINITION, ((feature.name, len(feature.objects)),), reads=_reads(formula))
         case spec.RoadsDeclaration():
             return Symbol(declaration, ROADS, ("roads",))
+        case spec.Want(symbol, stream, description):
+            takes = (Need(spec.StreamTerm(stream, place=declaration.place)),)
+            return Symbol(declaration, WANTED, (symbol,), takes=takes, reads=_reads(description))
         case spec.ChronicleDeclaration(content=content):
             return Symbol(declaration, CHRONICLE, tuple(content.chronicles) if content is not None else ())
 

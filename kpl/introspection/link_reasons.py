@@ -19,6 +19,10 @@ def because(reason: "LinkReason") -> str:
         return "the percept ended"
     if reason.cause == "silent":
         return f"no sample for {reason.for_us / US_PER_S:g} s"
+    if reason.cause == "tracked":
+        return f"in view for {reason.for_us / US_PER_S:g} s"
+    if reason.cause == "released":
+        return "it is wanted no more"
     if reason.cause == "forgotten" or reason.formula is None:
         return f"not linked to a percept for {reason.for_us / US_PER_S:g} s"
     verdict = "fails" if reason.cause == "maintain" else "holds"

@@ -16,6 +16,7 @@ from anchoring.percepts.records import ObjectRecords, PerceptRecords
 from dyknow import Sample, Sort
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.processes import OnDemand
+from kpl.linking.wants import Wanted, Wants
 from navigation import LocalFrame
 
 
@@ -32,26 +33,45 @@ class SharedLinkage:
     Args:
         inputs: the streams of percepts, in the order of their types.
         frame: about which positions in degrees are taken.
+        wants: objects that are looked for.
 
     Attributes:
-        linkage: of the objects since there was a subscriber.
         streams: those with subscribers, in the order in which they had the first.
     """
 
     def __init__(
-        self, specifications: Sequence[LinkSpecification], inputs: Sequence[PerceptInput], frame: LocalFrame | None
+        self,
+        specifications: Sequence[LinkSpecification],
+        inputs: Sequence[PerceptInput],
+        frame: LocalFrame | None,
+        wants: Wants,
     ) -> None:
         self.specifications, self.inputs, self.frame = tuple(specifications), tuple(inputs), frame
         self._readers = [PerceptRecords(str(each.taken.label), each.sort, frame) for each in inputs]
         self.streams: list[LinkStream] = []
+        self._wants, self._types = wants, {each.target for each in self.specifications}
         self._restart()
 
     def _restart(self) -> None:
-        self.linkage = ObjectLinkage(self.specifications)
+        self._linkage = ObjectLinkage(self.specifications)
         self._leaps = PerceptLeaps()
+        self._wanted: tuple[Wanted, ...] = ()
         self._ticks: dict[int, dict[tuple[str, str], Percept]] = {}
         self._latest_us: int | None = None
         self._delay_us = self._now_us = 0
+
+    @property
+    def linkage(self) -> ObjectLinkage:
+        """Of the objects since there was a subscriber; it looks for what is wanted now."""
+        if self._wanted is not self._wants.all:
+            before, self._wanted = self._wanted, self._wants.all
+            for each in before:
+                if each not in self._wanted:
+                    self._linkage.unwant(each.symbol)
+            for each in self._wanted:
+                if each not in before and each.type in self._types:
+                    self._linkage.want(each.symbol, each.type, each.description)
+        return self._linkage
 
     def begin(self, stream: "LinkStream") -> None:
         """A stream has a subscriber; the first one starts with no objects."""
@@ -99,6 +119,7 @@ class SharedLinkage:
         return FAR_US if deadline_us is None else deadline_us + self._delay_us
 
     def _tell(self, outcome: LinkOutcome, now_us: int) -> None:
+        self._wants.tell(outcome.events)
         for stream in tuple(self.streams):
             stream.tell(outcome, now_us)
 

@@ -29,6 +29,7 @@ from kpl.checking.streams import Streams
 from kpl.checking.symbols import SELF, SymbolTable
 from kpl.linking.declarations import LinkageKey, link_specifications, linkage_of, percept_labels
 from kpl.linking.streams import LinkStream, PerceptInput, SharedLinkage
+from kpl.linking.wants import Wants
 from kpl.running.changes import in_text
 from kpl.running.formula_states import MAX_DELAY_US
 from kpl.running.ports import Admission
@@ -69,6 +70,7 @@ class Compiler:
     Attributes:
         symbols: what is declared.
         withdrawn: sources whose makers may come back: their samples are not pushed meanwhile.
+        wants: objects that are looked for.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class Compiler:
     ) -> None:
         self.unit, self.admission, self.symbols = unit, admission, symbols
         self.withdrawn = set[str]()
+        self.wants = Wants()
         self._prototypes, self._sort = prototypes, sort
         self._linkages: WeakValueDictionary[tuple[LinkageKey, tuple[PerceptInput, ...]], SharedLinkage] = (
             WeakValueDictionary()
@@ -190,7 +193,7 @@ class Compiler:
         shared = self._linkages.get((key, inputs))
         if shared is None:
             frame = None if key.origin is None else LocalFrame(*key.origin, 0.0)
-            shared = SharedLinkage(link_specifications(key), inputs, frame)
+            shared = SharedLinkage(link_specifications(key), inputs, frame, self.wants)
             self._linkages[key, inputs] = shared
         made_sort = Streams(self.symbols).objects(label)
         if made_sort is None:
@@ -261,6 +264,8 @@ class Compiler:
                     )
                 except PolicyError as wrong:
                     raise located(declaration, str(wrong), wrong.repair) from None
+            case spec.Want():
+                definitions.resolved(declaration.description, self.unit, text)
             case spec.StreamDeclaration(_, term) | spec.Export(_, term) | spec.Import(_, _, term):
                 self._check_policy(term, term.policy)
             case spec.ChronicleDeclaration():

@@ -4,7 +4,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple, TypeAlias
 
-from dyknow import SURE, DyknowError, Label, Network, Quality, Sort, SortError, Value
+from anchoring.links.objects import LinkEvent
+from dyknow import SURE, DyknowError, Label, Network, Policy, Quality, Sort, SortError, Value
+from dyknow.model.errors import Refused
 from dyknow.model.members import tuples_of
 from dyknow.network.factory import Prototypes
 from dyknow.network.mediation import Configuration, Mediation
@@ -13,8 +15,11 @@ from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import Prototype, SourcePrototype
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.objects.object_streams import ObjectProcess, ObjectStreams
+from kpl.checking.definitions import Definitions
 from kpl.checking.streams import origin_of
 from kpl.checking.symbols import symbol_of
+from kpl.linking.streams import LinkStream
+from kpl.linking.wants import Wanted
 from kpl.running.compiling import CompiledGenerator, Compiler, Members, check_offer
 from kpl.running.ports import Undo, nothing
 from kpl.syntax import specification as spec
@@ -99,6 +104,28 @@ class Parts:
             if held.unit and self._prototypes.find(held.unit) is None and not self.fed.get(held.unit):
                 waiting.setdefault(held.unit, []).append(label)
         return {name: tuple(labels) for name, labels in waiting.items()}
+
+    def want(self, want: spec.Want, on_event: Callable[[LinkEvent], None]) -> Undo:
+        """Look for an object of a stream of linked objects, which is made for that.
+
+        Raises:
+            Refused: nothing links objects of that stream, the symbol is that of an object, or too many are looked for.
+        """
+        symbol, label = want.symbol, self._compiler.label(want.stream)
+        process = self._network.process(label) if self._network.has(label) else None
+        if not isinstance(process, LinkStream):
+            raise Refused(f"no link makes {label} here", "no-link")
+        if process.running and process.linkage.find(symbol) is not None:
+            raise Refused(f"{symbol} is the symbol of an object: give what is wanted another", "taken")
+        description = Definitions(self._compiler.symbols).resolved(want.description, self._compiler.unit)
+        forget = self._compiler.wants.add(Wanted(symbol, str(label), description, on_event))
+        proxy = self._network.connect(label, Policy(), lambda _sample: None)
+
+        def undo() -> None:
+            forget()
+            proxy.cancel()
+
+        return undo
 
     def _made_from(self, name: str) -> list[tuple[Label, spec.GeneratorDeclaration, Members | None]]:
         """The generators that are made from a prototype, or wait for it."""

@@ -2,13 +2,16 @@
 
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
-from typing import Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 from dyknow import Sample, TextError
 from dyknow.model.semantic_labels import SemanticLabel
 from kpl.syntax.specification import Declaration, Export, MonitorDeclaration, StreamTerm
 from reasoning import AlarmEvent
 from reasoning.formulas.tree import Formula
+
+if TYPE_CHECKING:
+    from anchoring.links.objects import LinkEvent
 
 Undo: TypeAlias = Callable[[], None]
 Admission: TypeAlias = Literal["refuse", "longer"]
@@ -52,8 +55,10 @@ class Hooks:
         on_output: name of a declared stream, and a sample of it.
         on_link: name of a declared stream, and whether its inputs have producers.
         on_alarm: an alarm of a monitor opened or closed.
+        on_found: a wanted object was found, is tracked, lost or found again.
     """
 
     on_output: Callable[[str, Sample], None] = lambda _name, _sample: None
     on_link: Callable[[str, bool], None] = lambda _name, _linked: None
     on_alarm: Callable[[AlarmEvent], None] = lambda _event: None
+    on_found: Callable[["LinkEvent"], None] = lambda _event: None

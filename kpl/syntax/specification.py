@@ -252,6 +252,18 @@ class RoadsDeclaration(Node):
     network: "RoadNetwork | None" = field(default=None, compare=False, repr=False)
 
 
+@dataclass(frozen=True, slots=True)
+class Want(Node):
+    """`want NAME in LABEL = FORMULA`: an object of a stream of linked objects, found by a description of it.
+
+    In the formula the symbol is a variable: whatever may be the object.
+    """
+
+    symbol: str
+    stream: Label
+    description: Formula
+
+
 Declaration: TypeAlias = (
     SourceDeclaration
     | UnitDeclaration
@@ -266,6 +278,7 @@ Declaration: TypeAlias = (
     | MonitorDeclaration
     | ChronicleDeclaration
     | RoadsDeclaration
+    | Want
 )
 Specification: TypeAlias = tuple[Declaration, ...]
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from anchoring.roads.network import RoadNetwork
 
-_STATEMENT = re.compile(r"^(?:[ \t]*(?:source|compunit|strmgen|stream|for|sort|label|export|import|define|monitor|chronicle|roads)\b|[A-Za-z]\w+)", re.MULTILINE)  # fmt: skip
+_STATEMENT = re.compile(r"^(?:[ \t]*(?:source|compunit|strmgen|stream|for|sort|label|export|import|define|monitor|chronicle|roads|want)\b|[A-Za-z]\w+)", re.MULTILINE)  # fmt: skip
 ReadFile: TypeAlias = Callable[[str], str]
 """The text of a file that a specification names; raises OSError or UnicodeDecodeError."""
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
@@ -294,6 +294,11 @@ class _StatementReader(FormulaReader):
         except (OSError, UnicodeDecodeError) as wrong:
             self.error(f"{path} cannot be read: {wrong}", place, "the path, from where this file lies")
         return spec.RoadsDeclaration(path, place=place)
+
+    def _want(self, node: Any, place: Place) -> spec.Declaration:
+        name, stream, _equals, description = node.children
+        symbol = _name(name)
+        return spec.Want(symbol, self.label(stream), self.read(description, frozenset({symbol})), place=place)
 
     def _age(self, node: Any) -> int | None:
         place = place_of(node, self.text)

@@ -26,6 +26,7 @@ from kpl.syntax.specification import (
     StreamDeclaration,
     StreamTerm,
     UnitDeclaration,
+    Want,
 )
 from reasoning.formulas.tree import Domain, Feature, Variable
 from tests.kpl.strategies import formulas, names, numbered
@@ -124,6 +125,12 @@ def definitions(draw):
     return Define(feature, draw(formulas(2, frozenset(parameters))))
 
 
+@st.composite
+def wants(draw):
+    symbol = draw(names)
+    return Want(symbol, draw(labels), draw(formulas(2, frozenset({symbol}))))
+
+
 declarations = (
     st.builds(SourceDeclaration, names, names)
     | st.builds(UnitDeclaration, names, names, st.lists(names, min_size=1, max_size=3).map(tuple))
@@ -133,6 +140,7 @@ declarations = (
     | st.builds(Export, names, terms)
     | st.builds(Import, names, names | numbered, terms)
     | definitions()
+    | wants()
     | st.builds(
         MonitorDeclaration,
         names,

@@ -25,15 +25,18 @@ _STATE_FEATURES: Final[Mapping[str, StateFeature]] = {
 class PairCondition:
     """One formula over `from` and `to`.
 
+    Args:
+        name: what `from` may be called as well.
+
     Attributes:
         is_trivial: it is true whatever happens.
     """
 
-    def __init__(self, formula: Formula, specification: LinkSpecification) -> None:
+    def __init__(self, formula: Formula, specification: LinkSpecification, name: str = FROM) -> None:
         self.formula = formula
         self.is_trivial = formula == ALWAYS_TRUE
         self.gate = gate_of(formula, specification.threshold.most_m)
-        self._readings = {label: _reading(label, specification) for label in required_labels(formula)}
+        self._readings = {label: _reading(label, specification, name) for label in required_labels(formula)}
         self._far = {label: inf for label in self._readings if Label.parse(label).feature in DISTANCES}
 
     def start(self) -> Progressing:
@@ -52,7 +55,7 @@ class PairCondition:
         evaluation.progress(valid_us, self._far)
 
 
-def _reading(text: str, specification: LinkSpecification) -> Reading:
+def _reading(text: str, specification: LinkSpecification, name: str) -> Reading:
     label = Label.parse(text)
     if label.feature in DISTANCES and set(label.objects) == {FROM, TO}:
         return lambda state, other: NO_VALUE if other is None else state.distance_m(other.nearest(state))
@@ -61,7 +64,7 @@ def _reading(text: str, specification: LinkSpecification) -> Reading:
         return lambda _state, other: NO_VALUE if other is None else threshold.of(other.likely)
     feature = specification.features.get(label.feature) or _STATE_FEATURES.get(label.feature)
     read = feature or (lambda state: state.attributes.get(label.feature, NO_VALUE))
-    if label.objects == (FROM,):
+    if label.objects in {(FROM,), (name,)}:
         return lambda state, _other: read(state)
     if label.objects == (TO,):
         return lambda _state, other: NO_VALUE if other is None else read(other.likely)

@@ -16,7 +16,16 @@ from federation.messages.contents import ObjectEvent, ObjectEvents
 from runtime.library.jobs import lists
 
 EVERY_S = 1.0
-_STYLES = {"established": "green", "reestablished": "green", "unlinked": "yellow", "recognised": "cyan"}
+_STYLES = {
+    "established": "green",
+    "reestablished": "green",
+    "unlinked": "yellow",
+    "recognised": "cyan",
+    "find": "green",
+    "track": "green",
+    "reacquire": "green",
+    "lost": "yellow",
+}
 
 
 @command(example="dyknow explain car1")

@@ -15,6 +15,7 @@ from runtime.configuration.road_files import read_bytes
 if TYPE_CHECKING:
     from anchoring.links.specification import LinkSpecification
     from anchoring.roads.network import RoadNetwork
+    from kpl.linking.wants import Wanted
 
 _MOST_NOTES = 20
 
@@ -43,8 +44,10 @@ def link(
     if percepts is None:
         raise WrongCall("give the recorded percepts: --percepts FILE.jsonl.")
     network = None if roads is None else _network(call, roads)
-    specifications, network = _specifications(file, network)
+    specifications, network, wanted = _specifications(file, network)
     linkage = ObjectLinkage(specifications)
+    for each in wanted:
+        linkage.want(each.symbol, each.type, each.description)
     output, problems = LinkOutput(call), LeftOutLines(call)
     frame = None if network is None else network.frame
     is_piped = str(percepts) == STANDARD_INPUT
@@ -63,15 +66,16 @@ def link(
 
 def _specifications(
     file: Path | None, network: "RoadNetwork | None"
-) -> "tuple[tuple[LinkSpecification, ...], RoadNetwork | None]":
-    """The link specifications of a file, or those that are ready, and the roads that they are on."""
+) -> "tuple[tuple[LinkSpecification, ...], RoadNetwork | None, list[Wanted]]":
+    """The link specifications of a file, or those that are ready, the roads that they are on, and what is looked for."""
     from anchoring.ready import ready_specification
 
     if file is None:
-        return ready_specification(network), network
+        return ready_specification(network), network, []
     from kpl import parse_specification
     from kpl.checking.symbols import Known, SymbolTable
     from kpl.linking.declarations import link_specifications, linkage_key, links_in
+    from kpl.linking.wants import wants_in
 
     text = read_text(file)
     declarations = parse_specification(text, beside(file))
@@ -86,7 +90,7 @@ def _specifications(
     symbols.known = Known(roads=network)
     try:
         key = linkage_key(links, symbols)
-        return link_specifications(key), key.roads
+        return link_specifications(key), key.roads, wants_in(declarations, symbols, text)
     except TextError as error:
         raise error.but(text=text) from None
 

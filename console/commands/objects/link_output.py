@@ -13,7 +13,16 @@ if TYPE_CHECKING:
     from anchoring.links.structures import LinkOutcome, ObjectLinkage, StateRecord
     from navigation import LocalFrame
 
-_STYLES = {"established": "green", "reestablished": "green", "unlinked": "yellow", "reclassified": "cyan"}
+_STYLES = {
+    "established": "green",
+    "reestablished": "green",
+    "unlinked": "yellow",
+    "reclassified": "cyan",
+    "find": "green",
+    "track": "green",
+    "reacquire": "green",
+    "lost": "yellow",
+}
 
 
 class LinkOutput:

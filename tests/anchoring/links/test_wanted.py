@@ -81,15 +81,78 @@ def test_two_that_are_wanted_by_one_description_are_two_objects() -> None:
     assert found.anchored("b")
 
 
-def test_once_found_it_is_lost_and_found_again_as_any_object() -> None:
+def kinds(found: ObjectLinkage, symbol: str) -> list[tuple[int, str]]:
+    """Time in ms and kind of what happened to a wanted object, as such."""
+    mine = ("find", "track", "reacquire", "lost")
+    return [(each.valid_us // 1000, each.kind) for each in found.explain(symbol) if each.kind in mine]
+
+
+def test_it_is_found_tracked_lost_and_found_again_where_it_is_expected() -> None:
     found = linkage()
     found.want("w", WORLD, {"colour": "red"})
     for t in range(0, 2000, 200):
         found.on_percepts(t * 1000, [seen(t, "one", 0.0, colour="red")])
     found.on_percepts(2_000_000, [Percept("one", VISION, None)])
     assert not found.anchored("w")
-    events = found.on_percepts(3_000_000, [seen(3000, "two", 0.5, colour="red")]).events
-    assert [(each.kind, each.target) for each in events] == [("reestablished", "w")]
+    events = found.on_percepts(3_000_000, [seen(3000, "two", 0.5, colour="blue")]).events
+    assert [(each.kind, each.source, each.target) for each in events] == [
+        ("reestablished", "two", "w"), ("reacquire", "two", "w"),
+    ]  # fmt: skip
+    found.on_percepts(3_500_000, [seen(3500, "two", 0.5)])
+    assert kinds(found, "w") == [(0, "find"), (1000, "track"), (2000, "lost"), (3000, "reacquire")]
+    assert found.explain("w")[-2].reason.cause == "reestablish"
+
+
+def test_what_was_forgotten_is_looked_for_anew() -> None:
+    found = linkage()
+    found.want("w", WORLD, {"colour": "red"})
+    for t in range(0, 60_000, 200):
+        percepts = [seen(t, "one", 0.0, colour="red")] if t < 2000 else [seen(t, "other", 200.0, colour="blue")]
+        found.on_percepts(t * 1000, percepts)
+    assert found.wanted == ("w",)
+    assert found.find("w") is None
+    found.on_percepts(60_000_000, [seen(60_000, "two", 400.0, colour="red")])
+    assert found.anchored("w")
+
+
+def test_what_is_wanted_no_more_is_known_by_another_symbol_and_its_own_is_free() -> None:
+    found = linkage()
+    found.want("w", WORLD, {"colour": "red"})
+    found.want("v", WORLD, {"colour": "green"})
+    found.on_percepts(0, [seen(0, "one", 0.0, colour="red")])
+    found.unwant("w")
+    found.unwant("v")
+    found.want("w", WORLD, {"colour": "blue"})
+    outcome = found.on_percepts(200_000, [seen(200, "one", 0.0, colour="red"), seen(200, "two", 50.0, colour="blue")])
+    assert {each.symbol: each.linked_to for each in outcome.states} == {"wo1": ("one",), "w": ("two",)}
+    forgotten = next(each for each in outcome.events if each.kind == "forgotten")
+    assert (forgotten.target, forgotten.reason.cause) == ("w", "released")
+    assert found.wanted == ()
+
+
+def test_what_is_described_is_the_object_and_not_the_percept() -> None:
+    """A percept without a velocity is of an object that has one, once it is known well enough."""
+    found = linkage()
+    found.want("slow", WORLD, parse_formula("eventually speed[slow] < 1"))
+    found.want("fast", WORLD, parse_formula("eventually speed[fast] > 5"))
+    for t in range(0, 3000, 100):
+        found.on_percepts(t * 1000, [seen(t, "mover", t / 100.0), seen(t, "stander", 0.0, 50.0)])
+    for symbol, source in (("fast", "mover"), ("slow", "stander")):
+        (link,) = found.objects(WORLD)[symbol].incoming.values()
+        assert link.source.symbol == source
+
+
+def test_what_is_only_expected_somewhere_is_not_in_view() -> None:
+    found = ObjectLinkage([LinkSpecification(VISION, WORLD, NEW, NEAR), LinkSpecification(WORLD, "car", NEW, NEAR)])
+    for t in range(0, 2000, 200):
+        found.on_percepts(t * 1000, [seen(t, "one", 0.0, colour="red")])
+    found.on_percepts(2_000_000, [Percept("one", VISION, None)])
+    found.want("w", "car", {"colour": "red"})
+    for t in range(2200, 4000, 200):
+        found.on_percepts(t * 1000, [seen(t, "far", 900.0)])
+    assert not found.anchored("w")
+    found.on_percepts(4_000_000, [seen(4000, "two", 0.0)])
+    assert found.anchored("w")
 
 
 def test_what_cannot_be_wanted_is_refused() -> None:

@@ -70,6 +70,7 @@ def test_example_4_4_1() -> None:
         "define MIN_XY = 15.0",
         "monitor calm = always speed[self] < 5 with sample every 500, no value false, close after 3",
         'chronicle file "overtake.chr"',
+        'want suspect in cars = always[0, 1s] (colour[suspect] = "red" and speed[suspect] > 5)',
         "strmgen cars = link(vision_objects, Car, eventually always[0, 1s] on_roadsystem[from], false, true)",
         "strmgen link = state(state[a], cars.link[car1]) with sample every 100, max delay 100",
         "strmgen for = in",

@@ -1,0 +1,205 @@
+"""Wanted objects in a linkage: they are looked for, found, tracked, lost and found again, under the symbol they are wanted by."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple, Protocol
+
+from anchoring.links.deciding.wanted import WantedObject, described
+from anchoring.links.objects import EventKind, LinkEvent, LinkObject, LinkReason
+from anchoring.links.processes import LinkProcess
+from anchoring.links.states import ObjectState
+from dyknow import US_PER_S, Value
+from reasoning.formulas.tree import Eventually, Formula
+
+TRACKED_US: Final = US_PER_S
+"""A wanted object that is in view for so long is tracked."""
+_MADE: Final[tuple[EventKind, ...]] = ("established", "reestablished")
+_ENDED: Final[tuple[EventKind, ...]] = ("unlinked",)
+
+
+class WantedAmong(Protocol):
+    """The structures among which objects are wanted."""
+
+    def find(self, symbol: str) -> LinkObject | None:
+        """A live object, or percept, by its symbol."""
+
+    def anchored(self, symbol: str) -> bool:
+        """Whether live links lead from a percept to this object."""
+
+    def new_symbol(self, type_: str) -> str:
+        """A symbol that no object of the type has."""
+
+    def tell(self, event: LinkEvent, *about: LinkObject) -> None:
+        """Something happened to these objects."""
+
+
+class _Want(NamedTuple):
+    """What is wanted, by which symbol."""
+
+    type: str
+    description: Formula
+    place: ObjectState | None
+
+
+@dataclass(slots=True)
+class _FoundObject:
+    """A wanted object since it was found.
+
+    Attributes:
+        since_us: since when it is in view; None: it is not.
+    """
+
+    one: LinkObject
+    since_us: int | None
+    is_tracked: bool = False
+
+
+class TopDown:
+    """The wanted objects of one linkage, whose tables it is given.
+
+    Args:
+        objects: by type and symbol.
+        into, out_of: the processes that lead to a type, and from it.
+    """
+
+    def __init__(
+        self,
+        among: WantedAmong,
+        objects: Mapping[str, dict[str, LinkObject]],
+        into: Mapping[str, Sequence[LinkProcess]],
+        out_of: Mapping[str, Sequence[LinkProcess]],
+    ) -> None:
+        self._among, self._objects, self._into, self._out_of = among, objects, into, out_of
+        self._wants: dict[str, _Want] = {}
+        self._sought: dict[str, list[WantedObject]] = {}
+        self._found: dict[str, _FoundObject] = {}
+        self._released: dict[str, LinkObject] = {}
+
+    @property
+    def sought(self) -> tuple[str, ...]:
+        """The symbols of those that are not found."""
+        return tuple(symbol for symbol in self._wants if symbol not in self._found)
+
+    def want(
+        self, symbol: str, type_: str, description: Formula | Mapping[str, Value], place: ObjectState | None = None
+    ) -> None:
+        """Look for an object that is described: the first one below for which the description holds is given the symbol.
+
+        It is looked for until it is not wanted any more, and anew when it was found and forgotten.
+
+        Args:
+            symbol: of no other object.
+            type_: of objects that are linked.
+            description: a formula over the symbol or `from`, and over `to` if a place is given, which may become true at
+                any time; or values of attributes.
+            place: where it is thought to be.
+
+        Raises:
+            ValueError: there is no link into the type, or the symbol is taken.
+        """
+        if type_ not in self._into:
+            raise ValueError(f"no link leads to the type {type_!r}; there are {', '.join(self._into)}")
+        if symbol in self._wants or (self._among.find(symbol) is not None and symbol not in self._released):
+            raise ValueError(f"the symbol {symbol!r} is taken; give the wanted object another")
+        formula = described(description) if isinstance(description, Mapping) else description
+        self._wants[symbol] = _Want(type_, Eventually(formula), place)
+        self._seek_anew(symbol)
+
+    def unwant(self, symbol: str) -> None:
+        """Look for it no more; if it is found, it is known by another symbol from the next tick on."""
+        if self._wants.pop(symbol, None) is not None:
+            self._end_search(symbol)
+            if (found := self._found.pop(symbol, None)) is not None:
+                self._released[symbol] = found.one
+
+    def _seek_anew(self, symbol: str) -> None:
+        want = self._wants[symbol]
+        for process in self._into[want.type]:
+            wanted = WantedObject(symbol, process.specification, want.description, want.place)
+            self._sought.setdefault(process.name, []).append(wanted)
+
+    def _end_search(self, symbol: str) -> None:
+        for some in self._sought.values():
+            some[:] = [each for each in some if each.symbol != symbol]
+
+    # What happens at a tick
+
+    def release(self, valid_us: int) -> None:
+        """What is wanted no more is given another symbol."""
+        for symbol, one in self._released.items():
+            if self._objects[one.type].get(symbol) is one:
+                self._rename(valid_us, one, self._among.new_symbol(one.type), LinkReason("released"))
+        self._released.clear()
+
+    def drop(self, process: str, symbol: str) -> None:
+        """An object that a process starts from is gone."""
+        for wanted in self._sought.get(process, ()):
+            wanted.drop(symbol)
+
+    def seek(self, valid_us: int, process: LinkProcess, sources: Sequence[LinkObject]) -> None:
+        """Find wanted objects among those in view that are not linked to what excludes their type, or was wanted itself."""
+        for wanted in tuple(self._sought.get(process.name, ())):
+            may_be = (one for one in sources if one.prediction is None and process.may_rename(one, self._found))
+            sighting = wanted.step(valid_us, ((one, process.estimate(one)) for one in may_be))
+            if sighting is not None:
+                self._on_found(valid_us, process, wanted.symbol, *sighting)
+
+    def _on_found(
+        self, valid_us: int, process: LinkProcess, symbol: str, source: LinkObject, reason: LinkReason
+    ) -> None:
+        self._end_search(symbol)
+        if (link := source.outgoing.get(process.name)) is None:
+            process.anchor(valid_us, source, symbol, reason)
+        else:
+            self._rename(valid_us, link.target, symbol, reason)
+        one = self._objects[process.specification.target][symbol]
+        self._found[symbol] = _FoundObject(one, valid_us)
+        self._tell(valid_us, "find", one, reason, source)
+
+    def _rename(self, valid_us: int, one: LinkObject, symbol: str, reason: LinkReason) -> None:
+        """What was known under another symbol is known by this one."""
+        self._among.tell(LinkEvent(valid_us, "forgotten", "", "", one.symbol, one.type, reason), one)
+        tables: list[dict[str, Any]] = [self._objects[one.type]]
+        tables += [process.unlinked for process in self._out_of.get(one.type, ())]
+        tables += [process.available for process in self._into[one.type]]
+        for table in tables:
+            if one.symbol in table:
+                table[symbol] = table.pop(one.symbol)
+        one.symbol = symbol
+        for link in one.incoming.values():
+            self._tell(valid_us, "reestablished", one, reason, link.source)
+
+    def observe(self, valid_us: int) -> None:
+        """Tell what became of those that are found: at the end of a tick."""
+        for symbol, found in tuple(self._found.items()):
+            one = found.one
+            if self._objects[one.type].get(symbol) is not one:
+                del self._found[symbol]
+                self._seek_anew(symbol)
+            elif not self._among.anchored(symbol):
+                if found.since_us is not None:
+                    self._tell(valid_us, "lost", one, _latest(one, _ENDED).reason)
+                found.since_us, found.is_tracked = None, False
+            elif found.since_us is None:
+                found.since_us, latest = valid_us, _latest(one, _MADE)
+                self._tell(valid_us, "reacquire", one, latest.reason, self._among.find(latest.source))
+            elif not found.is_tracked and valid_us - found.since_us >= TRACKED_US:
+                found.is_tracked = True
+                self._tell(valid_us, "track", one, LinkReason("tracked", for_us=valid_us - found.since_us))
+
+    def _tell(
+        self, valid_us: int, kind: EventKind, one: LinkObject, reason: LinkReason, source: LinkObject | None = None
+    ) -> None:
+        name, type_ = ("", "") if source is None else (source.symbol, source.type)
+        self._among.tell(LinkEvent(valid_us, kind, name, type_, one.symbol, one.type, reason), one)
+
+
+def _latest(one: LinkObject, kinds: Collection[EventKind]) -> LinkEvent:
+    """The latest event of these kinds of an object, or of those below that it is linked to."""
+    return max(_events(one, kinds), key=lambda each: each.valid_us)
+
+
+def _events(one: LinkObject, kinds: Collection[EventKind]) -> Iterator[LinkEvent]:
+    yield from (each for each in one.history if each.kind in kinds)
+    for link in one.incoming.values():
+        yield from _events(link.source, kinds)
