@@ -85,7 +85,7 @@ class TopDown:
     ) -> None:
         """Look for an object that is described: the first one below for which the description holds is given the symbol.
 
-        It is looked for until it is not wanted any more, and anew when it was found and forgotten.
+        It is looked for until `unwant`, and once more when it was found and forgotten.
 
         Args:
             symbol: of no other object.
@@ -103,7 +103,7 @@ class TopDown:
             raise ValueError(f"the symbol {symbol!r} is taken; give the wanted object another")
         formula = described(description) if isinstance(description, Mapping) else description
         self._wants[symbol] = _Want(type_, Eventually(formula), place)
-        self._seek_anew(symbol)
+        self._seek(symbol)
 
     def unwant(self, symbol: str) -> None:
         """Look for it no more; if it is found, it is known by another symbol from the next tick on."""
@@ -112,7 +112,7 @@ class TopDown:
             if (found := self._found.pop(symbol, None)) is not None:
                 self._released[symbol] = found.one
 
-    def _seek_anew(self, symbol: str) -> None:
+    def _seek(self, symbol: str) -> None:
         want = self._wants[symbol]
         for process in self._into[want.type]:
             wanted = WantedObject(symbol, process.specification, want.description, want.place)
@@ -175,7 +175,7 @@ class TopDown:
             one = found.one
             if self._objects[one.type].get(symbol) is not one:
                 del self._found[symbol]
-                self._seek_anew(symbol)
+                self._seek(symbol)
             elif not self._among.anchored(symbol):
                 if found.since_us is not None:
                     self._tell(valid_us, "lost", one, _latest(one, _ENDED).reason)

@@ -14,7 +14,6 @@ from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.formulas_in_context import FormulaChecker
 from kpl.checking.streams import ANY, Streams
 from kpl.checking.symbols import CHRONICLE, GENERATOR, LINK_UNITS, MAKER, MARGIN, Symbol, SymbolTable, stem
-from kpl.checking.wants import check_want
 from kpl.checking.warnings import warnings_of
 from kpl.syntax import specification as spec
 from reasoning.formulas.tree import Node, instantiate
@@ -84,8 +83,6 @@ class _Checker(DeclarationErrors):
             formula = spec.monitor_of(each) or each
             if isinstance(formula, spec.Define | spec.MonitorDeclaration):
                 self._formulas.look_at(formula)
-            elif isinstance(each, spec.Want):
-                check_want(each, self.streams, self)
         self.of = None
         self._check_chains(touched, from_text)
 

@@ -138,7 +138,7 @@ def symbol_of(declaration: spec.Declaration) -> Symbol:
             return Symbol(declaration, DEFINITION, ((feature.name, len(feature.objects)),), reads=_reads(formula))
         case spec.RoadsDeclaration():
             return Symbol(declaration, ROADS, ("roads",))
-        case spec.Want(symbol, stream, description):
+        case spec.WantDeclaration(symbol, stream, description):
             takes = (Need(spec.StreamTerm(stream, place=declaration.place)),)
             return Symbol(declaration, WANTED, (symbol,), takes=takes, reads=_reads(description))
         case spec.ChronicleDeclaration(content=content):

@@ -1,22 +1,27 @@
 """Objects that are looked for in one instance, whichever of its linkages may find them (top-down identification)."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Final, NamedTuple
 
 from anchoring.links.objects import LinkEvent
-from dyknow.model.errors import Refused
+from dyknow.model.errors import Refused, TextError
+from dyknow.model.labels import Label
+from dyknow.model.values import END, SYMBOL
 from kpl.checking.definitions import Definitions
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.streams import Streams
-from kpl.checking.symbols import SELF, SymbolTable
-from kpl.checking.wants import check_want
-from kpl.running.ports import Undo
+from kpl.checking.symbols import DEFINITION, SELF, SymbolTable
 from kpl.syntax import specification as spec
 from kpl.syntax.parsing import raise_all
+from reasoning.formulas import tree
 from reasoning.formulas.tree import Formula
 
 MOST: Final = 64
 """Every object that comes into view is compared with the description of each."""
+OF_STATES: Final = ("speed", "deviation", "x", "y", "x_m", "y_m", "vx_m_s", "vy_m_s", "sd_m")
+"""What every object has."""
+ON_ROADS: Final = "on_road"
+_NEED_MORE: Final = (tree.Forall, tree.Exists, tree.Occurred, tree.Since)
 FOUND: Final = frozenset({"find", "track", "reacquire", "lost"})
 
 
@@ -45,7 +50,7 @@ class Wants:
     def __init__(self) -> None:
         self.all: tuple[Wanted, ...] = ()
 
-    def add(self, wanted: Wanted) -> Undo:
+    def add(self, wanted: Wanted) -> Callable[[], None]:
         """Look for an object until that is undone.
 
         Raises:
@@ -75,11 +80,83 @@ def wants_in(declarations: Iterable[spec.Declaration], symbols: SymbolTable, tex
     """What a specification declares to be looked for, ready for a linkage of its own.
 
     Raises:
-        TextErrors: with all that is wrong with it.
+        TextError: something is wrong with it.
     """
-    errors, streams, definitions = DeclarationErrors(text), Streams(symbols), Definitions(symbols)
-    wants = [each for each in declarations if isinstance(each, spec.Want)]
+    definitions = Definitions(symbols)
+    wants = [each for each in declarations if isinstance(each, spec.WantDeclaration)]
     for each in wants:
-        check_want(each, streams, errors)
-    raise_all(errors.errors)
+        if not any(symbols.makers(each.stream)):
+            repair = f"strmgen {each.stream} = link(...), before it"
+            raise TextError.at(each.place, f"no link makes {each.stream}", text=text, repair=repair)
+        check_want(each, symbols, text)
     return [Wanted(each.symbol, str(each.stream), definitions.resolved(each.description, SELF, text)) for each in wants]
+
+
+def check_want(want: spec.WantDeclaration, symbols: SymbolTable, text: str = "") -> None:
+    """Raise TextErrors with all that is wrong with it, but for the names of streams."""
+    streams, errors = Streams(symbols), DeclarationErrors(text)
+    _check(want, streams, errors)
+    raise_all(errors.errors)
+
+
+def _check(want: spec.WantDeclaration, streams: Streams, errors: DeclarationErrors) -> None:
+    chain = list(_chain(want.stream, streams))
+    if not chain:
+        if not streams.has(want.stream):
+            return
+        linked = [each.label for each in streams.symbols.symbols() if isinstance(each.made, spec.Link)]
+        said = f"no link makes {want.stream}, so that none of its objects can be found by a description"
+        nearest = errors.closest(str(want.stream), linked) or next(map(str, linked), "")
+        errors.wrong(said, want, f"want {want.symbol} in {nearest or 'cars, and strmgen cars = link(...)'}")
+        return
+    known = _features(chain, streams)
+    if isinstance(want.description, tree.Feature) and want.description.name in OF_STATES:
+        errors.wrong(f"{want.description.name} is a number: a description is true or false", want, _example(want))
+    for node in tree.walk(want.description):
+        if isinstance(node, _NEED_MORE):
+            errors.wrong("a description is of one object, at times from when it came into view", node, _example(want))
+        elif isinstance(node, tree.Feature):
+            _check_feature(node, want, known, streams, errors)
+
+
+def _check_feature(
+    node: tree.Feature, want: spec.WantDeclaration, known: set[str] | None, streams: Streams, errors: DeclarationErrors
+) -> None:
+    if streams.symbols.named(DEFINITION, (node.name, len(node.objects))) is not None:
+        return
+    if not node.objects:
+        errors.wrong(f"{node.name} is no constant; a text stands in quotes", node, f'"{node.name}"')
+    elif node.objects != (tree.Variable(want.symbol),):
+        said = f"a description speaks of {want.symbol} alone"
+        errors.wrong(said, node, f"{node.name}[{want.symbol}]")
+    elif known is not None and node.name not in known:
+        repair = errors.closest(node.name, known)
+        said = f"objects of {want.stream} have no {node.name}; they have {', '.join(sorted(known))}"
+        errors.wrong(said, node, f"{repair}[{want.symbol}]" if repair else _example(want))
+
+
+def _chain(stream: Label, streams: Streams) -> Iterator[spec.Link]:
+    """The links that lead to a stream, downwards."""
+    seen = set[Label]()
+    while stream not in seen:
+        seen.add(stream)
+        made = [one.made for one in streams.symbols.makers(stream) if isinstance(one.made, spec.Link)]
+        if not made:
+            return
+        yield made[0]
+        stream = made[0].source
+
+
+def _features(chain: list[spec.Link], streams: Streams) -> set[str] | None:
+    """What objects of a type have; None: it is not known of those below."""
+    known = {*OF_STATES, *((ON_ROADS,) if streams.symbols.roads() is not None else ())}
+    for link in chain:
+        sort = streams.record(link.source)
+        if sort is None or not sort.fields:
+            return None
+        known.update(each.name for each in sort.fields)
+    return known - {SYMBOL, END, "anchored"}
+
+
+def _example(want: spec.WantDeclaration) -> str:
+    return f"speed[{want.symbol}] > 5"

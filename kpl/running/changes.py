@@ -148,7 +148,7 @@ def meanings(symbols: SymbolTable, change: SpecificationChange, unit: str) -> It
         for each in change.wanted:
             if id(each) not in new and (monitor := spec.monitor_of(each)) is not None:
                 yield each, definitions.resolved(monitor.formula, unit)
-            elif id(each) not in new and isinstance(each, spec.Want):
+            elif id(each) not in new and isinstance(each, spec.WantDeclaration):
                 yield each, definitions.resolved(each.description, unit)
     if any(isinstance(each, spec.Define | spec.RoadsDeclaration | spec.GeneratorDeclaration) for each in changed):
         yield from linkages(symbols, change.wanted, new)
@@ -163,7 +163,7 @@ def rank(declaration: spec.Declaration) -> int:
         spec.Export: 2,
         spec.StreamDeclaration: 3,
         spec.MonitorDeclaration: 4,
-        spec.Want: 4,
+        spec.WantDeclaration: 4,
     }
     return ranks.get(type(declaration), 0)
 

@@ -29,7 +29,7 @@ from kpl.checking.streams import Streams
 from kpl.checking.symbols import SELF, SymbolTable
 from kpl.linking.declarations import LinkageKey, link_specifications, linkage_of, percept_labels
 from kpl.linking.streams import LinkStream, PerceptInput, SharedLinkage
-from kpl.linking.wants import Wants
+from kpl.linking.wants import Wants, check_want
 from kpl.running.changes import in_text
 from kpl.running.formula_states import MAX_DELAY_US
 from kpl.running.ports import Admission
@@ -264,7 +264,8 @@ class Compiler:
                     )
                 except PolicyError as wrong:
                     raise located(declaration, str(wrong), wrong.repair) from None
-            case spec.Want():
+            case spec.WantDeclaration():
+                check_want(declaration, self.symbols, text)
                 definitions.resolved(declaration.description, self.unit, text)
             case spec.StreamDeclaration(_, term) | spec.Export(_, term) | spec.Import(_, _, term):
                 self._check_policy(term, term.policy)

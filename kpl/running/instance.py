@@ -335,7 +335,7 @@ class Instance:
                 return self._deliver(declaration)
             case spec.MonitorDeclaration():
                 return self._monitor(declaration)
-            case spec.Want():
+            case spec.WantDeclaration():
                 return self.parts.want(declaration, self.hooks.on_found)
             case spec.ChronicleDeclaration(path, _, content) if content is not None:
                 self.chronicles[path] = ChronicleStreams(self.network, declaration, content)

@@ -105,7 +105,7 @@ class Parts:
                 waiting.setdefault(held.unit, []).append(label)
         return {name: tuple(labels) for name, labels in waiting.items()}
 
-    def want(self, want: spec.Want, on_event: Callable[[LinkEvent], None]) -> Undo:
+    def want(self, want: spec.WantDeclaration, on_event: Callable[[LinkEvent], None]) -> Undo:
         """Look for an object of a stream of linked objects, which is made for that.
 
         Raises:

@@ -55,7 +55,7 @@ def print_declaration(declaration: spec.Declaration) -> str:
             return f'chronicle file "{path}"{f" with {options}" if options else ""}'
         case spec.RoadsDeclaration(path):
             return f'roads "{path}"'
-        case spec.Want(symbol, stream, description):
+        case spec.WantDeclaration(symbol, stream, description):
             return f"want {symbol} in {stream} = {print_formula(description)}"
 
 

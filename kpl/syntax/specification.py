@@ -253,7 +253,7 @@ class RoadsDeclaration(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Want(Node):
+class WantDeclaration(Node):
     """`want NAME in LABEL = FORMULA`: an object of a stream of linked objects, found by a description of it.
 
     In the formula the symbol is a variable: whatever may be the object.
@@ -278,7 +278,7 @@ Declaration: TypeAlias = (
     | MonitorDeclaration
     | ChronicleDeclaration
     | RoadsDeclaration
-    | Want
+    | WantDeclaration
 )
 Specification: TypeAlias = tuple[Declaration, ...]
 

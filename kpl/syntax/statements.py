@@ -298,7 +298,9 @@ class _StatementReader(FormulaReader):
     def _want(self, node: Any, place: Place) -> spec.Declaration:
         name, stream, _equals, description = node.children
         symbol = _name(name)
-        return spec.Want(symbol, self.label(stream), self.read(description, frozenset({symbol})), place=place)
+        return spec.WantDeclaration(
+            symbol, self.label(stream), self.read(description, frozenset({symbol})), place=place
+        )
 
     def _age(self, node: Any) -> int | None:
         place = place_of(node, self.text)

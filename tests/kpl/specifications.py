@@ -26,7 +26,7 @@ from kpl.syntax.specification import (
     StreamDeclaration,
     StreamTerm,
     UnitDeclaration,
-    Want,
+    WantDeclaration,
 )
 from reasoning.formulas.tree import Domain, Feature, Variable
 from tests.kpl.strategies import formulas, names, numbered
@@ -128,7 +128,7 @@ def definitions(draw):
 @st.composite
 def wants(draw):
     symbol = draw(names)
-    return Want(symbol, draw(labels), draw(formulas(2, frozenset({symbol}))))
+    return WantDeclaration(symbol, draw(labels), draw(formulas(2, frozenset({symbol}))))
 
 
 declarations = (

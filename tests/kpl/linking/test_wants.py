@@ -5,8 +5,9 @@ import pytest
 from dyknow import Label
 from dyknow.model.errors import SourceText, TextError, TextErrors
 from kpl import parse_specification, print_specification
+from kpl.checking.symbols import SymbolTable
 from kpl.linking.streams import LinkStream
-from kpl.linking.wants import MOST
+from kpl.linking.wants import MOST, Wanted, wants_in
 from tests.kpl.instances import Running
 from tests.kpl.linking.test_linking import PERCEPTS, WORLD
 
@@ -119,3 +120,18 @@ def test_a_symbol_that_an_object_has_is_not_given_to_another() -> None:
     crossing.drive(until_ms=2000)
     with pytest.raises(TextErrors, match="wo1 is the symbol of an object"):
         crossing.add("want wo1 in world = speed[wo1] > 5\n")
+
+
+def test_offline_they_are_checked_against_the_links_alone() -> None:
+    links = "strmgen world = link(vision_percept, WorldObject, true, false, true)\n"
+
+    def wanted(text: str) -> list[Wanted]:
+        declarations = parse_specification(links + text)
+        return wants_in(declarations, SymbolTable(declarations), links + text)
+
+    (suspect,) = wanted(RED)
+    assert (suspect.symbol, suspect.type) == ("suspect", "world")
+    with pytest.raises(TextError, match="no link makes worlds"):
+        wanted(RED.replace("world", "worlds"))
+    with pytest.raises(TextErrors, match="speaks of suspect alone"):
+        wanted(RED.replace("colour[suspect]", "colour[other]"))
