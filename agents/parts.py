@@ -19,6 +19,7 @@ from agents.admission.limits import ActLimits
 from agents.admission.message_log import MessageLog
 from agents.attention.camera_attention import CameraAttention
 from agents.attention.following import Following
+from agents.attention.wanting import Wanting
 from agents.audit_log import AuditLog
 from agents.cameras.cameras import Cameras
 from agents.config import PlatformConfig
@@ -74,7 +75,7 @@ PARTS: tuple[type[Part], ...] = (
     Cameras, CameraAttention, FlightAgent, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports,
     Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
-    SpecificationChanges, ObjectQueries, MessageLog, DirectoryAgent,
+    SpecificationChanges, ObjectQueries, Wanting, MessageLog, DirectoryAgent,
 )  # fmt: skip
 """The classes of all parts there are, in their order; which of them a platform has, `Ports.kinds` decides."""
 

@@ -18,6 +18,8 @@ from federation.messages.contents import ObjectEntry, ObjectEvent, ObjectEvents,
 from federation.messages.descriptions import in_one_line
 from kpl import Instance
 from kpl.introspection.link_reasons import because
+from kpl.linking.wants import Wanted
+from kpl.syntax.printing import print_formula
 from kpl.syntax.specification import RECOGNISED
 from reasoning.chronicles import MINUS_INFINITY
 
@@ -63,6 +65,12 @@ class ObjectQueries(Part):
             for entry in _entries(table)
             if content.type in {None, entry.type}
         ]
+        seen = {each.symbol for each in entries}
+        entries += [
+            _sought(each, sort)
+            for each, sort in self._wanted(act.sender.unit)
+            if each.symbol not in seen and content.type in {None, sort}
+        ]
         self._agent.answer_pages(
             act, entries, OBJECTS_A_PAGE, lambda page, more: ObjectList(objects=page, more=more), now_us
         )
@@ -70,7 +78,7 @@ class ObjectQueries(Part):
     def on_object_events(self, act: Act, content: ObjectEvents, now_us: int) -> None:
         """`(object-events symbol: car1)`, or `(object-events since: 1700000000000000)`: the newest ones, in their order."""
         since_us = -(2**80) if content.since_us is None else content.since_us
-        found = {each for each in self._events(act.sender.unit, content.symbol) if each.at_us > since_us}
+        found = dict.fromkeys(each for each in self._events(act.sender.unit, content.symbol) if each.at_us > since_us)
         newest = sorted(found, key=lambda each: each.at_us)[-MOST_EVENTS:]
         self._agent.answer_pages(
             act, newest, OBJECTS_A_PAGE, lambda page, more: ObjectEvents(events=page, more=more), now_us
@@ -78,6 +86,9 @@ class ObjectQueries(Part):
 
     def _events(self, unit: str, symbol: str | None) -> Iterator[ObjectEvent]:
         network = self._instance.network
+        for each, _ in self._wanted(unit):
+            if symbol in {None, each.symbol}:
+                yield ObjectEvent(at_us=each.since_us, event="wanted", target=each.symbol, because=_described(each))
         for label in network.labels():
             linkage: LinkHistory | None = getattr(network.process(label), "linkage", None)
             if linkage is not None and self._may_see(unit, label):
@@ -87,6 +98,14 @@ class ObjectQueries(Part):
                 samples = history.get_slice(0, history.get_size() - 1) if history.get_size() else []
                 recognised = (_recognised(label, each) for each in samples[-MOST_EVENTS:] if each.value is not NO_VALUE)
                 yield from (each for each in recognised if symbol is None or symbol in _named(each))
+
+    def _wanted(self, unit: str) -> Iterator[tuple[Wanted, str]]:
+        """What is looked for, and the sort of such objects."""
+        network = self._instance.network
+        for each in self._instance.parts.wanted:
+            label = Label.parse(each.type)
+            if network.has(label) and self._may_see(unit, label):
+                yield each, network.generator(label).sort.name
 
     def _may_see(self, unit: str, label: Label) -> bool:
         try:
@@ -103,6 +122,18 @@ def _event(event: "LinkEvent") -> ObjectEvent:
         source=event.source[:LONGEST_TEXT],
         target=event.target[:LONGEST_TEXT],
         because=in_one_line(because(event.reason))[:LONGEST_REASON],
+    )
+
+
+def _described(wanted: Wanted) -> str:
+    return in_one_line(print_formula(wanted.description))[:LONGEST_REASON]
+
+
+def _sought(wanted: Wanted, sort: str) -> ObjectEntry:
+    """What is not in any state yet, or was forgotten."""
+    attributes = {"wanted": _described(wanted)[:LONGEST_TEXT]}
+    return ObjectEntry(
+        symbol=wanted.symbol, type=sort[:64], stream=wanted.type, valid_us=wanted.since_us, attributes=attributes
     )
 
 

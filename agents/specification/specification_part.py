@@ -38,7 +38,7 @@ from kpl.checking.symbols import OF_A_PLATFORM, domains_of
 from kpl.checking.warnings import run_warnings
 from kpl.introspection.governor import Governor
 from kpl.introspection.graph import maker_of, origins_of
-from kpl.introspection.records import FaultLog, alarm_record, producer_record, sample_record
+from kpl.introspection.records import FaultLog, alarm_record, found_record, producer_record, sample_record
 from kpl.running.asking import features_of
 from kpl.running.ports import Undo, nothing
 from kpl.syntax.specification import Export, Import, MonitorDeclaration, StreamTerm
@@ -131,7 +131,7 @@ class SpecificationPart(Part):
             sorts=ontology.sorts(),
             semantic={label.name: label for label in ontology.definitions()},
             catalogue=config.catalogue,
-            hooks=Hooks(self._on_output, self._on_link, on_alarm),
+            hooks=Hooks(self._on_output, self._on_link, on_alarm, lambda event: self._tell(found_record(event))),
             federation=self,
             admission=config.admission,
             features=units,

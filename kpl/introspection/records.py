@@ -2,13 +2,17 @@
 
 from collections import Counter
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dyknow import Label, Sample, as_json
 from dyknow.states.synchronization import Origin
+from kpl.introspection.link_reasons import because
 from kpl.syntax.printing import print_formula
 from reasoning import AlarmEvent
 from reasoning.progression.explaining import Explanation
+
+if TYPE_CHECKING:
+    from anchoring.links.objects import LinkEvent
 
 TOLD = 3
 """Faults of one stream that are reported."""
@@ -59,6 +63,17 @@ def alarm_record(event: AlarmEvent) -> dict[str, Any]:
         "values": {label: as_json(value) for label, value in event.values.items()},
         "samples": dict(event.samples_us),
         "because": [_reason(each) for each in event.because[:MOST_REASONS]],
+    }
+
+
+def found_record(event: "LinkEvent") -> dict[str, Any]:
+    """A wanted object was found, is tracked, lost or found again."""
+    return {
+        "event": event.kind,
+        "symbol": event.target,
+        "from": event.source or None,
+        "valid_us": event.valid_us,
+        "because": because(event.reason),
     }
 
 

@@ -32,12 +32,14 @@ class Wanted(NamedTuple):
         type: of linked objects: the label of their stream.
         description: over the symbol, in streams only.
         on_event: called when it is found, tracked, lost or found again.
+        since_us: when it became wanted.
     """
 
     symbol: str
     type: str
     description: Formula
     on_event: Callable[[LinkEvent], None] = lambda _event: None
+    since_us: int = 0
 
 
 class Wants:

@@ -105,6 +105,11 @@ class Parts:
                 waiting.setdefault(held.unit, []).append(label)
         return {name: tuple(labels) for name, labels in waiting.items()}
 
+    @property
+    def wanted(self) -> tuple[Wanted, ...]:
+        """What is looked for."""
+        return self._compiler.wants.all
+
     def want(self, want: spec.WantDeclaration, on_event: Callable[[LinkEvent], None]) -> Undo:
         """Look for an object of a stream of linked objects, which is made for that.
 
@@ -118,7 +123,7 @@ class Parts:
         if process.running and process.linkage.find(symbol) is not None:
             raise Refused(f"{symbol} is the symbol of an object: give what is wanted another", "taken")
         description = Definitions(self._compiler.symbols).resolved(want.description, self._compiler.unit)
-        forget = self._compiler.wants.add(Wanted(symbol, str(label), description, on_event))
+        forget = self._compiler.wants.add(Wanted(symbol, str(label), description, on_event, self._network.now_us))
         proxy = self._network.connect(label, Policy(), lambda _sample: None)
 
         def undo() -> None:

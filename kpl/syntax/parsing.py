@@ -23,24 +23,24 @@ _PREFIXED: Final = ("always", "eventually")
 _CUT: Final = 80
 
 
-def parse_formula(text: str) -> tree.Formula:
-    """Read one formula.
+def parse_formula(text: str, variables: frozenset[str] = frozenset()) -> tree.Formula:
+    """Read one formula, in which these variables are bound.
 
     Raises:
         TextError: at the first place where the text leaves the grammar or a limit.
         TextErrors: with everything else that is wrong: ambiguous readings, numbers, intervals.
     """
-    found, errors = read_tree(text)
+    found, errors = read_tree(text, variables)
     raise_all(errors)
     return found
 
 
-def read_tree(text: str) -> tuple[tree.Formula, list[TextError]]:
+def read_tree(text: str, variables: frozenset[str] = frozenset()) -> tuple[tree.Formula, list[TextError]]:
     """One formula, and what is wrong with it beyond the grammar; raises TextError where it leaves the grammar."""
     parsed = parse_tree(text, "formula_only")
     reader = FormulaReader(text)
     try:
-        return reader.read(parsed.children[0], frozenset()), reader.errors
+        return reader.read(parsed.children[0], variables), reader.errors
     except RecursionError:
         raise TextError("nested too deep for where this is read", file=file_of(text), repair="nest less") from None
 

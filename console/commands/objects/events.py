@@ -75,8 +75,8 @@ def events(
 
 
 def _ordered(answers: Iterable[tuple[str, ObjectEvents]]) -> list[tuple[str, ObjectEvent]]:
-    every = {(unit, each) for unit, said in answers for each in said.events or ()}
-    return sorted(every, key=lambda each: (each[1].at_us, each[0], each[1].target))
+    every = dict.fromkeys((unit, each) for unit, said in answers for each in said.events or ())
+    return sorted(every, key=lambda each: (each[1].at_us, each[0]))
 
 
 def _tell(call: Call, unit: str, event: ObjectEvent) -> None:

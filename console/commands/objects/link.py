@@ -61,6 +61,8 @@ def link(
             output.on_frame(reader.frame)
             output.on_outcome(linkage.on_percepts(*tick))
     output.end(linkage)
+    for symbol in linkage.wanted:
+        call.out.note(f"{symbol} was not found: nothing was as it is described, to the end.", style="yellow")
     return problems.end(name)
 
 

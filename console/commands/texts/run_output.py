@@ -76,6 +76,12 @@ def _alarm(said: dict[str, Any]) -> Shown:
     return line(event, f"  {said['monitor']}  {shown}")
 
 
+def _found(said: dict[str, Any]) -> Shown:
+    source = "" if said["from"] is None else f"  from {said['from']}"
+    event = styled(said["event"], "yellow" if said["event"] == "lost" else "green")
+    return line(event, "  ", styled(said["symbol"], "bold"), source, f": {said['because']}")
+
+
 def _short(value: Any) -> str:
     """Seven decimals are a centimetre of latitude; all there are go to `--json`."""
     if value is None:
@@ -94,4 +100,5 @@ _SHOWN: dict[str, Callable[[dict[str, Any]], Shown]] = {
     "alarm-opened": _alarm,
     "alarm-closed": _alarm,
     "alarm-ended": _alarm,
+    **dict.fromkeys(("find", "track", "reacquire", "lost"), _found),
 }

@@ -26,6 +26,7 @@ from runtime.configuration.instants import SHORTEST_US, duration_us
 
 if TYPE_CHECKING:
     from agents.effects import Computed
+    from anchoring.links.objects import LinkEvent
     from dyknow import Label, Sample
     from dyknow.network.process import Work
     from kpl.introspection.governor import Governor
@@ -58,7 +59,7 @@ class Run:
         self.network = Network()
         self.network.on_fault = FaultLog(lambda said: call.out.note(f"note: {said}")).on_fault
         self.network.on_producer = self._on_producer
-        hooks = Hooks(self._on_sample, self._on_link, self._on_alarm)
+        hooks = Hooks(self._on_sample, self._on_link, self._on_alarm, self._on_found)
         self.instance = instance_of(self.network, hooks, modules, unit, labels=call.settings.ontology)
         self._governor: Governor | None = None
         self._waited_us = 0
@@ -244,6 +245,11 @@ class Run:
         from kpl.introspection.records import alarm_record
 
         tell_record(self._call, alarm_record(event), begins_us=self._shown_from_us)
+
+    def _on_found(self, event: "LinkEvent") -> None:
+        from kpl.introspection.records import found_record
+
+        tell_record(self._call, found_record(event), begins_us=self._shown_from_us)
 
 
 @command(example="dyknow kpl run cars.kpl --feed cars.jsonl --units cars.py")

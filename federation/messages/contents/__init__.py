@@ -22,7 +22,7 @@ from federation.messages.contents.monitors import (
     Verdict,
     When,
 )
-from federation.messages.contents.objects import ObjectEntry, ObjectEvent, ObjectEvents, ObjectList
+from federation.messages.contents.objects import ObjectEntry, ObjectEvent, ObjectEvents, ObjectList, WantObject
 from federation.messages.contents.parts import MAX_LIST, Content, ContentPart, prepare, read
 from federation.messages.contents.platform import (
     ActList,
@@ -137,6 +137,7 @@ __all__ = [
     "TaskList",
     "Tasks",
     "Verdict",
+    "WantObject",
     "When",
     "prepare",
     "read",

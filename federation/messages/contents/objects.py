@@ -1,10 +1,11 @@
 """Objects that platforms see, in their streams of object states (thesis 8.5.1)."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from federation.messages.contents import parts
+from federation.messages.sexpr import QuotedText
 
 
 class ObjectEntry(parts.ContentPart):
@@ -29,7 +30,8 @@ class ObjectEvent(parts.ContentPart):
     """What happened to a link of two objects, to an object, or what was recognised of objects (thesis 8.5, 8.7).
 
     Attributes:
-        event: `established`, `reestablished`, `unlinked`, `reclassified`, `forgotten`, `recognised`.
+        event: `established`, `reestablished`, `unlinked`, `reclassified`, `forgotten`, `recognised`; of what is `wanted`
+            also `find`, `track`, `reacquire`, `lost`.
         source, target: the objects of the link; of what was recognised `target` is the chronicle and its arguments.
     """
 
@@ -47,3 +49,14 @@ class ObjectEvents(parts.Content):
     since_us: parts.Instant | None = None
     events: Annotated[tuple[ObjectEvent, ...], Field(max_length=parts.MAX_LIST)] | None = None
     more: bool = False
+
+
+class WantObject(parts.Content):
+    """Look for an object: of a stream of linked objects the first for which the formula over `symbol` holds is given it."""
+
+    head: ClassVar[str] = "want"
+    symbol: parts.Word
+    type: parts.Line
+    description: Annotated[
+        str, Field(min_length=1, max_length=1000), AfterValidator(parts.no_control), AfterValidator(QuotedText)
+    ]

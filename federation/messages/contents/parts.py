@@ -70,7 +70,8 @@ def uncontrolled(text: str) -> str:
     return _CONTROLS.sub("?", text)
 
 
-def _no_control(value: str) -> str:
+def no_control(value: str) -> str:
+    """The same text; raises ValueError if it would command a terminal."""
     if _CONTROLS.search(value):
         raise ValueError("a control character")
     return value
@@ -83,7 +84,7 @@ Word = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_shown)
 Text = Annotated[str, Field(max_length=1024)]
 Line = Annotated[str, Field(max_length=1024), AfterValidator(in_one_line)]
 Prose = Annotated[str, Field(max_length=4096), AfterValidator(QuotedText)]
-Formula = Annotated[str, Field(max_length=LONGEST_TEXT), AfterValidator(_no_control), AfterValidator(QuotedText)]
+Formula = Annotated[str, Field(max_length=LONGEST_TEXT), AfterValidator(no_control), AfterValidator(QuotedText)]
 Conversation = Annotated[str, AfterValidator(_conversation)]
 Agent = Annotated[str, AfterValidator(_speaker)]
 Truth = Annotated[Literal["true", "false", "undecided"], BeforeValidator(_truth)]

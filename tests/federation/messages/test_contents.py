@@ -91,6 +91,7 @@ TEXTS = [
     "(goto latitude_deg: 58.5 longitude_deg: 15.0 altitude_m: 100.0)",
     "(follow object: car3 standoff_m: 35.0)",
     "(attend)",
+    '(want symbol: suspect type: cars description: "colour[suspect] = 1")',
     "(hold)",
     "(land)",
     "(return-home)",
