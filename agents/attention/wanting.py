@@ -1,7 +1,7 @@
 """`(want symbol: suspect type: cars description: "...")`: an object that is described is looked for until that is cancelled.
 
 What comes into view and is as described is given the symbol, whether a camera is turned to look for it (`attend`) or not. The
-requester is told when it is found, tracked, lost and found again, at most once a second: of several changes the last one.
+requester is notified when it is found, tracked, lost and found again, at most once a second: of several changes the last one.
 """
 
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ MOST_OF_ONE: Final = 8
 EVERY_US: Final = 1_000_000
 LONGEST_TEXT: Final = 400
 STATES: Final = {"find": "found", "track": "tracked", "reacquire": "found again", "lost": "lost: looked for"}
-"""What the requester and the list of tasks are told, by what happened."""
+"""For the requester and the list of tasks, by what happened."""
 
 
 @dataclass(slots=True)
@@ -43,8 +43,8 @@ class _Search:
     """What one task has looked for.
 
     Attributes:
-        text: of what the requester was not told yet.
-        due_us: when it may be told the next.
+        text: for the requester, not sent yet.
+        due_us: when the next may be sent.
     """
 
     task: Task

@@ -1,7 +1,7 @@
 """The objects that are there, in the streams of object states of one platform, for others who ask (thesis 8.5.1)."""
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from agents.actions import QUERIED, Action, Offer, Role
 from agents.exchange.label_agreements import LabelAgreements
@@ -131,7 +131,7 @@ def _described(wanted: Wanted) -> str:
 
 def _sought(wanted: Wanted, sort: str) -> ObjectEntry:
     """What is not in any state yet, or was forgotten."""
-    attributes = {"wanted": _described(wanted)[:LONGEST_TEXT]}
+    attributes: dict[str, Any] = {"wanted": _described(wanted)[:LONGEST_TEXT]}
     return ObjectEntry(
         symbol=wanted.symbol, type=sort[:64], stream=wanted.type, valid_us=wanted.since_us, attributes=attributes
     )
