@@ -106,7 +106,7 @@ def _network(call: Call, file: Path) -> "RoadNetwork":
     for problem in survey.problems[:_MOST_NOTES]:
         call.out.note(f"{file}: {problem.drawn}", style="yellow")
     if len(survey.problems) > _MOST_NOTES:
-        call.out.note(f"all {len(survey.problems)} remarks: dyknow roads check {file}")
+        call.out.note(f"all {len(survey.problems)} warnings: dyknow roads check {file}")
     return network
 
 
