@@ -23,6 +23,7 @@ from agents.attention.wanting import Wanting
 from agents.audit_log import AuditLog
 from agents.cameras.cameras import Cameras
 from agents.config import PlatformConfig
+from agents.cooperation.cooperation import Cooperation
 from agents.directory.directory import DirectoryAgent
 from agents.effects import Effect
 from agents.exchange.export_proxy import ExportProxy
@@ -75,7 +76,7 @@ PARTS: tuple[type[Part], ...] = (
     Cameras, CameraAttention, FlightAgent, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports,
     Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
-    SpecificationChanges, ObjectQueries, Wanting, MessageLog, DirectoryAgent,
+    SpecificationChanges, ObjectQueries, Wanting, Cooperation, MessageLog, DirectoryAgent,
 )  # fmt: skip
 """The classes of all parts there are, in their order; which of them a platform has, `Ports.kinds` decides."""
 

@@ -41,6 +41,26 @@ ROAD_RELATIONS: Final = Sort(
 """What `RoadRelations` gives: `car_relations.behind[car1, car2]` is "car1 is behind car2"."""
 
 
+GLOBAL_OBJECT: Final = Sort(
+    "global-object",
+    (
+        *_PLACE, Field("vx_m_s", "m/s"), Field("vy_m_s", "m/s"), Field("sd_m", "m"), Field("colour", "text"),
+        Field("by", "text"), Field("anchored", "bool"), Field("end", "bool"),
+    ),
+)  # fmt: skip
+"""An object that platforms see together, as `global-objects[self]` has it."""
+
+
+@computational_unit(GLOBAL_OBJECT, GLOBAL_OBJECT)
+class SeenTogether:
+    """The objects of all platforms, `global-objects[self]`, while at least one of them sees them; predicted states are left out."""
+
+    def __call__(self, _now_us: int, state: Sample) -> Value:
+        value = state.value
+        is_shown = isinstance(value, tuple) and any(each is True for each in value[-2:])
+        return value if is_shown else None
+
+
 @computational_unit(CAR, SEEN_CAR)
 class CarOnRoad:
     """The car drives along its road segment or against it, as its motion says (thesis 8.7.5).

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Protocol
 
 from agents.actions import QUERIED, Action, Offer, Role
+from agents.cooperation.cooperation import Cooperation
 from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.part import Part
@@ -53,8 +54,10 @@ class ObjectQueries(Part):
         ),
     )
 
-    def __init__(self, agent: InterfaceAgent, agreements: LabelAgreements, instance: Instance) -> None:
-        self._agent, self._agreements, self._instance = agent, agreements, instance
+    def __init__(
+        self, agent: InterfaceAgent, agreements: LabelAgreements, instance: Instance, cooperation: Cooperation
+    ) -> None:
+        self._agent, self._agreements, self._instance, self._cooperation = agent, agreements, instance, cooperation
 
     def on_object_list(self, act: Act, content: ObjectList, now_us: int) -> None:
         """`(object-list)`, or `(object-list type: car)`."""
@@ -85,10 +88,14 @@ class ObjectQueries(Part):
         )
 
     def _events(self, unit: str, symbol: str | None) -> Iterator[ObjectEvent]:
-        network = self._instance.network
+        network, picture = self._instance.network, self._cooperation.picture
         for each, _ in self._wanted(unit):
             if symbol in {None, each.symbol}:
                 yield ObjectEvent(at_us=each.since_us, event="wanted", target=each.symbol, because=_described(each))
+        if picture is not None and self._may_see(unit, self._cooperation.tracks):
+            for event in picture.events(symbol):
+                why = event.because[:LONGEST_REASON]
+                yield ObjectEvent(at_us=event.valid_us, event=event.kind, target=event.name, because=why)
         for label in network.labels():
             linkage: LinkHistory | None = getattr(network.process(label), "linkage", None)
             if linkage is not None and self._may_see(unit, label):

@@ -16,6 +16,8 @@ from dyknow import US_PER_S
 KEPT_US: Final = 60 * US_PER_S
 ABSENT_KEPT_US: Final = 600 * US_PER_S
 """For so long if a member that saw it is cut off: it may see it still."""
+ONWARD_US: Final = 5 * US_PER_S
+"""A vehicle that is not seen for longer has probably turned, or stands."""
 MATCH: Final = 13.28
 """99 % of chi-squared with four degrees of freedom."""
 MATCH_MARGIN: Final = 8.0
@@ -39,8 +41,12 @@ class Remembered:
     tracks: frozenset[TrackKey] = field(default_factory=frozenset)
 
     def at(self, at_us: int) -> ObjectState:
-        """The state at a time, predicted."""
-        return moved(self.state, max(at_us, self.state.valid_us), NOISE)
+        """The state at a time, predicted: it moves on for `ONWARD_US`, and its uncertainty grows all the time."""
+        at_us = max(at_us, self.state.valid_us)
+        onward = moved(self.state, min(at_us, self.state.valid_us + ONWARD_US), NOISE)
+        if at_us == onward.valid_us:
+            return onward
+        return onward._replace(valid_us=at_us, covariance=moved(self.state, at_us, NOISE).covariance)
 
     def may_be_at(self, state: ObjectState) -> bool:
         """Whether it can be where a member claims it to be."""

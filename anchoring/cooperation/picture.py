@@ -127,6 +127,14 @@ class GlobalPicture:
         key = self._tracks.key(unit, symbol)
         return next((each.name for each in self._named if key in each.tracks), None)
 
+    def events(self, symbol: str | None = None) -> list[PictureEvent]:
+        """What this member reports of all that happened, of one object or of all; `symbol`: its name, or of a track of ours."""
+        name = symbol if symbol is None or symbol in self._objects else self.name_of(self.unit, symbol)
+        mine = (each for each in self.recent if each.by in {"", self.unit})
+        tracks = self._objects[name].tracks if name in self._objects else ()
+        names = {name, symbol, *map(str, tracks)}
+        return [each for each in mine if symbol is None or each.name in names]
+
     def rows(self, now_us: int) -> list[PictureRow]:
         """All objects, by name."""
         return [self._row(each, now_us) for _, each in sorted(self._objects.items())]
@@ -205,10 +213,11 @@ class GlobalPicture:
             if name is None:
                 name = self._new_name()
                 born_us, because = at_us, f"{key} is none of the known objects"
-                self._note(at_us, "appeared", name, because)
+                self._note(at_us, "appeared", name, because, self.unit)
             else:
                 born_us = self._objects[name].born_us
-                self._note(at_us, "reacquired", name, f"{key} is where it was expected, d^2 = {distance:.1f}")
+                because = f"{key} is where it was expected, d^2 = {distance:.1f}"
+                self._note(at_us, "reacquired", name, because, self.unit)
             self._claims.held[key] = Held(name, born_us, at_us)
             self._wrong_since_us.pop(key, None)
             made[at] = made[at]._replace(name=name)
@@ -236,7 +245,7 @@ class GlobalPicture:
         born_us = min(self._claims.held[each].born_us for each in group.tracks if self._has(each, group.name))
         self._claims.held[key] = Held(group.name, born_us, at_us)
         if held is not None:
-            self._note(at_us, "renamed", group.name, f"{key}, which was {held.name}, is {group.name}")
+            self._note(at_us, "renamed", group.name, f"{key}, which was {held.name}, is {group.name}", self.unit)
 
     def _has(self, key: TrackKey, name: str) -> bool:
         held = self._claims.held.get(key)
@@ -283,11 +292,10 @@ class GlobalPicture:
             born_us = min(self._claims.held[key].born_us for key in group.tracks if self._has(key, name))
             known = self._objects[name] = Remembered(name, born_us, fused, valid_us, units)
             if not any(key.unit == self.unit for key in live):
-                self._note(at_us, "appeared", name, f"{', '.join(map(str, live))}")
+                self._note(at_us, "appeared", name, f"{', '.join(map(str, live))}", live[0].unit)
         elif not known.is_seen:
-            self._note(
-                at_us, "reacquired", name, f"{', '.join(map(str, live))} after {_span(valid_us - known.seen_us)}"
-            )
+            because = f"{', '.join(map(str, live))} after {_span(valid_us - known.seen_us)}"
+            self._note(at_us, "reacquired", name, because, live[0].unit)
         known.state, known.seen_us, known.units, known.is_seen = fused, valid_us, units, True
         known.tracks = group.tracks
         for other in group.others:
@@ -301,13 +309,17 @@ class GlobalPicture:
             one.is_seen = False
             away = sorted(one.units - self._present)
             why = f"{', '.join(away)} is cut off" if away else f"not seen by {', '.join(sorted(one.units))}"
-            self._note(at_us, "lost", one.name, why)
+            self._note(at_us, "lost", one.name, why, self._reporter(one))
         kept_us = KEPT_US if one.units <= self._present else ABSENT_KEPT_US
         if now_us - one.seen_us > kept_us:
             del self._objects[one.name]
-            self._note(at_us, "forgotten", one.name, f"not seen for {_span(now_us - one.seen_us)}")
+            self._note(at_us, "forgotten", one.name, f"not seen for {_span(now_us - one.seen_us)}", self._reporter(one))
 
     # Words
+
+    def _reporter(self, one: Remembered) -> str:
+        """The member that reports what happens to an object that is not seen."""
+        return min(one.units & self._present or self._present)
 
     def _explain(self, joined: Iterable[Pair], split: Iterable[Pair], at_us: int) -> None:
         for kind, pairs in (("joined", joined), ("split", split)):
@@ -316,7 +328,9 @@ class GlobalPicture:
                 name = next((each.name for each in self._named if pair[0] in each.tracks), None)
                 if evidence is not None:
                     text = f"{pair[0]} and {pair[1]}: d^2 = {evidence.mean:.1f}, mean of {len(evidence.distances)}"
-                    self._note(at_us, "joined" if kind == "joined" else "split", name or str(pair[0]), text)
+                    self._note(
+                        at_us, "joined" if kind == "joined" else "split", name or str(pair[0]), text, pair[0].unit
+                    )
 
     def _report_refusals(self, now_us: int) -> None:
         """Report what is refused, at the first time and at each tenfold."""
@@ -326,8 +340,8 @@ class GlobalPicture:
                 self._reported[unit, reason] = number
                 self._note(now_us, "refused", unit, f"{reason}, {number} times")
 
-    def _note(self, valid_us: int, kind: PictureEventKind, name: str, because: str) -> None:
-        event = PictureEvent(valid_us, kind, name, because)
+    def _note(self, valid_us: int, kind: PictureEventKind, name: str, because: str, by: str = "") -> None:
+        event = PictureEvent(valid_us, kind, name, because, by)
         self.recent.append(event)
         self._news.append(event)
 

@@ -16,12 +16,14 @@ class PictureEvent(NamedTuple):
     Attributes:
         name: the object, or the member.
         because: in words.
+        by: the member that reports it, if all have seen it: the first whose track it is about; none: each for itself.
     """
 
     valid_us: int
     kind: PictureEventKind
     name: str
     because: str
+    by: str = ""
 
 
 class PictureRow(NamedTuple):

@@ -4,6 +4,7 @@ A percept has a symbol and a position, `x_m` and `y_m` (east and north) or, wher
 `latitude_deg` and `longitude_deg`; deviation, velocity and further attributes are optional.
 """
 
+import math
 from typing import Final
 
 from anchoring.links.states import ObjectState, diagonal
@@ -18,6 +19,7 @@ ANCHORED: Final = "anchored"
 LOCAL: Final = ("x_m", "y_m")
 GEOGRAPHIC: Final = ("latitude_deg", "longitude_deg")
 _STATE: Final = (*LOCAL, "vx_m_s", "vy_m_s")
+_COVARIANCE: Final = ("xx_m2", "xy_m2", "yy_m2", "v_sd_m_s")
 _UNITS: Final = {SYMBOL: "text", **dict.fromkeys(LOCAL, "m"), "vx_m_s": "m/s", "vy_m_s": "m/s", "sd_m": "m"}
 _ON_ROADS: Final = {
     "link": "text", "crossing": "text", "direction": "1", "lane": "1", "offset_m": "m", "along_m_s": "m/s",
@@ -117,6 +119,7 @@ class ObjectRecords:
         state = record.state
         own = {SYMBOL: record.symbol, END: ended, "sd_m": state.deviation_m / 2**0.5, ANCHORED: is_anchored}
         own |= zip(_STATE, state[1:5], strict=True)
+        own |= zip(_COVARIANCE, _covariance(state), strict=True)
         if self._frame is not None:
             own |= zip(GEOGRAPHIC, self._frame.from_ned(state.y_m, state.x_m, 0.0)[:2], strict=True)
         return tuple(own.get(name, state.attributes.get(name, NO_VALUE)) for name in self._names)
@@ -125,3 +128,9 @@ class ObjectRecords:
         """The last state of an object whose other attributes are unknown."""
         known: dict[str, Value] = {SYMBOL: symbol, END: True}
         return tuple(known.get(name, NO_VALUE) for name in self._names)
+
+
+def _covariance(state: ObjectState) -> tuple[float, float, float, float]:
+    """Of the position, and the standard deviation of the velocity on each axis."""
+    known = state.covariance
+    return known[0, 0], known[0, 1], known[1, 1], math.sqrt((known[2, 2] + known[3, 3]) / 2)

@@ -322,6 +322,7 @@ def _is_paged(content: contents.Content) -> bool:
         | contents.Monitors
         | contents.ObjectEvents
         | contents.ObjectList
+        | contents.ObjectPicture
         | contents.Specification,
     )
 

@@ -9,7 +9,7 @@ from sim_uavs.streets import roads_of
 UNITS = road_units(network_of(roads_of(scenario("traffic"))))
 
 
-@computational_unit("car-object", "car-object")
+@computational_unit("tracked-object", "tracked-object")
 class Observed:
     """States of an object while a percept shows it, and none while it is predicted: `anchored` is the field before the last."""
 

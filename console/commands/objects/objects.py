@@ -1,4 +1,4 @@
-"""`dyknow objects`: the objects that platforms see, each with its newest state."""
+"""`dyknow objects`: the objects that platforms see: one picture of them all, or each platform's own with their newest states."""
 
 from collections.abc import Iterable
 from typing import Annotated, Any, TypeAlias
@@ -7,11 +7,13 @@ import typer
 
 from console.centre.client import connected
 from console.command import Call, command
+from console.commands.objects.picture import JointPicture, joint_picture, show, tell_changes
 from console.errors import DONE, NO
 from console.output.output import unit_json
 from dyknow import NO_VALUE, as_json
 from dyknow.model.instants import print_span
 from federation.messages.contents import ObjectEntry, ObjectList
+from runtime.client import Client
 from runtime.library.jobs import lists
 
 EVERY_S = 1.0
@@ -27,9 +29,15 @@ def objects(
     unit: Annotated[str | None, typer.Option("--unit", metavar="U", help="Of one platform only.")] = None,
     follow: Annotated[bool, typer.Option("--follow", "-f", help="Also those that appear, move and vanish.")] = False,
 ) -> int:
-    """The objects that platforms see, a line each; exit 1 if there is none."""
+    """The objects that platforms see, a line each; exit 1 if there is none.
+
+    Platforms that export object-tracks have one picture, with one line for each object and the platforms that see it; with
+    --unit or --type it is what platforms see each for themselves.
+    """
     with connected(call) as client:
         units = client.chosen(unit)
+        if unit is None and type_ is None and (picture := joint_picture(client)) is not None:
+            return _picture(call, client, picture, follow=follow)
         seen: dict[Key, ObjectEntry] = {}
         while True:
             found = _listed(client.run(lists(client, units, ObjectList(type=type_), ObjectList)))
@@ -44,6 +52,19 @@ def objects(
             seen = found
             client.wait_for(lambda: False, EVERY_S)
     return DONE if found else NO
+
+
+def _picture(call: Call, client: Client, picture: JointPicture, *, follow: bool) -> int:
+    """The picture, and what changes in it."""
+    if not follow:
+        show(call, picture, client.federation_us())
+        return DONE if picture.objects else NO
+    before: JointPicture | None = None
+    while True:
+        tell_changes(call, before, picture, client.federation_us())
+        before = picture
+        client.wait_for(lambda: False, EVERY_S)
+        picture = joint_picture(client) or JointPicture(frozenset(), {})
 
 
 def _listed(answers: Iterable[tuple[str, ObjectList]]) -> dict[Key, ObjectEntry]:

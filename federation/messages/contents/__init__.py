@@ -22,7 +22,15 @@ from federation.messages.contents.monitors import (
     Verdict,
     When,
 )
-from federation.messages.contents.objects import ObjectEntry, ObjectEvent, ObjectEvents, ObjectList, WantObject
+from federation.messages.contents.objects import (
+    ObjectEntry,
+    ObjectEvent,
+    ObjectEvents,
+    ObjectList,
+    ObjectPicture,
+    PictureEntry,
+    WantObject,
+)
 from federation.messages.contents.parts import MAX_LIST, Content, ContentPart, prepare, read
 from federation.messages.contents.platform import (
     ActList,
@@ -111,6 +119,8 @@ __all__ = [
     "ObjectEvent",
     "ObjectEvents",
     "ObjectList",
+    "ObjectPicture",
+    "PictureEntry",
     "Progress",
     "Query",
     "QueryStream",

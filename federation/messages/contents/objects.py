@@ -26,6 +26,36 @@ class ObjectList(parts.Content):
     more: bool = False
 
 
+class PictureEntry(parts.ContentPart):
+    """One object as several platforms see it together.
+
+    Attributes:
+        by: the platforms that see it now; none: it is predicted since `seen_us`.
+        tracks: `PLATFORM:SYMBOL`, what platforms call it.
+        others: further names.
+    """
+
+    symbol: parts.Word
+    by: parts.Units = ()
+    tracks: Annotated[tuple[parts.Line, ...], Field(max_length=parts.MAX_LIST)] = ()
+    others: Annotated[tuple[parts.Word, ...], Field(max_length=parts.MAX_LIST)] = ()
+    seen_us: parts.Instant
+    attributes: parts.Values = Field(default_factory=dict)
+
+
+class ObjectPicture(parts.Content):
+    """The picture that a platform has of all objects: the query is without `objects`, the answer with them.
+
+    Attributes:
+        members: the platforms that take part and are there; none: the platform has no picture, since it exports no
+            `object-tracks`.
+    """
+
+    members: parts.Units | None = None
+    objects: Annotated[tuple[PictureEntry, ...], Field(max_length=parts.MAX_LIST)] | None = None
+    more: bool = False
+
+
 class ObjectEvent(parts.ContentPart):
     """What happened to a link of two objects, to an object, or what was recognised of objects (thesis 8.5, 8.7).
 

@@ -25,7 +25,7 @@ def test_cars_are_listed_and_explained_and_a_turn_that_is_recognised_is_one_that
     turn = recognised_turn(dyknow)
     name, car, come, crossing, gone = TURN.fullmatch(turn["to"]).groups()  # type: ignore[union-attr]
 
-    listed = dyknow.run("objects", "--type", "car-object")
+    listed = dyknow.run("objects", "--type", "tracked-object")
     assert car in {each["symbol"] for each in listed if each["unit"] == turn["unit"]}
     history = dyknow.run("explain", car, "--unit", str(turn["unit"]))
     assert history[0]["event"] == "established"

@@ -21,7 +21,7 @@ def place(dyknow: Dyknow) -> tuple[float, float]:
 def followed(dyknow: Dyknow, until: float) -> str:
     """Delegate until the platform agrees: a car may be forgotten between the two commands."""
     while True:
-        listed = dyknow.run("objects", "--type", "car-object", code=None)
+        listed = dyknow.run("objects", "--type", "tracked-object", code=None)
         moving = sorted(listed, key=speed, reverse=True)
         for each in moving[:1]:
             answers = dyknow.run(

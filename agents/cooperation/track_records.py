@@ -1,0 +1,79 @@
+"""Tracks, identities and rows of the picture as values of their semantic labels."""
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from anchoring.cooperation.reports import IdentityClaim, TrackReport
+from anchoring.cooperation.rows import PictureRow
+from anchoring.links.states import UNMEASURED, ObjectState
+from dyknow import NO_VALUE, US_PER_S, Sample, Sort, Value
+
+TRACKS: Final = "object-tracks"
+IDENTITIES: Final = "object-identities"
+PICTURE: Final = "global-objects"
+"""Semantic labels."""
+_NOTHING: Final = float("nan")
+
+
+def track_report(unit: str, sample: Sample, sort: Sort) -> TrackReport | None:
+    """What a sample of `object-tracks` reports; None: nothing."""
+    if sample.value is NO_VALUE:
+        return None
+    fields = dict(zip((each.name for each in sort.fields), sample.value, strict=True))
+    x_m, y_m, xx_m2, xy_m2, yy_m2 = (_number(fields[name]) for name in ("x_m", "y_m", "xx_m2", "xy_m2", "yy_m2"))
+    vx_m_s, vy_m_s, sd_m_s = (_number(fields[name]) for name in ("vx_m_s", "vy_m_s", "v_sd_m_s"))
+    is_moving = math.isfinite(vx_m_s) and math.isfinite(vy_m_s)
+    variance = sd_m_s * sd_m_s if is_moving and math.isfinite(sd_m_s) else UNMEASURED
+    covariance = np.array(
+        [[xx_m2, xy_m2, 0.0, 0.0], [xy_m2, yy_m2, 0.0, 0.0], [0.0, 0.0, variance, 0.0], [0.0, 0.0, 0.0, variance]]
+    )
+    velocity = (vx_m_s, vy_m_s) if is_moving else (0.0, 0.0)
+    attributes = {} if fields["colour"] is NO_VALUE else {"colour": fields["colour"]}
+    state = ObjectState(sample.valid_us, x_m, y_m, *velocity, covariance, attributes)
+    return TrackReport(unit, str(fields["symbol"]), state, fields["anchored"] is True, fields["end"] is True)
+
+
+def identity_claim(unit: str, value: Value) -> IdentityClaim | None:
+    """What a sample of `object-identities` claims; None: nothing that can be."""
+    if value is NO_VALUE:
+        return None
+    symbol, identity, born_s, since_s, *_ = value
+    if not (math.isfinite(_number(born_s)) and math.isfinite(_number(since_s))):
+        return None
+    return IdentityClaim(unit, str(symbol), str(identity), round(born_s * US_PER_S), round(since_s * US_PER_S))
+
+
+def claim_value(claim: IdentityClaim) -> Value:
+    """A claim as a value of `object-identities`."""
+    return claim.symbol, claim.identity, claim.born_us / US_PER_S, claim.since_us / US_PER_S, False
+
+
+def row_value(row: PictureRow) -> Value:
+    """A row as a value of `global-objects`."""
+    state = row.state
+    deviation_m = math.sqrt((state.covariance[0, 0] + state.covariance[1, 1]) / 2)
+    colour = state.attributes.get("colour", NO_VALUE)
+    return (
+        row.name, state.x_m, state.y_m, state.vx_m_s, state.vy_m_s, deviation_m, colour, " ".join(row.by), bool(row.by), False
+    )  # fmt: skip
+
+
+def ended_value(name: str) -> Value:
+    """The last value of an object of `global-objects`."""
+    return name, *(NO_VALUE,) * 5, NO_VALUE, "", False, True
+
+
+def attributes_of(row: PictureRow) -> dict[str, Any]:
+    """What an answer shows of a row."""
+    state = row.state
+    deviation_m = math.sqrt((state.covariance[0, 0] + state.covariance[1, 1]) / 2)
+    found = {
+        "x_m": state.x_m, "y_m": state.y_m, "vx_m_s": state.vx_m_s, "vy_m_s": state.vy_m_s, "sd_m": deviation_m
+    }  # fmt: skip
+    return {name: round(float(value), 3) for name, value in found.items()} | dict(state.attributes)
+
+
+def _number(value: Value) -> float:
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else _NOTHING
