@@ -21,6 +21,8 @@ from agents.attention.camera_attention import CameraAttention
 from agents.attention.following import Following
 from agents.attention.wanting import Wanting
 from agents.audit_log import AuditLog
+from agents.calls.bids import Bids
+from agents.calls.calls import Calls
 from agents.cameras.cameras import Cameras
 from agents.config import PlatformConfig
 from agents.cooperation.cooperation import Cooperation
@@ -73,7 +75,7 @@ from reasoning import AlarmEvent
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    Cameras, CameraAttention, FlightAgent, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports,
+    Cameras, CameraAttention, FlightAgent, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls,
     Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Wanting, Cooperation, MessageLog, DirectoryAgent,

@@ -23,6 +23,7 @@ COMMANDS: CommandTable = {
     "ls": (f"{_MEMBERS}.ls:ls", "The platforms, a line each: state, battery, altitude, age of the oldest data."),
     "query": (f"{_MEMBERS}.query:query", "The latest value of a label, its value at a time, or all between two times."),
     "watch": (f"{_MEMBERS}.watch:watch", "A federated stream under a policy, sample by sample."),
+    "call": (f"{_MEMBERS}.call:call", "A stream that platforms offer at a cost, of the cheapest that is good enough."),
     "hz": (f"{_MEMBERS}.hz:hz", "Rate, loss and latency of a label, platform by platform."),
     "imports": (f"{_MEMBERS}.imports:imports", "The streams that platforms receive from each other, and their gaps."),
     "check": (f"{_TEXTS}.check:check", "A formula over a recorded trace, or over a platform's live states."),

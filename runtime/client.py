@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import NamedTuple, Protocol, Self, TypeAlias, TypeVar
 
 from dyknow.model.errors import NothingFound, did_you_mean
-from federation.members.command_centre import CommandCentre, PlatformView
+from federation.members.command_centre import CommandCentre, PlatformView, Steppable
 from federation.messages.acts import Performative
 from federation.messages.contents import Content
 from federation.messages.dialogue import Dialogue
@@ -217,6 +217,14 @@ class Client:
         )
         self._perform(effects)
         return dialogue
+
+    def begin(self, call: Steppable) -> None:
+        """Step a call of ours from now on."""
+        self._perform(self.centre.begin(call, self.now_us()))
+
+    def end(self, call: Steppable) -> None:
+        """The call is over."""
+        self._perform(self.centre.end(call, self.now_us()))
 
     def cancel(self, unit: str, conversation: str, *, within_s: float = 2.0) -> Dialogue:
         """End a task; the answer comes in the dialogue."""

@@ -34,7 +34,6 @@ NOT_TAKEN = {
     "themselves, or this one for all by (query ... scope: global)",
     P.REQUEST_WHENEVER: "a task is not repeated without a request for each time: declare a monitor, follow its alarms, or ask once "
     "by request-when",
-    P.CFP: "platforms make no bids here: request of the one you choose; the directory says what each offers",
 }
 """Performatives that no service takes, and why."""
 

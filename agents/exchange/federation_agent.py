@@ -69,6 +69,18 @@ class FederationAgent(Part):
         Raises:
             UnknownLabel, Refused, PolicyError
         """
+        for label in content.semantic_labels:
+            if self._agreements.offer_of(label) is not None:
+                raise Refused(f"{label} is offered at a cost here: call for it", "offered")
+        self.set_up(act, content, contents.CreateMulticast.head, now_us)
+        self._agent.done(act, now_us)
+
+    def set_up(self, act: Act, content: contents.CreateMulticast, name: str, now_us: int) -> None:
+        """Export as a task of that name, which is of the conversation of `act`.
+
+        Raises:
+            UnknownLabel, Refused, PolicyError: nothing is set up then.
+        """
         owner = self._tasks.check_free(act.conversation_id)
         asker = act.sender.unit
         held = sum(len(task.contracts) for task in self._tasks.of(asker))
@@ -77,7 +89,7 @@ class FederationAgent(Part):
         contracts = self.export(content, owner, now_us)
         entry = self._directory.entry(asker)
         is_part = entry is not None and entry.kind == "uav"
-        task = Task(owner, asker, contents.CreateMulticast.head, lambda _at_us: (), since_us=now_us, is_part=is_part)
+        task = Task(owner, asker, name, lambda _at_us: (), since_us=now_us, is_part=is_part)
         task.contracts.update(zip(contracts, dict.fromkeys(content.semantic_labels), strict=True))
         all_of_it = tuple(contracts)
 
@@ -87,7 +99,6 @@ class FederationAgent(Part):
 
         task.take_down = take_down
         self._tasks.add(task)
-        self._agent.done(act, now_us)
 
     def on_stop_multicast(self, act: Act, content: contents.StopMulticast, now_us: int) -> None:
         """`(stop-multicast ...)`: end what `create-multicast` set up; the task ends with its last stream.

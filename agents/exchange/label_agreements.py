@@ -10,6 +10,7 @@ from typing import NamedTuple
 from agents.actions import Role
 from agents.admission.admission import Denied
 from agents.part import Part, PeerChange
+from dyknow import Policy
 from dyknow.model.instants import US_PER_S
 from dyknow.model.labels import Label
 from dyknow.model.semantic_labels import SemanticLabel
@@ -30,12 +31,33 @@ BETWEEN_US = US_PER_S
 """Conditions are announced at most so often: a platform may change its mind without end."""
 
 
+class StreamOffer(NamedTuple):
+    """What a stream costs that has to be called for, and the quality that is promised; a period of 0 is any."""
+
+    cost: float
+    period_us: int
+    delay_us: int
+    certainty: float
+
+
+def stream_offer(cost: float | None, policy: Policy) -> StreamOffer | None:
+    """What a policy promises at a cost; None: it is no offer."""
+    if cost is None:
+        return None
+    delay_us = US_PER_S if policy.max_delay_us is None else policy.max_delay_us
+    return StreamOffer(cost, policy.sample_us or 0, delay_us, policy.min_certainty or 0.0)
+
+
 class Restriction(NamedTuple):
-    """For whom an export is: its visibility, the only units that it goes to, if any, and the stream that is exported."""
+    """For whom an export is: its visibility, the only units that it goes to, if any, and the stream that is exported.
+
+    With an `offer` it goes to those only whose call it was proposed for.
+    """
 
     visibility: str
     receivers: tuple[str, ...]
     stream: Label
+    offer: StreamOffer | None = None
 
 
 UNRESTRICTED = Restriction("public", (), Label("none"))
@@ -86,6 +108,10 @@ class LabelAgreements(Part):
         else:
             self._restricted[label] = to
 
+    def offer_of(self, label: str) -> StreamOffer | None:
+        """At what cost a label of this platform is offered; None: it is no offer."""
+        return self._restricted.get(label, UNRESTRICTED).offer
+
     def check_stream(self, unit: str, stream: Label) -> None:
         """Raises Denied if the stream is exported, and under no label that `unit` may ask for."""
         for made_of in (stream, *self.sources(stream)):
@@ -115,7 +141,7 @@ class LabelAgreements(Part):
         here = self._directory.unit
         if unit == here:
             return None
-        visibility, receivers, _ = self._restricted.get(label, UNRESTRICTED)
+        visibility, receivers, *_ = self._restricted.get(label, UNRESTRICTED)
         if visibility == "private":
             return Denied(f"{label} is private on {here}", "private")
         names = {unit, COMMAND_CENTRE} if unit.startswith(f"{COMMAND_CENTRE}-") else {unit}

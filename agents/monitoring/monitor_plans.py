@@ -12,7 +12,7 @@ from federation.messages.contents import CreateMulticast
 from federation.sharing.translation import Translation
 from kpl import Specification, profile_formula
 from kpl.running.formula_states import states_of
-from kpl.syntax.specification import StreamTerm
+from kpl.syntax.specification import MonitorDeclaration, StreamTerm
 from reasoning import Derivation, Formula, clearance, instantiate, required_labels, split_growing
 from reasoning.monitoring.profiles import Profile
 
@@ -158,6 +158,20 @@ class PlanBook:
         """What `monitor-proximity` takes: the named profile, or the violation and its warning."""
         names = DEFAULT_TASK if profile is None else (profile,)
         return tuple(self.named(name, period_us, delay_us) for name in names)
+
+
+def declared_profile(declaration: MonitorDeclaration, features: Iterable[str]) -> Profile:
+    """The profile of a monitor that a specification declares, over these features; a tenth of a second and a second unless set."""
+    policy = declaration.policy
+    return Profile(
+        declaration.name,
+        " ".join(features),
+        policy.sample_us or US_PER_S // 10,
+        US_PER_S if policy.max_delay_us is None else policy.max_delay_us,
+        close_after=declaration.close_after,
+        no_value=declaration.no_value,
+        starts_avoidance=declaration.starts_avoidance,
+    )
 
 
 def exports_of(plans: Iterable[TaskPlan], to_units: tuple[str, ...]) -> list[CreateMulticast]:

@@ -9,21 +9,22 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache, partial
 from typing import Any, Final
 
+from agents.calls.calls import Calls
 from agents.config import PlatformConfig
 from agents.effects import Effect, Fed, FedTogether, HostCame, HostEvent, HostLeft, HostSaid, Specify, Tell, Waited
 from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.import_proxy import ImportProxy
-from agents.exchange.label_agreements import LabelAgreements, Restriction
+from agents.exchange.imported import ImportDemand, Imported, converting
+from agents.exchange.label_agreements import LabelAgreements, Restriction, stream_offer
 from agents.exchange.local_instance import LocalInstance
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.hosts.host_desk import HostDesk
 from agents.interface import InterfaceAgent
-from agents.monitoring.monitor_plans import MonitorPlan, PlanBook
+from agents.monitoring.monitor_plans import MonitorPlan, PlanBook, declared_profile
 from agents.monitoring.monitors import UnitMonitors
 from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.monitoring.unit_streams import UnitStreams
 from agents.part import Followed, Part, PeerChange
-from agents.specification.imported import ImportDemand, Imported, converting
 from dyknow import Label, Network, Policy, Sample
 from dyknow.model.errors import Refused, SourceText, TextError, TextErrors, Unmade
 from dyknow.model.semantic_labels import SemanticLabel
@@ -41,11 +42,10 @@ from kpl.introspection.graph import maker_of, origins_of
 from kpl.introspection.records import FaultLog, alarm_record, found_record, producer_record, sample_record
 from kpl.running.asking import features_of
 from kpl.running.ports import Undo, nothing
-from kpl.syntax.specification import Export, Import, MonitorDeclaration, StreamTerm
+from kpl.syntax.specification import CALLED, Export, Import, MonitorDeclaration, StreamTerm
 from reasoning import AlarmEvent
 from reasoning.features.derivation import FeatureInput
 from reasoning.formulas.tree import Formula, split_growing
-from reasoning.monitoring.profiles import Profile
 
 SPECIFICATION: Final = Service("specification", "gateway")
 OWNER = "specification"
@@ -104,6 +104,7 @@ class SpecificationPart(Part):
         monitoring: UnitMonitoring,
         plans: PlanBook,
         keeper: SubscriptionKeeper,
+        calls: Calls,
         agreements: LabelAgreements,
         importer: ImportProxy,
         exporter: ExportProxy,
@@ -116,7 +117,7 @@ class SpecificationPart(Part):
         self._config, self._unit, self._clock, self._agent = config, config.unit, config.clock, agent
         self._network, self._translation, self._source, self._monitors = network, translation, local.source, monitors
         self._agreements, self._importer, self._ontology = agreements, importer, translation.ontology
-        self._plans, self._exporter = plans, exporter
+        self._plans, self._exporter, self._calls = plans, exporter, calls
         self._keeper, self._offer, self._now_us, self._emit, self._note = keeper, offer, now_us, emit, note
         self._followed: Followed = (self, monitoring, local)
         self._exported: dict[str, LabelEntry] = {}
@@ -285,7 +286,9 @@ class SpecificationPart(Part):
         network, translation, semantic = self._network, self._translation, declaration.semantic
         local = translation.local_label(semantic, self._unit)
         entry = self._ontology[semantic]
-        self._agreements.restrict(semantic, Restriction(declaration.visibility, declaration.receivers, term.label))
+        promised = stream_offer(declaration.cost, term.policy)
+        restriction = Restriction(declaration.visibility, declaration.receivers, term.label, promised)
+        self._agreements.restrict(semantic, restriction)
         if declaration.visibility != "private":
             self._exported[semantic] = LabelEntry(
                 label=semantic,
@@ -293,6 +296,7 @@ class SpecificationPart(Part):
                 type_hash=entry.type_hash,
                 period_us=term.policy.sample_us or 0,
                 receivers=declaration.receivers,
+                cost=declaration.cost,
             )
         self._exporter.rank(semantic, term.policy.importance)
         if local == term.label and term.policy == Policy():
@@ -316,6 +320,8 @@ class SpecificationPart(Part):
 
     def import_(self, semantic: str, unit: str, term: StreamTerm) -> Undo:
         """Have a unit's stream under a label of our own; it is asked for while it has a subscriber here."""
+        if unit == CALLED:
+            return self._calls.stream(semantic, term.label, term.policy)
         if unit == self._unit:
             raise Refused(f"import {semantic} from {unit}: that is this platform; use its stream itself")
         policy = term.policy
@@ -348,16 +354,7 @@ class SpecificationPart(Part):
                 f"monitor {declaration.name} starts avoidance, so it is about pairs of platforms: write it as "
                 "always forall other in units - {self} growing: ... of xy_dist[self, other], z_dist[self, other], ..."
             )
-        policy = declaration.policy
-        profile = Profile(
-            declaration.name,
-            " ".join(sorted(features)),
-            policy.sample_us or PERIOD_US,
-            MAX_DELAY_US if policy.max_delay_us is None else policy.max_delay_us,
-            close_after=declaration.close_after,
-            no_value=declaration.no_value,
-            starts_avoidance=declaration.starts_avoidance,
-        )
+        profile = declared_profile(declaration, sorted(features))
         if in_instance or split is None:
             plan = MonitorPlan(profile, formula, None, in_instance)
         else:

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 from dyknow.model.errors import ContentError
 from federation import keys
@@ -51,6 +51,16 @@ class PlatformView:
         return () if self.entry is None else tuple(service.service for service in self.entry.services)
 
 
+class Steppable(Protocol):
+    """What a member does over time in conversations of its own, such as a call. Times are the node clock."""
+
+    @property
+    def deadline_us(self) -> int | None: ...
+    def begin(self, now_us: int) -> None: ...
+    def on_time(self, now_us: int) -> None: ...
+    def end(self, now_us: int) -> None: ...
+
+
 class CommandCentre:
     """See the module. Times are the node clock.
 
@@ -74,6 +84,7 @@ class CommandCentre:
             unit, now_us // 1000, now_us, self, self._audit, self._effects.append, zid=zid, trust=trust, clock=clock
         )
         self.on_sample: OnSample = lambda _name, _sample, _at_us: None
+        self._calls: list[Steppable] = []
         self._changed_us = now_us
         self._tokens: dict[str, dict[str, str]] = {}
 
@@ -142,6 +153,18 @@ class CommandCentre:
         )
         return dialogue, self._done()
 
+    def begin(self, call: Steppable, now_us: int) -> list[WireEffect]:
+        """Step a call of ours from now on, until it is over."""
+        self._calls.append(call)
+        call.begin(now_us)
+        return self._done()
+
+    def end(self, call: Steppable, now_us: int) -> list[WireEffect]:
+        """The call is over."""
+        self._calls.remove(call)
+        call.end(now_us)
+        return self._done()
+
     # -- stepping ----------------------------------------------------------------------------------------------
 
     def on_event(self, event: WireEvent, now_us: int) -> list[WireEffect]:
@@ -153,11 +176,14 @@ class CommandCentre:
 
     @property
     def deadline_us(self) -> int:
-        return self.member.deadline_us
+        due_us = (call.deadline_us for call in self._calls)
+        return min([self.member.deadline_us, *(us for us in due_us if us is not None)])
 
     def on_time(self, now_us: int) -> list[WireEffect]:
         """Do what is due."""
         self.member.on_time(now_us)
+        for call in self._calls:
+            call.on_time(now_us)
         return self._done()
 
     def _done(self) -> list[WireEffect]:

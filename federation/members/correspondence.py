@@ -13,7 +13,7 @@ from federation.messages import contents
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import decode_act, encode_act
 from federation.messages.conversations import Conversations, Outcome
-from federation.messages.protocols import OPENING, Incoming, PeerLost, Reply, TimedOut, Undelivered
+from federation.messages.protocols import OPENING, PROTOCOLS, Incoming, PeerLost, Reply, TimedOut, Undelivered
 from federation.messages.receipts import RECEIPT_AGENT, decode_receipt
 from federation.security.trust import Trust
 from federation.transport import Arrived, Put
@@ -151,6 +151,16 @@ class Correspondence:
         self._now_us = now_us
         expr = None if content is None else content.expr()
         self._handle(self.conversations.answer(act, performative, expr, now_us, standing=standing), now_us)
+
+    def decide(
+        self, unit: str, conversation: str, performative: Performative, content: contents.Content, now_us: int
+    ) -> None:
+        """Accept or reject the proposal of `unit` in a call of ours; an accepted one lives until it is cancelled."""
+        self._now_us = now_us
+        if performative is P.REJECT_PROPOSAL:
+            self._pending.pop(conversation, None)
+        act = self._act(performative, unit, content, conversation)._replace(protocol=PROTOCOLS[P.CFP])
+        self._handle(self.conversations.send(act, now_us)[1], now_us)
 
     def cancel(self, unit: str, conversation: str, now_us: int) -> None:
         """End our request to `unit`, if it still stands."""

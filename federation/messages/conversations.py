@@ -33,6 +33,8 @@ LOST = Expr("cancel", {"because": "lost"})
 """The content of a cancel that follows from the loss of a peer."""
 GIVEN_UP = Expr("cancel", {"because": "silence"})
 """The content of a cancel that follows from an answer that did not come in time."""
+TOO_LATE = Expr("leave-proposal", {"because": QuotedText("the call is over")})
+"""The content of the rejection of a proposal that comes after it was due."""
 
 Outcome: TypeAlias = Put | protocols.ConversationEvent
 """What a step returns: puts for the wire and events for the agents, in order."""
@@ -112,7 +114,9 @@ class Conversations:
             found = known or protocols.Conversation(said, peer, True, protocols.Phase.CANCELLING, None)
             found.phase, found.due_us, found.cancel = protocols.Phase.CANCELLING, said.reply_by_us, said.reply_with
             self._add(found)
-        else:
+        elif not self._decides(
+            said, peer, ours=True, due_us=None if result_within_us is None else now_us + result_within_us
+        ):
             theirs = self._open.get((conversation, peer, False))
             if theirs is not None and theirs.said(said, standing=standing):
                 del self._open[conversation, peer, False]
@@ -170,6 +174,8 @@ class Conversations:
         if not self.delivery.on_act(act, now_us):
             return []
         conversation, sender, performative = act.conversation_id, act.sender.unit, act.performative
+        if self._decides(act, sender, ours=False, due_us=None):
+            return [protocols.Incoming(act)]
         if conversation is not None and performative is not P.CANCEL:
             for peer in (sender, keys.EVERYBODY):
                 found = self._open.get((conversation, peer, True))
@@ -177,7 +183,8 @@ class Conversations:
                     return self._replied(conversation, found, act, now_us)
             if performative is P.INFORM and any(name[0] == conversation and name[2] for name in self._open):
                 return [protocols.Incoming(act)]
-            if performative not in protocols.OPENING and conversation.startswith(self._prefix):
+            is_bid = performative is P.PROPOSE and act.protocol == protocols.PROTOCOLS[P.CFP]
+            if (is_bid or performative not in protocols.OPENING) and conversation.startswith(self._prefix):
                 return self._late(act, now_us)
         if conversation is not None and (performative in protocols.OPENING or performative is P.CANCEL):
             return self._asked(conversation, act, now_us)
@@ -243,6 +250,17 @@ class Conversations:
             reply_by_us=act.reply_by_us if act.reply_by_us is not None else now_us + REPLY_BY_US,
         )
 
+    def _decides(self, act: Act, peer: str, *, ours: bool, due_us: int | None) -> bool:
+        """Accept or reject the proposal that stands in a contract net; whether the act does that."""
+        name = (act.conversation_id or "", peer, ours)
+        found = self._open.get(name) if act.performative in protocols.DECIDING else None
+        if found is None or found.opening.performative is not P.CFP or found.phase is not protocols.Phase.PROPOSED:
+            return False
+        if found.decided(act.performative, due_us):
+            del self._open[name]
+        self._wake(due_us)
+        return True
+
     def _replied(self, conversation: str, found: protocols.Conversation, act: Act, now_us: int) -> list[Outcome]:
         closed = found.peer != keys.EVERYBODY and found.heard(act, now_us)
         if closed:
@@ -253,11 +271,13 @@ class Conversations:
         return [protocols.Reply(conversation, act, found.opening, closed)]
 
     def _late(self, act: Act, now_us: int) -> list[Outcome]:
-        """An answer in a conversation that we have closed. A late agree is answered by a cancel.
+        """An answer in a conversation that we have closed. A late agree is answered by a cancel, a late proposal rejected.
 
         But an agree that its own result overtook only comes late.
         """
         self.delivery.counts["late"] += 1
+        if act.performative is P.PROPOSE:
+            return [self.delivery.send(self.answering(act, P.REJECT_PROPOSAL, TOO_LATE), now_us)[1]]
         if act.performative is not P.AGREE or act.conversation_id in self._answered:
             return []
         mine = AgentName(act.receiver.agent, self.unit)

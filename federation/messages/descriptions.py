@@ -44,6 +44,8 @@ AgentWord = Annotated[str, _checked(keys.agent)]
 SemanticLabel = Annotated[str, _checked(keys.label)]
 Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{8}$")]
 Count = Annotated[int, Field(ge=0, le=2**63 - 1)]
+Cost = Annotated[float, Field(ge=0, le=1e12)]
+"""What a stream costs its producer, in a measure that the federation agrees on."""
 
 
 class DescriptionModel(BaseModel):
@@ -62,7 +64,8 @@ class ServiceEntry(DescriptionModel):
 class LabelEntry(DescriptionModel):
     """A semantic label and the stream behind it; `period_us` is 0 for one without a period.
 
-    `receivers` are the only platforms that may ask for it; empty: no others are excluded.
+    `receivers` are the only platforms that may ask for it; empty: no others are excluded. With a `cost` it is offered:
+    not produced yet, and to be called for.
     """
 
     label: SemanticLabel
@@ -70,10 +73,14 @@ class LabelEntry(DescriptionModel):
     type_hash: Hash
     period_us: Count = 0
     receivers: Annotated[tuple[Unit, ...], Field(max_length=64)] = ()
+    cost: Cost | None = None
 
     @model_serializer(mode="wrap")
     def _without_empty(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return _without(dump(self), "receivers")
+        fields = _without(dump(self), "receivers")
+        if self.cost is None:
+            del fields["cost"]
+        return fields
 
 
 class DefinitionEntry(DescriptionModel):

@@ -1,4 +1,4 @@
-"""The interaction protocols of FIPA (SC00026 request, 27 query, 35 subscribe, 36 propose) as moves of one record."""
+"""The interaction protocols of FIPA as moves of one record: SC00026 request, 27 query, 29 contract net, 35 subscribe, 36 propose."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -13,6 +13,7 @@ OPENING = frozenset(
 )
 """The performatives that want an answer."""
 CLOSING = frozenset({P.REFUSE, P.FAILURE, P.NOT_UNDERSTOOD, P.ACCEPT_PROPOSAL, P.REJECT_PROPOSAL})
+DECIDING = frozenset({P.ACCEPT_PROPOSAL, P.REJECT_PROPOSAL})
 RESULTS = frozenset({P.INFORM, P.INFORM_IF, P.INFORM_REF, P.CONFIRM, P.DISCONFIRM, P.PROPOSE})
 PROTOCOLS = {
     P.REQUEST: "fipa-request",
@@ -67,9 +68,13 @@ ConversationEvent: TypeAlias = Incoming | Reply | TimedOut | Undelivered | PeerL
 
 
 class Phase(Enum):
-    """ASKED: wants an answer. AGREED: wants a result. STANDING: lives. CANCELLING: wants the answer to a cancel."""
+    """What is due next: `STANDING` lives, and owes nothing.
+
+    ASKED wants an answer, PROPOSED a decision, AGREED a result, CANCELLING the answer to a cancel.
+    """
 
     ASKED = "asked"
+    PROPOSED = "proposed"
     AGREED = "agreed"
     STANDING = "standing"
     CANCELLING = "cancelling"
@@ -105,6 +110,10 @@ class Conversation:
             return act.in_reply_to == self.cancel or performative in CLOSING
         if performative in CLOSING:
             return True
+        if self.opening.performative is P.CFP and self.phase in {Phase.ASKED, Phase.PROPOSED}:
+            if performative is P.PROPOSE:
+                self.phase, self.due_us = Phase.PROPOSED, None
+            return False
         if performative is P.AGREE and self.phase is Phase.ASKED:
             subscribed = self.opening.performative is P.SUBSCRIBE
             self.phase = Phase.STANDING if subscribed else Phase.AGREED
@@ -121,10 +130,19 @@ class Conversation:
         if self.phase is Phase.CANCELLING:
             return performative in CLOSING or act.in_reply_to == self.opening.reply_with
         self.standing = self.standing or standing or self.opening.performative is P.SUBSCRIBE
-        if performative is P.AGREE:
+        if performative is P.PROPOSE and self.opening.performative is P.CFP:
+            self.phase, self.due_us = Phase.PROPOSED, None
+        elif performative is P.AGREE:
             self.phase, self.due_us = Phase.STANDING if self.standing else Phase.AGREED, None
         elif performative in RESULTS and self.standing:
             self.phase, self.due_us = Phase.STANDING, None
         else:
             return performative in CLOSING or performative in RESULTS
         return False
+
+    def decided(self, performative: Performative, due_us: int | None) -> bool:
+        """The proposal of a contract net is accepted: a result is due, at the initiator's side by `due_us`. True if it is
+        rejected, which closes the conversation.
+        """
+        self.phase, self.due_us, self.standing = Phase.AGREED, due_us, True
+        return performative is P.REJECT_PROPOSAL

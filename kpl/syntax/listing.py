@@ -35,10 +35,14 @@ def print_declaration(declaration: spec.Declaration) -> str:
             return f"sort {_sort(sort)}"
         case spec.LabelDeclaration(name, sort, meaning):
             return f'label {name} : {_sort(sort)} "{meaning}"'
-        case spec.Export(semantic, term, visibility, receivers):
+        case spec.Export(semantic, term, visibility, receivers, cost):
             seen = "" if visibility == "public" else f"{visibility} "
             to = f" to {', '.join(receivers)}" if receivers else ""
+            if cost is not None:
+                return f"offer {semantic} = {term.label} at cost {cost:.15g}{to}{_with(term.policy)}"
             return f"export {seen}{semantic} = {term.label}{to}{_with(term.policy)}"
+        case spec.Import(semantic, spec.CALLED, term):
+            return f"call {semantic} as {_term(term)}"
         case spec.Import(semantic, unit, term):
             return f"import {semantic} from {unit} as {_term(term)}"
         case spec.Define(feature, formula):

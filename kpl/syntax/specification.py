@@ -6,7 +6,7 @@ where each stood.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
 from dyknow.model.instants import US_PER_MS
 from dyknow.model.labels import Label
@@ -156,22 +156,31 @@ class LabelDeclaration(Node):
 
 @dataclass(frozen=True, slots=True)
 class Export(Node):
-    """`export SEMANTIC-LABEL = TERM`: what other platforms may ask for.
+    """`export SEMANTIC-LABEL = TERM`: what other platforms may ask for; `offer ... at cost C`: what they may call for.
 
     Attributes:
         visibility: of all platforms (public), of members with a role (protected), of none but this one (private).
         receivers: the only ones that may ask; empty: no others are excluded.
+        cost: of an offer, whose policy is the quality that is promised; None: it is an export.
     """
 
     semantic: str
     term: StreamTerm
     visibility: ExportVisibility = "public"
     receivers: tuple[str, ...] = ()
+    cost: float | None = None
+
+
+CALLED: Final = ""
+"""The unit of an import that is called for: the one whose proposal is taken."""
 
 
 @dataclass(frozen=True, slots=True)
 class Import(Node):
-    """`import SEMANTIC-LABEL from UNIT as TERM`: a stream of another platform, under a label of our own."""
+    """`import SEMANTIC-LABEL from UNIT as TERM`: a stream of another platform, under a label of our own.
+
+    `call SEMANTIC-LABEL as TERM`: of the platform that offers it best, which is `CALLED`.
+    """
 
     semantic: str
     unit: str

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from anchoring.roads.network import RoadNetwork
 
-_STATEMENT = re.compile(r"^(?:[ \t]*(?:source|compunit|strmgen|stream|for|sort|label|export|import|define|monitor|chronicle|roads|want)\b|[A-Za-z]\w+)", re.MULTILINE)  # fmt: skip
+_STATEMENT = re.compile(r"^(?:[ \t]*(?:source|compunit|strmgen|stream|for|sort|label|export|offer|import|call|define|monitor|chronicle|roads|want)\b|[A-Za-z]\w+)", re.MULTILINE)  # fmt: skip
 ReadFile: TypeAlias = Callable[[str], str]
 """The text of a file that a specification names; raises OSError or UnicodeDecodeError."""
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
@@ -225,6 +225,21 @@ class _StatementReader(FormulaReader):
         return spec.Export(
             _name(semantic), self._term(label, policy), visibility, tuple(dict.fromkeys(receivers)), place=place
         )
+
+    def _offer(self, node: Any, place: Place) -> spec.Declaration:
+        semantic, _equals, label, cost, *others = node.children
+        receivers = [
+            str(self.object(each, _FREE)) for part in others if part.data == "receivers" for each in part.children
+        ]
+        amount = self.attempt(lambda: float(parse_number(str(cost))), place_of(cost, self.text), 0.0)
+        if amount > 1e12:
+            self.error("the cost is too high", place_of(cost, self.text), "at most 1e12")
+        term = self._term(label, [part for part in others if part.data == "policy"])
+        return spec.Export(_name(semantic), term, "public", tuple(dict.fromkeys(receivers)), amount, place=place)
+
+    def _call(self, node: Any, place: Place) -> spec.Declaration:
+        semantic, label, *policy = node.children
+        return spec.Import(_name(semantic), spec.CALLED, self._term(label, policy), place=place)
 
     def _import_(self, node: Any, place: Place) -> spec.Declaration:
         semantic, unit, label, *policy = node.children

@@ -16,10 +16,12 @@ from runtime.configuration.reach import COMMAND_CENTRE, client_wire
 from runtime.configuration.settings import Settings, load
 from runtime.library import jobs
 from runtime.library.alarm_news import AlarmItem, follow_alarms
+from runtime.library.calls import CallItem, call_for, wanted_of
 from runtime.library.feed import Feed
 from runtime.library.member_thread import MemberThread
 from runtime.library.questions import Which
 from runtime.library.results import QueryResult, UnitSample
+from runtime.library.watched import WatchedStreams
 
 T = TypeVar("T")
 Time: TypeAlias = str | int
@@ -126,7 +128,7 @@ class _Face:
 
     def __init__(self, thread: MemberThread) -> None:
         self._thread, self._client = thread, thread.client
-        self._streams = jobs.WatchedStreams(thread.client)
+        self._streams = WatchedStreams(thread.client)
 
     def _do(self, job: Job[T]) -> T:
         return self._thread.post(job).result()
@@ -142,6 +144,15 @@ class _Face:
     ) -> Generator[Any, bool, Feed[UnitSample]]:
         feed: Feed[UnitSample] = Feed()
         keep = yield from jobs.watch(self._client, self._streams, label, _name(unit), every, max_delay, feed)
+        self._thread.post(keep)
+        return feed
+
+    def _call(
+        self, label: str, every: str, max_delay: str, min_certainty: float
+    ) -> Generator[Any, bool, Feed[CallItem]]:
+        feed: Feed[CallItem] = Feed()
+        wanted = wanted_of(label, every, max_delay, min_certainty)
+        keep = yield from call_for(self._client, self._streams, wanted, feed)
         self._thread.post(keep)
         return feed
 
@@ -273,6 +284,26 @@ class FederationClient(_Face):
         """
         return self._do(self._watch(label, unit, every, max_delay))
 
+    def call(
+        self, label: str, *, every: str = "200ms", max_delay: str = "1s", min_certainty: float = 0.0
+    ) -> Feed[CallItem]:
+        """Samples of a label that platforms offer at a cost: of the cheapest that is good enough, and then of the next.
+
+        Among the samples is what happens in the call: a `CallNews` with `.event` (`called`, `proposed`, `refused`, `taken`,
+        `failed`, or `open` while no platform has a proposal that would do), `.unit` and `.text`.
+
+        Args:
+            label: a semantic label that is offered (`offer` in KPL).
+            every: the period.
+            max_delay: how old a sample may be when it comes.
+            min_certainty: how sure each sample must be, at least; between 0 and 1.
+
+        Raises:
+            NothingFound: no platform is there.
+            WrongCall, NameRefused: an argument that is not right.
+        """
+        return self._do(self._call(label, every, max_delay, min_certainty))
+
     def delegate(
         self,
         task: str,
@@ -343,6 +374,12 @@ class AsyncFederationClient(_Face):
     ) -> Feed[UnitSample]:
         """See `FederationClient.watch`."""
         return await self._done(self._watch(label, unit, every, max_delay))
+
+    async def call(
+        self, label: str, *, every: str = "200ms", max_delay: str = "1s", min_certainty: float = 0.0
+    ) -> Feed[CallItem]:
+        """See `FederationClient.call`."""
+        return await self._done(self._call(label, every, max_delay, min_certainty))
 
     async def delegate(
         self,

@@ -1,16 +1,14 @@
 """What a connection does for its program, step by step on the node thread."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from dyknow.model.errors import ContentError, DyknowError, FederationFailed, Refused
 from federation.keys import label as label_name
 from federation.members.command_centre import PlatformView
 from federation.members.directory import unit_order
-from federation.members.imports import ImportName
 from federation.members.liveness import PeerState
 from federation.messages.acts import Performative
-from federation.messages.codec import StreamSample
 from federation.messages.contents import (
     Answers,
     Content,
@@ -34,7 +32,7 @@ from federation.messages.dialogue import Dialogue
 from runtime.client import SETTLE_S, Client, Job, Wait
 from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.configuration.wording import content_when, content_with
-from runtime.library.meanings import disagreement_with, record_of
+from runtime.library.meanings import disagreement_with
 from runtime.library.questions import (
     Which,
     ask_who_is_missing,
@@ -44,7 +42,8 @@ from runtime.library.questions import (
     query_of,
     receiver_of,
 )
-from runtime.library.results import QueryResult, UnitSample, sample_of_reading, sample_of_wire
+from runtime.library.results import QueryResult, UnitSample, sample_of_reading
+from runtime.library.watched import WatchedStreams
 
 if TYPE_CHECKING:
     from runtime.library.feed import Feed  # asyncio takes commands a tenth of a second
@@ -173,29 +172,6 @@ def listed_tasks(client: Client, units: Sequence[str]) -> Job[list[tuple[str, Ta
     """The same, with those that a platform ended without a request."""
     answers = yield from lists(client, units, Tasks(), TaskList)
     return [(unit, task) for unit, answer in answers for task in answer.tasks]
-
-
-class WatchedStreams:
-    """The feeds that take imported samples, by semantic label and policy hash."""
-
-    def __init__(self, client: Client) -> None:
-        self._client = client
-        self._feeds: dict[tuple[str, str], list[tuple[frozenset[str], Feed[UnitSample]]]] = {}
-        client.centre.on_sample = self._on_sample
-
-    def add(self, stream: tuple[str, str], units: Iterable[str], feed: "Feed[UnitSample]") -> Callable[[], None]:
-        """Have a feed take the samples of these units; returns how to take it off."""
-        entry = (frozenset(units), feed)
-        self._feeds.setdefault(stream, []).append(entry)
-        return lambda: self._feeds[stream].remove(entry)
-
-    def _on_sample(self, name: ImportName, sample: StreamSample, at_us: int) -> None:
-        owner, label, policy_hash = name
-        for units, feed in self._feeds.get((label, policy_hash), ()):
-            if owner in units:
-                value = record_of(self._client, owner, label, sample.value)
-                available_us = self._client.centre.clock.federation_us(at_us)
-                feed.put(sample_of_wire(value, owner, label, sample, available_us))
 
 
 def request_streams(

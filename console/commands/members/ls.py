@@ -124,6 +124,7 @@ def _record(client: Client, seen: PlatformView, newest: Mapping[tuple[str, str],
                 "label": label.label,
                 "sort": label.sort,
                 "period_ms": label.period_us // 1000,
+                **({} if label.cost is None else {"cost": label.cost}),
                 "age_ms": last.age_us // 1000 if (last := newest.get((seen.unit, label.label))) else None,
                 "stale": last is not None and is_stale(client, last.age_us, label.period_us),
             }

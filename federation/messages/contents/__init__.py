@@ -1,6 +1,7 @@
 """What acts say: one strict model for each head an expression may have; `read` understands, `expr()` says."""
 
 from federation.messages.contents.answers import Cancel, Done, Progress, Reason
+from federation.messages.contents.calls import CallForStream, LeaveProposal, StreamProposal, TakeProposal
 from federation.messages.contents.chronicles import Expected, Recognise, Recognised
 from federation.messages.contents.flight import Attend, Avoid, Fault, Follow, Goto, Hold, Land, Resume, ReturnHome
 from federation.messages.contents.monitors import (
@@ -85,6 +86,7 @@ __all__ = [
     "Attend",
     "Avoid",
     "Because",
+    "CallForStream",
     "Cancel",
     "CheckFormula",
     "Content",
@@ -106,6 +108,7 @@ __all__ = [
     "ImportList",
     "Land",
     "Leave",
+    "LeaveProposal",
     "LoadSpecification",
     "Missing",
     "MonitorChange",
@@ -142,7 +145,9 @@ __all__ = [
     "SpecificationText",
     "StopMulticast",
     "Stream",
+    "StreamProposal",
     "StreamSamples",
+    "TakeProposal",
     "TaskEntry",
     "TaskList",
     "Tasks",

@@ -120,7 +120,6 @@ def test_a_command_is_carried_out_only_if_it_is_requested(
     [
         (P.PROXY, "not that of its sender"),
         (P.REQUEST_WHENEVER, "ask once by request-when"),
-        (P.CFP, "platforms make no bids"),
     ],
 )
 def test_what_no_service_takes_is_refused_with_the_reason_and_nothing_is_passed_on(

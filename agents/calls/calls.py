@@ -1,0 +1,156 @@
+"""The calls of this platform: a stream that its specification calls for is of the platform whose proposal was taken.
+
+A call is out while its stream has subscribers here; what the platform in use brings is passed on, and its next one takes its
+place under the same label. Times are the node clock, but for valid times.
+"""
+
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Final
+
+from agents.effects import Effect, Tell
+from agents.exchange.imported import Imported, converting
+from agents.exchange.local_instance import LocalInstance
+from agents.interface import InterfaceAgent
+from agents.part import Part
+from dyknow import Label, Network, Policy, Sample
+from dyknow.network.generator import Subscription
+from dyknow.network.process import Input
+from federation.calls.call import StreamCall
+from federation.calls.proposals import CallNews, Wanted
+from federation.members.clock import FederationClock
+from federation.members.directory import DirectoryFacilitator
+from federation.messages.descriptions import ConditionEntry
+from federation.sharing.translation import Translation
+
+PERIOD_US: Final = 100_000
+MAX_DELAY_US: Final = 1_000_000
+KEPT: Final = 600
+
+
+class CalledStream:
+    """One stream that is called for, and where it comes from now."""
+
+    def __init__(
+        self, wanted: Wanted, begin: Callable[["CalledStream"], StreamCall], take: Callable[[Sample], None]
+    ) -> None:
+        self.wanted, self._begin, self._take = wanted, begin, take
+        self.call: StreamCall | None = None
+        self.subscription: Subscription | None = None
+        self.since_us: int | None = None
+
+    def need(self, wanted: bool, now_us: Callable[[], int]) -> None:
+        """It has subscribers here from now on, or none any longer."""
+        if wanted and self.call is None:
+            self.call = self._begin(self)
+        elif not wanted and self.call is not None:
+            self.call.end(now_us())
+            self.call = self.since_us = None
+            self.listen(None)
+
+    def listen(self, subscription: Subscription | None) -> None:
+        """From this subscription it comes from now on."""
+        if self.subscription is not None:
+            self.subscription.cancel()
+        self.subscription = subscription
+
+    def on_sample(self, unit: str, sample: Sample, now_us: int) -> None:
+        """Pass on what is as promised."""
+        if self.call is not None and self.call.on_sample(unit, sample.quality.certainty, sample.delay_us, now_us):
+            self._take(sample)
+
+
+class Calls(Part):
+    """See the module.
+
+    Args:
+        local: declares the streams of other units.
+        now_us: the node clock of the present step.
+        offer: tells the directory that conditions have changed, at a time.
+    """
+
+    def __init__(
+        self,
+        unit: str,
+        agent: InterfaceAgent,
+        directory: DirectoryFacilitator,
+        network: Network,
+        translation: Translation,
+        clock: FederationClock,
+        local: LocalInstance,
+        now_us: Callable[[], int],
+        offer: Callable[[int], None],
+        note: Callable[[str], None],
+        emit: Callable[[Effect], None],
+    ) -> None:
+        self._unit, self._agent, self._directory, self._network = unit, agent, directory, network
+        self._translation, self._clock, self._local, self._now_us = translation, clock, local, now_us
+        self._offer, self._note, self._emit = offer, note, emit
+        self._streams: list[CalledStream] = []
+
+    def stream(self, semantic: str, label: Label, policy: Policy) -> Callable[[], None]:
+        """Call for a label while its stream has subscribers; returns how to take it back."""
+        network, translation = self._network, self._translation
+        delay_us = MAX_DELAY_US if policy.max_delay_us is None else policy.max_delay_us
+        wanted = Wanted(semantic, policy.sample_us or PERIOD_US, delay_us, policy.min_certainty or 0.0)
+        raw = Label(f"called-{label.feature}", label.objects)
+        source = network.add_source(raw, translation.local_sort(semantic), KEPT)
+
+        def take(sample: Sample) -> None:
+            source.push(sample.valid_us, sample.value, sample.available_us, sample.quality)
+
+        called = CalledStream(wanted, self._begin, take)
+        sort = translation.ontology[semantic].sort
+        unit = converting(sort, translation.to_semantic(semantic))
+        network.add_process(label, sort, Imported(unit, Input(raw, policy), partial(called.need, now_us=self._now_us)))
+        self._streams.append(called)
+
+        def undo() -> None:
+            network.remove(label)
+            called.need(False, self._now_us)
+            network.remove(raw)
+            self._streams.remove(called)
+
+        return undo
+
+    def _begin(self, called: CalledStream) -> StreamCall:
+        call = StreamCall(
+            called.wanted, self._unit, self._agent.acts, self._directory, partial(self._on_news, called),
+            self._clock.speed,
+        )  # fmt: skip
+        call.begin(self._now_us())
+        return call
+
+    def _on_news(self, called: CalledStream, news: CallNews) -> None:
+        label, unit = news.label, news.unit
+        if news.event == "taken":
+            local, _ = self._local.source(label, unit)
+            generator = self._network.generator(local)
+            called.listen(generator.subscribe(Policy(), lambda sample: called.on_sample(unit, sample, self._now_us())))
+        elif news.event == "failed":
+            called.listen(None)
+        is_open = news.event == "open"
+        if is_open or (news.event == "taken" and called.since_us is not None):
+            called.since_us = news.at_us if is_open else None
+            self._offer(news.at_us)
+        self._emit(Tell({"event": "call", "what": news.event, "label": label, "unit": unit, "text": news.text}))
+        if news.event in {"taken", "failed", "open"}:
+            self._note(f"call for {label}: {news.event}{f' {unit}' if unit else ''}: {news.text}")
+
+    def conditions(self) -> Iterable[ConditionEntry]:
+        """Calls without a producer."""
+        return tuple(
+            ConditionEntry(text=f"call for {each.wanted}: no platform produces it", since_us=each.since_us)
+            for each in self._streams
+            if each.since_us is not None
+        )[:4]
+
+    @property
+    def deadline_us(self) -> int | None:
+        due = [each.call.deadline_us for each in self._streams if each.call is not None]
+        return min((us for us in due if us is not None), default=None)
+
+    def on_time(self, now_us: int) -> None:
+        for each in self._streams:
+            if each.call is not None:
+                each.call.on_time(now_us)

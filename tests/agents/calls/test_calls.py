@@ -1,0 +1,264 @@
+"""Offers and calls: the right proposal is taken, the next when it fails, and none is made twice (thesis 9.2.3, FIPA SC00029)."""
+
+from collections import Counter
+
+import pytest
+
+from agents.calls.bids import OF_ONE, Bids
+from agents.calls.calls import Calls
+from agents.specification.specification_part import SpecificationPart
+from federation.messages.acts import Performative
+from federation.messages.contents import (
+    CallForStream,
+    CreateMulticast,
+    LeaveProposal,
+    StreamProposal,
+    TakeProposal,
+)
+from tests.agents.calls.market import CALL, Market, offer
+from tests.box import Box
+
+P = Performative
+FIVE = {
+    "1": offer(
+        1, "sample every 300ms, max delay 200ms, min certainty 0.9"
+    ),  # cheap, and not on the grid that is wanted
+    "2": offer(2, "sample every 100ms, max delay 200ms, min certainty 0.5"),  # not sure enough
+    "3": offer(7),
+    "4": offer(4),
+    "5": offer(0.5, to="9"),  # the cheapest, and not for us
+}
+
+
+def proposals(box: Box) -> Counter[tuple[str, str | None]]:
+    """How often each platform has proposed in each conversation."""
+    return Counter((act.sender.unit, act.conversation_id) for act in box.acts(head=StreamProposal.head))
+
+
+def calls(box: Box) -> Counter[str]:
+    """How often each platform was called."""
+    return Counter(act.receiver.unit for act in box.acts("0", head=CallForStream.head))
+
+
+def test_of_five_offers_the_right_one_is_taken_and_when_it_dies_the_next_within_two_seconds(wire):
+    market = Market(wire, FIVE)
+    assert market.takes_us("4", 3) < 3_000_000
+    assert market.news("refused") == [("refused", "5"), ("refused", "1"), ("refused", "2")]
+    wire.kill("4")
+    assert market.takes_us("3", 2) < 2_000_000
+    assert market.news("taken", "failed") == [("taken", "4"), ("failed", "4"), ("taken", "3")]
+    assert set(proposals(wire).values()) == {1}, "one proposal in each conversation"
+    assert set(calls(wire).values()) == {1}, "and each platform is called once"
+    assert {value for _, value in market.samples()} == {4.0, 3.0}
+
+
+@pytest.mark.parametrize(("costs", "unit"), [((3, 3, 3), "1"), ((3, 2, 2), "2"), ((0, 0, 0), "1")])
+def test_of_equal_costs_the_unit_that_sorts_first_is_taken(wire, costs, unit):
+    market = Market(wire, {str(at + 1): offer(cost) for at, cost in enumerate(costs)})
+    wire.run(1.5)
+    assert market.news("taken") == [("taken", unit)]
+
+
+def test_what_is_offered_is_not_produced_before_it_is_taken_nor_after_the_call(wire):
+    Market(wire, {"1": offer(1)}, call="")
+    wire.run(1)
+    network = wire.platform("1").part(SpecificationPart).instance.network
+    exported = wire.platform("1").ports.translation.local_label("gas-level", "1")
+    assert network.generator(exported).history.get_size() == 0
+    wire.specify("0", CALL)
+    wire.run(2)
+    assert network.generator(exported).history.get_size() > 5
+    assert [task.name for task in wire.platform("1").ports.tasks.all()] == ["call-for-stream"]
+    wire.specify("0", "")
+    wire.run(1)
+    assert wire.platform("1").ports.tasks.all() == []
+    assert wire.platform("1").part(Bids)._standing == {}
+    assert not network.generator(exported).subscriptions
+
+
+def test_the_reserve_is_left_when_the_call_is_over(wire):
+    Market(wire, {"1": offer(1), "2": offer(2)})
+    wire.run(2)
+    assert len(wire.platform("2").part(Bids)._standing) == 1
+    wire.specify("0", "")
+    wire.run(0.5)
+    assert wire.platform("2").part(Bids)._standing == {}
+    assert [act.performative for act in wire.acts("0", "2", LeaveProposal.head)] == [P.REJECT_PROPOSAL]
+
+
+def test_who_proposes_for_nothing_and_brings_nothing_is_left_for_the_next_and_asked_no_more(wire):
+    market = Market(wire, {"1": offer(0), "2": offer(9)})
+    market.certainty["1"] = None
+    assert market.takes_us("2", 4) < 3_000_000
+    wire.run(3)
+    wire.kill("2")
+    wire.run(12)
+    assert market.news("taken", "failed", "open")[-4:] == [
+        ("failed", "1"), ("taken", "2"), ("failed", "2"), ("open", ""),
+    ]  # fmt: skip
+    assert calls(wire)["1"] == 1
+    assert any("no sample as promised" in note for note in wire.nodes["0"].notes)
+
+
+def test_samples_that_are_less_sure_than_promised_are_no_delivery_and_are_not_passed_on(wire):
+    market = Market(wire, {"1": offer(0, "sample every 100ms, max delay 200ms, min certainty 0.9"), "2": offer(9)})
+    wire.run(2)
+    market.certainty["1"] = 0.4
+    assert market.takes_us("2", 3) < 2_000_000
+    assert market.news("failed") == [("failed", "1")]
+
+
+def test_a_third_of_what_was_promised_is_too_little(wire):
+    market = Market(wire, {"1": offer(0), "2": offer(9)})
+    wire.run(2)
+    market.every["1"] = 3
+    assert market.takes_us("2", 6) < 5_000_000
+    assert any("samples came as promised" in note for note in wire.nodes["0"].notes)
+
+
+def test_a_call_without_offers_waits_says_so_and_takes_the_first_that_comes(wire):
+    market = Market(wire, {})
+    wire.run(2)
+    assert market.news() == [("open", "")]
+    [condition] = wire.platform("0").part(Calls).conditions()
+    assert "call for gas-level" in condition.text
+    wire.join("3")
+    wire.specify("3", offer(2))
+    wire.run(1)
+    assert market.news("taken") == [("taken", "3")]
+    assert not wire.platform("0").part(Calls).conditions()
+
+
+def test_a_newcomer_is_a_reserve_and_does_not_take_the_place_of_what_works(wire):
+    market = Market(wire, {"1": offer(5)})
+    wire.run(2)
+    wire.join("2")
+    wire.specify("2", offer(1))
+    wire.run(2)
+    assert market.news("taken") == [("taken", "1")]
+    assert list(market.call.reserve) == ["2"]
+
+
+def test_one_that_can_no_longer_is_left_at_once_and_may_be_asked_again(wire):
+    market = Market(wire, {"1": offer(1), "2": offer(2)})
+    wire.run(2)
+    wire.specify("1", "")
+    assert market.takes_us("2", 2) < 1_000_000
+    wire.specify("2", "")
+    wire.run(1)
+    wire.specify("1", offer(1))
+    assert market.takes_us("1", 10) < 10_000_000
+
+
+def test_a_call_survives_a_cut_and_the_next_is_taken_on_the_other_side_of_it(wire):
+    market = Market(wire, {"1": offer(1), "2": offer(2)})
+    wire.run(2)
+    wire.cut(["1"], ["0", "2"])
+    assert market.takes_us("2", 4) < 3_000_000
+    wire.wire.mend_all()
+    wire.run(12)
+    assert market.news("taken") == [("taken", "1"), ("taken", "2")]
+    wire.kill("2")
+    assert market.takes_us("1", 12) < 12_000_000
+    wire.run(1)
+
+
+def test_what_is_offered_at_a_cost_goes_to_none_that_did_not_call(wire):
+    Market(wire, {"1": offer(3)}, call="")
+    wire.centre()
+    wire.run(1)
+    multicast = CreateMulticast(semantic_labels=("gas-level",), sample_period_s=0.1, delay_s=0.5, to_units=("cc",))
+    asked = wire.asked("cc", "1", multicast)
+    assert (asked.performatives, asked.contents[0].code) == ([P.REFUSE], "offered")
+
+
+# Hostile
+
+
+def call_of(name="a-1", label="gas-level"):
+    return CallForStream(call=name, semantic_label=label, sample_period_s=0.1, delay_s=0.5)
+
+
+def test_a_second_proposal_for_one_call_is_refused_in_whatever_conversation_it_is_asked_for(wire):
+    Market(wire, {"1": offer(3)}, call="")
+    wire.centre()
+    wire.run(1)
+    asked = [wire.asked("cc", "1", call_of(), P.CFP) for _ in range(3)]
+    assert [each.performatives for each in asked] == [[P.PROPOSE], [P.REFUSE], [P.REFUSE]]
+    assert asked[1].contents[0].code == "proposed-already"
+
+
+def test_a_flood_of_calls_leaves_few_proposals_and_the_others_are_served(wire):
+    market = Market(wire, {"1": offer(3)}, call="")
+    wire.centre()
+    wire.run(1)
+    asked = [wire.question("cc", "1", call_of(f"a-{at}"), P.CFP) for at in range(60)]
+    wire.run(0.5)
+    assert len(wire.platform("1").part(Bids)._standing) == OF_ONE
+    assert Counter(each.performatives[0] for each in asked)[P.PROPOSE] == OF_ONE
+    wire.specify("0", CALL)
+    assert market.takes_us("1", 2) < 2_000_000
+
+
+def test_a_label_that_is_not_offered_is_refused(wire):
+    Market(wire, {"1": offer(3)}, call="")
+    wire.centre()
+    wire.run(1)
+    asked = wire.asked("cc", "1", call_of(label="heli-position"), P.CFP)
+    assert asked.contents[0].code == "no-offer"
+
+
+def test_to_take_a_proposal_of_another_or_none_fails_and_sets_up_nothing(wire):
+    Market(wire, {"1": offer(3)}, call="")
+    wire.centre()
+    wire.join("7")
+    wire.run(1)
+    asked = wire.asked("cc", "1", call_of(), P.CFP)
+    for taken in (asked.conversation, "cc-1-1.1"):
+        wire.speak("7", lambda m, now, taken=taken: m.acts.decide("1", taken, P.ACCEPT_PROPOSAL, TakeProposal(), now))
+    wire.run(0.2)
+    assert wire.platform("1").ports.tasks.all() == []
+    assert len(wire.platform("1").part(Bids)._standing) == 1, "that of the one who called stands"
+    told = [act for act in wire.acts("1", "7") if act.performative is P.FAILURE]
+    assert len(told) == 2
+
+
+def test_a_proposal_after_the_call_is_over_is_rejected_and_forgotten(wire):
+    market = Market(wire, {"1": offer(3), "2": offer(4)})
+    late = {"is_on": True}
+    wire.wire.drop = lambda sender, _receiver, put: late["is_on"] and sender == "1" and put.key.startswith("acl/")
+    wire.run(2)
+    assert market.news("taken") == [("taken", "2")]
+    late["is_on"] = False
+    wire.run(2)
+    assert wire.platform("1").part(Bids)._standing == {}
+    assert market.news("taken") == [("taken", "2")]
+
+
+def test_a_proposal_in_the_conversation_of_another_counts_for_nothing(wire):
+    market = Market(wire, {"1": offer(3)}, call="")
+    wire.join("7")
+    wire.run(1)
+    wire.specify("0", CALL)
+    wire.run(0.05)
+    [conversation] = market.call._awaited or [
+        market.call.reserve["1"].conversation if "1" in market.call.reserve else market.call.taken.conversation
+    ]
+    forged = StreamProposal(semantic_label="gas-level", cost=0.0, sample_period_s=0.1, delay_s=0.1, certainty=1.0)
+
+    def say(member, now_us):
+        act = member.acts._act(P.PROPOSE, "0", forged, conversation)._replace(protocol="fipa-contract-net")
+        member.acts._handle(member.acts.conversations.send(act, now_us)[1], now_us)
+
+    wire.speak("7", say)
+    wire.run(2)
+    assert market.news("taken") == [("taken", "1")]
+    assert "7" not in market.call.reserve
+
+
+def test_the_loss_of_a_caller_frees_what_was_proposed_to_it(wire):
+    Market(wire, {"1": offer(1), "2": offer(2)})
+    wire.run(2)
+    wire.kill("0")
+    wire.run(5)
+    assert wire.platform("2").part(Bids)._standing == {}
