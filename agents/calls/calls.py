@@ -17,7 +17,7 @@ from dyknow import Label, Network, Policy, Sample
 from dyknow.network.generator import Subscription
 from dyknow.network.process import Input
 from federation.calls.call import StreamCall
-from federation.calls.proposals import CallNews, Wanted
+from federation.calls.proposals import CallNews, WantedStream
 from federation.members.clock import FederationClock
 from federation.members.directory import DirectoryFacilitator
 from federation.messages.descriptions import ConditionEntry
@@ -32,7 +32,7 @@ class CalledStream:
     """One stream that is called for, and where it comes from now."""
 
     def __init__(
-        self, wanted: Wanted, begin: Callable[["CalledStream"], StreamCall], take: Callable[[Sample], None]
+        self, wanted: WantedStream, begin: Callable[["CalledStream"], StreamCall], take: Callable[[Sample], None]
     ) -> None:
         self.wanted, self._begin, self._take = wanted, begin, take
         self.call: StreamCall | None = None
@@ -92,7 +92,7 @@ class Calls(Part):
         """Call for a label while its stream has subscribers; returns how to take it back."""
         network, translation = self._network, self._translation
         delay_us = MAX_DELAY_US if policy.max_delay_us is None else policy.max_delay_us
-        wanted = Wanted(semantic, policy.sample_us or PERIOD_US, delay_us, policy.min_certainty or 0.0)
+        wanted = WantedStream(semantic, policy.sample_us or PERIOD_US, delay_us, policy.min_certainty or 0.0)
         raw = Label(f"called-{label.feature}", label.objects)
         source = network.add_source(raw, translation.local_sort(semantic), KEPT)
 

@@ -18,7 +18,7 @@ from typing import Final
 
 from dyknow.model.errors import Refused
 from dyknow.model.instants import print_span
-from federation.calls.proposals import CallEvent, CallNews, Proposal, Wanted, best
+from federation.calls.proposals import CallEvent, CallNews, Proposal, WantedStream, best
 from federation.members.correspondence import Correspondence
 from federation.members.directory import DirectoryEntry, DirectoryFacilitator, unit_order
 from federation.members.liveness import PeerState
@@ -66,7 +66,7 @@ class StreamCall:
 
     def __init__(
         self,
-        wanted: Wanted,
+        wanted: WantedStream,
         unit: str,
         acts: Correspondence,
         directory: DirectoryFacilitator,

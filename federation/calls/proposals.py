@@ -7,7 +7,7 @@ from dyknow.model.instants import print_span
 from federation.members.directory import unit_order
 
 
-class Wanted(NamedTuple):
+class WantedStream(NamedTuple):
     """The stream of a label with at least this quality; periods and delays are microseconds of federation time."""
 
     label: str
@@ -31,7 +31,7 @@ class Proposal(NamedTuple):
     delay_us: int
     certainty: float
 
-    def lacks(self, wanted: Wanted) -> str:
+    def lacks(self, wanted: WantedStream) -> str:
         """Why it does not meet what is wanted; empty if it does."""
         found = []
         if self.period_us > wanted.period_us or wanted.period_us % self.period_us:
@@ -43,7 +43,7 @@ class Proposal(NamedTuple):
         return "; ".join(found)
 
 
-def best(proposals: Iterable[Proposal], wanted: Wanted) -> Proposal | None:
+def best(proposals: Iterable[Proposal], wanted: WantedStream) -> Proposal | None:
     """The cheapest proposal that meets what is wanted, of equal ones that of the unit that sorts first."""
     fitting = [each for each in proposals if not each.lacks(wanted)]
     return min(fitting, key=lambda each: (each.cost, unit_order(each.unit)), default=None)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from dyknow.model.errors import WrongCall
 from federation.calls.call import StreamCall
-from federation.calls.proposals import CallNews, Wanted
+from federation.calls.proposals import CallNews, WantedStream
 from federation.keys import label as label_name
 from federation.messages.codec import StreamSample
 from runtime.client import Client, Job, Wait
@@ -21,7 +21,7 @@ CallItem: TypeAlias = UnitSample | CallNews
 _LOOK_S = 0.2
 
 
-def wanted_of(label: str, every: str, max_delay: str, min_certainty: float) -> Wanted:
+def wanted_of(label: str, every: str, max_delay: str, min_certainty: float) -> WantedStream:
     """What is called for, as it is typed.
 
     Raises:
@@ -30,7 +30,7 @@ def wanted_of(label: str, every: str, max_delay: str, min_certainty: float) -> W
     if not 0 <= min_certainty <= 1:
         raise WrongCall(f"min_certainty: {min_certainty:g} is no probability: it is between 0 and 1.")
     every_us = duration_us(every, option="every", least_us=SHORTEST_US)
-    return Wanted(
+    return WantedStream(
         label_name(label), every_us, duration_us(max_delay, option="max_delay", least_us=SHORTEST_US), min_certainty
     )
 
@@ -39,7 +39,7 @@ class OpenCall:
     """A call, and the samples of the platform whose proposal is taken; `take` is given both as they come."""
 
     def __init__(
-        self, client: Client, streams: WatchedStreams, wanted: Wanted, take: Callable[[CallItem], None]
+        self, client: Client, streams: WatchedStreams, wanted: WantedStream, take: Callable[[CallItem], None]
     ) -> None:
         from agents.exchange.gateway import stream_policy
 
@@ -63,7 +63,7 @@ class OpenCall:
         self._client.end(self.call)
 
 
-def call_for(client: Client, streams: WatchedStreams, wanted: Wanted, feed: "Feed[CallItem]") -> Job[Job[None]]:
+def call_for(client: Client, streams: WatchedStreams, wanted: WantedStream, feed: "Feed[CallItem]") -> Job[Job[None]]:
     """Call for a stream; returns the job that ends the call when the feed is closed."""
     yield from platforms(client)
     client.pick(None)

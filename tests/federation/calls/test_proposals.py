@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from federation.calls.proposals import Proposal, Wanted, best
+from federation.calls.proposals import Proposal, WantedStream, best
 from federation.members.directory import unit_order
 
 UNITS = st.lists(st.sampled_from(["0", "1", "2", "10", "a", "uav-b"]), unique=True)
@@ -24,7 +24,7 @@ def proposals(draw: st.DrawFn) -> list[Proposal]:
 def test_the_best_meets_what_is_wanted_and_none_that_does_is_cheaper_or_as_cheap_and_sorts_before_it(
     given_: list[Proposal], period_us: int, delay_us: int, certainty: float
 ) -> None:
-    wanted = Wanted("gas-level", period_us, delay_us, certainty)
+    wanted = WantedStream("gas-level", period_us, delay_us, certainty)
     fitting = [
         each
         for each in given_
@@ -41,7 +41,7 @@ def test_the_best_meets_what_is_wanted_and_none_that_does_is_cheaper_or_as_cheap
 
 @given(proposals())
 def test_what_is_lacking_is_said(given_: list[Proposal]) -> None:
-    wanted = Wanted("gas-level", 100_000, 100_000, 0.9)
+    wanted = WantedStream("gas-level", 100_000, 100_000, 0.9)
     for each in given_:
         assert ("certainty" in each.lacks(wanted)) == (each.certainty < 0.9)
         assert ("delay" in each.lacks(wanted)) == (each.delay_us > 100_000)
