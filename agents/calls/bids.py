@@ -7,7 +7,7 @@ that was requested does. Times are the node clock.
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from agents.actions import Action, Offer
+from agents.actions import FEDERATION, Action, Offer
 from agents.exchange.federation_agent import FederationAgent
 from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
@@ -16,7 +16,7 @@ from agents.shedding import Shedding
 from agents.tasks.life import TaskLife
 from dyknow.model.errors import DyknowError, Refused
 from federation.members.deadlines import Deadlines
-from federation.members.offers import LabelGone, Service
+from federation.members.offers import LabelGone
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import (
     CallForStream,
@@ -63,7 +63,7 @@ class Bids(Part):
 
     offers = (
         Offer(
-            Service("stream-offers", "federation"),
+            FEDERATION,
             (
                 Action(CallForStream, "on_call", frozenset({P.CFP})),
                 Action(TakeProposal, "on_taken", frozenset({P.ACCEPT_PROPOSAL})),
