@@ -7,8 +7,7 @@ from kpl.checking.specifications import Findings
 from kpl.checking.symbols import Constant, Known
 from kpl.running.instance import ConfigurationEntry, Instance
 from kpl.running.ports import Federation, Hooks
-from kpl.syntax.chronicle_printing import print_chronicles
-from kpl.syntax.chronicles import parse_chronicles, read_chronicles
+from kpl.syntax.chronicles import parse_chronicles, print_chronicles, read_chronicles
 from kpl.syntax.listing import print_declaration, print_specification
 from kpl.syntax.parsing import parse_formula
 from kpl.syntax.printing import print_formula

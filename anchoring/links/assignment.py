@@ -2,7 +2,6 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from math import exp
 from typing import Final
 
 import numpy as np
@@ -28,13 +27,6 @@ def assigned(scores: Mapping[tuple[str, str], float]) -> list[tuple[str, str]]:
         else:
             chosen += _solved(pairs, scores)
     return sorted(chosen, key=lambda pair: natural(pair[0]))
-
-
-def probability(chosen: str, scores: Mapping[str, float]) -> float:
-    """How probable one of several candidates is, if their scores are twice the negative logarithm of a likelihood."""
-    least = min(scores.values())
-    weights = {name: exp(-min(score - least, _MOST_SCORE) / 2.0) for name, score in scores.items()}
-    return weights[chosen] / sum(weights.values())
 
 
 def _components(scores: Mapping[tuple[str, str], float]) -> Iterator[list[tuple[str, str]]]:

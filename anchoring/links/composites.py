@@ -4,152 +4,218 @@ A composite has no percept of its own: it is anchored while one of its parts is.
 over both has become true, until another one fails; a composite is what is connected by that. Its symbol stays with the group
 that has most of its parts.
 
-    convoys = CompositeObjects(CompositeSpecification("world", "convoy", together, stays))
-    events = convoys.step(valid_us, linkage.objects("world").values())
+    convoy = CompositeSpecification("world", "convoy", together, stays)
+    linkage = ObjectLinkage([vision_to_world, convoy])
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations, count
+from typing import Final, Protocol
 
 import numpy as np
 
 from anchoring.links.assignment import assigned, natural
 from anchoring.links.deciding.conditions import PairCondition
-from anchoring.links.objects import EventKind, LinkEvent, LinkObject, LinkReason
+from anchoring.links.deciding.nearness import NearObjects
+from anchoring.links.objects import EventKind, LinkObject, LinkReason, ObjectLink
+from anchoring.links.prediction import certain
 from anchoring.links.specification import ALWAYS_TRUE, LinkSpecification
 from anchoring.links.states import ObjectState
-from reasoning import Progressing
+from reasoning import Explanation, Progressing
 from reasoning.formulas.tree import Formula
+
+PARTS: Final = "parts"
+COUNT: Final = "count"
+"""Attributes of a composite: the symbols of its parts, and their number."""
+MOST_PAIRS: Final = 10_000
+"""Of parts that are near each other; more are counted, and left out."""
 
 
 @dataclass(frozen=True, slots=True)
 class CompositeSpecification:
-    """Parts of one type that make objects of another.
+    """Objects of one type that are parts of objects of another.
 
     Attributes:
+        source, target: the types of the parts, and of what they make.
         together: over `from` and `to`, two parts, the one whose symbol is first being `from`; true: they belong together.
+            It implies a distance between them.
         stays: over the same; false: they no longer do.
         least: the number of parts that make a composite.
     """
 
-    part: str
+    source: str
     target: str
     together: Formula
     stays: Formula = ALWAYS_TRUE
     least: int = 2
 
-
-@dataclass(slots=True)
-class Composite:
-    """A symbol, its parts by symbol, and the mean of their states."""
-
-    symbol: str
-    parts: dict[str, LinkObject]
-    state: ObjectState
-
     @property
-    def is_anchored(self) -> bool:
-        """Whether one of the parts was linked to a percept, directly or not, when it had its latest state."""
-        return any(part.anchored_us == part.state.valid_us for part in self.parts.values())
+    def name(self) -> str:
+        """As it is printed."""
+        return f"{self.source} -> {self.target}"
+
+
+def check_ends(specifications: Iterable[LinkSpecification | CompositeSpecification]) -> None:
+    """Composites are made of their parts alone, and are linked to nothing; raises ValueError."""
+    every = list(specifications)
+    composites = {each.target for each in every if isinstance(each, CompositeSpecification)}
+    for each in every:
+        if isinstance(each, LinkSpecification) and {each.source, each.target} & composites:
+            raise ValueError(f"{each.name}: composites are made of their parts, and are linked to nothing else")
+
+
+class CompositeSurroundings(Protocol):
+    """What composites need of the structures they belong to."""
+
+    def create(self, valid_us: int, target: str, state: ObjectState, symbol: str | None = None) -> LinkObject:
+        """A new object, with a symbol of its own."""
+
+    def discard(self, valid_us: int, one: LinkObject, reason: LinkReason) -> None:
+        """An object is gone."""
+
+    def on_event(self, valid_us: int, kind: EventKind, link: ObjectLink, reason: LinkReason) -> None:
+        """A part has come, or gone."""
 
 
 class CompositeObjects:
-    """All composites of one specification.
+    """All composites of one specification. Each has a link from each of its parts, by their symbols.
 
     Attributes:
-        composites: by symbol.
+        left_out: pairs of parts beyond `MOST_PAIRS`, which were not looked at in the latest tick.
+
+    Raises:
+        ValueError: `together` implies no distance, so that every two objects would have to be looked at.
     """
 
-    def __init__(self, specification: CompositeSpecification) -> None:
-        self.specification = specification
-        self.composites: dict[str, Composite] = {}
-        pair = LinkSpecification(specification.part, specification.target, ALWAYS_TRUE, specification.together)
-        self._together, self._stays = (
-            PairCondition(each, pair) for each in (specification.together, specification.stays)
+    def __init__(self, specification: CompositeSpecification, around: CompositeSurroundings) -> None:
+        self.made, self.name, self._around = specification, specification.name, around
+        self.specification = LinkSpecification(
+            specification.source, specification.target, specification.together, specification.stays
         )
+        self._together, self._stays = (
+            PairCondition(each, self.specification) for each in (specification.together, specification.stays)
+        )
+        gate = self._together.gate
+        if gate is None:
+            raise ValueError(f"parts of {specification.target} are near each other: `xy_dist[from, to] < 30 and ...`")
+        self._bound_m = gate.bound_m
+        self.left_out = 0
         self._evaluations: dict[tuple[str, str], Progressing] = {}
         self._bonds: dict[tuple[str, str], Progressing] = {}
-        self._numbers = count(1)
+        self._because: dict[tuple[str, str], tuple[Explanation, ...]] = {}
 
-    def step(self, valid_us: int, parts: Iterable[LinkObject]) -> list[LinkEvent]:
+    def step(self, valid_us: int, parts: Mapping[str, LinkObject], composites: Mapping[str, LinkObject]) -> None:
         """Take the states of all parts that there are at a time; those without one at that time stay as they were."""
-        known = {one.symbol: one for one in parts}
-        for table in (self._evaluations, self._bonds):
-            for pair in [pair for pair in table if not known.keys() >= set(pair)]:
+        for table in (self._evaluations, self._bonds, self._because):
+            for pair in [pair for pair in table if not parts.keys() >= set(pair)]:
                 del table[pair]
-        fresh = sorted(
-            (one for one in known.values() if one.state.valid_us == valid_us), key=lambda one: natural(one.symbol)
-        )
-        for one, other in combinations(fresh, 2):
-            self._decide(valid_us, one, other)
-        return self._regroup(valid_us, known)
+        fresh = {symbol: one for symbol, one in parts.items() if one.state.valid_us == valid_us}
+        failed = self._keep(valid_us, fresh)
+        self._join(valid_us, fresh)
+        self._regroup(valid_us, parts, composites, failed)
 
-    def _decide(self, valid_us: int, one: LinkObject, other: LinkObject) -> None:
-        """Whether two parts belong together after this state; what has failed begins again at the next."""
-        pair = one.symbol, other.symbol
-        if (bond := self._bonds.get(pair)) is not None:
+    def _keep(self, valid_us: int, fresh: Mapping[str, LinkObject]) -> dict[str, LinkReason]:
+        """Take the states of those that belong together; why parts no longer do."""
+        failed: dict[str, LinkReason] = {}
+        for pair in [pair for pair in self._bonds if fresh.keys() >= set(pair)]:
+            bond, (one, other) = self._bonds[pair], (fresh[symbol] for symbol in pair)
             self._stays.step(bond, valid_us, one.state, other.whereabouts)
             if bond.verdict == "false":
-                del self._bonds[pair]
-            return
-        gate = self._together.gate
-        is_far = gate is not None and one.state.distance_m(other.state) >= gate.bound_m
-        if is_far and pair not in self._evaluations:
-            return
-        evaluation = self._evaluations.setdefault(pair, self._together.start())
-        self._together.step(evaluation, valid_us, one.state, other.whereabouts)
-        if evaluation.verdict != "undecided":
-            del self._evaluations[pair]
-        if evaluation.verdict == "true":
-            self._bonds[pair] = self._stays.start()
+                reason = LinkReason("maintain", self._stays.formula, bond.explain())
+                failed.update(dict.fromkeys(pair, reason))
+                del self._bonds[pair], self._because[pair]
+        return failed
 
-    def _regroup(self, valid_us: int, known: dict[str, LinkObject]) -> list[LinkEvent]:
-        groups = [group for group in self._groups() if len(group) >= self.specification.least]
+    def _join(self, valid_us: int, fresh: Mapping[str, LinkObject]) -> None:
+        """Take the states of two that may belong together; what has failed begins again at the next."""
+        near = NearObjects(((each.symbol, each.whereabouts) for each in fresh.values()), self._bound_m, keeps_all=False)
+        pairs = {pair for pair in self._evaluations if fresh.keys() >= set(pair)}
+        for symbol, one in fresh.items():
+            pairs |= {_ordered(symbol, other) for other, _ in near.of(one.state, ()) if other != symbol}
+        new = sorted(pairs - self._bonds.keys())
+        self.left_out = max(0, len(new) + len(self._bonds) - MOST_PAIRS)
+        for pair in new[: max(0, MOST_PAIRS - len(self._bonds))]:
+            one, other = (fresh[symbol] for symbol in pair)
+            evaluation = self._evaluations.setdefault(pair, self._together.start())
+            self._together.step(evaluation, valid_us, one.state, other.whereabouts)
+            if evaluation.verdict != "undecided":
+                del self._evaluations[pair]
+            if evaluation.verdict == "true":
+                self._bonds[pair], self._because[pair] = self._stays.start(), evaluation.explain()
+
+    def _regroup(
+        self,
+        valid_us: int,
+        parts: Mapping[str, LinkObject],
+        composites: Mapping[str, LinkObject],
+        failed: Mapping[str, LinkReason],
+    ) -> None:
+        """Give each group its symbol, tell which parts came and went, and let each have its state."""
+        groups = [group for group in self._groups() if len(group) >= self.made.least]
         shared = {
             (symbol, str(at)): -float(len(common))
-            for symbol, composite in self.composites.items()
+            for symbol, one in composites.items()
             for at, group in enumerate(groups)
-            if (common := composite.parts.keys() & group)
+            if (common := one.incoming.keys() & group)
         }
         chosen = {int(at): symbol for symbol, at in assigned(shared)}
-        found: dict[str, Composite] = {}
-        events = []
+        gone = LinkReason("maintain", self._stays.formula)
+        for one in [one for symbol, one in composites.items() if symbol not in chosen.values()]:
+            reason = next((failed[name] for name in one.incoming if name in failed), gone)
+            self._around.discard(valid_us, one, reason)
         for at, group in enumerate(groups):
-            symbol = chosen.get(at) or f"{self.specification.target}{next(self._numbers)}"
-            parts = {name: known[name] for name in sorted(group, key=natural)}
-            found[symbol] = Composite(symbol, parts, _mean(valid_us, [part.state for part in parts.values()]))
-            before = self.composites[symbol].parts.keys() if symbol in self.composites else set[str]()
-            events += [self._event(valid_us, name, symbol, joined=True) for name in parts if name not in before]
-            events += [self._event(valid_us, name, symbol, joined=False) for name in before if name not in parts]
-        events += [
-            LinkEvent(valid_us, "forgotten", "", "", symbol, self.specification.target, LinkReason("maintain"))
-            for symbol in self.composites
-            if symbol not in found
-        ]
-        self.composites = found
-        return events
+            state = _mean(valid_us, [parts[name] for name in sorted(group, key=natural)])
+            one = composites[chosen[at]] if at in chosen else self._around.create(valid_us, self.made.target, state)
+            kind: EventKind = "reestablished" if at in chosen else "established"
+            for name in [name for name in one.incoming if name not in group]:
+                self._around.on_event(valid_us, "unlinked", one.incoming.pop(name), failed.get(name, gone))
+            for name in sorted(group - one.incoming.keys(), key=natural):
+                link = one.incoming[name] = ObjectLink(self, parts[name], one, valid_us)
+                self._around.on_event(valid_us, kind, link, self._reason(name))
+            self._update(valid_us, one, state)
+
+    def _update(self, valid_us: int, one: LinkObject, state: ObjectState) -> None:
+        sources = [link.source for link in one.incoming.values() if link.source.state.valid_us == valid_us]
+        if any(each.prediction is None for each in sources):
+            one.observe(state)
+        elif sources:
+            one.expect(certain(state))
+
+    def _reason(self, part: str) -> LinkReason:
+        """Why it belongs to another."""
+        why = next((found for pair, found in self._because.items() if part in pair), ())
+        return LinkReason("establish", self._together.formula, why)
+
+    def unlink(self, valid_us: int, link: ObjectLink, reason: LinkReason) -> None:
+        """A part belongs to a composite no longer."""
+        incoming = link.target.incoming
+        link.target.incoming = {name: each for name, each in incoming.items() if each is not link}
+        self._around.on_event(valid_us, "unlinked", link, reason)
 
     def _groups(self) -> list[set[str]]:
         """Parts that are connected by belonging together."""
+        beside: dict[str, set[str]] = {}
+        for one, other in self._bonds:
+            beside.setdefault(one, set()).add(other)
+            beside.setdefault(other, set()).add(one)
         groups: list[set[str]] = []
-        for pair in self._bonds:
-            touched = [group for group in groups if group & set(pair)]
-            groups = [group for group in groups if group not in touched]
-            groups.append(set(pair).union(*touched))
+        while beside:
+            waiting, group = [next(iter(beside))], set[str]()
+            while waiting:
+                one = waiting.pop()
+                group.add(one)
+                waiting += beside.pop(one, ())
+            groups.append(group)
         return sorted(groups, key=lambda group: min(map(natural, group)))
 
-    def _event(self, valid_us: int, part: str, symbol: str, *, joined: bool) -> LinkEvent:
-        specification = self.specification
-        reason = (
-            LinkReason("establish", specification.together) if joined else LinkReason("maintain", specification.stays)
-        )
-        kind: EventKind = "established" if joined else "unlinked"
-        return LinkEvent(valid_us, kind, part, specification.part, symbol, specification.target, reason)
+
+def _ordered(one: str, other: str) -> tuple[str, str]:
+    return (one, other) if natural(one) < natural(other) else (other, one)
 
 
-def _mean(valid_us: int, states: list[ObjectState]) -> ObjectState:
+def _mean(valid_us: int, parts: Sequence[LinkObject]) -> ObjectState:
     """The mean of the parts, which is as certain as the mean of their covariances."""
+    states, symbols = [each.state for each in parts], [each.symbol for each in parts]
     x_m, y_m, vx_m_s, vy_m_s = np.mean([each[1:5] for each in states], axis=0).tolist()
     covariance = np.mean([each.covariance for each in states], axis=0)
-    return ObjectState(valid_us, x_m, y_m, vx_m_s, vy_m_s, covariance)
+    return ObjectState(valid_us, x_m, y_m, vx_m_s, vy_m_s, covariance, {PARTS: " ".join(symbols), COUNT: len(symbols)})

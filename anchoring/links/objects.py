@@ -21,7 +21,7 @@ EventKind: TypeAlias = Literal[
 ]
 """The last four are of wanted objects: it comes into view, stays there for a second, is in view again; or is not."""
 Cause: TypeAlias = Literal[
-    "establish", "reestablish", "maintain", "wanted", "tracked", "released", "ended", "silent", "forgotten"
+    "establish", "reestablish", "maintain", "weighed", "wanted", "tracked", "released", "ended", "silent", "forgotten"
 ]
 
 
@@ -30,7 +30,8 @@ class LinkReason(NamedTuple):
 
     Attributes:
         cause: a condition, or the description of a wanted object; that was seen for a while, or is wanted no more; the
-            percept ended, or had no sample for too long; the object was not anchored for too long.
+            candidates of a percept were weighed again; the percept ended, or had no sample for too long; the object was not
+            anchored for too long.
         formula: of the condition, with the parts and samples that decided it in `explanations`.
         for_us: how long the percept was silent, or the object seen, or not anchored.
     """
@@ -56,6 +57,15 @@ class LinkEvent(NamedTuple):
     target_type: str
     reason: LinkReason
     weight: float = 1.0
+
+
+class LastSeen(NamedTuple):
+    """How an object was known at one time."""
+
+    observed: tuple[ObjectState, ...]
+    state: ObjectState
+    prediction: ObjectPrediction | None
+    anchored_us: int
 
 
 @dataclass(slots=True, eq=False)
@@ -85,12 +95,23 @@ class LinkObject:
     classes: dict[str, str] = field(default_factory=dict)
     history: deque[LinkEvent] = field(default_factory=lambda: deque(maxlen=LINKS_KEPT))
 
-    def observe(self, state: ObjectState) -> None:
-        """Take a state that was seen."""
+    def observe(self, state: ObjectState, *, is_sure: bool = True) -> None:
+        """Take a state that was seen; unless it is sure that it is its own, nothing is learnt of its motion."""
         self.state, self.prediction = state, None
         self.observed.append(state)
-        if self.individual is not None:
+        if self.individual is not None and is_sure:
             self.individual.observe(state)
+
+    @property
+    def last_seen(self) -> LastSeen:
+        """How it is known now."""
+        return LastSeen(tuple(self.observed), self.state, self.prediction, self.anchored_us)
+
+    def go_back(self, to: LastSeen) -> None:
+        """What was seen since then was another."""
+        self.observed.clear()
+        self.observed.extend(to.observed)
+        self.state, self.prediction, self.anchored_us = to.state, to.prediction, to.anchored_us
 
     def expect(self, prediction: ObjectPrediction) -> None:
         """Take a state that was predicted."""
@@ -121,7 +142,8 @@ class ObjectLink:
 
     Attributes:
         maintain: the evaluation of the condition; None if it can no longer fail.
-        state: of the target, as this link alone makes it; None unless errors may be correlated.
+        state: of the target, as this link alone makes it; None if its unit weighs it with the state before.
+        weight: how probable it is, where its source may be other known objects as well.
     """
 
     process: LinkOwner
@@ -130,6 +152,7 @@ class ObjectLink:
     since_us: int
     maintain: Progressing | None = None
     state: ObjectState | None = None
+    weight: float = 1.0
 
     @property
     def is_doubtful(self) -> bool:

@@ -7,16 +7,17 @@ maintain condition failed, at the next one. Pairs that a gate keeps apart cost n
 """
 
 from bisect import bisect_left
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Final, NamedTuple, Protocol
 
-from anchoring.links.assignment import assigned, natural, probability
+from anchoring.links.assignment import assigned, natural
+from anchoring.links.deciding.candidates import LinkCandidate, LinkCandidates
 from anchoring.links.deciding.conditions import PairCondition
 from anchoring.links.deciding.nearness import NearObjects
 from anchoring.links.objects import EventKind, LinkObject, LinkReason, ObjectLink
 from anchoring.links.prediction import ObjectPrediction, certain
-from anchoring.links.specification import LinkSpecification
-from anchoring.links.states import ObjectState, intersected, moved
+from anchoring.links.specification import LinkSpecification, filtered
+from anchoring.links.states import ObjectState, intersected, moved, weighed
 from reasoning import Progressing
 
 _MOST_TIMES: Final = 1024
@@ -87,6 +88,7 @@ class LinkProcess:
     Attributes:
         unlinked: objects of A that are not linked, by symbol.
         available: since when each object of B has had no link of this process, by symbol.
+        candidates: of the objects of A that may be several of B, by symbol.
         evaluations: how many progressions were made or continued at the latest tick.
     """
 
@@ -99,6 +101,7 @@ class LinkProcess:
         self._around = surroundings
         self.unlinked: dict[str, Unlinked] = {}
         self.available: dict[str, tuple[LinkObject, int]] = {}
+        self.candidates: dict[str, LinkCandidates] = {}
         self.evaluations = 0
 
     # What the structures report
@@ -121,6 +124,7 @@ class LinkProcess:
 
     def unlink(self, valid_us: int, link: ObjectLink, reason: LinkReason) -> None:
         """Remove a link; its target is available from now on, from the next state on if it was made at this one."""
+        self.candidates.pop(link.source.symbol, None)
         del link.source.outgoing[self.name]
         del link.target.incoming[self.name]
         self.on_target(link.target, max(valid_us, link.since_us + 1))
@@ -168,12 +172,17 @@ class LinkProcess:
         if source.prediction is not None:
             self._expect(valid_us, source, target)
             state = target.state
+        elif not self._weigh(valid_us, link):
+            return
         else:
             state = self._computed(valid_us, link)
         if link.maintain is not None:
             self.evaluations += 1
             self._maintain.step(link.maintain, valid_us, source.state, certain(state))
-            if link.maintain.verdict == "false":
+            if link.maintain.verdict == "false" and (candidates := self.candidates.get(source.symbol)) is not None:
+                candidates.lower()
+                link.maintain = self._maintain.start()
+            elif link.maintain.verdict == "false":
                 reason = LinkReason("maintain", self._maintain.formula, link.maintain.explain())
                 self.unlink(valid_us, link, reason)
                 self._around.expected(target, valid_us)
@@ -181,7 +190,35 @@ class LinkProcess:
             if link.maintain.verdict == "true":
                 link.maintain = None
         if source.prediction is None:
-            target.observe(state)
+            target.observe(state, is_sure=source.symbol not in self.candidates)
+
+    def _weigh(self, valid_us: int, link: ObjectLink) -> bool:
+        """Weigh the candidates of a link; False: another has taken its place."""
+        candidates = self.candidates.get(link.source.symbol)
+        if candidates is None:
+            return True
+        for symbol in candidates.others():
+            if symbol not in self.available:
+                candidates.drop(symbol)
+        candidates.on_state(valid_us, link.source.state, self.specification.noise)
+        if candidates.likeliest.target is not link.target:
+            self._go_over(valid_us, link, candidates)
+            return False
+        if candidates.is_decided:
+            del self.candidates[link.source.symbol]
+        link.weight = candidates.weight
+        return True
+
+    def _go_over(self, valid_us: int, link: ObjectLink, candidates: LinkCandidates) -> None:
+        """Link a percept to another of its candidates; the object before is as if it had never been it."""
+        chosen, before = candidates.go_over()
+        self.unlink(valid_us, link, LinkReason("weighed"))
+        link.target.go_back(before)
+        self._link(
+            valid_us, "reestablished", link.source, chosen.target, LinkReason("weighed"), chosen.weight, candidates
+        )
+        if self.specification.is_recursive:
+            chosen.target.state = chosen.target.observed[-1] = chosen.state
 
     def _expect(self, valid_us: int, source: LinkObject, target: LinkObject) -> None:
         """What is above a predicted object is predicted with it."""
@@ -192,15 +229,18 @@ class LinkProcess:
     def _computed(self, valid_us: int, link: ObjectLink) -> ObjectState:
         """The state that the unit makes of the source's, weighed with those of other live links."""
         specification, target = self.specification, link.target
-        if not specification.correlated:
-            return specification.unit(link.source.state, self._prior(valid_us, link.source.state, target))
-        prior = None if link.state is None else moved(link.state, valid_us, specification.noise)
-        if prior is None:
+        others = [other for other in target.incoming.values() if other is not link and other.state is not None]
+        if link.state is None or not (others or specification.correlated):
             prior = self._prior(valid_us, link.source.state, target)
-        state = link.state = specification.unit(link.source.state, prior)
-        for other in target.incoming.values():
-            if other is not link and other.state is not None:
-                state = intersected(moved(other.state, valid_us, specification.noise), state)
+        else:
+            prior = moved(link.state, valid_us, specification.noise)
+        state = specification.unit(link.source.state, prior)
+        if specification.is_recursive and not specification.correlated:
+            return state
+        link.state = state
+        for other in others:
+            fused = intersected if specification.correlated or other.process.specification.correlated else weighed
+            state = fused(moved(other.state or state, valid_us, specification.noise), state)
         return state
 
     def _prior(self, valid_us: int, state: ObjectState, target: LinkObject) -> ObjectState | None:
@@ -215,6 +255,7 @@ class LinkProcess:
         """Progress the conditions of all unlinked objects, then link those for which one became true."""
         scores: dict[tuple[str, str], float] = {}
         held: dict[tuple[str, str], Progressing] = {}
+        known: dict[str, dict[str, ObjectPrediction]] = {}
         sources: dict[str, LinkObject] = {}
         new: list[tuple[LinkObject, Progressing]] = []
         near = self._near(valid_us, len(unlinked))
@@ -234,18 +275,40 @@ class LinkProcess:
                 if evaluation is not None and evaluation.verdict == "true":
                     scores[one.symbol, target] = self.specification.score(one.state, whereabouts)
                     held[one.symbol, target] = evaluation
+                    known.setdefault(one.symbol, {})[target] = whereabouts
                     sources[one.symbol] = one
-        chosen = assigned(scores)
-        for source, target in chosen:
+        chosen = dict(assigned(scores))
+        for source, target in chosen.items():
             reason = LinkReason("reestablish", self._reestablish.formula, held[source, target].explain())
-            weight = probability(target, {other: score for (one, other), score in scores.items() if one == source})
-            self._link(valid_us, "reestablished", sources[source], self.available[target][0], reason, weight)
-        known = {source for source, _ in chosen}
+            weights = self.specification.weigh(sources[source].state, known[source])
+            free = {other: known[source][other] for other in known[source].keys() - chosen.values()}
+            candidates = self._candidates(sources[source], target, known[source][target], free, weights)
+            one, weight = self.available[target][0], weights.get(target, 0.0)
+            self._link(valid_us, "reestablished", sources[source], one, reason, weight, candidates)
         for one, establish in new:
-            if one.symbol not in known:
+            if one.symbol not in chosen:
                 reason = LinkReason("establish", self._establish.formula, establish.explain())
                 created = self._around.create(valid_us, self.specification.target, self._first(one))
                 self._link(valid_us, "established", one, created, reason)
+
+    def _candidates(
+        self,
+        source: LinkObject,
+        target: str,
+        expected: ObjectPrediction,
+        others: Mapping[str, ObjectPrediction],
+        weights: Mapping[str, float],
+    ) -> LinkCandidates | None:
+        """What a percept may be as well, besides the object that it was assigned; None: it is taken for that."""
+        free = sorted(others, key=lambda symbol: (-weights.get(symbol, 0.0), natural(symbol)))
+        made: dict[str, LinkCandidate] = {}
+        for symbol in (target, *free[: self.specification.candidates - 1]):
+            weight, state = weights.get(symbol, 0.0), source.state
+            track = filtered(state, (expected if symbol == target else others[symbol]).nearest(state))
+            one = self.available[symbol][0]
+            made[symbol] = LinkCandidate(one, weight, track, one.last_seen)
+        found = LinkCandidates(target, made)
+        return None if found.is_decided else found
 
     def _first(self, source: LinkObject) -> ObjectState:
         """The state of a new object: of what its source has shown until now."""
@@ -315,12 +378,15 @@ class LinkProcess:
         target: LinkObject,
         reason: LinkReason,
         weight: float = 1.0,
+        candidates: LinkCandidates | None = None,
     ) -> None:
         link = ObjectLink(self, source, target, valid_us)
+        if candidates is not None:
+            self.candidates[source.symbol], link.weight = candidates, candidates.weight
         if not target.observed:
             target.observe(target.state)
         elif source.prediction is None:
-            target.observe(self._computed(valid_us, link))
+            target.observe(self._computed(valid_us, link), is_sure=candidates is None)
         else:
             self._expect(valid_us, source, target)
         source.outgoing[self.name] = target.incoming[self.name] = link

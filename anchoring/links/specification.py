@@ -7,11 +7,12 @@
 * `speed[from]`, `deviation[from]`: of the state; `NAME[from]`: an entry of `features`, else an attribute of the state.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import log
+from graphlib import CycleError, TopologicalSorter
+from math import exp, log
 from types import MappingProxyType
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple, Protocol, TypeAlias, TypeVar
 
 from anchoring.links.prediction import ObjectPrediction, Predictor
 from anchoring.links.states import ObjectState, diagonal, weighed
@@ -22,6 +23,8 @@ StateUnit: TypeAlias = Callable[[ObjectState, ObjectState | None], ObjectState]
 """The computational unit of a link: (state of A, state of B predicted to its time or None if B is new) -> state of B."""
 Score: TypeAlias = Callable[[ObjectState, ObjectPrediction], float]
 """How badly a state fits an object that is expected somewhere; the least wins."""
+Weigh: TypeAlias = Callable[[ObjectState, Mapping[str, ObjectPrediction]], Mapping[str, float]]
+"""How probable each of several objects, by symbol, is the one that a state shows; the weights sum to 1."""
 StateFeature: TypeAlias = Callable[[ObjectState], Value]
 FROM: Final = "from"
 TO: Final = "to"
@@ -64,6 +67,14 @@ def _unlikely(state: ObjectState, expected: ObjectState) -> float:
     return float(apart + log(determinant))
 
 
+def likelihoods(state: ObjectState, candidates: Mapping[str, ObjectPrediction]) -> dict[str, float]:
+    """The weights of candidates that are as probable before the state is seen: by how likely they make it."""
+    scores = {symbol: unlikelihood(state, expected) for symbol, expected in candidates.items()}
+    least = min(scores.values(), default=0.0)
+    weights = {symbol: exp((least - score) / 2.0) for symbol, score in scores.items()}
+    return {symbol: weight / sum(weights.values()) for symbol, weight in weights.items()}
+
+
 def filtered(measured: ObjectState, prior: ObjectState | None) -> ObjectState:
     """The unit of percepts: a Kalman filter, whose first estimate has a velocity of 0 +- 15 m/s if none is measured."""
     if prior is None:
@@ -88,6 +99,10 @@ class LinkSpecification:
         threshold: what `thresh` is in the conditions.
         exclusive: specifications with the same name here exclude each other for one object of A.
         correlated: errors of this process may be correlated with those of others into B; else they are independent.
+        is_recursive: the unit weighs what it is given with the state before; else that is done with the states that other
+            links make.
+        weigh: the weights of the known objects that one object of A could be.
+        candidates: most of them that are kept; with 1 it is taken for the one that is chosen.
         features: further features of `from` and `to`, by name.
     """
 
@@ -104,9 +119,50 @@ class LinkSpecification:
     score: Score = distance
     exclusive: str = ""
     correlated: bool = False
-    features: Mapping[str, StateFeature] = field(default_factory=lambda: MappingProxyType({}))
+    is_recursive: bool = True
+    weigh: Weigh = likelihoods
+    candidates: int = 1
+    features: Mapping[str, StateFeature] = field(default_factory=lambda: MappingProxyType({}), compare=False)
 
     @property
     def name(self) -> str:
         """As it is printed."""
         return f"{self.source} -> {self.target}"
+
+
+class Typed(Protocol):
+    """A specification of objects of a type that are made of those of another."""
+
+    @property
+    def source(self) -> str: ...
+    @property
+    def target(self) -> str: ...
+    @property
+    def name(self) -> str: ...
+
+
+Specified = TypeVar("Specified", bound=Typed)
+
+
+def in_order(specifications: Sequence[Specified]) -> list[Specified]:
+    """Those into lower types first; in the order given where that is left open.
+
+    Raises:
+        ValueError: types are in a circle, or two specifications have the same types.
+    """
+    names = [each.name for each in specifications]
+    if len(set(names)) < len(names):
+        raise ValueError(f"each pair of types has one link specification, got {', '.join(names)}")
+    below: dict[str, list[str]] = {}
+    for each in specifications:
+        below.setdefault(each.target, []).append(each.source)
+    try:
+        types = list(TopologicalSorter(below).static_order())
+    except CycleError as wrong:
+        raise ValueError(f"types are linked in a circle: {' -> '.join(wrong.args[1])}") from None
+    return sorted(specifications, key=lambda each: types.index(each.target))
+
+
+def prefix_of(type_: str, types: Collection[str]) -> str:
+    """`wo` of world objects, `oo` of on-road objects, as the paper has it; the whole name where another type has it too."""
+    return f"{type_[0]}o" if sum(other[0] == type_[0] for other in types) == 1 else f"{type_}_"

@@ -11,17 +11,17 @@ ticks that are farther apart than percepts come, objects are predicted at the sa
 
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from graphlib import CycleError, TopologicalSorter
 from itertools import count
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 from anchoring.links.assignment import natural
+from anchoring.links.composites import CompositeObjects, CompositeSpecification, check_ends
 from anchoring.links.individuals import Individual
 from anchoring.links.objects import EventKind, LinkEvent, LinkObject, LinkReason, ObjectLink
 from anchoring.links.prediction import ConstantVelocity, ObjectPrediction, Predictor, certain
 from anchoring.links.processes import LinkProcess, updated
 from anchoring.links.rhythm import Rhythm
-from anchoring.links.specification import LinkSpecification
+from anchoring.links.specification import LinkSpecification, in_order, prefix_of
 from anchoring.links.states import ObjectState, moved
 from anchoring.links.top_down import TopDown
 from dyknow import Value
@@ -30,7 +30,8 @@ from reasoning.formulas.tree import Formula
 MOST_TICKS: Final = 10_000
 """Most predictions at the sample period between two ticks."""
 GENERAL: Final = ConstantVelocity(noise=4.0)
-_FORGOTTEN_KEPT, _NEARLY = 1000, 0.99
+AnySpecification: TypeAlias = LinkSpecification | CompositeSpecification
+_FORGOTTEN_KEPT, _NEARLY, _NEVER_US = 1000, 0.99, 2**62
 
 
 class Percept(NamedTuple):
@@ -48,6 +49,7 @@ class StateRecord(NamedTuple):
     Attributes:
         linked_to: the objects below it, or percepts, from whose states it comes; empty where it is predicted itself.
         prediction: None where it was observed.
+        weight: how probable its links are.
     """
 
     valid_us: int
@@ -56,6 +58,7 @@ class StateRecord(NamedTuple):
     state: ObjectState
     linked_to: tuple[str, ...]
     prediction: ObjectPrediction | None
+    weight: float = 1.0
 
 
 class LinkOutcome(NamedTuple):
@@ -73,29 +76,41 @@ class ObjectLinkage:
         period_us: the sample period; None: learnt for each type of percepts.
         silence_us: percepts without a sample for so long have ended; None: by their period.
 
+    Attributes:
+        into: the link processes that lead into each type; `composites`: what makes those of parts.
+
     Raises:
-        ValueError: the types of the specifications are in a circle, or two specifications link the same types.
+        ValueError: the types of the specifications are in a circle, or two specifications link the same types; parts of
+            composites need not be near each other.
     """
 
     def __init__(
         self,
-        specifications: Sequence[LinkSpecification],
+        specifications: Sequence[AnySpecification],
         period_us: int | None = None,
         silence_us: int | None = None,
     ) -> None:
-        self._processes = _ordered([LinkProcess(each, self) for each in specifications])
-        self._into: dict[str, list[LinkProcess]] = {}
+        self.into: dict[str, list[LinkProcess]] = {}
         self._from: dict[str, list[LinkProcess]] = {}
-        for process in self._processes:
-            self._into.setdefault(process.specification.target, []).append(process)
-            self._from.setdefault(process.specification.source, []).append(process)
-        self._types = {type_: _prefix(type_, list(self._into)) for type_ in self._into}
-        self._objects: dict[str, dict[str, LinkObject]] = {type_: {} for type_ in (*self._from, *self._into)}
-        self._rhythms = {type_: Rhythm(period_us, silence_us) for type_ in self._from if type_ not in self._into}
+        self.composites: dict[str, CompositeObjects] = {}
+        specified = in_order(specifications)
+        check_ends(specified)
+        for each in specified:
+            if isinstance(each, CompositeSpecification):
+                self.composites[each.target] = CompositeObjects(each, self)
+            else:
+                process = LinkProcess(each, self)
+                self.into.setdefault(each.target, []).append(process)
+                self._from.setdefault(each.source, []).append(process)
+        self._order = tuple(dict.fromkeys(each.target for each in specified))
+        self._types = {one: one if one in self.composites else prefix_of(one, self.into) for one in self._order}
+        below = dict.fromkeys(each.source for each in specified)
+        self._objects: dict[str, dict[str, LinkObject]] = {type_: {} for type_ in (*below, *self._order)}
+        self._rhythms = {type_: Rhythm(period_us, silence_us) for type_ in below if type_ not in self._order}
         self._numbers = {prefix: count(1) for prefix in set(self._types.values())}
         self._latest_us: int | None = None
         self._events: list[LinkEvent] = []
-        self._top_down = TopDown(self, self._objects, self._into, self._from)
+        self._top_down = TopDown(self, self._objects, self.into, self._from)
         self._forgotten: deque[LinkObject] = deque(maxlen=_FORGOTTEN_KEPT)
         self.recent: deque[LinkEvent] = deque(maxlen=_FORGOTTEN_KEPT)
 
@@ -149,13 +164,15 @@ class ObjectLinkage:
                 self._observe(valid_us, percept, percept.state)
         self._predict(valid_us)
         fresh = {type_: updated(self._objects[type_].values(), valid_us) for type_ in self._rhythms}
-        for type_, processes in self._into.items():
-            for process in processes:
+        for type_ in self._order:
+            for process in self.into.get(type_, ()):
                 sources = fresh[process.specification.source]
                 process.update(valid_us, sources)
                 self._top_down.seek(valid_us, process, sources)
                 process.decide(valid_us, sources)
             objects = self._objects[type_]
+            if (composites := self.composites.get(type_)) is not None:
+                composites.step(valid_us, self._objects[composites.specification.source], objects)
             fresh[type_] = updated(objects.values(), valid_us)
             self._forget(valid_us, type_)
             outcome.states.extend(_record(one) for one in fresh[type_] if one.symbol in objects)
@@ -192,7 +209,7 @@ class ObjectLinkage:
         if period_us is None:
             return
         shown = set[LinkObject]()
-        for type_ in self._into:
+        for type_ in self.into:
             for one in self._objects[type_].values():
                 sources = [link.source for link in one.incoming.values()]
                 if any(each in shown or self._is_shown(each, valid_us) for each in sources):
@@ -229,7 +246,7 @@ class ObjectLinkage:
         return owner, (predictor or GENERAL).predict(history, valid_us, owner.prediction, owner.individual)
 
     def _predictor(self, type_: str) -> Predictor | None:
-        return next((each.specification.predictor for each in self._into[type_] if each.specification.predictor), None)
+        return next((each.specification.predictor for each in self.into[type_] if each.specification.predictor), None)
 
     # Objects and links
 
@@ -251,7 +268,7 @@ class ObjectLinkage:
         one.anchored_us = one.created_us
         for process in self._from.get(one.type, ()):
             process.on_source(one, one.created_us)
-        for process in self._into.get(one.type, ()):
+        for process in self.into.get(one.type, ()):
             process.on_target(one, one.created_us)
         return one
 
@@ -261,12 +278,12 @@ class ObjectLinkage:
         """A link was made; processes that it excludes have nothing to decide about its source."""
         for other in self._excluded(link):
             other.drop_source(link.source.symbol)
-        self._tell(valid_us, kind, link, reason, weight)
+        self.on_event(valid_us, kind, link, reason, weight)
         if group := link.process.specification.exclusive:
             before = link.source.classes.get(group, link.target.type)
             link.source.classes[group] = link.target.type
             if before != link.target.type:
-                self._tell(valid_us, "reclassified", link, reason, weight)
+                self.on_event(valid_us, "reclassified", link, reason, weight)
 
     def on_unlinked(self, valid_us: int, link: ObjectLink, reason: LinkReason) -> None:
         """A link was removed; if its source is alive, its evaluations start at the next state."""
@@ -276,7 +293,7 @@ class ObjectLinkage:
             for process in self._from[link.source.type]:
                 if process is link.process or process in self._excluded(link):
                     process.on_source(link.source, valid_us + 1)
-        self._tell(valid_us, "unlinked", link, reason)
+        self.on_event(valid_us, "unlinked", link, reason)
 
     def _excluded(self, link: ObjectLink) -> list[LinkProcess]:
         group = link.process.specification.exclusive
@@ -290,12 +307,12 @@ class ObjectLinkage:
         for process in self._from.get(one.type, ()):
             process.drop_source(one.symbol)
             self._top_down.drop(process.name, one.symbol)
-        for process in self._into.get(one.type, ()):
+        for process in self.into.get(one.type, ()):
             process.drop_target(one.symbol)
 
     def _forget(self, valid_us: int, type_: str) -> None:
         """Remove objects of a type that were not anchored for too long."""
-        forget_us = max(each.specification.forget_us for each in self._into[type_])
+        forget_us = max((each.specification.forget_us for each in self.into.get(type_, ())), default=_NEVER_US)
         for one in list(self._objects[type_].values()):
             if any(
                 link.source.anchored_us == valid_us or link.source.type in self._rhythms
@@ -303,12 +320,18 @@ class ObjectLinkage:
             ):
                 one.anchored_us = valid_us
             elif valid_us - one.anchored_us >= forget_us:
-                reason = LinkReason("forgotten", for_us=valid_us - one.anchored_us)
-                self._remove(valid_us, one, reason)
-                self.tell(LinkEvent(valid_us, "forgotten", "", "", one.symbol, type_, reason), one)
-                self._forgotten.append(one)
+                self.discard(valid_us, one, LinkReason("forgotten", for_us=valid_us - one.anchored_us))
 
-    def _tell(self, valid_us: int, kind: EventKind, link: ObjectLink, reason: LinkReason, weight: float = 1.0) -> None:
+    def discard(self, valid_us: int, one: LinkObject, reason: LinkReason) -> None:
+        """An object is gone; its history is kept for a while."""
+        self._remove(valid_us, one, reason)
+        self.tell(LinkEvent(valid_us, "forgotten", "", "", one.symbol, one.type, reason), one)
+        self._forgotten.append(one)
+
+    def on_event(
+        self, valid_us: int, kind: EventKind, link: ObjectLink, reason: LinkReason, weight: float = 1.0
+    ) -> None:
+        """Something has happened to a link."""
         source, target = link.source, link.target
         event = LinkEvent(valid_us, kind, source.symbol, source.type, target.symbol, target.type, reason, weight)
         self.tell(event, source, target)
@@ -344,7 +367,7 @@ class ObjectLinkage:
 
     def find(self, symbol: str) -> LinkObject | None:
         """A live object, or percept, by its symbol; objects before percepts."""
-        found = (self._objects[type_].get(symbol) for type_ in (*self._into, *self._rhythms))
+        found = (self._objects[type_].get(symbol) for type_ in (*self._order, *self._rhythms))
         return next((one for one in found if one is not None), None)
 
     def anchored(self, symbol: str) -> bool:
@@ -365,25 +388,5 @@ def _is_anchored(one: LinkObject, percepts: Mapping[str, Rhythm]) -> bool:
 def _record(one: LinkObject) -> StateRecord:
     links = one.incoming.values()
     linked = tuple(link.source.symbol for link in links if link.source.state.valid_us == one.state.valid_us)
-    return StateRecord(one.state.valid_us, one.symbol, one.type, one.state, linked, one.prediction)
-
-
-def _ordered(processes: list[LinkProcess]) -> list[LinkProcess]:
-    """Those into lower types first; in the order given where that is left open."""
-    names = [each.name for each in processes]
-    if len(set(names)) < len(names):
-        raise ValueError(f"each pair of types has one link specification, got {', '.join(names)}")
-    below: dict[str, list[str]] = {}
-    for each in processes:
-        below.setdefault(each.specification.target, []).append(each.specification.source)
-    try:
-        types = list(TopologicalSorter(below).static_order())
-    except CycleError as wrong:
-        raise ValueError(f"types are linked in a circle: {' -> '.join(wrong.args[1])}") from None
-    return sorted(processes, key=lambda each: types.index(each.specification.target))
-
-
-def _prefix(type_: str, types: Sequence[str]) -> str:
-    """`wo` of world objects, `oo` of on-road objects, as the paper has it; the whole name where another type has it too."""
-    short = f"{type_[0]}o"
-    return short if sum(other[0] == type_[0] for other in types) == 1 else f"{type_}_"
+    weight = min((link.weight for link in links), default=1.0)
+    return StateRecord(one.state.valid_us, one.symbol, one.type, one.state, linked, one.prediction, weight)

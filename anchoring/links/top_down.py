@@ -160,7 +160,8 @@ class TopDown:
         """What was known under another symbol is known by this one."""
         self._among.tell(LinkEvent(valid_us, "forgotten", "", "", one.symbol, one.type, reason), one)
         tables: list[dict[str, Any]] = [self._objects[one.type]]
-        tables += [process.unlinked for process in self._out_of.get(one.type, ())]
+        for process in self._out_of.get(one.type, ()):
+            tables += [process.unlinked, process.candidates]
         tables += [process.available for process in self._into[one.type]]
         for table in tables:
             if one.symbol in table:

@@ -5,8 +5,10 @@ A percept has a symbol and a position, `x_m` and `y_m` (east and north) or, wher
 """
 
 import math
+from collections.abc import Iterable
 from typing import Final
 
+from anchoring.links.composites import COUNT, PARTS
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import Percept, StateRecord
 from anchoring.percepts.reading import FARTHEST_GEOGRAPHIC_M, FARTHEST_M, LEAST_SD_M, USUAL_SD_M, VELOCITY_SD_M_S
@@ -28,7 +30,9 @@ _ON_ROADS: Final = {
 _OWN: Final = frozenset({*_UNITS, *GEOGRAPHIC, END, ANCHORED})
 
 
-def object_sort(name: str, below: Sort | None, *, is_on_roads: bool, is_placed: bool) -> Sort:
+def object_sort(
+    name: str, below: Iterable[Sort | None], *, is_on_roads: bool = False, is_placed: bool, is_composite: bool = False
+) -> Sort:
     """What the states of linked objects are unless it is declared.
 
     Args:
@@ -36,12 +40,16 @@ def object_sort(name: str, below: Sort | None, *, is_on_roads: bool, is_placed: 
         below: of the objects from which they are made, whose attributes they keep.
         is_on_roads: whether they are put on roads.
         is_placed: whether it is known where `x_m` and `y_m` are 0.
+        is_composite: whether they have parts, and their attributes not.
     """
     units = dict(_UNITS)
     if is_placed:
         units |= dict.fromkeys(GEOGRAPHIC, "deg")
     units |= {ANCHORED: "bool"} | (_ON_ROADS if is_on_roads else {})
-    units |= {each.name: each.unit for each in (below.fields if below else ()) if each.name not in {*units, *_OWN}}
+    if is_composite:
+        units |= {PARTS: "text", COUNT: "1"}
+    for sort in () if is_composite else below:
+        units |= {each.name: each.unit for each in (sort.fields if sort else ()) if each.name not in {*units, *_OWN}}
     return Sort(name, tuple(Field(*each) for each in (*units.items(), (END, "bool"))))
 
 

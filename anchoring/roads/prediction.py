@@ -41,6 +41,7 @@ class AlongRoads:
     Args:
         prior: over turns; that of the individual is put on top of it.
         noise: density of the acceleration noise along the road, m^2/s^3.
+        has_habits: whether what was learnt of the individual is used.
     """
 
     def __init__(
@@ -50,8 +51,10 @@ class AlongRoads:
         pruning: Pruning = USUAL_PRUNING,
         noise: float = 2.0,
         settings: SnapSettings = DEFAULTS,
+        *,
+        has_habits: bool = True,
     ) -> None:
-        self._network, self._prior, self._pruning = network, prior, pruning
+        self._network, self._prior, self._pruning, self._has_habits = network, prior, pruning, has_habits
         self._noise, self._settings = noise, settings
         self._general = ConstantVelocity()
 
@@ -64,7 +67,7 @@ class AlongRoads:
     ) -> ObjectPrediction:
         """The routes that it may have taken, the most probable first."""
         history = tuple(history)
-        last = history[-1]
+        last, individual = history[-1], individual if self._has_habits else None
         if before is None:
             routes, from_us = self._start(history), last.valid_us
         else:
@@ -254,19 +257,3 @@ def _expected_m(speed_m_s: float, seen_us: int, from_us: int, to_us: int, indivi
     begin_s, end_s = (from_us - seen_us) / US_PER_S, (to_us - seen_us) / US_PER_S
     speeds = [_expected_speed(speed_m_s, at_s, individual) for at_s in (begin_s, (begin_s + end_s) / 2, end_s)]
     return (end_s - begin_s) * (speeds[0] + 4.0 * speeds[1] + speeds[2]) / 6.0
-
-
-def siblings(origin: str, prediction: ObjectPrediction) -> Mapping[str, ObjectState]:
-    """One object for each hypothesis: symbols last as long as the routes do, and all share the attribute `origin`.
-
-    So the paper splits objects at crossings (`split=objects`). One hypothesis splits nothing; of several on one lane the
-    heaviest is an object.
-    """
-    if len(prediction.hypotheses) == 1:
-        return {origin: prediction.likely}
-    split: dict[str, ObjectState] = {}
-    for state, _ in prediction.hypotheses:
-        about = state.attributes
-        symbol = f"{origin}/{about[ROUTE]}{'+' if about['direction'] > 0 else '-'}{about['lane']}"
-        split.setdefault(symbol, state._replace(attributes={**about, "origin": origin}))
-    return split

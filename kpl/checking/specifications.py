@@ -20,7 +20,7 @@ from reasoning.formulas.tree import Node, instantiate
 
 LONGEST_CHAIN = 64
 """Samples flow by plain calls: this is the longest chain of processes."""
-WORDS = ("state", "select", "merge", "link")
+WORDS = ("state", "select", "merge", "link", "composite")
 
 
 class Findings(NamedTuple):
@@ -91,9 +91,9 @@ class _Checker(DeclarationErrors):
     def _check_names(self, declaration: spec.Declaration) -> None:
         symbol = self.symbols.of(declaration)
         for name in symbol.names:
-            before, kind = self.symbols.named(symbol.kind, name), symbol.kind
+            before, kind = next(self.symbols.others(symbol, name), None), symbol.kind
             said = name[0] if isinstance(name, tuple) and not isinstance(name, Label) else name
-            if before is not None and before is not declaration:
+            if before is not None:
                 where = "the running instance" if before in self.known.running else f"line {before.place.line}"
                 self.wrong(f"{said} is {kind} already, in {where}", declaration, "another name")
             elif (kind == GENERATOR and name in self.known.labels) or (kind == MAKER and self._is_other(declaration)):
@@ -159,7 +159,7 @@ class _Checker(DeclarationErrors):
             case spec.Refinement(unit, inputs):
                 self._unit(unit, len(inputs), made)
             case spec.Link(_, unit) if self.symbols.unit(unit) is not None or unit not in LINK_UNITS:
-                self._unit(unit, 1, made)
+                self._linked_unit(made)
             case spec.Select(term, variable) | spec.Merge(term, variable):
                 if variable not in term.label.objects:
                     self.wrong(
@@ -198,6 +198,18 @@ class _Checker(DeclarationErrors):
                 made,
                 f"{unit}({takes})",
             )
+
+    def _linked_unit(self, made: spec.Link) -> None:
+        """Of a link: it takes the state below, and perhaps that of its own object before."""
+        declared = self.symbols.unit(made.unit)
+        self._unit(made.unit, 2 if declared is not None and len(declared[1]) == 2 else 1, made)
+        if declared is None:
+            return
+        for wanted, label, sort in zip(
+            declared[1], (made.source, "what it makes"), (self.streams.sort_of(made.source), declared[0]), strict=False
+        ):
+            if sort is not None and sort != wanted and not wanted.startswith(ANY):
+                self.wrong(f"{made.unit} takes {wanted} here; {label} is {sort}", made, f"a unit that takes {sort}")
 
     def _sort(self, sort: str, node: Node) -> None:
         if self.known.sorts is not None and sort not in self.known.sorts:

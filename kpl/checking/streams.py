@@ -1,5 +1,6 @@
 """Streams that there are and their sorts: of what is declared, and of what is there without the specification."""
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Final
 
@@ -79,7 +80,7 @@ class Streams:
         """Whether it has a producer, or what it is an attribute of has."""
         whole = label._replace(feature=stem(label))
         for made in self.symbols.makers(label, variables):
-            is_of_all = isinstance(made.made, spec.Link)
+            is_of_all = isinstance(made.made, spec.Link | spec.Composite)
             if made.label.feature == label.feature or is_of_all or fit(whole, variables, made.label, made.variables):
                 return True
         if label in self.known.labels and not is_pattern(label, variables):
@@ -150,20 +151,23 @@ class Streams:
         if sorts or name is None:
             return None
         shape = self.symbols.shape(name)
-        return self._linked(makers[0]) if shape is None and makers else shape
+        return self._linked(makers) if shape is None and makers else shape
 
-    def _linked(self, made: Symbol) -> Sort | None:
-        """What the states of linked objects are, where no sort is declared for them."""
+    def _linked(self, makers: Sequence[Symbol]) -> Sort | None:
+        """What the states of linked objects are, where no sort is declared for them: by all links that make them."""
         from anchoring.percepts.records import object_sort
 
-        link = made.made
-        if not isinstance(link, spec.Link) or link.unit not in LINK_UNITS or id(made) in self._linking:
+        feature, is_placed = makers[0].label.feature, origin_of(self.symbols) is not None
+        if isinstance(makers[0].made, spec.Composite):
+            return object_sort(feature, (), is_placed=is_placed, is_composite=True)
+        links = [each.made for each in makers if isinstance(each.made, spec.Link) and each.made.unit in LINK_UNITS]
+        if not links or id(makers[0]) in self._linking:
             return None
-        self._linking.add(id(made))
-        below = self.record(link.source)
-        self._linking.discard(id(made))
-        is_placed = origin_of(self.symbols) is not None
-        return object_sort(made.label.feature, below, is_on_roads=link.unit == "OnRoad", is_placed=is_placed)
+        self._linking.add(id(makers[0]))
+        below = [self.record(link.source) for link in links]
+        self._linking.discard(id(makers[0]))
+        is_on_roads = any(link.unit == "OnRoad" for link in links)
+        return object_sort(feature, below, is_on_roads=is_on_roads, is_placed=is_placed)
 
     def lacks(self, label: Label, variables: frozenset[str] = NOTHING) -> tuple[str, str] | None:
         """What is wrong with an attribute that the values of a stream are known not to have, and which they have."""
@@ -214,6 +218,8 @@ class Streams:
         match made.made:
             case spec.FromSource(source):
                 return self.symbols.source(source)
+            case spec.Composite():
+                return made.label.feature
             case spec.Link(_, unit) if unit in LINK_UNITS and self.symbols.unit(unit) is None:
                 return made.label.feature
             case spec.Refinement(unit) | spec.Link(_, unit):

@@ -214,6 +214,14 @@ class SymbolTable:
         symbol = next(iter(self._named.get(kind, {}).get(name, {}).values()), None)
         return None if symbol is None else symbol.declaration
 
+    def others(self, symbol: Symbol, name: object) -> Iterator[spec.Declaration]:
+        """What is called like it and was declared before it; links from different streams into one type may be."""
+        for each in self._named.get(symbol.kind, {}).get(name, {}).values():
+            if each is symbol:
+                return
+            if not _beside(each.made, symbol.made):
+                yield each.declaration
+
     def of_kind(self, kind: str) -> Iterator[spec.Declaration]:
         """What has a name of that kind; of several with one name the first."""
         return (next(iter(held.values())).declaration for held in self._named.get(kind, {}).values())
@@ -310,7 +318,9 @@ class SymbolTable:
             case spec.LabelDeclaration(name):
                 dependent += (each for each in self._symbols.values() if _shares(each.declaration, name))
             case spec.RoadsDeclaration():
-                dependent += (each for each in self._symbols.values() if isinstance(each.made, spec.Link))
+                dependent += (
+                    each for each in self._symbols.values() if isinstance(each.made, spec.Link | spec.Composite)
+                )
             case spec.SortDeclaration():
                 of_sort = (each for each in self._named.get(SEMANTIC, {}).values())
                 dependent += (each for held in of_sort for each in held.values() if _is_of(each, declaration.name))
@@ -321,6 +331,10 @@ class SymbolTable:
                 some = self._needing.get(key, {}).values()
                 dependent += (each for each in some if any(_meets(need, made) for need in each.needs))
         return (each.declaration for each in dependent)
+
+
+def _beside(one: "spec.Making | None", other: "spec.Making | None") -> bool:
+    return isinstance(one, spec.Link) and isinstance(other, spec.Link) and one.source != other.source
 
 
 def _shares(declaration: spec.Declaration, label: str) -> bool:
@@ -398,7 +412,7 @@ def _needs(made: spec.Making, variables: frozenset[str]) -> Iterator[Need]:
     match made:
         case spec.Refinement(_, inputs) | spec.StateStream(inputs) | spec.FirstOf(inputs):
             yield from (Need(term, variables) for term in inputs)
-        case spec.Link(source):
+        case spec.Link(source) | spec.Composite(source):
             yield Need(spec.StreamTerm(source, place=made.place), variables)
         case spec.Select(term, variable, domain) | spec.Merge(term, variable, domain):
             yield Need(domain, variables)

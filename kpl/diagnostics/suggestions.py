@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from kpl.diagnostics.languages import table
 
 PAIRS: Final = {"(": ")", "[": "]", "{": "}"}
-_MAKING = re.compile(r"=\s*(state|link|select|merge|first of)\b")
+_MAKING = re.compile(r"=\s*(state|link|composite|select|merge|first of)\b")
 _LOOK_BACK: Final = 4096
 _SHOWN: Final = 40
 _CUTOFF: Final = 0.8

@@ -1,17 +1,23 @@
-"""From `strmgen b = link(a, cu, e, r, m)` to link specifications.
+"""From `strmgen b = link(a, cu, e, r, m) with ...` and `strmgen c = composite(b, t, s)` to link specifications.
 
-The types of objects are the labels of their streams. What is defined stands for its definition in conditions; that
-holds for `thresh`, too, which is then fixed. The units of links are those of `LINK_UNITS`.
+The types of objects are the labels of their streams; several links with one label lead into one type. What is defined
+stands for its definition in conditions; that holds for `thresh`, too, which is then fixed. The units of links are those of
+`LINK_UNITS`, and those of users.
 """
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
+from anchoring.links.composites import CompositeSpecification
+from anchoring.links.deciding.gating import gate_of
+from anchoring.links.prediction import HabitualMotion, Predictor
+from anchoring.links.specification import USUAL, StateUnit, distance, filtered, unlikelihood
 from anchoring.links.specification import LinkSpecification as Specification
-from anchoring.links.specification import StateUnit, filtered, unlikelihood
 from anchoring.links.states import ObjectState
+from anchoring.links.structures import GENERAL, AnySpecification
 from anchoring.ready import ROAD_NOISE, SLACK_M
+from anchoring.roads.hypotheses import Pruning
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.objects import OnRoad
 from anchoring.roads.prediction import AlongRoads
@@ -21,6 +27,12 @@ from kpl.checking.definitions import Definitions
 from kpl.checking.streams import origin_of
 from kpl.checking.symbols import SELF, SymbolTable
 from kpl.syntax import specification as spec
+from kpl.syntax.link_options import LinkOptions
+
+Linked: TypeAlias = spec.Link | spec.Composite
+LinkDeclarations: TypeAlias = Sequence[tuple[Label, Linked]]
+UserUnit: TypeAlias = Callable[[Label, spec.Link], StateUnit | None]
+"""The unit of a user that a link names; None: there is none of that name."""
 
 
 def same_state(state: ObjectState, _before: ObjectState | None) -> ObjectState:
@@ -34,23 +46,25 @@ LINK_UNITS: Final[Mapping[str, Callable[[RoadNetwork | None], StateUnit | None]]
     "SameState": lambda _roads: same_state,
 }
 """A Kalman filter over positions; the position on the centre of a lane, which needs roads; the state as it is."""
+_SCORES: Final = {"likelihood": unlikelihood, "distance": distance}
 
 
-def chained(label: Label, links: Mapping[Label, spec.Link]) -> dict[Label, spec.Link]:
-    """The link declarations that are connected with that of a label, in the order given."""
+def chained(label: Label, links: LinkDeclarations) -> tuple[tuple[Label, Linked], ...]:
+    """The declarations that are connected with a label, in the order given."""
     known, waiting = {label}, [label]
     while waiting:
         one = waiting.pop()
-        near = [links[one].source] if one in links else []
-        near += [other for other, made in links.items() if made.source == one]
-        waiting += [each for each in near if each not in known]
-        known.update(near)
-    return {each: made for each, made in links.items() if each in known}
+        near = {made.source for made_label, made in links if made_label == one}
+        near |= {made_label for made_label, made in links if made.source == one}
+        waiting += near - known
+        known |= near
+    return tuple((each, made) for each, made in links if each in known)
 
 
-def percept_labels(links: Mapping[Label, spec.Link]) -> tuple[Label, ...]:
+def percept_labels(links: LinkDeclarations) -> tuple[Label, ...]:
     """The streams at the beginning of the chains."""
-    return tuple(dict.fromkeys(made.source for made in links.values() if made.source not in links))
+    made_labels = {label for label, _ in links}
+    return tuple(dict.fromkeys(made.source for _, made in links if made.source not in made_labels))
 
 
 class LinkageKey(NamedTuple):
@@ -61,30 +75,33 @@ class LinkageKey(NamedTuple):
         origin: latitude and longitude of x = y = 0, degrees, if that is known.
     """
 
-    links: tuple[tuple[Label, spec.Link], ...]
+    links: tuple[tuple[Label, Linked], ...]
     roads: RoadNetwork | None
     origin: tuple[float, float] | None
 
 
-def linkage_of(label: Label, made: spec.Link, symbols: SymbolTable) -> LinkageKey:
+def linkage_of(label: Label, made: Linked, symbols: SymbolTable) -> LinkageKey:
     """Of the linkage to which a declaration belongs; raises TextError as `linkage_key`."""
     held = links_in(each.declaration for each in symbols.symbols())
-    return linkage_key(chained(label, {**held, label: made}), symbols)
+    return linkage_key(chained(label, held if (label, made) in held else (*held, (label, made))), symbols)
 
 
-def linkage_key(links: Mapping[Label, spec.Link], symbols: SymbolTable) -> LinkageKey:
+def linkage_key(links: LinkDeclarations, symbols: SymbolTable) -> LinkageKey:
     """Of some declarations.
 
     Raises:
         TextError: a condition is wrong, or types are in a circle.
     """
     definitions = Definitions(symbols)
-    _check_circles(links)
-    whole = tuple((each, _with_definitions(link, definitions)) for each, link in links.items())
+    _check_types(links)
+    whole = tuple((each, _with_definitions(made, definitions)) for each, made in links)
     return LinkageKey(whole, symbols.roads(), origin_of(symbols))
 
 
-def _with_definitions(made: spec.Link, definitions: Definitions) -> spec.Link:
+def _with_definitions(made: Linked, definitions: Definitions) -> Linked:
+    if isinstance(made, spec.Composite):
+        together, stays = (definitions.resolved(each, SELF) for each in (made.together, made.stays))
+        return replace(made, together=together, stays=stays)
     establish, reestablish, maintain = (
         definitions.resolved(each, SELF) for each in (made.establish, made.reestablish, made.maintain)
     )
@@ -97,64 +114,113 @@ def linkages(
     """The linkages of the declarations that stay; `new` are the identities of the others.
 
     Raises:
-        TextError: as `linkage_key` and `link_specifications`.
+        TextError: as `linkage_key`, or the roads that a link needs are gone.
     """
     for each in wanted:
-        if isinstance(each, spec.GeneratorDeclaration) and isinstance(each.made, spec.Link) and id(each) not in new:
+        if isinstance(each, spec.GeneratorDeclaration) and isinstance(each.made, Linked) and id(each) not in new:
             key = linkage_of(each.label, each.made, symbols)
             for _, made in key.links:
-                _unit(made, key.roads)
+                if isinstance(made, spec.Link):
+                    _check_roads(made, key.roads)
             yield each, key
 
 
-def link_specifications(key: LinkageKey) -> tuple[Specification, ...]:
+def link_specifications(
+    key: LinkageKey, unit_of: UserUnit = lambda _label, _made: None
+) -> tuple[AnySpecification, ...]:
     """What chained declarations come to.
 
     Raises:
-        TextError: there is no such unit of links, or it needs roads.
+        TextError: there is no such unit of links, or something needs roads.
     """
-    return tuple(_specification(label, made, key.roads) for label, made in key.links)
-
-
-def _specification(label: Label, made: spec.Link, roads: RoadNetwork | None) -> Specification:
-    unit = _unit(made, roads)
-    found = Specification(
-        str(made.source), str(label), made.establish, made.reestablish, made.maintain, unit, score=unlikelihood
-    )
-    if roads is None:
-        return found
-    features = {"on_road": lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)}
-    return replace(
-        found, features=features, predictor=AlongRoads(roads, noise=ROAD_NOISE) if made.unit == "OnRoad" else None
+    return tuple(
+        _composite(label, made) if isinstance(made, spec.Composite) else _specification(label, made, key.roads, unit_of)
+        for label, made in key.links
     )
 
 
-def _unit(made: spec.Link, roads: RoadNetwork | None) -> StateUnit:
+def _composite(label: Label, made: spec.Composite) -> CompositeSpecification:
+    found = CompositeSpecification(str(made.source), str(label), made.together, made.stays, made.least)
+    if gate_of(made.together, USUAL.most_m) is None:
+        said = f"parts of {label} may be anywhere: the first condition implies no distance between them"
+        raise TextError.at(made.place, said, repair="always[0, 2s] (xy_dist[from, to] < 30 and ...)")
+    return found
+
+
+def _specification(label: Label, made: spec.Link, roads: RoadNetwork | None, unit_of: UserUnit) -> Specification:
+    unit, options = _unit(label, made, roads, unit_of), made.options
+    return Specification(
+        str(made.source),
+        str(label),
+        made.establish,
+        made.reestablish,
+        made.maintain,
+        unit,
+        _predictor(made, roads),
+        forget_us=options.forget,
+        score=_SCORES[options.score],
+        exclusive=options.exclusive,
+        correlated=options.errors == "correlated",
+        is_recursive=unit is filtered or getattr(unit, "is_recursive", False),
+        candidates=options.candidates,
+        features={} if roads is None else {"on_road": lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)},
+    )
+
+
+def _predictor(made: spec.Link, roads: RoadNetwork | None) -> Predictor | None:
+    """What predicts objects that are not seen; None: the general model."""
+    options: LinkOptions = made.options
+    predict = options.predict or ("individual" if made.unit == "OnRoad" else "velocity")
+    if roads is not None and (predict == "roads" or (predict == "individual" and made.unit == "OnRoad")):
+        pruning, has_habits = Pruning(most=options.max_hyps), predict == "individual"
+        return AlongRoads(roads, pruning=pruning, noise=ROAD_NOISE, has_habits=has_habits)
+    return HabitualMotion(GENERAL) if predict == "individual" else GENERAL if options.predict else None
+
+
+def _unit(label: Label, made: spec.Link, roads: RoadNetwork | None, unit_of: UserUnit) -> StateUnit:
+    _check_roads(made, roads)
+    own = unit_of(label, made)
     make = LINK_UNITS.get(made.unit)
-    if make is None:
+    unit = own or (make(roads) if make is not None else None)
+    if unit is None:
         hint = did_you_mean(made.unit, tuple(LINK_UNITS))
         raise TextError.at(made.place, f"{made.unit} makes no states of objects.{hint}", repair=next(iter(LINK_UNITS)))
-    unit = make(roads)
-    if unit is None:
-        raise TextError.at(made.place, f"{made.unit} needs roads", repair='roads "town.geojson", or --roads FILE')
     return unit
 
 
-def _check_circles(links: Mapping[Label, spec.Link]) -> None:
-    for label in links:
-        seen = {label}
-        below = links[label].source
-        while below in links:
-            if below in seen:
-                raise TextError.at(links[below].place, f"objects of {below} are linked to themselves", repair="a chain")
-            seen.add(below)
-            below = links[below].source
+def _check_roads(made: spec.Link, roads: RoadNetwork | None) -> None:
+    needs = [each for each in (made.unit, f"predict {made.options.predict}") if each in {"OnRoad", "predict roads"}]
+    if needs and roads is None:
+        raise TextError.at(made.place, f"{needs[0]} needs roads", repair='roads "town.geojson", or --roads FILE')
 
 
-def links_in(declarations: Iterable[spec.Declaration]) -> dict[Label, spec.Link]:
-    """The link declarations of a specification."""
-    return {
-        each.label: each.made
+def _check_types(links: LinkDeclarations) -> None:
+    below: dict[Label, set[Label]] = {}
+    for label, made in links:
+        if made.source in below.setdefault(label, set()):
+            said = f"objects of {made.source} are linked to {label} twice"
+            raise TextError.at(made.place, said, repair="one link of the two, or another name")
+        below[label].add(made.source)
+    for label, made in links:
+        reached, waiting = set[Label](), [made.source]
+        while waiting:
+            one = waiting.pop()
+            if one not in reached:
+                reached.add(one)
+                waiting += below.get(one, ())
+        if label in reached:
+            raise TextError.at(made.place, f"objects of {label} are linked to themselves", repair="a chain")
+    composites = {label for label, made in links if isinstance(made, spec.Composite)}
+    for label, made in links:
+        if isinstance(made, spec.Link) and {label, made.source} & composites:
+            said = f"{label if label in composites else made.source} are composites, made of their parts and linked to nothing"
+            raise TextError.at(made.place, said, repair="another name, or a link of the parts")
+
+
+def links_in(declarations: Iterable[spec.Declaration]) -> tuple[tuple[Label, Linked], ...]:
+    """The declarations of links and of composites in a specification."""
+    return tuple(
+        (each.label, each.made)
         for each in declarations
-        if isinstance(each, spec.GeneratorDeclaration) and isinstance(each.made, spec.Link)
-    }
+        if isinstance(each, spec.GeneratorDeclaration) and isinstance(each.made, Linked)
+    )

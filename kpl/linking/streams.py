@@ -7,17 +7,22 @@ shows have one at the sample period. With the last state of an object the field 
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from anchoring.links.specification import LinkSpecification
-from anchoring.links.structures import LinkOutcome, ObjectLinkage, Percept
+from anchoring.links.structures import AnySpecification, LinkOutcome, ObjectLinkage
 from anchoring.percepts.leaps import PerceptLeaps
 from anchoring.percepts.records import ObjectRecords, PerceptRecords
-from dyknow import Sample, Sort
+from dyknow import SURE, US_PER_S, Quality, Sample, Sort
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.processes import OnDemand
+from kpl.linking.ticks import PerceptTicks
+from kpl.linking.units import LinkedUnit
 from kpl.linking.wants import Wanted, Wants
 from navigation import LocalFrame
+
+AHEAD_US: Final = US_PER_S
+"""A state that is valid so much later than it came is none: all that come in their time would be late after it."""
 
 
 class PerceptInput(NamedTuple):
@@ -41,24 +46,32 @@ class SharedLinkage:
 
     def __init__(
         self,
-        specifications: Sequence[LinkSpecification],
+        specifications: Sequence[AnySpecification],
         inputs: Sequence[PerceptInput],
         frame: LocalFrame | None,
         wants: Wants,
     ) -> None:
         self.specifications, self.inputs, self.frame = tuple(specifications), tuple(inputs), frame
+        self.units = tuple(
+            (each.target, each.unit)
+            for each in self.specifications
+            if isinstance(each, LinkSpecification) and isinstance(each.unit, LinkedUnit)
+        )
         self._readers = [PerceptRecords(str(each.taken.label), each.sort, frame) for each in inputs]
         self.streams: list[LinkStream] = []
-        self._wants, self._types = wants, {each.target for each in self.specifications}
+        self._wants = wants
+        self._types = {each.target for each in self.specifications if isinstance(each, LinkSpecification)}
         self._restart()
 
     def _restart(self) -> None:
+        for _, unit in self.units:
+            unit.restart()
         self._linkage = ObjectLinkage(self.specifications)
         self._leaps = PerceptLeaps()
         self._wanted: tuple[Wanted, ...] = ()
-        self._ticks: dict[int, dict[tuple[str, str], Percept]] = {}
+        self._ticks = PerceptTicks(len(self.inputs))
         self._latest_us: int | None = None
-        self._delay_us = self._now_us = 0
+        self._now_us = 0
 
     @property
     def linkage(self) -> ObjectLinkage:
@@ -89,39 +102,62 @@ class SharedLinkage:
         percept = self._readers[i].percept(sample)
         if percept is None:
             return ""
+        if sample.valid_us > sample.available_us + AHEAD_US:
+            return f"a state of {percept.symbol} has a valid time later than now, and is left out"
         if self._latest_us is not None and sample.valid_us <= self._latest_us:
+            self._ticks.on_late(sample.available_us - sample.valid_us)
             return f"a state of {percept.symbol} came after those of a later time and is left out"
         if (leap_m := self._leaps.leap_m(percept)) is not None:
             return f"{percept.symbol} is {leap_m:g} m from where it was, farther than it can be, and is left out"
         self._now_us = max(self._now_us, sample.available_us)
-        self._delay_us = max(self._delay_us, sample.available_us - sample.valid_us)
-        self._ticks.setdefault(sample.valid_us, {})[percept.type, percept.symbol] = percept
+        self._ticks.take(i, percept, sample.valid_us, sample.available_us)
         return ""
 
-    def on_instant(self) -> None:
-        """The ticks are complete."""
-        for valid_us in sorted(self._ticks):
+    def on_instant(self, now_us: int | None = None) -> None:
+        """Take the ticks that are complete."""
+        now_us = self._now_us if now_us is None else now_us
+        for valid_us, percepts in self._ticks.complete(now_us):
             self._latest_us = valid_us
-            self._tell(self.linkage.on_percepts(valid_us, self._ticks[valid_us].values()), self._now_us)
-        self._ticks.clear()
+            self._tell(self.linkage.on_percepts(valid_us, percepts), now_us)
 
     def on_time(self, now_us: int) -> None:
         """Objects are predicted up to the valid time that percepts cannot come before."""
-        outcome = self.linkage.on_time(now_us - self._delay_us)
+        self.on_instant(now_us)
+        outcome = self.linkage.on_time(now_us - self._ticks.behind_us)
         times_us = [each.valid_us for each in outcome.states] + [each.valid_us for each in outcome.events]
         self._latest_us = max(times_us, default=self._latest_us)
         self._tell(outcome, now_us)
 
     @property
     def deadline_us(self) -> int:
-        """Far away while there is nothing to predict."""
-        deadline_us = self.linkage.deadline_us
-        return FAR_US if deadline_us is None else deadline_us + self._delay_us
+        """Far away while there is nothing to take or to predict."""
+        due_us, deadline_us = self._ticks.deadline_us, self.linkage.deadline_us
+        predict_us = FAR_US if deadline_us is None else deadline_us + self._ticks.behind_us
+        return predict_us if due_us is None else min(due_us, predict_us)
+
+    def notes(self, type_: str) -> tuple[str, ...]:
+        """Of one type: how many are linked, by which links, and what has failed."""
+        linkage, found = self.linkage, list[str]()
+        for process in linkage.into.get(type_, ()):
+            links = [
+                one.incoming[process.name] for one in linkage.objects(type_).values() if process.name in one.incoming
+            ]
+            several = f", {len(process.candidates)} to one of several" if process.candidates else ""
+            found.append(f"{process.name}: {len(links)} linked{several}")
+        if (composites := linkage.composites.get(type_)) is not None:
+            found.append(f"{composites.name}: {len(linkage.objects(type_))} composites")
+            if composites.left_out:
+                found.append(f"{composites.left_out} pairs of parts were left out, there are too many near each other")
+        failed = ((unit.prototype.name, unit.failed) for target, unit in self.units if target == type_ and unit.failed)
+        return (*found, *(f"{name} has failed {count} times" for name, count in failed))
 
     def _tell(self, outcome: LinkOutcome, now_us: int) -> None:
         self._wants.tell(outcome.events)
         for stream in tuple(self.streams):
             stream.tell(outcome, now_us)
+        for type_, unit in self.units:
+            for said in unit.take_faults():
+                next((each for each in self.streams if each.type == type_), self.streams[0]).fault(said)
 
 
 class LinkStream(OnDemand):
@@ -136,7 +172,7 @@ class LinkStream(OnDemand):
 
     def __init__(self, type_: str, shared: SharedLinkage, sort: Sort) -> None:
         super().__init__()
-        self._type, self._shared = type_, shared
+        self.type, self._shared = type_, shared
         self._records = ObjectRecords(sort, shared.frame)
 
     @property
@@ -147,7 +183,11 @@ class LinkStream(OnDemand):
     @property
     def specifications(self) -> Sequence[LinkSpecification]:
         """What links the whole chain."""
-        return self._shared.specifications
+        return tuple(each for each in self._shared.specifications if isinstance(each, LinkSpecification))
+
+    def notes(self) -> tuple[str, ...]:
+        """How many objects are linked, and what has failed."""
+        return self._shared.notes(self.type)
 
     def inputs(self) -> Sequence[Input]:
         return [each.taken for each in self._shared.inputs]
@@ -197,14 +237,15 @@ class LinkStream(OnDemand):
 
     def tell(self, outcome: LinkOutcome, now_us: int) -> None:
         """The states of objects of its type."""
-        states = {each.symbol: each for each in outcome.states if each.type == self._type}
+        states = {each.symbol: each for each in outcome.states if each.type == self.type}
         for record in outcome.states:
-            if record.type == self._type:
+            if record.type == self.type:
                 is_anchored = self.linkage.anchored(record.symbol)
                 value = self._records.value(record, is_anchored=is_anchored, ended=False)
-                self.emit(record.valid_us, value, max(now_us, record.valid_us))
+                quality = SURE if record.weight == 1.0 else Quality(record.weight)
+                self.emit(record.valid_us, value, max(now_us, record.valid_us), quality)
         for event in outcome.events:
-            if event.kind == "forgotten" and event.target_type == self._type:
+            if event.kind == "forgotten" and event.target_type == self.type:
                 known = states.get(event.target)
                 ended = self._records.ended(event.target)
                 value = ended if known is None else self._records.value(known, is_anchored=False, ended=True)

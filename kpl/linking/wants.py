@@ -139,14 +139,14 @@ def _check_feature(
 
 def _chain(stream: Label, streams: Streams) -> Iterator[spec.Link]:
     """The links that lead to a stream, downwards."""
-    seen = set[Label]()
-    while stream not in seen:
-        seen.add(stream)
-        made = [one.made for one in streams.symbols.makers(stream) if isinstance(one.made, spec.Link)]
-        if not made:
-            return
-        yield made[0]
-        stream = made[0].source
+    seen, waiting = set[Label](), [stream]
+    while waiting:
+        stream = waiting.pop()
+        if stream not in seen:
+            seen.add(stream)
+            made = [one.made for one in streams.symbols.makers(stream) if isinstance(one.made, spec.Link)]
+            yield from made
+            waiting += (each.source for each in made)
 
 
 def _features(chain: list[spec.Link], streams: Streams) -> set[str] | None:

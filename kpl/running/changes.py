@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from dyknow.model.errors import PolicyError, TextError, TextErrors, TooEarly, file_of
 from dyknow.model.instants import US_PER_MS, print_span
+from dyknow.model.labels import Label
 from dyknow.policies.policy import Policy
 from kpl.checking.definitions import Definitions
 from kpl.checking.symbols import SymbolTable, symbol_of
@@ -152,6 +153,33 @@ def meanings(symbols: SymbolTable, change: SpecificationChange, unit: str) -> It
                 yield each, definitions.resolved(each.description, unit)
     if any(isinstance(each, spec.Define | spec.RoadsDeclaration | spec.GeneratorDeclaration) for each in changed):
         yield from linkages(symbols, change.wanted, new)
+
+
+def _makers(specification: Iterable[spec.Declaration]) -> list[spec.Declaration]:
+    """Without the links after the first with one label: one stream is made of them all."""
+    linked = set[Label]()
+    found = []
+    for each in specification:
+        if isinstance(each, spec.GeneratorDeclaration) and isinstance(each.made, spec.Link):
+            if each.label in linked:
+                continue
+            linked.add(each.label)
+        found.append(each)
+    return found
+
+
+def made_by(
+    change: SpecificationChange, before: spec.Specification
+) -> tuple[SpecificationChange, list[spec.Declaration]]:
+    """The change in what makes something, in its order, and what did before; where a first link goes, the next takes over."""
+    left, right = _makers(before), _makers(change.wanted)
+    gone, new = change.gone, change.new
+    if len(left) < len(before) or len(right) < len(change.wanted):
+        running, wanted = {id(each) for each in left}, {id(each) for each in right}
+        gone = [each for each in left if id(each) not in wanted]
+        new = [each for each in right if id(each) not in running]
+    gone, new = sorted(gone, key=rank, reverse=True), sorted(new, key=rank)
+    return SpecificationChange(gone, new, change.wanted), left
 
 
 def rank(declaration: spec.Declaration) -> int:

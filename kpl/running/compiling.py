@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from copy import copy
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple, TypeAlias
 from weakref import WeakValueDictionary
 
@@ -27,8 +28,9 @@ from kpl.checking.definitions import Definitions
 from kpl.checking.domains import members_label
 from kpl.checking.streams import Streams
 from kpl.checking.symbols import SELF, SymbolTable
-from kpl.linking.declarations import LinkageKey, link_specifications, linkage_of, percept_labels
+from kpl.linking.declarations import LINK_UNITS, LinkageKey, Linked, link_specifications, linkage_of, percept_labels
 from kpl.linking.streams import LinkStream, PerceptInput, SharedLinkage
+from kpl.linking.units import LinkedUnit, linked_unit
 from kpl.linking.wants import Wants, check_want
 from kpl.running.changes import in_text
 from kpl.running.formula_states import MAX_DELAY_US
@@ -168,14 +170,14 @@ class Compiler:
                         single=isinstance(made, spec.Select),
                     ),
                 )
-            case spec.Link():
+            case spec.Link() | spec.Composite():
                 return self._linking(declaration.label, made)
 
-    def _linking(self, label: Label, made: spec.Link) -> CompiledGenerator:
+    def _linking(self, label: Label, made: Linked) -> CompiledGenerator:
         """The stream of linked objects of one type, by all declarations that are chained with it."""
         key = linkage_of(label, made, self.symbols)
-        links = {self.label(each): replace(one, source=self.label(one.source)) for each, one in key.links}
-        key, labels = key._replace(links=tuple(links.items())), percept_labels(links)
+        links = tuple((self.label(each), replace(one, source=self.label(one.source))) for each, one in key.links)
+        key, labels = key._replace(links=links), percept_labels(links)
         inputs = tuple(PerceptInput(Input(each, Policy()), self._sort_of(each)) for each in labels)
         for taken, sort in inputs:
             if lacking := lacks_of(sort):
@@ -193,16 +195,25 @@ class Compiler:
         shared = self._linkages.get((key, inputs))
         if shared is None:
             frame = None if key.origin is None else LocalFrame(*key.origin, 0.0)
-            shared = SharedLinkage(link_specifications(key), inputs, frame, self.wants)
+            specifications = link_specifications(key, partial(self._linked_unit, frame))
+            shared = SharedLinkage(specifications, inputs, frame, self.wants)
             self._linkages[key, inputs] = shared
         made_sort = Streams(self.symbols).objects(label)
         if made_sort is None:
             raise located(
                 made,
-                f"what {made.unit} makes are no states of objects: their sort is not declared, or has no symbol",
+                f"what {label} is made of are no states of objects: their sort is not declared, has no symbol, or each link has another",
                 "sort car(symbol in text, x_m in m, y_m in m, vx_m_s in m/s, vy_m_s in m/s, end in bool)",
             )
         return CompiledGenerator(made_sort, LinkStream(str(self.label(label)), shared, made_sort), unit="")
+
+    def _linked_unit(self, frame: LocalFrame | None, label: Label, made: spec.Link) -> LinkedUnit | None:
+        """The unit of a user in a link."""
+        if made.unit in LINK_UNITS:
+            return None
+        streams = Streams(self.symbols)
+        below = streams.objects(made.source) or self._sort_of(made.source)
+        return linked_unit(self._prototypes.find(made.unit), made, below, streams.objects(label), frame)
 
     # What can be said beforehand
 

@@ -18,6 +18,7 @@ from kpl.running.changes import (
     DeclaredTimes,
     SpecificationChange,
     as_text_errors,
+    made_by,
     meanings,
     needed_first,
     rank,
@@ -142,8 +143,6 @@ class Instance:
             raise as_text_errors(wrong, text) from None
         is_full = self.governor is not None and self.governor.full
         known = {id(proxy) for _, proxy in self.proxies()} if is_full else ()
-        change.gone.sort(key=rank, reverse=True)
-        change.new.sort(key=rank)
         self._take_over(change, redefined, text)
         self.specification = change.wanted
         self._times.settle(change.wanted)
@@ -267,9 +266,10 @@ class Instance:
                 if prototype is not None:
                     self.prototypes.add(prototype)
 
-    def _take_over(self, change: SpecificationChange, redefined: Collection[spec.Declaration], text: str) -> None:
+    def _take_over(self, whole: SpecificationChange, redefined: Collection[spec.Declaration], text: str) -> None:
         """Become what is wanted, or stay; what was never begun has reported nothing."""
-        (gone, new, _), before, self._backlog = change, self.specification, []
+        (change, before), self._backlog = made_by(whole, self.specification), []
+        gone, new, _ = change
         remade: list[spec.Declaration] = []
         try:
             self._begin_in_past(change)
@@ -280,7 +280,7 @@ class Instance:
             )
         except (DyknowError, RecursionError) as wrong:
             self._is_going_back = True
-            self._declare(new, gone)
+            self._declare(whole.new, whole.gone)
             done = [each for each in (*new, *remade) if each in self._undo]
             self._become(done[::-1], [each for each in before if each not in self._undo or each in remade])
             self._is_going_back = False

@@ -1,11 +1,11 @@
-"""Chronicle files from text (thesis 8.3).
+"""Chronicle files from text and to text (thesis 8.3): reading what was printed gives the same file.
 
 All errors of a text are reported. Where it leaves the grammar its declarations are read one by one, and in one that is
 wrong the lines that are wrong are left out, so that one mistake hides none after it.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Final
 
 from dyknow.model.errors import TextError
@@ -14,7 +14,9 @@ from kpl.syntax.chronicle_checking import check_chronicles
 from kpl.syntax.chronicle_reading import MAX_ERRORS, ChronicleReader
 from kpl.syntax.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
 from kpl.syntax.parsing import raise_all
+from reasoning.chronicles.definition import model
 from reasoning.chronicles.definition.model import ChronicleFile
+from reasoning.chronicles.definition.times import ComplexConstraint
 
 if TYPE_CHECKING:
     from lark import Token, Tree
@@ -115,3 +117,48 @@ def _without(piece: str, wrong: TextError) -> str:
     if any("{" in line or "}" in line for line in cut):
         return ""
     return "\n".join([*lines[:first], *(" " * len(line) for line in cut), *lines[last + 1 :]])
+
+
+def print_chronicles(file: model.ChronicleFile) -> str:
+    """The file as it is typed."""
+    return "\n\n".join(map(print_declaration, file.declarations)) + "\n"
+
+
+def print_declaration(declaration: model.Declaration) -> str:
+    """One declaration, as it is typed."""
+    match declaration:
+        case model.DomainDefinition(name, domain):
+            return f"domain {name} = {domain}"
+        case model.Attribute(name, parameters, constraints):
+            return f"attribute {_signature(name, parameters)}{_body(constraints) if constraints else ''}"
+        case model.Message(name, parameters, constraints):
+            return f"message {_signature(name, parameters)}{_body(constraints) if constraints else ''}"
+        case model.NamedConstraint(name, parameters, constraints):
+            return f"constraint {_signature(name, parameters)}{_body(constraints)}"
+        case ComplexConstraint(name, points, timings):
+            return f"time constraint {name}{_points(points)}{_body(timings)}"
+    return _chronicle(declaration)
+
+
+def _chronicle(chronicle: model.Chronicle) -> str:
+    points = _points(chronicle.instants)
+    statements: list[str] = []
+    for statement in chronicle.statements:
+        shown = str(statement)
+        if shown.startswith("(") and statements and statements[-1].startswith("chronicle "):
+            statements[-1] += ";"
+        statements.append(shown)
+    return f"chronicle {_signature(chronicle.name, chronicle.parameters)}{points}{_body(statements)}"
+
+
+def _points(instants: tuple[str, ...]) -> str:
+    return f"({', '.join(instants)})" if instants else ""
+
+
+def _signature(name: str, parameters: tuple[model.Parameter, ...]) -> str:
+    return str(model.EventType(name, parameters))
+
+
+def _body(statements: Iterable[object]) -> str:
+    lines = "".join(f"    {statement}\n" for statement in statements)
+    return f" {{\n{lines}}}"

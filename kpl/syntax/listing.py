@@ -8,6 +8,7 @@ from dyknow.model.labels import RESERVED
 from dyknow.model.values import Sort
 from dyknow.policies.policy import Policy
 from kpl.syntax import specification as spec
+from kpl.syntax.link_options import LEAST_PARTS, print_options
 from kpl.syntax.printing import print_formula
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(-[A-Za-z0-9_]+)*")
@@ -84,9 +85,12 @@ def _made(made: spec.Making) -> str:
             return f"{unit}({', '.join(map(_term, inputs))}){_with(policy)}"
         case spec.StateStream(inputs, policy):
             return f"state({', '.join(map(_term, inputs))}){_with(policy)}"
-        case spec.Link(source, unit, establish, reestablish, maintain):
+        case spec.Link(source, unit, establish, reestablish, maintain, options):
             conditions = ", ".join(map(print_formula, (establish, reestablish, maintain)))
-            return f"link({source}, {unit}, {conditions})"
+            return f"link({source}, {unit}, {conditions}){print_options(options)}"
+        case spec.Composite(source, together, stays, least):
+            conditions = ", ".join(map(print_formula, (together, stays)))
+            return f"composite({source}, {conditions}){'' if least == LEAST_PARTS else f' with least {least}'}"
         case spec.FirstOf(inputs):
             return f"first of {', '.join(map(_term, inputs))}"
         case spec.Select(term, variable, domain):

@@ -12,6 +12,7 @@ from dyknow.model.instants import US_PER_MS
 from dyknow.model.labels import Label
 from dyknow.model.values import Sort
 from dyknow.policies.policy import Policy
+from kpl.syntax.link_options import LEAST_PARTS, USUAL, LinkOptions
 from reasoning.chronicles import ChronicleFile as Chronicles
 from reasoning.formulas.evaluation import NoValuePolicy
 from reasoning.formulas.tree import Domain, Feature, Forall, Formula, Node, instantiate
@@ -85,6 +86,20 @@ class Link(Node):
     establish: Formula
     reestablish: Formula
     maintain: Formula
+    options: LinkOptions = USUAL
+
+
+@dataclass(frozen=True, slots=True)
+class Composite(Node):
+    """Objects made of several of one stream: `together` and `stays` are over two of them, `from` and `to`.
+
+    `least` is the number of parts that make one.
+    """
+
+    source: Label
+    together: Formula
+    stays: Formula
+    least: int = LEAST_PARTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +127,7 @@ class FirstOf(Node):
     inputs: tuple[StreamTerm, ...]
 
 
-Making: TypeAlias = FromSource | Refinement | StateStream | Link | Select | Merge | FirstOf
+Making: TypeAlias = FromSource | Refinement | StateStream | Link | Composite | Select | Merge | FirstOf
 
 
 @dataclass(frozen=True, slots=True)
@@ -350,7 +365,7 @@ def terms_of(made: Making) -> tuple[StreamTerm, ...]:
             return terms
         case Select(term, _, domain) | Merge(term, _, domain):
             return (term, domain)
-        case Link(source):
+        case Link(source) | Composite(source):
             return (StreamTerm(source),)
     return ()
 

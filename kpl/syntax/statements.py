@@ -24,6 +24,7 @@ from kpl.diagnostics.suggestions import begins_statement
 from kpl.syntax import specification as spec
 from kpl.syntax.chronicles import parse_chronicles
 from kpl.syntax.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
+from kpl.syntax.link_options import COMPOSITE_OPTIONS, LINK_OPTIONS, LinkOptions, read_options
 from kpl.syntax.numbers import is_time, parse_number
 from kpl.syntax.parsing import FormulaReader, line_width, place_of, raise_all
 from reasoning.formulas.evaluation import NoValuePolicy
@@ -148,9 +149,16 @@ class _StatementReader(FormulaReader):
             case "first_of":
                 return spec.FirstOf(self._terms(parts), place=place)
             case "link":
-                source, unit, *conditions = parts
+                source, unit, *conditions = parts[:5]
                 establish, reestablish, maintain = (self.read(condition, _LINKED) for condition in conditions)
-                return spec.Link(self.label(source), _name(unit), establish, reestablish, maintain, place=place)
+                options = LinkOptions(**read_options(self, parts[5:], LINK_OPTIONS))
+                return spec.Link(
+                    self.label(source), _name(unit), establish, reestablish, maintain, options, place=place
+                )
+            case "composite":
+                together, stays = (self.read(condition, _LINKED) for condition in parts[1:3])
+                more = read_options(self, parts[3:], COMPOSITE_OPTIONS)
+                return spec.Composite(self.label(parts[0]), together, stays, **more, place=place)
         member, variable, domain = parts
         make = spec.Select if node.data == "select" else spec.Merge
         return make(self._member(member), _name(variable), self._member(domain), place=place)

@@ -8,8 +8,10 @@ from dyknow.model.labels import Label
 from dyknow.policies.policy import Policy
 from kpl.checking.specifications import check_symbols
 from kpl.checking.symbols import SymbolTable
+from kpl.syntax.link_options import LinkOptions
 from kpl.syntax.specification import (
     ChronicleDeclaration,
+    Composite,
     Define,
     Export,
     ForEach,
@@ -31,7 +33,7 @@ from kpl.syntax.specification import (
 from reasoning.formulas.tree import Domain, Feature, Variable
 from tests.kpl.strategies import formulas, names, numbered
 
-TYPED_ONLY = ["link", "state", "select", "merge"]
+TYPED_ONLY = ["link", "composite", "state", "select", "merge"]
 
 
 def check_specification(every, known=None, text=""):
@@ -104,11 +106,22 @@ def ends_of_set(found):
 
 
 linked = plain.map(with_ends)
+link_options = st.builds(
+    LinkOptions,
+    forget=st.integers(10**5, 10**10),
+    score=st.sampled_from(["likelihood", "distance"]),
+    predict=st.sampled_from(["", "velocity", "individual", "roads"]),
+    max_hyps=st.integers(1, 64),
+    candidates=st.integers(1, 16),
+    exclusive=st.just("") | names,
+    errors=st.sampled_from(["independent", "correlated"]),
+)
 making = (
     st.builds(FromSource, made_of)
     | st.builds(Refinement, made_of, many_terms)
     | st.builds(StateStream, many_terms, st.just(Policy()) | policies())
-    | st.builds(Link, labels, names, linked, linked, linked)
+    | st.builds(Link, labels, names, linked, linked, linked, link_options)
+    | st.builds(Composite, labels, linked, linked, st.integers(2, 1000))
     | st.builds(Select, terms, names, terms)
     | st.builds(Merge, terms, names, terms)
 )

@@ -13,7 +13,7 @@ from proxies.recordings.named_files import beside
 from runtime.configuration.road_files import read_bytes
 
 if TYPE_CHECKING:
-    from anchoring.links.specification import LinkSpecification
+    from anchoring.links.structures import AnySpecification
     from anchoring.roads.network import RoadNetwork
     from kpl.linking.wants import Wanted
 
@@ -68,7 +68,7 @@ def link(
 
 def _specifications(
     file: Path | None, network: "RoadNetwork | None"
-) -> "tuple[tuple[LinkSpecification, ...], RoadNetwork | None, list[Wanted]]":
+) -> "tuple[tuple[AnySpecification, ...], RoadNetwork | None, list[Wanted]]":
     """The link specifications of a file, or those that are ready, the roads that they are on, and what is looked for."""
     from anchoring.ready import ready_specification
 

@@ -1,9 +1,13 @@
 """Composite objects: groups of parts under one symbol, anchored through their parts."""
 
-from anchoring.links.composites import CompositeObjects, CompositeSpecification
+import pytest
+
+from anchoring.links.composites import CompositeSpecification
+from anchoring.links.objects import LinkObject
+from anchoring.links.specification import LinkSpecification
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import ObjectLinkage, Percept
-from anchoring.ready import VISION, WORLD, ready_specification
+from anchoring.ready import NEAR, NEW, VISION, WORLD, ready_specification
 from kpl import parse_formula
 
 CONVOY = CompositeSpecification(
@@ -16,8 +20,8 @@ CONVOY = CompositeSpecification(
 class Road:
     """Cars on one line, by their position at a time, and the convoys among them."""
 
-    def __init__(self) -> None:
-        self.linkage, self.convoys = ObjectLinkage(ready_specification()), CompositeObjects(CONVOY)
+    def __init__(self, *more: CompositeSpecification) -> None:
+        self.linkage = ObjectLinkage([*ready_specification(), *(more or (CONVOY,))])
         self.events: list[tuple[str, str, str]] = []
 
     def drive(self, from_s: int, to_s: int, **cars: tuple[float, float]) -> None:
@@ -27,19 +31,24 @@ class Road:
                 Percept(name, VISION, ObjectState(t_us, x + speed * t_us / 1e6, 0.0, speed, 0.0, diagonal(0.3, 0.5)))
                 for name, (x, speed) in cars.items()
             ]
-            self.linkage.on_percepts(t_us, percepts)
-            found = self.convoys.step(t_us, self.linkage.objects(WORLD).values())
-            self.events += [(each.kind, each.source, each.target) for each in found]
+            outcome = self.linkage.on_percepts(t_us, percepts)
+            self.events += [(one.kind, one.source, one.target) for one in outcome.events if one.target_type == "convoy"]
+
+    def convoy(self) -> LinkObject:
+        """The only one."""
+        (found,) = self.linkage.objects("convoy").values()
+        return found
 
 
 def test_cars_that_drive_close_together_for_a_while_are_a_convoy_and_another_is_not() -> None:
     road = Road()
     road.drive(0, 6, a=(0.0, 10.0), b=(20.0, 10.0), c=(40.0, 10.0), d=(500.0, 10.0), e=(-20.0, 30.0))
-    (convoy,) = road.convoys.composites.values()
-    assert set(convoy.parts) == {"wo1", "wo2", "wo3"}
-    assert convoy.is_anchored
+    convoy = road.convoy()
+    assert convoy.state.attributes == {"parts": "wo1 wo2 wo3", "count": 3}
+    assert road.linkage.anchored("convoy1")
     assert abs(convoy.state.x_m - 20.0 - 10.0 * convoy.state.valid_us / 1e6) < 1.0
     assert road.events == [("established", name, "convoy1") for name in ("wo1", "wo2", "wo3")]
+    assert all(each.reason.explanations for each in road.linkage.explain("convoy1")), "with the samples that decided it"
 
 
 def test_a_part_that_falls_back_leaves_and_the_symbol_stays() -> None:
@@ -47,19 +56,36 @@ def test_a_part_that_falls_back_leaves_and_the_symbol_stays() -> None:
     cars = {"a": (0.0, 10.0), "b": (20.0, 10.0), "c": (40.0, 10.0)}
     road.drive(0, 6, **cars)
     road.drive(6, 20, **{**cars, "a": (36.0, 4.0)})
-    (convoy,) = road.convoys.composites.values()
+    convoy = road.convoy()
     assert convoy.symbol == "convoy1"
-    assert set(convoy.parts) == {"wo2", "wo3"}
+    assert set(convoy.incoming) == {"wo2", "wo3"}
     assert ("unlinked", "wo1", "convoy1") in road.events
+    (left,) = (each for each in road.linkage.explain("convoy1") if each.kind == "unlinked")
+    assert left.reason.explanations
 
 
 def test_it_is_anchored_through_any_part_and_forgotten_with_them() -> None:
     road = Road()
     road.drive(0, 6, a=(0.0, 10.0), b=(20.0, 10.0))
     road.drive(6, 10, b=(20.0, 10.0))
-    (convoy,) = road.convoys.composites.values()
-    assert set(convoy.parts) == {"wo1", "wo2"}
-    assert convoy.is_anchored
+    assert set(road.convoy().incoming) == {"wo1", "wo2"}
+    assert road.linkage.anchored("convoy1")
     road.drive(10, 80, other=(-9000.0, 0.0))
-    assert not road.convoys.composites
+    assert not road.linkage.objects("convoy")
+    assert not road.linkage.anchored("convoy1")
     assert road.events[-1] == ("forgotten", "", "convoy1")
+
+
+def test_a_part_that_is_given_another_symbol_stays_one() -> None:
+    road = Road()
+    road.drive(0, 6, a=(0.0, 10.0), b=(20.0, 10.0))
+    road.linkage.want("mine", WORLD, parse_formula("x[from] < 70"))
+    road.drive(6, 12, a=(0.0, 10.0), b=(20.0, 10.0))
+    assert set(road.convoy().incoming) == {"mine", "wo2"}
+
+
+def test_composites_whose_parts_may_be_anywhere_or_that_are_linked_are_refused() -> None:
+    with pytest.raises(ValueError, match="near each other"):
+        Road(CompositeSpecification(WORLD, "convoy", parse_formula("speed[from] < 3")))
+    with pytest.raises(ValueError, match="linked to nothing else"):
+        ObjectLinkage([*ready_specification(), CONVOY, LinkSpecification("convoy", "column", NEW, NEAR)])

@@ -19,7 +19,7 @@ from anchoring.roads.fluents import NO_CROSSING, NO_LINK, place_of
 from anchoring.roads.hypotheses import Pruning, RouteHypothesis, TurnTable, advance, lane_after, pruned
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.objects import OnRoad
-from anchoring.roads.prediction import AlongRoads, siblings
+from anchoring.roads.prediction import AlongRoads
 from dyknow import US_PER_S
 from tests.anchoring.roads.towns import cross, crossing, grid, link, networks, text
 
@@ -332,20 +332,6 @@ def test_a_crossing_that_no_sample_shows_is_turned_in_all_the_same() -> None:
 def test_changing_the_direction_on_a_link_is_no_turn() -> None:
     history = shown(TOWN, seen(50.0, -1.0, 5.0, 0.0), seen(50.0, -1.0, -5.0, 0.0))
     assert "turn" not in history[-1].attributes
-
-
-def test_split_into_objects_each_route_is_one_and_keeps_its_symbol() -> None:
-    history = shown(TOWN, seen(1.0, -60.0, 0.0, 10.0))
-    predictor = AlongRoads(TOWN)
-    whole, split = (predicted(predictor, history, at_s) for at_s in (5.0, 7.0))
-    assert list(siblings("oo1", whole)) == ["oo1"]
-    objects = siblings("oo1", split)
-    assert set(objects) == {"oo1/e+0", "oo1/n+0", "oo1/w+0"}
-    assert {state.attributes["origin"] for state in objects.values()} == {"oo1"}
-    later = siblings("oo1", predictor.predict(history, 8 * US_PER_S, split))
-    assert set(later) == set(objects)
-    east = later["oo1/e+0"]
-    assert (east.x_m, east.y_m) == pytest.approx((20.0, -1.75))
 
 
 def test_a_direction_that_the_place_does_not_have_is_that_of_the_last_positions() -> None:

@@ -74,7 +74,7 @@ def test_the_car_example_is_right() -> None:
         ("strmgen a = select pos[c] for c in nobody", "nothing makes nobody", ""),
         ("strmgen a = select other for c in car_ids", "other is the same for every c", "other[c]"),
         ("for c in car_ids strmgen x = Est(pos[c])", "every member of the stream would make x", "x[c]"),
-        ("strmgen a = link(pos[uav1], Fuse, true, false, true)", "Fuse takes 2 streams (pos, pos), not 1", "Fuse"),
+        ("strmgen a = link(speed[uav1], Est, true, false, true)", "Est takes pos here; speed[uav1] is speed", "speed"),
         ("strmgen a = link(nobody, Est, true, false, true)", "nothing makes nobody", ""),
     ],
 )

@@ -5,8 +5,8 @@ from hypothesis import given
 
 from dyknow.model.errors import TextError
 from kpl.diagnostics.languages import language
-from kpl.syntax.chronicle_printing import print_chronicles
 from kpl.syntax.chronicle_reading import ChronicleReader
+from kpl.syntax.chronicles import print_chronicles
 from kpl.syntax.grammar import parse_tree
 from reasoning.chronicles.definition.model import ChronicleFile
 from tests.kpl.chronicle_strategies import files
