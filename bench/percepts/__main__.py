@@ -56,7 +56,7 @@ def cost(percepts: int, seconds: float, *, roads: bool, packed: bool) -> dict[st
         tick_s = time.process_time()
         linkage.on_percepts(valid_us, seen)
         slowest_s = max(slowest_s, time.process_time() - tick_s)
-        evaluations += sum(each.evaluations for each in linkage._processes)
+        evaluations += sum(each.evaluations for some in linkage.into.values() for each in some)
     spent_s = time.process_time() - began_s
     shown = sum(len(each) for _, each in made[settled:]) / len(made[settled:])
     return {
