@@ -48,6 +48,7 @@ COMMANDS: CommandTable = {
     "fault": (f"{_MEMBERS}.delegate:fault", "A fault in a simulated UAV."),
     "demo": (f"{_FLEET}.demo:demo", "The main job end to end, in under a minute; exit 0 only if every step happened."),
     "doctor": (f"{_FLEET}.doctor:doctor", "What this machine lacks, and how to get it."),
+    "plan": (f"{_TEXTS}.plan:plan", "A plan for a problem of a domain, with times; or the reason why there is none."),
     "kpl": ("", "Specifications of knowledge processing, in KPL."),
     "kpl check": (f"{_TEXTS}.specifications:check", "Every error of a specification with its place and repair."),
     "kpl show": (f"{_TEXTS}.specifications:show", "A specification as it is understood, one declaration a line."),

@@ -1,4 +1,4 @@
-"""The parsers of our texts: two grammars, each read once, and the limits every text passes first.
+"""The parsers of our texts: three grammars, each read once, and the limits every text passes first.
 
 To build the tables of a parser takes longer than to read most specifications: they are kept for later processes, in
 `$XDG_CACHE_HOME/dyknow-grammars` or `~/.cache/dyknow-grammars`. Reading such a file runs what is written in it (it is a
@@ -47,6 +47,7 @@ TEXTS: Final[Mapping[str, Text]] = {
     "formula_only": Text("kpl.lark", "formula_only", "formulas"),
     "start": Text("kpl.lark", "start", "statements"),
     "chronicles": Text("chronicles.lark", "start", "chronicles", "name the inner parts: domain D = ..."),
+    "domains": Text("domains.lark", "start", "domains", "define the inner parts: #define name(...) := ..."),
 }
 
 

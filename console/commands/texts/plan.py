@@ -1,0 +1,75 @@
+"""`dyknow plan`: a plan for a problem of a domain, with times, or the reason why there is none."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from console.command import Call, command
+from console.commands.texts.specification_files import read_text
+from console.errors import DONE, NO
+from dyknow.model.instants import print_span
+from runtime.configuration.instants import duration_us
+
+if TYPE_CHECKING:
+    from planning import NoPlan, PlanFound
+
+SHORTEST_TIMEOUT_US = 10_000
+
+
+@command(example="dyknow plan examples/logistics/logistics.dom examples/logistics/four.prob")
+def plan(
+    call: Call,
+    domain: Annotated[Path, typer.Argument(metavar="DOMAIN.dom", help="Types, features, operators, control formulas.")],
+    problem: Annotated[Path, typer.Argument(metavar="PROBLEM.prob", help="Objects, the initial state, goals.")],
+    *,
+    timeout: Annotated[str, typer.Option(metavar="TIME", help="How long to search.")] = "10s",
+    search: Annotated[
+        Literal["depth-first", "branch-and-bound", "best-first"],
+        typer.Option(help="The first plan that is found, or the cheapest."),
+    ] = "depth-first",
+) -> int:
+    """A plan for a problem: its actions with times and its cost; exit 1 with the reason if there is none."""
+    from planning import PlanFound, Strategy, find_plan, parse_domain, parse_problem
+
+    limit_us = duration_us(timeout, option="--timeout", least_us=SHORTEST_TIMEOUT_US)
+    declared = parse_domain(read_text(domain))
+    asked = parse_problem(read_text(problem), declared)
+    begun_s = time.monotonic()
+    end_s = begun_s + limit_us / 1e6
+
+    def stop() -> str:
+        return f"gave up after {print_span(limit_us)}" if time.monotonic() > end_s else ""
+
+    with call.out.waiting("searching") as progress:
+        found = find_plan(declared, asked, Strategy(search), stop, lambda nodes: progress(f"searching: {nodes} nodes"))
+    search_ms = round((time.monotonic() - begun_s) * 1000, 1)
+    return _shown(call, found, search_ms) if isinstance(found, PlanFound) else _refused(call, found, search_ms)
+
+
+def _shown(call: Call, found: "PlanFound", search_ms: float) -> int:
+    plan_found = found.plan
+    if call.out.json_lines:
+        call.out.line({**plan_found.as_json(), "nodes": found.nodes, "search_ms": search_ms})
+        return DONE
+    call.out.plain("".join(f"{line}\n" for line in plan_found.lines()), folds=True)
+    for name in plan_found.unreached:
+        call.out.note(f"note: {name} is unreached: there is no plan that reaches it as well.")
+    best = ", the cheapest there is" if found.is_cheapest else ""
+    call.out.show(
+        f"{len(plan_found.actions)} actions, {plan_found.end_ms / 1000:g} s, cost {plan_found.cost:g}{best}; "
+        f"{found.nodes} nodes in {search_ms:g} ms"
+    )
+    return DONE
+
+
+def _refused(call: Call, found: "NoPlan", search_ms: float) -> int:
+    if call.out.json_lines:
+        record = {"plan": None, "reason": found.reason, "causes": list(found.causes)}
+        call.out.line({**record, "nodes": found.nodes, "search_ms": search_ms})
+        return NO
+    call.out.note(f"no plan: {found.reason}.")
+    for cause in found.causes:
+        call.out.note(f"  {cause}")
+    return NO

@@ -1,0 +1,20 @@
+"""Planning with temporal control formulas (thesis chapter 7): domains in text and in Python, and search for plans."""
+
+from planning.domains.model import Declarations
+from planning.domains.printing import print_declarations
+from planning.domains.texts import parse_domain, parse_problem
+from planning.search.planner import NoPlan, PlanFound, Strategy, find_plan
+from planning.search.plans import MissionPlan, PlannedAction
+
+__all__ = [
+    "Declarations",
+    "MissionPlan",
+    "NoPlan",
+    "PlanFound",
+    "PlannedAction",
+    "Strategy",
+    "find_plan",
+    "parse_domain",
+    "parse_problem",
+    "print_declarations",
+]

@@ -1,0 +1,273 @@
+"""Planning domains and problems as values (thesis 7.3, 7.4.1): types, features, operators, control formulas, goals.
+
+Expressions are the nodes of `reasoning.formulas.tree` for connectives, comparisons, temporal operators and arithmetic,
+with the nodes below for what TAL has and streams have not: features of terms, quantifiers over types, `next`, `goal`.
+A name in an expression is a `Call` without arguments; what it is (variable, constant, object, feature) follows from where
+it stands. Numbers of time are milliseconds, as in the thesis.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final, Literal, Self, TypeAlias
+
+from reasoning.formulas import tree
+
+Expression: TypeAlias = Any
+"""A node of `reasoning.formulas.tree`, or one of those below."""
+BOOLEAN: Final = "boolean"
+NUMBER: Final = "fp"
+NUMBERS: Final = (NUMBER, "number", "integer")
+"""Names of the sort of numbers; the thesis' fixed-point numbers are floating-point numbers here."""
+CONSTANTS: Final = {"UNITS_PER_SECOND": 1000}
+FUNCTIONS: Final = {"abs": 1, "hypot": 2, "min": 2, "max": 2}
+"""Functions of numbers by name, and how many numbers they take."""
+
+
+@dataclass(frozen=True, slots=True)
+class Application(tree.Node):
+    """A feature, derived feature or function of terms; without arguments any name."""
+
+    name: str
+    args: tuple[Expression, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Next(tree.Node):
+    """True in a state if the operand is true in the next state of the sequence; it stands for `[t + 1]`."""
+
+    operand: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class InGoal(tree.Node):
+    """True if the operand is true in all goal states."""
+
+    operand: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A variable and its type; `sort` None: the type is in the name, `box2` is a box."""
+
+    name: str
+    sort: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Quantified(tree.Node):
+    kind: Literal["forall", "exists"]
+    variables: tuple[Parameter, ...]
+    body: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class TypeDeclaration(tree.Node):
+    """A value domain: a type of objects below `parent`, or one with the values that are listed."""
+
+    name: str
+    parent: str | None = None
+    values: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Constant(tree.Node):
+    name: str
+    value: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class FeatureDeclaration(tree.Node):
+    """A fluent: the types of its arguments, the sort of its value, and what it is unless a problem gives it."""
+
+    name: str
+    sorts: tuple[str, ...]
+    sort: str
+    default: Expression | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Derived(tree.Node):
+    """A feature that is defined by an expression (a feature macro, thesis 7.4.1)."""
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    body: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorCondition(tree.Node):
+    """A condition of an operator; `name` is what a control formula is reported by."""
+
+    formula: Expression
+    monitored: bool = False
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Effect(tree.Node):
+    """At `offset_ms` after the start or the end the feature takes the value.
+
+    For all members of the types of `variables`, if `condition` holds at the start. The value and the arguments are those
+    of the start as well.
+    """
+
+    anchor: Literal["start", "end"]
+    offset_ms: int
+    target: Application
+    value: Expression
+    variables: tuple[Parameter, ...] = ()
+    condition: Expression | None = None
+    monitored: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class TimeConstraint(tree.Node):
+    """`shortest <= end - start <= longest`, in milliseconds; None is no bound."""
+
+    shortest: Expression | None
+    longest: Expression | None
+    monitored: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class MonitorFormula(tree.Node):
+    """A formula to be monitored while a plan is executed, and the operator that is run if it is violated (7.6.1)."""
+
+    formula: Expression
+    recovery: str | None = None
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Operator(tree.Node):
+    """An operator in the order of its clauses; `duration` is the expected one, else the middle of `timeconstraint`."""
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    cost: Expression | None = None
+    duration: Expression | None = None
+    timeconstraint: TimeConstraint | None = None
+    preconditions: tuple[OperatorCondition, ...] = ()
+    prevail: tuple[OperatorCondition, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    controls: tuple[OperatorCondition, ...] = ()
+    monitors: tuple[MonitorFormula, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Control(tree.Node):
+    """A global control formula: every state sequence of a plan satisfies it (7.4.2)."""
+
+    name: str
+    formula: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Objects(tree.Node):
+    sort: str
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Observation(tree.Node):
+    """The value of a feature from a time on: initially, or by what no operator does, as an area that opens."""
+
+    target: Application
+    value: Expression
+    at_ms: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class GoalStatement(tree.Node):
+    """What holds at the end, and from `deadline_ms` on; one with a weight may stay unreached at that cost."""
+
+    name: str
+    formula: Expression
+    deadline_ms: int | None = None
+    weight: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Declarations:
+    """A domain, a problem, or both."""
+
+    types: tuple[TypeDeclaration, ...] = ()
+    units: tuple[str, ...] = ()
+    constants: tuple[Constant, ...] = ()
+    features: tuple[FeatureDeclaration, ...] = ()
+    derived: tuple[Derived, ...] = ()
+    operators: tuple[Operator, ...] = ()
+    controls: tuple[Control, ...] = ()
+    monitors: tuple[MonitorFormula, ...] = ()
+    objects: tuple[Objects, ...] = ()
+    init: tuple[Observation, ...] = ()
+    goals: tuple[GoalStatement, ...] = ()
+
+    def joined(self, other: "Declarations") -> Self:
+        """Both, this one first."""
+        return type(self)(*(getattr(self, each.name) + getattr(other, each.name) for each in fields(self)))
+
+
+def type_in(name: str, types: Any) -> str | None:
+    """The type that a variable's name begins with: `box`, `box2`, `box'` and `box-2` are boxes."""
+    stem = name.rstrip("'").rstrip("0123456789").rstrip("_-").rstrip("'")
+    return name if name in types else stem if stem in types else None
+
+
+def calls(expression: Expression) -> Iterator[Application]:
+    """Every call of an expression, those inside others included."""
+    return (node for node in tree.walk(expression) if isinstance(node, Application))
+
+
+def conjuncts(expression: Expression) -> Iterator[Expression]:
+    """The parts of a conjunction, of conjunctions inside it as well."""
+    if isinstance(expression, tree.And):
+        for part in expression.parts:
+            yield from conjuncts(part)
+    else:
+        yield expression
+
+
+def substitute(expression: Expression, given: Mapping[str, Expression]) -> Expression:
+    """The expression with those in place of names; quantifiers keep the names that they bind."""
+    if not given:
+        return expression
+    if isinstance(expression, Application):
+        if not expression.args:
+            return given.get(expression.name, expression)
+        return replace(expression, args=tuple([substitute(one, given) for one in expression.args]))
+    if isinstance(expression, Quantified):
+        bound = {one.name for one in expression.variables}
+        inside = {name: one for name, one in given.items() if name not in bound}
+        return replace(expression, body=substitute(expression.body, inside))
+    changed = {}
+    for name in expression.__dataclass_fields__:
+        inner = getattr(expression, name)
+        if name != "place" and isinstance(inner, tree.Node):
+            changed[name] = substitute(inner, given)
+        elif isinstance(inner, tuple) and name == "parts":
+            changed[name] = tuple([substitute(one, given) for one in inner])
+    return replace(expression, **changed) if changed else expression
+
+
+def definition(expression: Expression, variable: str, derived: Mapping[str, Derived]) -> Expression | None:
+    """The term that a conjunction equates a variable with; inside `Next` or `InGoal` if the equation is.
+
+    Derived features are looked into: `is-at(box, x, y)` equates x with `xpos(box)`.
+    """
+    for part in conjuncts(expression):
+        match part:
+            case tree.Compare("=", Application(name, ()), term) | tree.Compare("=", term, Application(name, ())) if (
+                name == variable
+            ):
+                if all(one.name != variable for one in calls(term)):
+                    return term
+            case Next(operand) | InGoal(operand):
+                if (inside := definition(operand, variable, derived)) is not None:
+                    return type(part)(inside)
+            case Application(name, args) if name in derived and Application(variable) in args:
+                known = derived[name]
+                given = {one.name: arg for one, arg in zip(known.parameters, args, strict=False)}
+                if (inside := definition(substitute(known.body, given), variable, derived)) is not None:
+                    return inside
+    return None

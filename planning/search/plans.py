@@ -1,0 +1,60 @@
+"""Plans: actions with times, what they cost, and how they are shown."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from dyknow.model.sample import Value
+from planning.domains.model import Operator
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedAction:
+    """One action of a plan.
+
+    Attributes:
+        unit: the unit that does it; without units the first object.
+        objects: for the operator's parameters over objects, in their order.
+        values: of its parameters over numbers, at the start.
+    """
+
+    start_ms: int
+    end_ms: int
+    unit: str
+    shown: str
+    operator: Operator
+    objects: tuple[str, ...]
+    values: tuple[tuple[str, Value], ...]
+    cost: float
+
+    def as_json(self) -> dict[str, Any]:
+        record: dict[str, Any] = {
+            "start_s": self.start_ms / 1000,
+            "end_s": self.end_ms / 1000,
+            "unit": self.unit,
+            "action": self.shown,
+        }
+        if self.values:
+            record["values"] = dict(self.values)
+        return record
+
+
+@dataclass(frozen=True, slots=True)
+class MissionPlan:
+    """Actions in the order of their starts; `unreached` are goals with a weight that it does not reach, `cost` has their weights."""
+
+    actions: tuple[PlannedAction, ...]
+    cost: float
+    unreached: tuple[str, ...] = ()
+
+    @property
+    def end_ms(self) -> int:
+        return max((one.end_ms for one in self.actions), default=0)
+
+    def as_json(self) -> Mapping[str, Any]:
+        found: dict[str, Any] = {"plan": [one.as_json() for one in self.actions], "cost": self.cost}
+        return found | {"unreached": list(self.unreached)} if self.unreached else found
+
+    def lines(self) -> tuple[str, ...]:
+        """One line for each action: start, end, action."""
+        return tuple(f"{one.start_ms / 1000:9.1f} s {one.end_ms / 1000:9.1f} s  {one.shown}" for one in self.actions)

@@ -1,0 +1,37 @@
+"""Whether the remainder of a formula holds if the newest state persists for ever (thesis 7.4.2: a plan that has ended).
+
+Over states that are all alike a temporal operator is about its operand alone: `always` and `eventually` are the same.
+"""
+
+from reasoning.formulas.skeletons import Shape
+from reasoning.progression.automaton import Letter, Progressor
+from reasoning.progression.clauses import DOUBT, Block, Clauses
+
+
+def holds_if_all_persists(clauses: Clauses, progressor: Progressor, letter: Letter) -> bool:
+    """The truth of a remainder over endless repetitions of the state with this truth assignment; undecided is false."""
+    return all(any(_holds(one, progressor, letter) for one in clause) for clause in clauses)
+
+
+def _holds(one: object, progressor: Progressor, letter: Letter) -> bool:
+    if isinstance(one, Block):
+        return holds_if_all_persists(one.clauses, progressor, letter)
+    if not isinstance(one, tuple) or one[0] == DOUBT:
+        return False
+    return _is_true(progressor.shape, progressor.node_of(one[0]), letter)
+
+
+def _is_true(shape: Shape, at: int, letter: Letter) -> bool:
+    kind, parts, lo_us, _ = shape.nodes[at]
+    if kind == "atom":
+        return letter.digits[parts[0]] == 1 - parts[1]
+    if kind == "constant":
+        return bool(parts[0])
+    truths = [_is_true(shape, one, letter) for one in parts]
+    if kind == "or":
+        return any(truths)
+    if kind == "until":
+        return truths[1] and (truths[0] or not lo_us)
+    if kind == "release":
+        return truths[1] or (truths[0] and bool(lo_us))
+    return all(truths)
