@@ -17,6 +17,8 @@ from agents.actions import ROLES, Role
 from agents.admission.admission import Admission
 from agents.admission.limits import ActLimits
 from agents.admission.message_log import MessageLog
+from agents.areas.assignment import AreaAssignment
+from agents.areas.division import AreaDivision
 from agents.attention.camera_attention import CameraAttention
 from agents.attention.following import Following
 from agents.attention.wanting import Wanting
@@ -75,7 +77,7 @@ from reasoning import AlarmEvent
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    Cameras, CameraAttention, FlightAgent, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls,
+    Cameras, CameraAttention, FlightAgent, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision,
     Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Wanting, Cooperation, MessageLog, DirectoryAgent,

@@ -32,6 +32,7 @@ FLIGHT: Final = tuple(
 FOLLOW: Final = Action(contents.Follow, "on_follow", role=Role.COMMAND_CENTRE, lasting=True, typed=True)
 ATTEND: Final = Action(contents.Attend, "on_attend", role=Role.COMMAND_CENTRE, lasting=True, typed=True)
 WANT: Final = Action(contents.WantObject, "on_want", lasting=True, typed=True)
+DIVIDE_AREA: Final = Action(contents.DivideArea, "on_divide", lasting=True, typed=True)
 MEMBERSHIP: Final = tuple(
     Action(content, handler, role=Role.COMMAND_CENTRE, typed=True)
     for content, handler in ((contents.Leave, "on_leave"), (contents.Rejoin, "on_rejoin"))
@@ -53,5 +54,6 @@ TYPED: Final = (
     FOLLOW,
     ATTEND,
     WANT,
+    DIVIDE_AREA,
     *MEMBERSHIP,
 )

@@ -8,6 +8,7 @@ from pydantic import ValidationError
 
 from dyknow.model.errors import WrongCall, did_you_mean
 from federation.messages.contents import Content, When
+from runtime.configuration.areas import corners_of
 from runtime.configuration.instants import SHORTEST_US, duration_us, instant_us
 
 if TYPE_CHECKING:
@@ -113,6 +114,8 @@ def _sentence(task: str, place: Sequence[int | str], kind: str, message: str) ->
 def _value(key: str, name: str, annotation: Any, text: str, now_us: int) -> Any:
     """The value that a field of this type and name has; quantities end in `_s`, `_us` or their unit."""
     kinds = _kinds(annotation)
+    if name == "area" and text.endswith(("json", "JSON")):
+        return corners_of(text)
     if tuple in kinds:
         return tuple(part.strip() for part in text.split(",") if part.strip())
     if name.endswith("_us"):

@@ -1,6 +1,7 @@
 """What acts say: one strict model for each head an expression may have; `read` understands, `expr()` says."""
 
 from federation.messages.contents.answers import Cancel, Done, Progress, Reason
+from federation.messages.contents.areas import AreaRing, AssignArea, DivideArea
 from federation.messages.contents.calls import CallForStream, LeaveProposal, StreamProposal, TakeProposal
 from federation.messages.contents.chronicles import Expected, Recognise, Recognised
 from federation.messages.contents.flight import Attend, Avoid, Fault, Follow, Goto, Hold, Land, Resume, ReturnHome
@@ -83,6 +84,8 @@ __all__ = [
     "AlarmList",
     "Alarms",
     "Answers",
+    "AreaRing",
+    "AssignArea",
     "Attend",
     "Avoid",
     "Because",
@@ -95,6 +98,7 @@ __all__ = [
     "CreateMulticast",
     "Directory",
     "DirectoryEvent",
+    "DivideArea",
     "Done",
     "EndStream",
     "Expected",

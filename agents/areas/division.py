@@ -1,0 +1,285 @@
+"""An area divided among the platforms that are there, by ask and tell: this platform is the leader (thesis 9.2.3).
+
+It asks each for its maximum speed, battery and position by semantic label, divides the area in proportion to speed and battery, in
+the order in which the platforms lie along it, and informs each of its piece; again whenever one comes or goes. Times are
+the node clock.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Final
+
+from agents.actions import COORDINATION, Offer
+from agents.areas.assignment import AreaAssignment
+from agents.exchange.gateway import Gateway
+from agents.interface import InterfaceAgent
+from agents.part import Part, PeerChange
+from agents.tasks.life import TaskLife
+from agents.tasks.requests import DIVIDE_AREA
+from agents.tasks.task import Task
+from dyknow.model.errors import DyknowError, Refused
+from dyknow.model.values import NO_VALUE
+from federation.members.directory import DirectoryFacilitator, unit_order
+from federation.members.liveness import PeerState, PlatformAppeared, PlatformGone, PlatformReturned
+from federation.members.offers import LabelAppeared, LabelGone
+from federation.messages.acts import Act, Performative
+from federation.messages.contents import AreaRing, AssignArea, Content, DivideArea, Progress, Query, Samples
+from navigation.areas import Area, Piece
+
+P = Performative
+ASKED: Final = {
+    "top-speed": ("speed_m_s",), "battery": ("fraction",), "heli-position": ("latitude_deg", "longitude_deg"),
+}  # fmt: skip
+"""Semantic labels, and the fields that must be numbers."""
+ANSWER_US: Final = 1_000_000
+AFTER_US: Final = 300_000
+"""How long after a platform has come or gone the area is divided again: several may come at once."""
+SPEED_M_S: Final = 10.0
+SPEED_MOST_M_S: Final = 60.0
+BATTERY: Final = 0.5
+"""What is assumed where a platform does not say, and the most that is believed of a speed."""
+BATTERY_LEAST: Final = 0.1
+"""With less a platform gets no piece."""
+MOST: Final = 8
+"""Divisions that one platform leads."""
+
+
+@dataclass(slots=True)
+class PlatformAbility:
+    """What a platform says of itself: values by field, by semantic label."""
+
+    unit: str
+    values: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    @property
+    def weight(self) -> float:
+        """How large its piece is next to those of others: speed times battery."""
+        speed = min(max(self._number("top-speed", SPEED_M_S), 0.0), SPEED_MOST_M_S)
+        battery = min(max(self._number("battery", BATTERY), 0.0), 1.0)
+        return speed * battery if battery >= BATTERY_LEAST else 0.0
+
+    @property
+    def place(self) -> tuple[float, float] | None:
+        """Where it is, latitude and longitude in degrees."""
+        found = self.values.get("heli-position")
+        return None if found is None else (float(found["latitude_deg"]), float(found["longitude_deg"]))
+
+    def assumed(self) -> str:
+        """What it did not say."""
+        return " and ".join(label for label in ("top-speed", "battery") if label not in self.values)
+
+    def _number(self, label: str, otherwise: float) -> float:
+        value = self.values.get(label, {}).get(ASKED[label][0], otherwise)
+        return float(value)
+
+
+@dataclass(slots=True)
+class DividedArea:
+    """One task: what is divided into which pieces, and the answers that are awaited."""
+
+    task: str
+    delegator: str
+    area: Area
+    sensor: str | None
+    generation: int = 0
+    pieces: dict[str, Piece] = field(default_factory=dict)
+    asked: dict[str, PlatformAbility] = field(default_factory=dict)
+    open: int = 0
+    round: int = 0
+    due_us: int | None = None
+    is_asking: bool = False
+
+
+class AreaDivision(Part):
+    """See the module.
+
+    Args:
+        own: takes the piece of this platform.
+
+    Attributes:
+        areas: what this platform divides, by task.
+    """
+
+    offers = (Offer(COORDINATION, (DIVIDE_AREA,)),)
+
+    def __init__(
+        self,
+        unit: str,
+        agent: InterfaceAgent,
+        directory: DirectoryFacilitator,
+        gateway: Gateway,
+        tasks: TaskLife,
+        own: AreaAssignment,
+        note: Callable[[str], None],
+    ) -> None:
+        self._unit, self._agent, self._directory, self._gateway = unit, agent, directory, gateway
+        self._tasks, self._own, self._note = tasks, own, note
+        self.areas: dict[str, DividedArea] = {}
+
+    def on_divide(self, act: Act, content: DivideArea, now_us: int) -> None:
+        """`(divide-area ...)`: until it is cancelled.
+
+        Raises:
+            Refused: it is no area, or this platform leads as many divisions as it may.
+        """
+        task = self._tasks.check_free(act.conversation_id)
+        if len(self.areas) >= MOST:
+            raise Refused(f"this platform divides {MOST} areas already")
+        if not task.endswith(f".{self._unit}"):
+            raise Refused(f"{task} does not name {self._unit} as the platform that it was delegated to")
+        corners = [(float(latitude), float(longitude)) for latitude, longitude in map(str.split, content.area)]
+        divided = DividedArea(task, act.sender.unit, Area(corners), content.sensor)
+        self.areas[task] = divided
+        self._tasks.add(Task(task, act.sender.unit, DivideArea.head, partial(self._end, task), since_us=now_us))
+        self._agent.answer(act, P.AGREE, None, now_us)
+        self._ask(divided, now_us)
+
+    def _end(self, task: str, now_us: int) -> tuple[str, ...]:
+        divided = self.areas.pop(task)
+        divided.generation += 1
+        for unit in divided.pieces:
+            self._inform(divided, unit, Piece((), 0.0, (0.0, 0.0)), 0.0, now_us)
+        return ()
+
+    # -- ask ---------------------------------------------------------------------------------------------------
+
+    def _participants(self, sensor: str | None) -> dict[str, frozenset[str]]:
+        """The platforms that are there and have the sensor, this one included, with the labels that they offer."""
+        there = {
+            entry.unit: frozenset(label.label for label in entry.labels)
+            for entry in self._directory.entries()
+            if entry.kind == "uav" and entry.state is not PeerState.GONE and not entry.refusal
+        }
+        there.setdefault(self._unit, frozenset(self._gateway.offered()))
+        units = sorted(there, key=unit_order)
+        return {unit: there[unit] for unit in units if sensor is None or sensor in there[unit]}
+
+    def _ask(self, divided: DividedArea, now_us: int) -> None:
+        divided.round += 1
+        divided.is_asking, divided.due_us = True, now_us + ANSWER_US
+        there = self._participants(divided.sensor)
+        divided.asked = {unit: PlatformAbility(unit) for unit in there}
+        questions = [(unit, label) for unit in there for label in ASKED if unit != self._unit and label in there[unit]]
+        divided.open = len(questions)
+        for label in ASKED if self._unit in there else ():
+            self._look(divided.asked[self._unit], label)
+        for unit, label in questions:
+            self._query(divided, divided.asked[unit], label, now_us)
+        if not questions:
+            self._divide(divided, now_us)
+
+    def _look(self, ability: PlatformAbility, label: str) -> None:
+        """The same of this platform."""
+        try:
+            value = self._gateway.latest(label).value
+        except DyknowError:
+            return
+        if value is not NO_VALUE:
+            names = [part.name for part in self._gateway.ontology[label].sort.fields]
+            ability.values[label] = dict(zip(names, value, strict=True))
+
+    def _query(self, divided: DividedArea, ability: PlatformAbility, label: str, now_us: int) -> None:
+        number = divided.round
+
+        def answered(at_us: int) -> None:
+            if number == divided.round and divided.is_asking:
+                divided.open -= 1
+                if not divided.open:
+                    self._divide(divided, at_us)
+
+        def on_reply(_act: Act, said: Content | None, at_us: int) -> None:
+            if isinstance(said, Samples) and said.samples and said.samples[-1].value is not NO_VALUE:
+                values = dict(said.samples[-1].value)
+                if all(isinstance(values.get(name), int | float) for name in ASKED[label]):
+                    ability.values[label] = values
+            answered(at_us)
+
+        self._agent.delegate(
+            ability.unit,
+            Query(semantic_label=label),
+            now_us,
+            performative=P.QUERY_REF,
+            on_reply=on_reply,
+            on_silence=lambda _why, at_us: answered(at_us),
+            reply_within_us=ANSWER_US,
+        )
+
+    # -- divide and tell ---------------------------------------------------------------------------------------
+
+    def _divide(self, divided: DividedArea, now_us: int) -> None:
+        if divided.task not in self.areas:
+            return
+        divided.is_asking, divided.due_us = False, None
+        able = [each for each in divided.asked.values() if each.weight > 0]
+        before, divided.pieces = divided.pieces, {}
+        divided.generation += 1
+        if able:
+            along = {each.unit: divided.area.along_m(each.place) for each in able if each.place is not None}
+            able.sort(key=lambda each: (each.unit not in along, along.get(each.unit, 0.0), unit_order(each.unit)))
+            pieces = divided.area.divide([each.weight for each in able])
+            divided.pieces = {each.unit: piece for each, piece in zip(able, pieces, strict=True)}
+        for unit in {**before, **divided.pieces}:
+            piece = divided.pieces.get(unit, Piece((), 0.0, (0.0, 0.0)))
+            self._inform(divided, unit, piece, piece.area_m2 / divided.area.area_m2, now_us)
+        self._report(divided, now_us)
+
+    def _inform(self, divided: DividedArea, unit: str, piece: Piece, share: float, now_us: int) -> None:
+        content = AssignArea(
+            task=divided.task,
+            generation=divided.generation,
+            rings=tuple(AreaRing(corners=tuple(map(_text, ring))) for ring in piece.rings),
+            area_m2=piece.area_m2,
+            share=min(1.0, share),
+            middle=_text(piece.middle),
+        )
+        if unit == self._unit:
+            self._own.assign(unit, 0, content, now_us)
+        elif self._directory.is_present(unit):
+            self._agent.tell(unit, content, now_us)
+
+    def _report(self, divided: DividedArea, now_us: int) -> None:
+        """Tell the delegator the share of each platform, what was assumed, and which have none."""
+        whole = divided.area.area_m2
+        parts = [f"{unit} {piece.area_m2 / whole:.0%}" for unit, piece in divided.pieces.items()]
+        assumed = [
+            f"{each.unit} does not say its {each.assumed()}" for each in divided.asked.values() if each.assumed()
+        ]
+        none = [f"{unit} gets none: its battery is low" for unit in divided.asked if unit not in divided.pieces]
+        text = "; ".join([f"{whole:.0f} m2 divided: {', '.join(parts) or 'no platform can watch it'}", *none, *assumed])
+        self._note(f"area: {text}")
+        if self._directory.is_present(divided.delegator):
+            self._agent.tell(divided.delegator, Progress(step=text[:1000]), now_us, conversation=divided.task)
+
+    # -- again -------------------------------------------------------------------------------------------------
+
+    def on_peer(self, change: PeerChange, now_us: int) -> None:
+        """A platform came or went, or what it can do: divide again soon."""
+        for divided in self.areas.values():
+            match change:
+                case PlatformGone(unit=unit):
+                    is_other = unit in divided.pieces or unit in divided.asked
+                case PlatformAppeared(kind="uav") | PlatformReturned():
+                    is_other = True
+                case LabelAppeared(unit=unit, label=entry) | LabelGone(unit=unit, label=entry):
+                    is_other = entry.label in {*ASKED, divided.sensor}
+                case _:
+                    is_other = False
+            if is_other:
+                divided.is_asking, divided.due_us = False, now_us + AFTER_US
+
+    @property
+    def deadline_us(self) -> int | None:
+        return min((each.due_us for each in self.areas.values() if each.due_us is not None), default=None)
+
+    def on_time(self, now_us: int) -> None:
+        for divided in list(self.areas.values()):
+            if divided.due_us is not None and now_us >= divided.due_us:
+                if divided.is_asking:
+                    self._divide(divided, now_us)  # with what was answered
+                else:
+                    self._ask(divided, now_us)
+
+
+def _text(place: tuple[float, float]) -> str:
+    return f"{place[0]:.7f} {place[1]:.7f}"

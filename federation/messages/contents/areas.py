@@ -1,0 +1,52 @@
+"""Areas that are divided among platforms (thesis 9.2.3)."""
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from federation.messages.contents import parts
+from federation.messages.descriptions import Count, SemanticLabel
+
+MAX_CORNERS = 32
+"""Of an area that is to be divided; a piece has a few more."""
+
+
+def _corner(text: str) -> str:
+    try:
+        latitude, longitude = map(float, text.split())
+    except ValueError:
+        raise ValueError(f"a corner is a latitude and a longitude in degrees, 58.4 15.6, not {text[:40]!r}") from None
+    if not (abs(latitude) <= 90 and abs(longitude) <= 180):
+        raise ValueError(f"there is no place at {text[:40]}")
+    return text
+
+
+Corner = Annotated[str, Field(max_length=48), AfterValidator(_corner)]
+Ring = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=4 * MAX_CORNERS)]
+
+
+class DivideArea(parts.Content):
+    """Divide an area, by its corners in order, among the platforms that offer `sensor`, or among all."""
+
+    area: Annotated[tuple[Corner, ...], Field(min_length=3, max_length=MAX_CORNERS)]
+    sensor: SemanticLabel | None = None
+
+
+class AreaRing(parts.ContentPart):
+    """One border of a piece, by its corners in order."""
+
+    corners: Ring
+
+
+class AssignArea(parts.Content):
+    """The piece of the receiver in a division: its borders, none if it has no part in it (any longer).
+
+    `generation` counts the divisions of one task; the latest holds.
+    """
+
+    task: parts.Conversation
+    generation: Count
+    rings: Annotated[tuple[AreaRing, ...], Field(max_length=MAX_CORNERS)] = ()
+    area_m2: Annotated[float, Field(ge=0)] = Field(default=0.0, alias="area_m2")
+    share: Annotated[float, Field(ge=0, le=1)] = 0.0
+    middle: Corner = "0 0"

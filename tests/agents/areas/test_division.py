@@ -1,0 +1,201 @@
+"""An area is divided among platforms by ask and tell, and again when one leaves (thesis 9.2.3)."""
+
+import math
+
+import pytest
+import shapely
+
+from agents.areas.assignment import AreaAssignment
+from agents.areas.division import AreaDivision
+from agents.effects import Fed
+from federation.messages.acts import Performative
+from federation.messages.contents import AreaRing, AssignArea, DivideArea, Progress, Query, Samples
+from tests.box import Box, Question
+
+P = Performative
+AREA = ("58.000 15.000", "58.000 15.030", "58.010 15.030", "58.006 15.010", "58.010 15.000")
+SPEED = "source greatest-speed plate\nstrmgen top[self] = plate\nexport top-speed = top[self]\n"
+
+
+def fleet(wire: Box, *batteries: float) -> Question:
+    for unit, battery in enumerate(batteries):
+        wire.fly(str(unit), 0.0, 500.0 * unit)
+        wire.vehicle(str(unit)).battery = battery
+    wire.centre()
+    wire.run(1.5)
+    return wire.question("cc", "0", DivideArea(area=AREA))
+
+
+def pieces(wire: Box) -> dict[str, AssignArea]:
+    """What each platform that runs takes as its piece."""
+    found = {
+        unit: [each.content for each in platform.part(AreaAssignment).pieces.values()]
+        for unit, platform in wire.platforms.items()
+    }
+    return {unit: contents[-1] for unit, contents in found.items() if contents}
+
+
+def shape(corners: tuple[str, ...]) -> shapely.Polygon:
+    return shapely.Polygon([tuple(map(float, reversed(corner.split()))) for corner in corners])
+
+
+def check_complete(assigned: dict[str, AssignArea]) -> None:
+    """Together the area, none twice."""
+    whole = shape(AREA)
+    shapes = [shapely.union_all([shape(ring.corners) for ring in each.rings]) for each in assigned.values()]
+    assert whole.difference(shapely.union_all(shapes)).area < 1e-5 * whole.area
+    assert math.isclose(sum(each.area for each in shapes), whole.area, rel_tol=1e-5)
+    assert math.isclose(sum(each.share for each in assigned.values()), 1.0, rel_tol=1e-6)
+
+
+def test_the_leader_asks_divides_by_what_each_can_do_and_informs(wire):
+    asked = fleet(wire, 0.8, 0.4, 0.4)
+    wire.run(1)
+    assigned = pieces(wire)
+    assert {unit: round(each.share, 4) for unit, each in assigned.items()} == {"0": 0.5, "1": 0.25, "2": 0.25}
+    check_complete(assigned)
+    labels = {act.content.arguments["semantic-label"] for act in wire.acts("0", "1", Query.head)}
+    assert labels == {"battery", "heli-position"}, "top-speed is not offered, so it is not asked for"
+    assert asked.performatives[0] is P.AGREE
+    [report] = [each for each in asked.contents if isinstance(each, Progress)]
+    assert "0 50%, 1 25%, 2 25%" in report.step
+    assert "2 does not say its top-speed" in report.step
+
+
+def test_a_platform_that_says_how_fast_it_is_gets_more(wire):
+    asked = fleet(wire, 0.8, 0.8)
+    wire.specify("1", SPEED)
+    wire.happens("1", Fed(wire.now_us, "plate", wire.now_us, (30.0,)))
+    wire.run(3)
+    assert {unit: round(each.share, 4) for unit, each in pieces(wire).items()} == {"0": 0.25, "1": 0.75}
+    assert asked.failed is None
+
+
+def test_each_piece_is_a_stream_of_its_platform(wire):
+    fleet(wire, 0.8, 0.8)
+    wire.run(3)
+    found = wire.asked("cc", "1", Query(semantic_label="assigned-area"), P.QUERY_REF)
+    [samples] = [each for each in found.contents if isinstance(each, Samples)]
+    value = samples.samples[-1].value
+    assert math.isclose(value["share"], 0.5, rel_tol=1e-6)
+    middle = shapely.Point(value["longitude_deg"], value["latitude_deg"])
+    assert shape(tuple(value["border"].split(", "))).contains(middle)
+
+
+@pytest.mark.parametrize("way", ["kill", "end"])
+def test_when_one_leaves_the_area_is_divided_again_within_five_seconds(wire, way):
+    fleet(wire, 0.8, 0.8, 0.8)
+    wire.run(2)
+    getattr(wire, way)("2")
+    wire.run(5)
+    assigned = pieces(wire)
+    assert {unit: round(each.share, 4) for unit, each in assigned.items()} == {"0": 0.5, "1": 0.5}
+    check_complete(assigned)
+
+
+def test_one_that_comes_gets_its_part(wire):
+    fleet(wire, 0.8, 0.8)
+    wire.run(2)
+    wire.fly("2", 0.0, 1000.0)
+    wire.run(5)
+    check_complete(pieces(wire))
+    assert set(pieces(wire)) == {"0", "1", "2"}
+
+
+def test_a_platform_whose_battery_is_low_gets_none_and_that_is_reported(wire):
+    asked = fleet(wire, 0.8, 0.05)
+    wire.run(1)
+    assert set(pieces(wire)) == {"0"}
+    assert "1 gets none: its battery is low" in asked.contents[-1].step
+
+
+def test_only_those_with_the_sensor_take_part(wire):
+    fleet(wire, 0.8, 0.8)
+    wire.specify(
+        "1", 'label gas-level : gas in ppm "gas"\nsource gas s\nstrmgen g[self] = s\nexport gas-level = g[self]'
+    )
+    wire.run(1)
+    wire.question("cc", "0", DivideArea(area=AREA, sensor="gas-level"))
+    wire.run(2)
+    by_task = [each for each in wire.platform("0").part(AreaDivision).areas.values() if each.sensor]
+    assert list(by_task[0].pieces) == ["1"]
+
+
+def test_cancelled_it_is_taken_back_everywhere(wire):
+    asked = fleet(wire, 0.8, 0.8)
+    wire.run(2)
+    ended = wire.cancel_task("cc", "0", asked.conversation)
+    wire.run(1)
+    assert ended.trouble is None
+    assert pieces(wire) == {}
+    assert [entry.label for entry in wire.platform("1").ports.labels() if entry.label == "assigned-area"] == []
+    wire.kill("1")
+    wire.run(4)
+    assert pieces(wire) == {}
+
+
+def test_neighbours_lie_in_the_order_in_which_the_platforms_do(wire):
+    for unit, east_m in (("0", 1500.0), ("1", 0.0), ("2", 700.0)):
+        wire.fly(unit, 0.0, east_m)
+    wire.centre()
+    wire.run(1.5)
+    wire.question("cc", "0", DivideArea(area=AREA))
+    wire.run(1)
+    east = {unit: float(each.middle.split()[1]) for unit, each in pieces(wire).items()}
+    assert east["1"] < east["2"] < east["0"]
+
+
+def test_the_loss_of_the_leader_is_a_condition_and_its_restart_ends_the_division(wire):
+    fleet(wire, 0.8, 0.8)
+    wire.run(2)
+    wire.kill("0")
+    wire.run(4)
+    [condition] = wire.platform("1").part(AreaAssignment).conditions()
+    assert "its leader 0 is gone" in condition.text
+    wire.restart("0")
+    wire.run(4)
+    assert pieces(wire) == {}
+
+
+# Hostile
+
+
+def test_an_assignment_by_another_than_the_leader_is_refused_and_counted(wire):
+    asked = fleet(wire, 0.8, 0.8)
+    wire.run(2)
+    before = pieces(wire)
+    forged = AssignArea(
+        task=asked.conversation, generation=99, rings=(AreaRing(corners=("1 1", "1 2", "2 2")),), share=1.0
+    )
+    wire.speak("cc", lambda member, now_us: member.acts.tell("1", forged, now_us))
+    wire.run(0.5)
+    assert pieces(wire) == before
+    assert wire.platform("1").part(AreaAssignment).refused == {"not its task": 1}
+
+
+def test_an_earlier_division_does_not_take_the_place_of_a_later_one(wire):
+    fleet(wire, 0.8, 0.8)
+    wire.run(2)
+    assignment = wire.platform("1").part(AreaAssignment)
+    [(task, piece)] = assignment.pieces.items()
+    assignment.assign("0", 1, AssignArea(task=task, generation=0), wire.now_us)
+    assert assignment.pieces[task] is piece
+    assert assignment.refused == {"superseded": 1}
+
+
+def test_an_absurd_speed_is_believed_up_to_a_limit(wire):
+    fleet(wire, 0.8, 0.8)
+    wire.specify("1", SPEED)
+    wire.happens("1", Fed(wire.now_us, "plate", wire.now_us, (1e9,)))
+    wire.run(3)
+    assert round(pieces(wire)["0"].share, 3) == round(10 / 70, 3)
+
+
+@pytest.mark.parametrize(
+    "corners", [("58 15", "58.1 15.1", "58.1 15", "58 15.1"), ("0 0", "0 9", "9 9")], ids=["crossing", "too large"]
+)
+def test_what_is_no_area_is_refused(wire, corners):
+    wire.join("0")
+    wire.centre()
+    wire.run(1)
+    assert wire.asked("cc", "0", DivideArea(area=corners)).performatives == [P.REFUSE]
