@@ -33,10 +33,13 @@ def simulated(table: SimulatedVehicleConfig, ports: VehiclePorts) -> Vehicle:
     settings: dict[str, Any] = {}
     carried = None
     if situation.streets is not None:
-        from sim_uavs.streets import carried_over
+        from sim_uavs.roads.layouts import network_of
+        from sim_uavs.streets import carried_over, roads_of
 
         carried, settings["cameras"] = carried_over(situation, unit, table.seed)
         flown = replace(flown, has_mount=True)
+        if ports.config.roads is None:
+            settings["roads"] = network_of(roads_of(situation))
     if table.gcs is not None:
         flown = replace(flown, peers=(*flown.peers, _address(table.gcs)))
     server = AutopilotServer(

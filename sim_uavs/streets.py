@@ -8,7 +8,7 @@ from dyknow.model.errors import WrongCall
 from navigation.cameras.pinhole import Intrinsics
 from navigation.cameras.rig import CameraRig
 from navigation.geodesy import LocalFrame
-from sim_uavs.cameras.detectors import COLOUR, COLOUR_CAMERA, THERMAL, THERMAL_CAMERA
+from sim_uavs.cameras.detectors import COLOUR, COLOUR_CAMERA, THERMAL, THERMAL_CAMERA, Obstacle
 from sim_uavs.cameras.onboard import OnboardCameras
 from sim_uavs.dynamics.scenarios import Scenario, Unit
 from sim_uavs.roads.layouts import RoadsJson, blocks
@@ -16,6 +16,7 @@ from sim_uavs.roads.shared import SharedTraffic
 
 ACROSS_RAD = radians(84.0)
 """The angle of view of cameras that watch traffic from above."""
+_TREES_M, _TREETOPS_M, _BRANCHES_M = 10.0, 8.0, 5.0
 _IMAGES_RNG = 23  # keeps the generators of detectors apart from others of the same seed
 
 
@@ -26,6 +27,18 @@ def roads_of(situation: Scenario) -> RoadsJson:
         raise WrongCall(f"the scenario {situation.name} has no streets; traffic has")
     roads = blocks(streets.across, streets.down, streets.apart_m)
     return {**roads, "origin": [origin.longitude_deg, origin.latitude_deg]}
+
+
+def trees_of(situation: Scenario) -> tuple[Obstacle, ...]:
+    """What hides the crossings of a scenario that are under trees."""
+    streets = situation.streets
+    if streets is None:
+        return ()
+    middles = [(column * streets.apart_m, row * streets.apart_m) for column, row in streets.under_trees]
+    return tuple(
+        Obstacle(x_m - _TREES_M, y_m - _TREES_M, x_m + _TREES_M, y_m + _TREES_M, _TREETOPS_M, _BRANCHES_M)
+        for x_m, y_m in middles
+    )
 
 
 def traffic_of(situation: Scenario, seed: int) -> SharedTraffic:
@@ -41,5 +54,6 @@ def carried_over(situation: Scenario, unit: Unit, seed: int) -> tuple[OnboardCam
     }
     frame = LocalFrame(*situation.origin)
     rng = np.random.default_rng((seed, unit.number, _IMAGES_RNG))
-    onboard = OnboardCameras(traffic_of(situation, seed), cameras, np.array(frame.to_ned(*unit.home)), rng)
+    home_m = np.array(frame.to_ned(*unit.home))
+    onboard = OnboardCameras(traffic_of(situation, seed), cameras, home_m, rng, trees_of(situation))
     return onboard, CameraRig({name: camera.intrinsics for name, camera in cameras.items()}, frame)

@@ -48,12 +48,17 @@ class Meeting(NamedTuple):
 
 
 class Streets(NamedTuple):
-    """Square blocks of streets with traffic on them, beginning at the origin: crossings to the east and to the north."""
+    """Square blocks of streets with traffic on them, beginning at the origin: crossings to the east and to the north.
+
+    Attributes:
+        under_trees: crossings that no camera sees from above, by how many blocks they are to the east and to the north.
+    """
 
     across: int
     down: int
     cars: int
     apart_m: float = 80.0
+    under_trees: tuple[tuple[int, int], ...] = ()
 
 
 class Scenario(NamedTuple):
@@ -67,7 +72,7 @@ class Scenario(NamedTuple):
 
 
 _Legs = list[Vector]
-_STREETS = Streets(4, 3, 18)
+_STREETS = Streets(4, 3, 18, under_trees=((2, 1),))
 _FRAME = LocalFrame(*ORIGIN)
 _UP = Vector(0.0, 0.0, -HEIGHT_M)
 
@@ -156,7 +161,7 @@ def _meeting(name: str, count: int, seed: int, legs: tuple[_Legs, _Legs]) -> Sce
 
 def _watching(name: str, count: int, seed: int) -> Scenario:
     """Each hovers over a crossing, the ones in the middle first; neighbours see some of the same. Those beyond see no streets."""
-    across, down, _, apart_m = _STREETS
+    across, down, _, apart_m, _ = _STREETS
     columns, rows = max(across, -(-count // down)), range(down)
     middle = (across - 1) / 2.0, (down - 1) / 2.0
     crossings = [(column, row) for column in range(columns) for row in rows]
