@@ -62,16 +62,9 @@ class SeenObjects:
         return [each for each in tables if {field.name for field in each.sort.fields}.issuperset(_FIELDS)]
 
     def _links(self) -> list[_Links]:
-        """The processes that link most: those of lower types have the same objects again."""
-        network = self._instance.network
-        made: list[Any] = [network.process(each.label) for each in self._tables()]
-        all_links: list[_Links] = [each for each in made if hasattr(each, "linkage")]
-        all_links.sort(key=lambda each: -len(each.specifications))
-        kept: list[_Links] = []
-        for links in all_links:
-            if not any(set(links.specifications) <= set(other.specifications) for other in kept):
-                kept.append(links)
-        return kept
+        """One process of each linkage: declarations that are chained share one."""
+        made: list[Any] = [self._instance.network.process(each.label) for each in self._tables()]
+        return list({id(each.linkage): each for each in made if hasattr(each, "linkage")}.values())
 
     def _take(self) -> None:
         """Follow the streams that are there; what has come or gone with the specification changes them."""
