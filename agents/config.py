@@ -68,3 +68,10 @@ class PlatformConfig:
     admission: Literal["refuse", "longer"] = "refuse"
     acts_per_s: float = ACTS_PER_S
     acts_burst: float = ACTS_BURST
+
+    @property
+    def rig(self) -> CameraRig:
+        """The cameras of a platform that has some."""
+        if self.cameras is None:
+            raise ValueError("a platform without cameras has no part that looks")
+        return self.cameras

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from itertools import count
+from math import hypot
 
 from agents.actions import Offer
 from agents.attention.seen_objects import SeenObjects
@@ -16,8 +17,9 @@ from agents.tasks.life import TaskLife
 from agents.tasks.requests import ATTEND
 from agents.tasks.task import Task
 from anchoring.attention.deciding import Attention, Gaze
-from anchoring.attention.ground import around
+from anchoring.attention.ground import around, roads_near
 from anchoring.attention.view import TurnableCamera
+from anchoring.roads.network import RoadNetwork
 from dyknow import Network
 from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
@@ -44,7 +46,7 @@ REPEAT_US = 1_000_000
 """So often an order is repeated that has not changed."""
 MOVED_M = 1.0
 SEARCHED_M = 150.0
-"""How far around the place where it begins ground is searched."""
+"""How far around the camera ground is searched where no roads are known; the vehicle moves so far before it is others."""
 _NUMBERS = 1 << 40
 """Orders to the mount are numbered from here, those to the vehicle from 1."""
 
@@ -81,12 +83,11 @@ class CameraAttention(Part):
         note: Callable[[str], None],
         offer: Callable[[int], None],
     ) -> None:
-        if config.cameras is None:
-            raise ValueError("a platform without cameras has no such part")
-        self._rig, self._agent, self._clock, self._network = config.cameras, agent, clock, network
+        self._rig, self._agent, self._clock, self._network = config.rig, agent, clock, network
         self._cameras, self._pilot, self._tasks, self._emit = cameras, pilot, tasks, emit
         self._note, self._offer, self._translation = note, offer, translation
-        self.seen = SeenObjects(instance)
+        self.seen, self._instance = SeenObjects(instance), instance
+        self._searched: tuple[float, float, RoadNetwork | None] | None = None
         self.gaze: Gaze | None = None
         self._label = translation.local_label(ATTENTION, config.unit)
         self._to_local = translation.to_local(ATTENTION)
@@ -137,7 +138,7 @@ class CameraAttention(Part):
         if self._followed.pop(task, None) is not None and not self._followed:
             if self._attention is not None:
                 self._order(PointMountOrder(*self._looked))
-            self._attention = self._ordered = self.gaze = None
+            self._attention = self._ordered = self.gaze = self._searched = None
 
     # -- deciding ----------------------------------------------------------------------------------------------
 
@@ -154,12 +155,23 @@ class CameraAttention(Part):
         if camera is None:
             return
         if self._attention is None:
-            north_m, east_m, _ = camera.pose.position_m.tolist()
-            self._attention, self._looked = Attention(around(east_m, north_m, SEARCHED_M)), camera.pose.mount
+            self._attention, self._looked = Attention(), camera.pose.mount
+        self._search(self._attention, camera)
         objects = self.seen.read(federation_us, {each for each in self._followed.values() if each})
         self.gaze = self._attention.decide(federation_us, camera, objects)
         if self.gaze is not None:
             self._look(self.gaze, federation_us)
+
+    def _search(self, attention: Attention, camera: TurnableCamera) -> None:
+        """Search the ground where the camera is now: roads where there are some, else a square."""
+        north_m, east_m, _ = camera.pose.position_m.tolist()
+        roads = self._instance.symbols.roads()
+        before = self._searched
+        if before is not None and before[2] is roads and hypot(east_m - before[0], north_m - before[1]) <= SEARCHED_M:
+            return
+        self._searched = east_m, north_m, roads
+        near = [] if roads is None else roads_near(roads, self._rig.frame, east_m, north_m, camera.reach_m + SEARCHED_M)
+        attention.search(near or around(east_m, north_m, SEARCHED_M))
 
     def _camera(self, federation_us: int) -> TurnableCamera | None:
         """The camera as it is now, or as it was known last; None: not lately."""

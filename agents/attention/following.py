@@ -83,9 +83,7 @@ class Following(Part):
         note: Callable[[str], None],
         offer: Callable[[int], None],
     ) -> None:
-        if config.cameras is None:
-            raise ValueError("a platform without cameras has no such part")
-        self._frame, self._agent, self._clock, self._directory = config.cameras.frame, agent, clock, directory
+        self._frame, self._agent, self._clock, self._directory = config.rig.frame, agent, clock, directory
         self._attention, self._flight, self._pilot, self._tasks = attention, flight, pilot, tasks
         self._emit, self._note, self._offer = emit, note, offer
         self._task: _Task | None = None

@@ -1,6 +1,7 @@
 """The cameras of the platform's vehicle as a part: their state and the percepts are streams that the platform offers."""
 
-from collections.abc import Callable, Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from math import degrees, sqrt
 
 from agents.cameras.perception import Perception
@@ -23,6 +24,8 @@ PERCEPTS, STATE = "vision-percepts", "camera-state"
 PERIOD_US = 100_000
 BLIND_US = 5_000_000
 """After so long without any image of known place that is a condition."""
+COUNTED_US = 10_000_000
+"""What is left out is a condition at once, with what was left out until then, and is looked at again after so long."""
 
 
 class Cameras(Part):
@@ -50,11 +53,9 @@ class Cameras(Part):
         note: Callable[[str], None],
         offer: Callable[[int], None],
     ) -> None:
-        if config.cameras is None:
-            raise ValueError("a platform without cameras has no such part")
-        self._frame, self._clock, self._network, self._translation = config.cameras.frame, clock, network, translation
+        self._frame, self._clock, self._network, self._translation = config.rig.frame, clock, network, translation
         self._exporter, self._note, self._offer = exporter, note, offer
-        self.perception = Perception(config.cameras, f"vp{config.unit}_")
+        self.perception = Perception(config.rig, f"vp{config.unit}_")
         self._percepts, self._state = (translation.local_label(name, config.unit) for name in (PERCEPTS, STATE))
         self._to_local = {name: translation.to_local(name) for name in (PERCEPTS, STATE)}
         self._places: dict[str, tuple[Value, ...]] = {}
@@ -62,6 +63,9 @@ class Cameras(Part):
         self._images_us: int | None = None
         self._seen_us: int | None = None
         self._blind: ConditionEntry | None = None
+        self._lossy: ConditionEntry | None = None
+        self._counted = Counter[str]()
+        self._counted_us: int | None = None
         for label, name in ((self._percepts, PERCEPTS), (self._state, STATE)):
             network.add_source(label, translation.local_sort(name))
         network.subscribe(streams.estimate, Policy(), self._on_estimate)
@@ -76,7 +80,7 @@ class Cameras(Part):
         ]
 
     def conditions(self) -> Iterable[ConditionEntry]:
-        return () if self._blind is None else (self._blind,)
+        return [each for each in (self._blind, self._lossy) if each is not None]
 
     def _on_estimate(self, sample: Sample) -> None:
         if sample.value is not NO_VALUE:
@@ -145,16 +149,39 @@ class Cameras(Part):
 
     def _judge(self, now_us: int) -> None:
         """Show that images come and their place is not known, for as long as that is so."""
+        self._count(now_us)
         last_us = self.perception.placed_us
         since_us = self._images_us if last_us is None else self._clock.wall_us(last_us)
         is_blind = since_us is not None and self._images_us is not None and now_us - since_us > BLIND_US
         if is_blind == (self._blind is not None):
             return
-        left_out = ", ".join(f"{count} {why}" for why, count in sorted(self.perception.left_out.items()) if count)
-        text = f"cameras: no percepts: {left_out or 'no images'}"
+        text = f"cameras: no percepts: {_counts(self.perception.left_out) or 'no images'}"
         self._blind = ConditionEntry(text=text[:200], since_us=now_us) if is_blind else None
         self._note(text if is_blind else "cameras: percepts come again")
         self._offer(now_us)
+
+    def _count(self, now_us: int) -> None:
+        """Show that images or detections are left out while others are taken; those before the first do not count."""
+        if self.perception.placed_us is None or (
+            self._counted_us is not None and now_us < self._counted_us + COUNTED_US
+        ):
+            return
+        before, self._counted = self._counted, +self.perception.left_out
+        if self._counted_us is None:
+            self._counted_us = now_us - COUNTED_US
+            return
+        new = self._counted - before
+        if not new and self._lossy is None:
+            return
+        self._counted_us = now_us
+        text = f"cameras: left out: {_counts(self._counted)}"
+        self._lossy = ConditionEntry(text=text[:200], since_us=now_us) if new else None
+        self._note(text if new else "cameras: nothing is left out any longer")
+        self._offer(now_us)
+
+
+def _counts(left_out: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {why}" for why, count in sorted(left_out.items()) if count)
 
 
 def _camera_state(state: CameraState, frame: LocalFrame) -> Value:

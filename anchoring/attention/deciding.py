@@ -1,7 +1,7 @@
 """Where a camera looks next: at the view from which most is to be learnt for the time it takes to turn there and see.
 
 Every object has a need of being seen, 0 to 1: of one that a percept shows little; of one that is not linked s^2 / (s^2 + S^2),
-where s is how far its hypotheses and their errors spread, so that it is looked at before it is lost; of what is new, wanted,
+where s is how far its hypotheses and their errors spread, or will soon, so that it is looked at before it is lost; of what is new, wanted,
 undecided or followed more. A view is worth the needs of all objects, each times the weight of the hypotheses in the image, and
 a little for ground that was not seen for long. Where the camera has looked and not found an object, its hypotheses weigh less
 for some seconds. The camera stays until it has settled, and turns only for a view that is clearly worth more.
@@ -15,7 +15,7 @@ import numpy as np
 
 from anchoring.attention.ground import SearchedGround
 from anchoring.attention.view import TurnableCamera
-from anchoring.attention.watched import WatchedObject, WatchedPlace
+from anchoring.attention.watched import WatchedObject, WatchedPlace, spread_m
 from anchoring.roads.geometry import Point2
 from dyknow import US_PER_S
 from navigation.cameras.pinhole import FloatArray
@@ -40,6 +40,7 @@ class AttentionSettings(NamedTuple):
         better: it turns for a view that is worth this many times as much.
         spread_m: an object that is spread so far has half the need of one that is lost.
         shown: the need of an object that a percept shows.
+        ahead: how much what will be spread soon counts next to what is: of crossings those are looked at in time.
         followed, wanted, undecided: how much more these need than others.
         ground: the worth of a place on the ground that was never seen; `searched` while something wanted may be anywhere.
         missed_s, forgives_s: time constants: of finding what is in view, and of forgetting that it was not found.
@@ -50,6 +51,7 @@ class AttentionSettings(NamedTuple):
     better: float = 1.25
     spread_m: float = 8.0
     shown: float = 0.05
+    ahead: float = 0.5
     followed: float = 6.0
     wanted: float = 3.0
     undecided: float = 1.5
@@ -108,6 +110,12 @@ class Attention:
         self._until_us = 0
         self._view: _View | None = None
         self.looks: Gaze | None = None
+
+    def search(self, ground: Sequence[Point2]) -> None:
+        """Search other places from now on."""
+        self._ground = SearchedGround(ground)
+        if self._view is not None and self._view.one is None:
+            self._view = self.looks = None
 
     def decide(self, now_us: int, camera: TurnableCamera, objects: Sequence[WatchedObject]) -> Gaze | None:
         """Where to look now; None: there is nothing to look at, nor ground to search.
@@ -181,9 +189,13 @@ class Attention:
                 case _:
                     return settings.shown
         factor = {"followed": settings.followed, "wanted": settings.wanted, "undecided": settings.undecided}
-        spread = _spread_m(one.places) / settings.spread_m
-        need = 1.0 if one.interest == "wanted" else spread * spread / (spread * spread + 1.0)
+        need = 1.0 if one.interest == "wanted" else self._lost(max(spread_m(one.places), settings.ahead * one.ahead_m))
         return need * factor.get(one.interest, 1.0)
+
+    def _lost(self, spread_m: float) -> float:
+        """0 to 1: how much of its place is lost of an object that is spread so far."""
+        square = (spread_m / self._settings.spread_m) ** 2
+        return square / (square + 1.0)
 
     # Views
 
@@ -255,17 +267,6 @@ class Attention:
 
 def _finite(places: Sequence[WatchedPlace]) -> tuple[WatchedPlace, ...]:
     return tuple(each for each in places[:_PLACES] if all(abs(value) < _FARTHEST for value in each))
-
-
-def _spread_m(places: Sequence[WatchedPlace]) -> float:
-    """How far an object may be from its likeliest place: errors along the way, and the other hypotheses."""
-    if not places:
-        return 0.0
-    likely = places[0]
-    square = sum(
-        each.weight * (each.sd_m**2 + (each.x_m - likely.x_m) ** 2 + (each.y_m - likely.y_m) ** 2) for each in places
-    )
-    return float(square**0.5)
 
 
 def _same(before: _View, views: Sequence[_View]) -> _View | None:

@@ -1,13 +1,16 @@
 """Which ground a camera has seen lately: places to search, each with the time at which it was in the image last."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from math import hypot
 from typing import Final
 
 import numpy as np
 
+from anchoring.roads.elements import RoadLink
 from anchoring.roads.geometry import Point2
 from anchoring.roads.network import RoadNetwork
 from dyknow import US_PER_S
+from navigation import LocalFrame
 from navigation.cameras.pinhole import FloatArray
 
 MOST_PLACES: Final = 2000
@@ -46,11 +49,26 @@ class SearchedGround:
 
 def along_roads(network: RoadNetwork, apart_m: float = 30.0) -> list[Point2]:
     """Places on the centre lines of all roads."""
+    return _along(network.links.values(), apart_m)
+
+
+def _along(links: Iterable[RoadLink], apart_m: float) -> list[Point2]:
     places: list[Point2] = []
-    for link in network.links.values():
+    for link in links:
         count = max(1, round(link.length_m / apart_m))
         places += [link.line.at((number + 0.5) * link.length_m / count)[:2] for number in range(count)]
     return places
+
+
+def roads_near(
+    network: RoadNetwork, frame: LocalFrame, x_m: float, y_m: float, reach_m: float, apart_m: float = 30.0
+) -> list[Point2]:
+    """Those within reach of a place, both in `frame`; roads without a place on earth are taken to be in it."""
+    own = network.frame or frame
+    middle_m, right_m, _ = own.to_ned(*frame.from_ned(y_m, x_m, 0.0))
+    near = [link for link, _ in network.index.links_near(right_m, middle_m, reach_m)]
+    placed = [frame.to_ned(*own.from_ned(north_m, east_m, 0.0)) for east_m, north_m in _along(near, apart_m)]
+    return [(east_m, north_m) for north_m, east_m, _ in placed if hypot(east_m - x_m, north_m - y_m) <= reach_m]
 
 
 def around(x_m: float, y_m: float, reach_m: float, apart_m: float = 40.0) -> list[Point2]:

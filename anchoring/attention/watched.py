@@ -13,6 +13,9 @@ from dyknow import US_PER_S
 LONGEST_US: Final = 2 * US_PER_S
 """How far beyond its last state an object is taken to move on."""
 
+AHEAD_US: Final = 2 * US_PER_S
+"""Who looks away from an object looks at it again after so long, or later."""
+
 Interest: TypeAlias = Literal["known", "new", "undecided", "wanted", "followed"]
 """`new`: a percept that is no object yet; `undecided`: an object whose type exclusive links have not decided."""
 
@@ -40,6 +43,7 @@ class WatchedObject(NamedTuple):
         places: the most probable first; none for a wanted object that may be anywhere.
         seen_us: when a percept showed it last.
         is_anchored: a percept shows it.
+        ahead_m: how far its places will be spread `AHEAD_US` after that, if nothing shows it until then.
     """
 
     symbol: str
@@ -47,6 +51,7 @@ class WatchedObject(NamedTuple):
     seen_us: int
     is_anchored: bool
     interest: Interest = "known"
+    ahead_m: float = 0.0
 
 
 def moved_on(place: WatchedPlace, valid_us: int, now_us: int) -> WatchedPlace:
@@ -59,6 +64,17 @@ def place_of(state: ObjectState, weight: float = 1.0) -> WatchedPlace:
     """A state as a place to look at."""
     sd_m = sqrt(max(float(state.covariance[0, 0] + state.covariance[1, 1]), 0.0))
     return WatchedPlace(state.x_m, state.y_m, state.vx_m_s, state.vy_m_s, sd_m, weight)
+
+
+def spread_m(places: Sequence[WatchedPlace]) -> float:
+    """How far an object may be from its likeliest place: errors along the way, and the other hypotheses."""
+    if not places:
+        return 0.0
+    likely = places[0]
+    square = sum(
+        each.weight * (each.sd_m**2 + (each.x_m - likely.x_m) ** 2 + (each.y_m - likely.y_m) ** 2) for each in places
+    )
+    return float(square**0.5)
 
 
 def watched(
@@ -90,7 +106,10 @@ def watched(
             interest: Interest = "undecided" if type_ in divided else "known"
             if followed and not {one.symbol, *_below(one, linkage.percept_types)}.isdisjoint(followed):
                 interest = "followed"
-            yield _watched(one, interest, now_us, is_anchored=linkage.anchored(one.symbol))
+            ahead = linkage.foreseen(one, one.state.valid_us + AHEAD_US).hypotheses
+            yield _watched(one, interest, now_us, is_anchored=linkage.anchored(one.symbol))._replace(
+                ahead_m=spread_m([place_of(state, weight) for state, weight in ahead])
+            )
     for symbol in linkage.wanted:
         yield WatchedObject(symbol, (), 0, is_anchored=False, interest="wanted")
 

@@ -232,6 +232,10 @@ class ObjectLinkage:
             return certain(moved(one.state, valid_us, next(iter(one.incoming.values())).process.specification.noise))
         return self._predicted(one, valid_us)[1]
 
+    def foreseen(self, one: LinkObject, valid_us: int) -> ObjectPrediction:
+        """Where an object will be at a later time, if nothing shows it until then."""
+        return self._predicted(one, valid_us)[1]
+
     def _predicted(self, one: LinkObject, valid_us: int) -> tuple[LinkObject, ObjectPrediction]:
         """The highest object above one that has a predictor (rule L8), or itself, and where that is."""
         owner, predictor = one, self._predictor(one.type)

@@ -5,7 +5,6 @@ percept, and which object that is, is for links to say.
 """
 
 from collections.abc import Sequence
-from math import hypot, sqrt
 from typing import Final
 
 from anchoring.links.assignment import assigned
@@ -20,8 +19,10 @@ TENTATIVE_US: Final = 300_000
 """A candidate that is not found again for that long was nothing."""
 LOST_US: Final = 500_000
 """A percept that is not found again for that long has ended."""
-_LEAST_GATE_M: Final = 2.0
-_MOST_GATE_M: Final = 6.0
+_GATE: Final = 9.21
+"""The square of the distance, in standard deviations, that 99 of 100 detections of one thing do not exceed."""
+_MODEL_SD_M: Final = 0.7
+"""How far a thing may be from where it is expected, errors of the detection apart: the gate is 2 m at least."""
 _ALPHA, _BETA = 0.4, 0.1
 
 
@@ -84,18 +85,11 @@ class PerceptTracker:
         return now_us - track.seen_us > (TENTATIVE_US if track.symbol is None else LOST_US)
 
     def _associate(self, now_us: int, detections: Sequence[GroundDetection]) -> None:
-        distances: dict[tuple[str, str], float] = {}
-        for index, track in enumerate(self._tracks):
-            x, y = track.expected(now_us)
-            for number, detection in enumerate(detections):
-                distance = hypot(detection.east_m - x, detection.north_m - y)
-                if distance < _gate_m(detection) and now_us > track.seen_us:
-                    distances[str(index), str(number)] = distance
-        pairs = [(int(index), int(number)) for index, number in assigned(distances)]
-        for index, number in pairs:
-            self._tracks[index].take(now_us, detections[number])
-        taken = {number for _, number in pairs}
-        self._tracks += [_Track(now_us, each) for number, each in enumerate(detections) if number not in taken]
+        """Percepts are served before candidates, so that a detection that is off begins no second track of one thing."""
+        known = [each for each in self._tracks if each.symbol is not None]
+        left = _assign(now_us, known, detections)
+        candidates = [each for each in self._tracks if each.symbol is None]
+        self._tracks += [_Track(now_us, each) for each in _assign(now_us, candidates, left)]
 
     def _percept(self, track: _Track) -> Percept | None:
         if track.symbol is None and track.hits >= CONFIRMED:
@@ -114,6 +108,25 @@ class PerceptTracker:
         return Percept(track.symbol, self._type, state)
 
 
-def _gate_m(detection: GroundDetection) -> float:
-    spread = sqrt(float(detection.covariance[0, 0] + detection.covariance[1, 1]))
-    return min(max(3.0 * spread, _LEAST_GATE_M), _MOST_GATE_M)
+def _assign(now_us: int, tracks: Sequence[_Track], detections: Sequence[GroundDetection]) -> list[GroundDetection]:
+    """Give each track the detection that it is, if there is one; those that are left."""
+    distances: dict[tuple[str, str], float] = {}
+    for index, track in enumerate(tracks):
+        x, y = track.expected(now_us)
+        for number, detection in enumerate(detections):
+            distance = _distance(detection, x, y)
+            if distance < _GATE and now_us > track.seen_us:
+                distances[str(index), str(number)] = distance
+    pairs = [(int(index), int(number)) for index, number in assigned(distances)]
+    for index, number in pairs:
+        tracks[index].take(now_us, detections[number])
+    taken = {number for _, number in pairs}
+    return [each for number, each in enumerate(detections) if number not in taken]
+
+
+def _distance(detection: GroundDetection, x_m: float, y_m: float) -> float:
+    """The square of the Mahalanobis distance of a detection, whose errors differ along and across its ray, from a place."""
+    (a, b), (_, c) = detection.covariance.tolist()
+    a, c = a + _MODEL_SD_M**2, c + _MODEL_SD_M**2
+    north_m, east_m = detection.north_m - y_m, detection.east_m - x_m
+    return float((c * north_m**2 - 2.0 * b * north_m * east_m + a * east_m**2) / (a * c - b * b))

@@ -97,14 +97,16 @@ def detect(
 ) -> list[Detection]:
     """What the detector of one camera finds in one image, true and false, in no order that tells which is which."""
     intrinsics, noise = camera
+    width_px, height_px = intrinsics[:2]
     found = []
     for state, pixel, long_px in in_view(intrinsics, pose, states, obstacles):
         if rng.random() < noise.found * (1.0 - exp(-0.693 * (long_px / noise.half_px) ** 2)):
             right, down = rng.normal(0.0, noise.pixel_px, 2).tolist()
             attributes = {"colour": _colour(state.colour, noise, rng)} if noise.colour_right else {}
-            found.append(Detection(channel, Pixel(pixel.u_px + right, pixel.v_px + down), attributes))
+            u, v = min(max(pixel.u_px + right, 0.0), width_px), min(max(pixel.v_px + down, 0.0), height_px)
+            found.append(Detection(channel, Pixel(u, v), attributes))
     for _ in range(int(rng.poisson(noise.false_per_image))):
-        u, v = rng.uniform((0.0, 0.0), (intrinsics.width_px, intrinsics.height_px)).tolist()
+        u, v = rng.uniform((0.0, 0.0), (width_px, height_px)).tolist()
         attributes = {"colour": _colour("", noise, rng)} if noise.colour_right else {}
         found.append(Detection(channel, Pixel(u, v), attributes))
     return [found[index] for index in rng.permutation(len(found))]

@@ -155,8 +155,24 @@ def test_a_mount_that_reports_no_angles_leaves_the_camera_blind_and_that_is_show
     assert condition.text.startswith("cameras: no percepts: ")
     assert "mount without angles" in condition.text
     later = Watching(seed=3)
-    later.run(8.0)
+    later.run(20.0)
     assert tuple(later.platform.part(Cameras).conditions()) == ()
+
+
+def test_what_is_left_out_is_a_condition_at_once_with_its_count_until_nothing_more_is() -> None:
+    watching = Watching(seed=3)
+    cameras = watching.platform.part(Cameras)
+    watching.run(3.0)
+    watching.report(image(watching.now_us - 5_000_000))
+    watching.run(0.2)
+    (condition,) = cameras.conditions()
+    assert condition.text == "cameras: left out: 1 image out of order"
+    watching.report(image(watching.now_us - 5_000_000))
+    watching.run(10.0)
+    (condition,) = cameras.conditions()
+    assert condition.text == "cameras: left out: 2 image out of order"
+    watching.run(11.0)
+    assert list(cameras.conditions()) == []
 
 
 @pytest.mark.parametrize(
