@@ -180,9 +180,11 @@ class AlongRoads:
         network, way = self._network, route.way
         x_m, y_m, heading_rad = route.at(network)
         crossing = self._around(x_m, y_m, route)
+        arrives = crossing is None or network.links[way.link].crossing_at(way.direction) == crossing
+        via = way if arrives else route.via
         place = RoadPlace(
             x_m, y_m, None if crossing else way.link, crossing, way.direction, route.lane, route.offset_m(network),
-            network.links[way.link].lanes[route.lane].offset_m, heading_rad, speed_m_s, route.via if crossing else way,
+            network.links[way.link].lanes[route.lane].offset_m, heading_rad, speed_m_s, via,
         )  # fmt: skip
         cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
         back = np.array([[cosine, -sine, 0.0, 0.0], [sine, cosine, 0.0, 0.0],
@@ -242,7 +244,7 @@ def _route_of(hypothesis: Hypothesis) -> RouteHypothesis | None:
         return None
     place = place_of(hypothesis.state)
     way = DirectedLink(about[ROUTE], about["direction"])
-    via = None if place is None or place.crossing is None else place.via
+    via = None if place is None or place.crossing is None or place.via == way else place.via
     return RouteHypothesis(way, about[TRAVELLED], about["lane"], hypothesis.weight, via)
 
 
