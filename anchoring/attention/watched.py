@@ -14,7 +14,7 @@ LONGEST_US: Final = 2 * US_PER_S
 """How far beyond its last state an object is taken to move on."""
 
 AHEAD_US: Final = 2 * US_PER_S
-"""Who looks away from an object looks at it again after so long, or later."""
+"""A camera that turns away from an object is back after so long, or later."""
 
 Interest: TypeAlias = Literal["known", "new", "undecided", "wanted", "followed"]
 """`new`: a percept that is no object yet; `undecided`: an object whose type exclusive links have not decided."""
