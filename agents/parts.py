@@ -28,6 +28,7 @@ from agents.calls.calls import Calls
 from agents.cameras.cameras import Cameras
 from agents.config import PlatformConfig
 from agents.cooperation.cooperation import Cooperation
+from agents.cooperation.handover import Handover
 from agents.directory.directory import DirectoryAgent
 from agents.effects import Effect
 from agents.exchange.export_proxy import ExportProxy
@@ -80,7 +81,7 @@ PARTS: tuple[type[Part], ...] = (
     Cameras, CameraAttention, FlightAgent, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision,
     Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
-    SpecificationChanges, ObjectQueries, Wanting, Cooperation, MessageLog, DirectoryAgent,
+    SpecificationChanges, ObjectQueries, Wanting, Cooperation, Handover, MessageLog, DirectoryAgent,
 )  # fmt: skip
 """The classes of all parts there are, in their order; which of them a platform has, `Ports.kinds` decides."""
 

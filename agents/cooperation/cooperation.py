@@ -40,7 +40,6 @@ from federation.messages.contents import ObjectPicture, PictureEntry
 from federation.messages.descriptions import LabelEntry
 from federation.sharing.translation import Translation
 
-TRACKS_US = 200_000
 CLAIMS_US = 1_000_000
 """So often a claim is repeated that has not changed."""
 ROWS_A_PAGE = 40
@@ -53,6 +52,8 @@ class Cooperation(Part):
     Attributes:
         picture: None while the platform exports no tracks.
         tracks: the label of its own tracks.
+        partners: the platforms whose streams are asked for.
+        takers: what takes the samples of their streams, by semantic label.
     """
 
     offers = (Offer(FEDERATION, (Action(ObjectPicture, "on_object_picture", QUERIED, Role.OBSERVER),)),)
@@ -82,7 +83,8 @@ class Cooperation(Part):
         )
         self._translation, self._directory, self._agreements = translation, directory, agreements
         self._offset_of, self._now_us, self._note, self._offer = offset_of, now_us, note, offer
-        self._partners = Partners(network, local, keeper, self._on_sample)
+        self.takers: dict[str, Callable[[str, Sample], None]] = {TRACKS: self._on_track, IDENTITIES: self._on_identity}
+        self.partners = Partners(network, local, keeper, self._on_sample)
         self._sort = translation.ontology[TRACKS].sort
         self._labels = {name: translation.local_label(name, config.unit) for name in (TRACKS, IDENTITIES, PICTURE)}
         self.tracks = self._labels[TRACKS]
@@ -139,7 +141,6 @@ class Cooperation(Part):
         federation_us = self._clock.federation_us(now_us)
         self.picture.arrive(unit, federation_us, restarted=self._boots.get(unit, boot) != boot)
         self._boots[unit] = boot
-        self._partners.want(unit, {TRACKS: TRACKS_US, IDENTITIES: TRACKS_US}, now_us)
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
         """Platforms and their tracks come and go."""
@@ -150,12 +151,11 @@ class Cooperation(Part):
                 entry = self._directory.entry(unit)
                 if entry is not None:
                     self._meet(unit, entry.boot, now_us)
-            case LabelGone(unit, label) if label.label == TRACKS and unit in self._partners.units:
-                self._partners.want(unit, {}, now_us)
+            case LabelGone(unit, label) if label.label == TRACKS and unit in self._boots:
                 self.picture.depart(unit, self._clock.federation_us(now_us), "shares no tracks now")
-            case PlatformGone(unit, _, why) if unit in self._partners.units:
+            case PlatformGone(unit, _, why) if unit in self._boots:
                 self.picture.depart(unit, self._clock.federation_us(now_us), str(why))
-            case PlatformAppeared(unit, boot, _) if unit in self._partners.units:
+            case PlatformAppeared(unit, boot, _) if unit in self._boots:
                 self._meet(unit, boot, now_us)
 
     # -- samples -----------------------------------------------------------------------------------------------
@@ -164,18 +164,19 @@ class Cooperation(Part):
         self._on_sample(self._unit, TRACKS, sample)
 
     def _on_sample(self, unit: str, label: str, sample: Sample) -> None:
-        if self.picture is None:
-            return
-        now_us = max(self._network.now_us, sample.available_us)
-        sample = self._translation.to_semantic(label).sample(sample)
-        if label == TRACKS:
-            report = track_report(unit, sample, self._sort)
-            if report is not None:
-                self.picture.report(report, now_us)
-        elif label == IDENTITIES:
-            claim = identity_claim(unit, sample.value)
-            if claim is not None:
-                self.picture.claim(claim, now_us)
+        take = self.takers.get(label)
+        if self.picture is not None and take is not None:
+            take(unit, self._translation.to_semantic(label).sample(sample))
+
+    def _on_track(self, unit: str, sample: Sample) -> None:
+        report = track_report(unit, sample, self._sort)
+        if self.picture is not None and report is not None:
+            self.picture.report(report, max(self._network.now_us, sample.available_us))
+
+    def _on_identity(self, unit: str, sample: Sample) -> None:
+        claim = identity_claim(unit, sample.value)
+        if self.picture is not None and claim is not None:
+            self.picture.claim(claim, max(self._network.now_us, sample.available_us))
 
     # -- time --------------------------------------------------------------------------------------------------
 
@@ -196,7 +197,7 @@ class Cooperation(Part):
         if self.picture is None or due_us is None or now_us < due_us:
             return
         federation_us = self._clock.federation_us(now_us)
-        for unit in self._partners.units:
+        for unit in self.partners.units:
             offset = self._offset_of(unit)
             if offset is not None:
                 self.picture.clock_sd_us[unit] = offset.bound_us // 2
@@ -254,7 +255,7 @@ class Cooperation(Part):
         self._agreements.check(act.sender.unit, TRACKS)
         members = tuple(sorted(self.picture.present))
         requester = act.sender.unit
-        hidden = {unit for unit in self._partners.units if not self._may_hand_on(unit, requester)}
+        hidden = {unit for unit in self.partners.units if not self._may_hand_on(unit, requester)}
         rows = [each for each in self.picture.rows(self._clock.federation_us(now_us)) if hidden.isdisjoint(each.by)]
         entries = [
             PictureEntry(

@@ -1,10 +1,11 @@
 """Tracks, identities and rows of the picture as values of their semantic labels."""
 
 import math
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 import numpy as np
 
+from anchoring.cooperation.manoeuvres import EventKind, Pair, PairEvent, PairRelation
 from anchoring.cooperation.reports import IdentityClaim, TrackReport
 from anchoring.cooperation.rows import PictureRow
 from anchoring.links.states import UNMEASURED, ObjectState
@@ -13,6 +14,8 @@ from dyknow import NO_VALUE, US_PER_S, Sample, Sort, Value
 TRACKS: Final = "object-tracks"
 IDENTITIES: Final = "object-identities"
 PICTURE: Final = "global-objects"
+RELATIONS: Final = "pair-relations"
+EVENTS: Final = "pair-events"
 """Semantic labels."""
 _NOTHING: Final = float("nan")
 
@@ -73,6 +76,36 @@ def attributes_of(row: PictureRow) -> dict[str, Any]:
         "x_m": state.x_m, "y_m": state.y_m, "vx_m_s": state.vx_m_s, "vy_m_s": state.vy_m_s, "sd_m": deviation_m
     }  # fmt: skip
     return {name: round(float(value), 3) for name, value in found.items()} | dict(state.attributes)
+
+
+def relation_value(relation: PairRelation) -> Value:
+    """A relation as a value of `pair-relations`."""
+    return _pair_name(relation.pair), *relation.pair, *relation.record, False
+
+
+def pair_relation(sample: Sample) -> PairRelation | None:
+    """The relation of a sample of `pair-relations`; None: nothing that can be."""
+    if sample.value is NO_VALUE:
+        return None
+    _, one, other, *record, _ = sample.value
+    return PairRelation(sample.valid_us, (one, other), tuple(each is True for each in record)) if one != other else None
+
+
+def event_value(event: PairEvent) -> Value:
+    """An event as a value of `pair-events`."""
+    return _pair_name(event.pair), *event.pair, event.kind, False
+
+
+def pair_event(sample: Sample) -> PairEvent | None:
+    """The event of a sample of `pair-events`; None: nothing that can be."""
+    if sample.value is NO_VALUE:
+        return None
+    _, one, other, kind, _ = sample.value
+    return PairEvent(sample.valid_us, (one, other), kind) if kind in get_args(EventKind) and one != other else None
+
+
+def _pair_name(pair: Pair) -> str:
+    return f"{pair[0]}-{pair[1]}"
 
 
 def _number(value: Value) -> float:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from agents.actions import QUERIED, Action, Offer, Role
 from agents.cooperation.cooperation import Cooperation
+from agents.cooperation.handover import Handover
 from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.part import Part
@@ -55,9 +56,15 @@ class ObjectQueries(Part):
     )
 
     def __init__(
-        self, agent: InterfaceAgent, agreements: LabelAgreements, instance: Instance, cooperation: Cooperation
+        self,
+        agent: InterfaceAgent,
+        agreements: LabelAgreements,
+        instance: Instance,
+        cooperation: Cooperation,
+        handover: Handover,
     ) -> None:
-        self._agent, self._agreements, self._instance, self._cooperation = agent, agreements, instance, cooperation
+        self._agent, self._agreements, self._instance = agent, agreements, instance
+        self._cooperation, self._handover = cooperation, handover
 
     def on_object_list(self, act: Act, content: ObjectList, now_us: int) -> None:
         """`(object-list)`, or `(object-list type: car)`."""
@@ -93,7 +100,7 @@ class ObjectQueries(Part):
             if symbol in {None, each.symbol}:
                 yield ObjectEvent(at_us=each.since_us, event="wanted", target=each.symbol, because=_described(each))
         if picture is not None and self._may_see(unit, self._cooperation.tracks):
-            for event in picture.events(symbol):
+            for event in (*picture.events(symbol), *self._handover.events(symbol)):
                 why = event.because[:LONGEST_REASON]
                 yield ObjectEvent(at_us=event.valid_us, event=event.kind, target=event.name, because=why)
         for label in network.labels():

@@ -33,6 +33,7 @@ FOLLOW: Final = Action(contents.Follow, "on_follow", role=Role.COMMAND_CENTRE, l
 ATTEND: Final = Action(contents.Attend, "on_attend", role=Role.COMMAND_CENTRE, lasting=True, typed=True)
 WANT: Final = Action(contents.WantObject, "on_want", lasting=True, typed=True)
 DIVIDE_AREA: Final = Action(contents.DivideArea, "on_divide", lasting=True, typed=True)
+SHARE: Final = Action(contents.Share, "on_share", role=Role.COMMAND_CENTRE, typed=True)
 MEMBERSHIP: Final = tuple(
     Action(content, handler, role=Role.COMMAND_CENTRE, typed=True)
     for content, handler in ((contents.Leave, "on_leave"), (contents.Rejoin, "on_rejoin"))
@@ -55,5 +56,6 @@ TYPED: Final = (
     ATTEND,
     WANT,
     DIVIDE_AREA,
+    SHARE,
     *MEMBERSHIP,
 )

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from math import sqrt
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from anchoring.cooperation.evidence import SHARED_SD_M, SHARED_SD_M_S
 from anchoring.cooperation.reports import TrackKey
 from anchoring.cooperation.tracks import NOISE
 from anchoring.links.states import ObjectState, moved
+from compunits.covariances import Matrix
 from dyknow import US_PER_S
 
 KEPT_US: Final = 60 * US_PER_S
@@ -20,11 +21,17 @@ ONWARD_US: Final = 5 * US_PER_S
 """A vehicle that is not seen for longer has probably turned, or stands."""
 MATCH: Final = 13.28
 """99 % of chi-squared with four degrees of freedom."""
-MATCH_MARGIN: Final = 8.0
+MATCH_MARGIN: Final = 6.0
+_ALONE: Final = 21.0
+"""What it costs a track to be none of the objects."""
 MATCH_SD_M: Final = 20.0
 """What is expected worse than this is recognised by its members only."""
 MOST_OBJECTS: Final = 4096
 _CLAIM_M: Final = 25.0
+ALONG_NOISE: Final = 1.5
+ACROSS_NOISE: Final = 0.3
+"""Of the acceleration of what drives on, m^2/s^3."""
+_DRIVES_M_S: Final = 3.0
 
 
 @dataclass(slots=True)
@@ -48,37 +55,75 @@ class Remembered:
             return onward
         return onward._replace(valid_us=at_us, covariance=moved(self.state, at_us, NOISE).covariance)
 
+    def onward(self, at_us: int) -> ObjectState:
+        """The state at a time if it drives on as it did: more uncertain along its way than across."""
+        state, speed_m_s = moved(self.state, max(at_us, self.state.valid_us), 0.0), self.state.speed_m_s
+        seconds = (state.valid_us - self.state.valid_us) / US_PER_S
+        along = np.array([self.state.vx_m_s, self.state.vy_m_s]) / max(speed_m_s, 1e-9)
+        noise = NOISE * np.eye(2)
+        if speed_m_s >= _DRIVES_M_S:
+            noise = ACROSS_NOISE * np.eye(2) + (ALONG_NOISE - ACROSS_NOISE) * np.outer(along, along)
+        grown = np.kron(np.array([[seconds**3 / 3, seconds**2 / 2], [seconds**2 / 2, seconds]]), noise)
+        return state._replace(covariance=state.covariance + grown)
+
     def may_be_at(self, state: ObjectState) -> bool:
         """Whether it can be where a member claims it to be."""
         expected = self.at(state.valid_us)
         return expected.distance_m(state) <= _CLAIM_M + 3.0 * expected.deviation_m
 
 
-def matches(
-    candidates: Mapping[TrackKey, ObjectState], objects: Iterable[Remembered], at_us: int
-) -> dict[TrackKey, tuple[str, float]]:
-    """Tracks without a name that are where an unseen object is expected, and no other: its name and the distance d^2."""
-    expected = [(each.name, each.at(at_us)) for each in objects if not each.is_seen]
-    expected = [(name, state) for name, state in expected if state.deviation_m / sqrt(2.0) <= MATCH_SD_M]
-    scores = {
-        (key, name): distance
-        for key, state in candidates.items()
-        for name, other in expected
-        if (distance := _distance(state, other)) <= MATCH + MATCH_MARGIN
-    }
+class Matches(NamedTuple):
+    """Names for tracks, with the distances d^2; and the tracks that may be one or another object: it may yet show."""
+
+    found: Mapping[TrackKey, tuple[str, float]]
+    open: frozenset[TrackKey]
+
+
+def matches(candidates: Mapping[TrackKey, ObjectState], objects: Iterable[Remembered], at_us: int) -> Matches:
+    """Which tracks without a name are unseen objects, where these are expected.
+
+    A track has to be where an object may have got by any turn. Which track is which object is decided for all together by how
+    vehicles drive that do not turn, if any other choice would fit worse by `MATCH_MARGIN`. `candidates` are states of the tracks,
+    best the first ones: the sooner after it was lost, the better is known where an object is.
+    """
+    expected = [each for each in objects if not each.is_seen and each.at(at_us).deviation_m / sqrt(2.0) <= MATCH_SD_M]
+    keys = list(candidates)
+    if not keys or not expected:
+        return Matches({}, frozenset())
+    gates, costs = np.full((2, len(keys), len(expected)), np.inf)
+    for row, key in enumerate(keys):
+        for column, each in enumerate(expected):
+            state = moved(candidates[key], max(candidates[key].valid_us, each.seen_us), NOISE)
+            gates[row, column] = _distance(state, each.at(state.valid_us), 1.0)
+            costs[row, column] = _distance(state, each.onward(state.valid_us), _RELATIVE)
+    costs[gates > MATCH] = np.inf
+    best, pairs = _assigned(costs)
     found: dict[TrackKey, tuple[str, float]] = {}
-    for (key, name), distance in scores.items():
-        rivals = [
-            other for pair, other in scores.items() if pair != (key, name) and (pair[0] == key or pair[1] == name)
-        ]
-        if distance <= MATCH and all(other > distance + MATCH_MARGIN for other in rivals):
-            found[key] = name, distance
-    return found
+    may_be = {keys[row] for row, _ in zip(*np.nonzero(costs <= _ALONE), strict=True)}
+    for row, column in pairs:
+        without = costs.copy()
+        without[row, column] = np.inf
+        if np.isfinite(costs[row, column]) and _assigned(without)[0] - best >= MATCH_MARGIN:
+            found[keys[row]] = expected[column].name, float(gates[row, column])
+    return Matches(found, frozenset(may_be - found.keys()))
 
 
+def _assigned(costs: Matrix) -> tuple[float, list[tuple[int, int]]]:
+    """The least sum of costs, where a track may have none of the objects at the cost of one that just does not match."""
+    from scipy.optimize import linear_sum_assignment
+
+    rows, columns = costs.shape
+    padded = np.hstack([np.minimum(costs, 2.0 * _ALONE), np.full((rows, rows), _ALONE)])
+    chosen = list(zip(*linear_sum_assignment(padded), strict=True))
+    total = float(sum(padded[pair] for pair in chosen))
+    return total, [(int(row), int(column)) for row, column in chosen if column < columns]
+
+
+_RELATIVE: Final = 0.2
+"""Of the errors that members make of all places alike: between two choices most of them cancels."""
 _SHARED: Final = np.diag([SHARED_SD_M**2] * 2 + [SHARED_SD_M_S**2] * 2)
 
 
-def _distance(one: ObjectState, other: ObjectState) -> float:
+def _distance(one: ObjectState, other: ObjectState, shared: float) -> float:
     between = np.array(one[1:5]) - np.array(other[1:5])
-    return float(between @ np.linalg.solve(one.covariance + other.covariance + _SHARED, between))
+    return float(between @ np.linalg.solve(one.covariance + other.covariance + shared * _SHARED, between))

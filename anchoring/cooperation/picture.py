@@ -64,6 +64,7 @@ class GlobalPicture:
         self._objects: dict[str, Remembered] = {}
         self._numbers = count(first)
         self._present = {unit}
+        self._names = {unit}
         self._next_us: int | None = None
         self._named: list[Named] = []
         self._wrong_since_us: dict[TrackKey, int] = {}
@@ -88,6 +89,10 @@ class GlobalPicture:
             self._present.discard(unit)
             self._claims.depart(unit, now_us)
             self._note(now_us, "departed", unit, why)
+
+    def name_for(self, unit: str) -> None:
+        """Give names to the tracks of a member that has no picture of its own."""
+        self._names.add(unit)
 
     def report(self, report: TrackReport, now_us: int) -> None:
         """Take the state of a track."""
@@ -197,27 +202,29 @@ class GlobalPicture:
     def _decide(self, made: list[Named], at_us: int) -> list[Named]:
         """Names for tracks of ours: that of the group, of what is expected there, or a new one."""
         unnamed: dict[TrackKey, ObjectState] = {}
-        by_key: dict[TrackKey, int] = {}
+        due: dict[TrackKey, int] = {}
         for at, each in enumerate(made):
             for key in each.tracks:
-                if key.unit == self.unit and self._is_live(key, at_us):
+                if key.unit in self._names and self._is_live(key, at_us):
+                    state = self._tracks.of(key.unit)[key].course
                     if each.name is not None:
                         self._adopt(key, each, at_us)
-                    elif self._is_due(key, each, at_us):
-                        state = self._tracks.of(self.unit)[key].at(at_us)
-                        if state is not None:
-                            unnamed[key], by_key[key] = state, at
+                    elif state is not None:
+                        unnamed[key] = state
+                        if self._is_due(key, each, at_us):
+                            due[key] = at
         found = matches(unnamed, self._objects.values(), at_us)
-        for key, at in by_key.items():
-            name, distance = found.get(key, (None, 0.0))
-            if name is None:
-                name = self._new_name()
-                born_us, because = at_us, f"{key} is none of the known objects"
-                self._note(at_us, "appeared", name, because, self.unit)
-            else:
-                born_us = self._objects[name].born_us
+        for key, at in due.items():
+            if key in found.found:
+                name, distance = found.found[key]
                 because = f"{key} is where it was expected, d^2 = {distance:.1f}"
                 self._note(at_us, "reacquired", name, because, self.unit)
+                born_us = self._objects[name].born_us
+            elif key in found.open and at_us - self._tracks.of(key.unit)[key].first_us < WAIT_US:
+                continue
+            else:
+                name, born_us = self._new_name(), at_us
+                self._note(at_us, "appeared", name, f"{key} is none of the known objects", self.unit)
             self._claims.held[key] = Held(name, born_us, at_us)
             self._wrong_since_us.pop(key, None)
             made[at] = made[at]._replace(name=name)
@@ -225,12 +232,12 @@ class GlobalPicture:
 
     def _is_due(self, key: TrackKey, group: Named, at_us: int) -> bool:
         """Whether to name what nobody has named: it was seen for long enough, and it is our turn."""
-        track = self._tracks.of(self.unit)[key]
+        track = self._tracks.of(key.unit)[key]
         held = self._claims.held.get(key)
         if held is not None:  # its name is another's
             return self._is_stable(key, at_us)
         seen_for_us = at_us - track.first_us
-        turn = sorted(each.unit for each in group.tracks if self._is_live(each, at_us)).index(self.unit)
+        turn = sorted(each.unit for each in group.tracks if self._is_live(each, at_us)).index(key.unit)
         waits_us = NEW_US + turn * TURN_US
         return seen_for_us >= (WAIT_US if self._evidence.is_open(key) else waits_us)
 

@@ -6,7 +6,17 @@ from anchoring.cooperation.reports import TrackKey
 from anchoring.links.states import ObjectState
 
 PictureEventKind: TypeAlias = Literal[
-    "appeared", "joined", "split", "renamed", "lost", "reacquired", "forgotten", "refused", "arrived", "departed"
+    "appeared",
+    "joined",
+    "split",
+    "renamed",
+    "lost",
+    "reacquired",
+    "forgotten",
+    "refused",
+    "arrived",
+    "departed",
+    "recognised",
 ]
 
 

@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
+import numpy as np
+
 from anchoring.cooperation.reports import FASTEST_M_S, MOST_TRACKS, ReportGate, TrackKey, TrackReport, sound
 from anchoring.links.states import ObjectState, moved
 from dyknow import US_PER_S
@@ -19,6 +21,9 @@ DORMANT_US: Final = 120 * US_PER_S
 """A track that is not seen is kept so long."""
 NOISE: Final = 4.0
 """Of the acceleration, m^2/s^3."""
+COURSE_S: Final = 0.8
+COURSE_NOISE: Final = 0.5
+"""Of the acceleration of what drives on, m^2/s^3."""
 _SLACK_M: Final = 20.0
 
 
@@ -50,6 +55,22 @@ class Track:
     def is_live(self, at_us: int) -> bool:
         """Whether it was seen shortly before."""
         return not self.has_ended and bool(self.seen_us) and at_us - self.seen_us <= LIVE_US
+
+    @property
+    def course(self) -> ObjectState | None:
+        """The first of the states that are kept, with the mean velocity since then, which is surer than that of one state."""
+        if not self.seen:
+            return None
+        first, last = self.seen[0], self.seen[-1]
+        seconds = (last.valid_us - first.valid_us) / US_PER_S
+        if seconds < COURSE_S:
+            return last
+        covariance = first.covariance.copy()
+        covariance[2:, :2], covariance[:2, 2:] = 0.0, 0.0
+        covariance[2:, 2:] = (first.covariance[:2, :2] + last.covariance[:2, :2]) / seconds**2
+        covariance[2:, 2:] += COURSE_NOISE * seconds / 3.0 * np.eye(2)
+        velocity = (last.x_m - first.x_m) / seconds, (last.y_m - first.y_m) / seconds
+        return first._replace(vx_m_s=velocity[0], vy_m_s=velocity[1], covariance=covariance)
 
     def at(self, at_us: int) -> ObjectState | None:
         """The state at a time, from what was seen just before; None: nothing was."""

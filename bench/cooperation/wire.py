@@ -9,6 +9,7 @@ from numpy.random import Generator
 
 from anchoring.cooperation.picture import GlobalPicture
 from anchoring.cooperation.reports import IdentityClaim, TrackReport
+from anchoring.cooperation.sharing import TRACKS_US, SharingLevel
 
 LOSS: Final = 0.02
 DELAY_US: Final = (10_000, 250_000)
@@ -23,10 +24,12 @@ class Wire:
 
     Args:
         pictures: by member.
+        level: what is shared; percepts are linked by the caller.
     """
 
-    def __init__(self, pictures: Mapping[str, GlobalPicture], rng: Generator) -> None:
+    def __init__(self, pictures: Mapping[str, GlobalPicture], rng: Generator, level: SharingLevel = "states") -> None:
         self.pictures, self._rng = pictures, rng
+        self._period_us = REPORTS_US if level == "percepts" else TRACKS_US[level]
         self._queue: list[tuple[int, int, str, TrackReport | IdentityClaim]] = []
         self._order = count()
         self._cut: dict[str, int] = {}
@@ -76,11 +79,12 @@ class Wire:
                 if to == unit:
                     if isinstance(one, TrackReport):
                         self.pictures[to].report(one, now_us)
-                elif isinstance(one, IdentityClaim) or (
-                    one.has_ended or (one.state.valid_us % REPORTS_US == 0 and self._rng.random() >= LOSS)
-                ):
+                elif self._period_us and (isinstance(one, IdentityClaim) or self._is_due(one)):
                     at_us = now_us + int(self._rng.integers(*DELAY_US))
                     heappush(self._queue, (at_us, next(self._order), to, one))
+
+    def _is_due(self, report: TrackReport) -> bool:
+        return report.has_ended or (report.state.valid_us % self._period_us == 0 and self._rng.random() >= LOSS)
 
     def _new_claims(self, unit: str, now_us: int) -> list[IdentityClaim]:
         """What is new, and each again after a while."""

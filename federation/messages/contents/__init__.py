@@ -31,6 +31,7 @@ from federation.messages.contents.objects import (
     ObjectList,
     ObjectPicture,
     PictureEntry,
+    Share,
     WantObject,
 )
 from federation.messages.contents.parts import MAX_LIST, Content, ContentPart, prepare, read
@@ -144,6 +145,7 @@ __all__ = [
     "ReturnHome",
     "Samples",
     "Search",
+    "Share",
     "Specification",
     "SpecificationChanged",
     "SpecificationText",

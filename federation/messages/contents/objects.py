@@ -1,6 +1,6 @@
 """Objects that platforms see, in their streams of object states (thesis 8.5.1)."""
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
@@ -54,6 +54,14 @@ class ObjectPicture(parts.Content):
     members: parts.Units | None = None
     objects: Annotated[tuple[PictureEntry, ...], Field(max_length=parts.MAX_LIST)] | None = None
     more: bool = False
+
+
+class Share(parts.Content):
+    """What to share with one platform, or with all: a level for good or `auto`, and within which bandwidth; 0 is without a limit."""
+
+    level: Literal["auto", "none", "events", "relations", "states", "percepts"] | None = None
+    unit: parts.Unit | None = None
+    kbit_s: Annotated[float, Field(ge=0, le=1e9)] | None = Field(default=None, alias="kbit_s")
 
 
 class ObjectEvent(parts.ContentPart):

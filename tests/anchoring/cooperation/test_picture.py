@@ -49,10 +49,10 @@ def test_a_car_keeps_its_name_over_a_gap_in_which_no_member_sees_it() -> None:
 
 def test_where_two_cars_may_be_the_one_that_was_lost_neither_takes_its_name() -> None:
     sky = Sky()
-    other = along(0.0, 4.0)
+    one, other = along(0.0, 1.0), along(0.0, -1.0)
     sky.run(4, lambda t: {"0": {"a": CAR(t)}, "1": {}})
     name = sky.name("a", "0")
-    sky.run(6, lambda t: {"0": {}, "1": {"b": CAR(t), "c": other(t)} if t > 7 else {}})
+    sky.run(9, lambda t: {"0": {}, "1": {"b": one(t), "c": other(t)} if t > 7 else {}})
     assert name not in sky.names("b", "1") | sky.names("c", "1")
     assert sky.names("b", "1") != sky.names("c", "1")
 

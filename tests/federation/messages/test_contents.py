@@ -50,6 +50,8 @@ TEXTS = [
     "(object-list type: car)",
     "(object-events symbol: car1)",
     "(object-picture)",
+    "(share level: states unit: 1)",
+    "(share kbit_s: 50.0)",
     '(object-picture members: (sequence "0" "1") objects: (sequence (picture-entry symbol: car0_1 by: (sequence 0) tracks: (sequence "0:co1") seen: 5)))',
     '(object-events events: (sequence (object-event at: 5 event: established target: wo1 source: vp1 because: "establish holds")))',
     "(object-list objects: (sequence (object-entry symbol: car1 type: car stream: cars valid: 5 attributes: (record colour: red x_m: 1.5))))",

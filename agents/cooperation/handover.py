@@ -1,0 +1,293 @@
+"""Handover as a part: overtakes over the areas of several platforms, and what each pair of platforms shares for that (thesis 9.2).
+
+A platform recognises overtakes of all cars of its picture. What it does not see itself it has from the platform into whose area
+the cars drive: percepts, states, relations or events (`anchoring/cooperation/sharing.py`). The level is chosen once a second for
+each platform, within what `(share kbit_s: 50)` declares for all, those first into whose area cars drive; `(share level: events)` fixes it.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from importlib.resources import files
+from math import tan
+from typing import Final
+
+from agents.actions import FEDERATION, Offer
+from agents.config import PlatformConfig
+from agents.cooperation.cooperation import Cooperation
+from agents.cooperation.remote_percepts import RemotePercepts
+from agents.cooperation.track_records import (
+    EVENTS,
+    IDENTITIES,
+    RELATIONS,
+    TRACKS,
+    event_value,
+    pair_event,
+    pair_relation,
+    relation_value,
+)
+from agents.exchange.export_proxy import ExportProxy
+from agents.interface import InterfaceAgent
+from agents.part import Part, PeerChange
+from agents.tasks.requests import SHARE
+from anchoring.cooperation.manoeuvres import (
+    PairEvents,
+    PairRelation,
+    PairRelations,
+    SpanningManoeuvres,
+    as_relation,
+    subjects,
+)
+from anchoring.cooperation.picture import HOLD_US, PERIOD_US
+from anchoring.cooperation.rows import PictureEvent, PictureRow
+from anchoring.cooperation.sharing import TRACKS_US, Partner, SharingLevel, chosen_level, kbit_s, wanted_of
+from dyknow import NO_VALUE, US_PER_MS, US_PER_S, Network, Sample
+from dyknow.model.errors import Refused
+from federation.members.clock import FederationClock
+from federation.members.directory import DirectoryEntry, DirectoryFacilitator
+from federation.members.offers import LabelAppeared, LabelGone
+from federation.messages.acts import Act
+from federation.messages.contents import Share
+from federation.messages.descriptions import LabelEntry
+from federation.sharing.translation import Translation
+from kpl import parse_chronicles
+
+PERCEPTS: Final = "vision-percepts"
+CAMERA: Final = "camera-state"
+CAMERA_US: Final = 1_000_000
+PERCEPTS_US: Final = 100_000
+DECIDES_US: Final = US_PER_S
+HALF_VIEW_RAD: Final = 0.73
+"""Half of what a camera that looks down is taken to see across."""
+BUSY: Final = "too busy"
+"""How the condition of a platform begins that has too much to do."""
+MOST_RECOGNISED: Final = 200
+_LABELS: Final[Mapping[str, SharingLevel]] = {
+    PERCEPTS: "percepts", TRACKS: "states", RELATIONS: "relations", EVENTS: "events"
+}  # fmt: skip
+_STREAM: Final[Mapping[SharingLevel, Mapping[str, int]]] = {
+    "events": {EVENTS: PERIOD_US}, "relations": {RELATIONS: PERIOD_US}, "percepts": {PERCEPTS: PERCEPTS_US}
+}  # fmt: skip
+
+
+class Handover(Part):
+    """Recognises what spans areas. Node clock, but for what is called federation time.
+
+    Attributes:
+        levels: what is shared with each platform now.
+        recognised: the latest overtakes.
+    """
+
+    offers = (Offer(FEDERATION, (SHARE,)),)
+
+    def __init__(
+        self,
+        config: PlatformConfig,
+        agent: InterfaceAgent,
+        clock: FederationClock,
+        network: Network,
+        translation: Translation,
+        directory: DirectoryFacilitator,
+        exporter: ExportProxy,
+        cooperation: Cooperation,
+        note: Callable[[str], None],
+    ) -> None:
+        self._unit, self._agent, self._clock, self._network = config.unit, agent, clock, network
+        self._translation, self._directory, self._exporter = translation, directory, exporter
+        self._cooperation, self._note = cooperation, note
+        self._frame = None if config.cameras is None else config.cameras.frame
+        self._labels = {name: translation.local_label(name, config.unit) for name in (RELATIONS, EVENTS)}
+        for name in self._labels:
+            network.add_source(self._labels[name], translation.local_sort(name))
+        self.levels: dict[str, SharingLevel] = {}
+        self.recognised: deque[PictureEvent] = deque(maxlen=MOST_RECOGNISED)
+        self._fixed: dict[str | None, SharingLevel] = {}
+        self._kbit_s: float | None = None
+        self._views: dict[str, tuple[float, float, float]] = {}
+        self._linked: dict[str, RemotePercepts] = {}
+        self._relations, self._events = PairRelations(), PairEvents()
+        text = files("agents.cooperation").joinpath("spanning.chr").read_text(encoding="utf-8")
+        self._spans = SpanningManoeuvres(parse_chronicles(text), "passes")
+        self._due_us = self._decide_us = 0
+        cooperation.takers |= {
+            RELATIONS: self._on_relation, EVENTS: self._on_event, CAMERA: self._on_camera, PERCEPTS: self._on_percept
+        }  # fmt: skip
+
+    def labels(self) -> Iterable[LabelEntry]:
+        if self._cooperation.picture is None:
+            return ()
+        ontology = self._translation.ontology
+        return [
+            LabelEntry(label=name, sort=ontology[name].sort.name, type_hash=ontology[name].type_hash, period_us=0)
+            for name in self._labels
+        ]
+
+    def on_peer(self, change: PeerChange, now_us: int) -> None:  # noqa: ARG002  (as every part)
+        """Platforms and their labels come and go: decide soon."""
+        if isinstance(change, LabelAppeared | LabelGone):
+            self._due_us = self._decide_us = 0
+
+    def events(self, symbol: str | None = None) -> list[PictureEvent]:
+        """The overtakes that were recognised, of one object or of all."""
+        return [each for each in self.recognised if symbol is None or symbol in subjects_of(each)]
+
+    # -- what is shared ----------------------------------------------------------------------------------------
+
+    def on_share(self, act: Act, content: Share, now_us: int) -> None:
+        """`(share level: events unit: 1)`, `(share level: auto)`, `(share kbit_s: 50)`.
+
+        Raises:
+            Refused: there is no picture here, no such platform takes part, or it does not offer that.
+        """
+        if self._cooperation.picture is None:
+            raise Refused("this platform has no picture: its specification does not export object-tracks", "no-picture")
+        unit, level = content.unit, content.level
+        if unit is not None and unit not in self._partners():
+            raise Refused(f"platform {unit} shares nothing", "no-partner")
+        if level == "auto":
+            self._fixed = {} if unit is None else {each: one for each, one in self._fixed.items() if each != unit}
+        elif level is not None:
+            for each in self._partners().values():
+                if each.unit == (unit or each.unit) and level not in {*each.levels, "none"}:
+                    raise Refused(f"platform {each.unit} offers {', '.join(sorted(each.levels))}", "not-offered")
+            self._fixed = {None: level} if unit is None else {**self._fixed, unit: level}
+        if content.kbit_s is not None:
+            self._kbit_s = content.kbit_s or None
+        self._decide(now_us)
+        self._agent.done(act, now_us, "; ".join(f"{each} with {name}" for name, each in sorted(self.levels.items())))
+
+    def _partners(self) -> dict[str, Partner]:
+        """The platforms that share anything, by name."""
+        found: dict[str, Partner] = {}
+        for entry in self._directory.entries():
+            levels = _offered(entry)
+            if entry.unit != self._unit and levels and self._directory.is_present(entry.unit):
+                is_busy = any(each.text.startswith(BUSY) for each in entry.conditions)
+                x_m, y_m, reach_m = self._views.get(entry.unit, (None, None, 80.0))
+                found[entry.unit] = Partner(entry.unit, levels, None, is_busy, x_m, y_m, reach_m)
+        return found
+
+    def _decide(self, now_us: int) -> None:
+        """Choose the level for each platform, those first into whose area cars drive, and ask for its streams."""
+        picture, partners = self._cooperation.picture, self._partners()
+        if picture is None:
+            return
+        rows = [row for row in picture.rows(self._clock.federation_us(now_us)) if row.by]
+        wanted = wanted_of({row.name: row.state for row in rows if self._unit in row.by}, partners.values())
+        for unit in self._cooperation.partners.units:
+            if unit not in partners and self._directory.is_present(unit):
+                self._cooperation.partners.want(unit, {}, now_us)
+                self.levels.pop(unit, None)
+        left = self._kbit_s
+        for unit in sorted(partners, key=lambda each: (-len(wanted.get(each, ())), each)):
+            seen = 1 + sum(unit in row.by for row in rows)
+            partner = partners[unit]._replace(kbit_s=left)
+            level = self._fixed.get(unit, self._fixed.get(None))
+            if level is None:
+                level = chosen_level(partner, seen, is_busy=self._exporter.shed > 1)
+            left = None if left is None else max(0.0, left - kbit_s(level, seen))
+            self._share(partners[unit], level, now_us)
+
+    def _share(self, partner: Partner, level: SharingLevel, now_us: int) -> None:
+        if self.levels.get(partner.unit) != level:
+            self._note(f"picture: shared by platform {partner.unit}: {level}")
+        self.levels[partner.unit] = level
+        streams = dict(_STREAM.get(level, {}))
+        if level not in {"none", "percepts"}:
+            streams |= {TRACKS: TRACKS_US[level], IDENTITIES: PERIOD_US}
+        if level != "none" and self._frame is not None and CAMERA in _names(self._directory.entry(partner.unit)):
+            streams[CAMERA] = CAMERA_US
+        if level == "percepts" and partner.unit not in self._linked and self._cooperation.picture is not None:
+            self._linked[partner.unit] = RemotePercepts(partner.unit, self._translation.ontology[PERCEPTS].sort)
+            self._cooperation.picture.name_for(partner.unit)
+        self._cooperation.partners.want(partner.unit, streams, now_us)
+
+    # -- what comes --------------------------------------------------------------------------------------------
+
+    def _on_relation(self, _unit: str, sample: Sample) -> None:
+        relation = pair_relation(sample)
+        if relation is not None:
+            self._spans.take([relation], own=False)
+
+    def _on_event(self, _unit: str, sample: Sample) -> None:
+        event = pair_event(sample)
+        if event is not None:
+            self._spans.take([as_relation(event)], own=False)
+
+    def _on_camera(self, unit: str, sample: Sample) -> None:
+        if self._frame is None or sample.value is NO_VALUE:
+            return
+        latitude_deg, longitude_deg, altitude_m, *_ = sample.value
+        north_m, east_m, down_m = self._frame.to_ned(latitude_deg, longitude_deg, altitude_m)
+        self._views[unit] = east_m, north_m, max(20.0, -down_m * tan(HALF_VIEW_RAD))
+
+    def _on_percept(self, unit: str, sample: Sample) -> None:
+        picture, linked = self._cooperation.picture, self._linked.get(unit)
+        if picture is not None and linked is not None and not linked.take(sample):
+            picture.gate.refuse(unit, "late percepts, or too many")
+
+    # -- time --------------------------------------------------------------------------------------------------
+
+    @property
+    def deadline_us(self) -> int | None:
+        return None if self._cooperation.picture is None else self._due_us
+
+    def on_time(self, now_us: int) -> None:
+        """Relate what is seen, share what is news, recognise."""
+        picture = self._cooperation.picture
+        if picture is None or now_us < self._due_us:
+            return
+        federation_us = self._clock.federation_us(now_us)
+        at_us = (federation_us - HOLD_US) // PERIOD_US * PERIOD_US
+        self._due_us = self._clock.wall_us((federation_us // PERIOD_US + 1) * PERIOD_US)
+        if now_us >= self._decide_us:
+            self._decide_us = now_us + DECIDES_US
+            self._decide(now_us)
+        for linked in self._linked.values():
+            for report in linked.reports(federation_us):
+                picture.report(report, federation_us)
+        rows = [row for row in picture.rows(at_us) if self._sees(row)]
+        found = self._relations.step(rows, at_us)
+        self._spans.take(found)
+        own = {row.name for row in rows if self._unit in row.by}
+        self._offer_news([each for each in found if own.issuperset(each.pair)], federation_us)
+        for instance in self._spans.on_time(federation_us):
+            one, other = subjects(instance)
+            took_ms = instance.instants["past"] - instance.instants["out"]
+            because = f"behind until {took_ms / 1000:.1f} s before; {self._sources()}"
+            self.recognised.append(
+                PictureEvent(instance.instants["past"] * US_PER_MS, "recognised", f"passes[{one}, {other}]", because)
+            )
+
+    def _sees(self, row: PictureRow) -> bool:
+        """Whether its state is known here, and not only to platforms that share less."""
+        return any(unit == self._unit or self.levels.get(unit) in {"states", "percepts"} for unit in row.by)
+
+    def _sources(self) -> str:
+        shared = [f"{level} of {unit}" for unit, level in sorted(self.levels.items()) if level != "none"]
+        return f"from what it sees, and {', '.join(shared)}" if shared else "from what it sees"
+
+    def _offer_news(self, relations: list[PairRelation], federation_us: int) -> None:
+        for relation in self._relations.news(relations):
+            self._push(RELATIONS, relation.valid_us, relation_value(relation), federation_us)
+        for event in self._events.news(relations):
+            self._push(EVENTS, event.valid_us, event_value(event), federation_us)
+
+    def _push(self, name: str, valid_us: int, value: object, now_us: int) -> None:
+        if self._network.generator(self._labels[name]).subscriptions:
+            self._network.push(self._labels[name], valid_us, self._translation.to_local(name)(value), now_us)
+
+
+def subjects_of(event: PictureEvent) -> list[str]:
+    """The objects of a recognised manoeuvre."""
+    return event.name.partition("[")[2].removesuffix("]").split(", ")
+
+
+def _names(entry: DirectoryEntry | None) -> frozenset[str]:
+    return frozenset(each.label for each in (entry.labels if entry else ()))
+
+
+def _offered(entry: DirectoryEntry) -> frozenset[SharingLevel]:
+    """What a platform can share; one that links its percepts itself shares what comes of them."""
+    labels = _names(entry)
+    levels = frozenset(level for label, level in _LABELS.items() if label in labels)
+    return levels - {"percepts"} if TRACKS in labels else levels

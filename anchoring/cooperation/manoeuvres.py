@@ -1,0 +1,191 @@
+"""Manoeuvres of pairs of objects that no member sees whole (thesis 8.7.5, 9.2): relations, from whichever member has them.
+
+Of each two objects that are near each other the relations of 8.7.5 are computed from their states under their common names, in
+the direction in which the first drives. What others report of the same pairs is taken with them, in the order of valid times,
+and a chronicle is recognised over all.
+"""
+
+from collections.abc import Iterable, Mapping
+from heapq import heappop, heappush
+from itertools import permutations
+from math import atan2, cos, hypot, sin
+from typing import Any, Final, Literal, NamedTuple, TypeAlias
+
+from anchoring.cooperation.rows import PictureRow
+from anchoring.links.states import ObjectState
+from compunits import ROAD_RELATIONS, RoadRelations, SmoothOffset, StableFields
+from dyknow import US_PER_S, ComputationalUnit, Label, Sample, UnitPrototype, Value, prototypes_in
+from reasoning.chronicles import ChangeEvents, ChronicleFile, ChronicleInstance, Recogniser
+
+NEAR_M: Final = 80.0
+MOVES_M_S: Final = 2.0
+"""The direction of what is slower is not known."""
+SEEN_US: Final = 250_000
+AGAIN_US: Final = US_PER_S
+"""Relations that do not change are repeated so often."""
+LATE_US: Final = 1_500_000
+"""How long what others report is waited for."""
+OVER_US: Final = 2 * US_PER_S
+MOST_PAIRS: Final = 256
+ATTRIBUTE: Final = "car_relations"
+_FIELDS: Final = tuple(field.name for field in ROAD_RELATIONS.fields)
+_BEHIND: Final = _FIELDS.index("behind")
+_IN_FRONT: Final = _FIELDS.index("in_front")
+
+Pair: TypeAlias = tuple[str, str]
+EventKind: TypeAlias = Literal["comes-in-front", "falls-behind"]
+
+
+class PairRelation(NamedTuple):
+    """What the first object is to the second; `record` as `ROAD_RELATIONS`."""
+
+    valid_us: int
+    pair: Pair
+    record: tuple[bool, ...]
+
+
+class PairEvent(NamedTuple):
+    """The first object has come in front of the second, or fallen behind it."""
+
+    valid_us: int
+    pair: Pair
+    kind: EventKind
+
+
+class PairRelations:
+    """Computes the relations of all pairs."""
+
+    def __init__(self) -> None:
+        self._chains: dict[Pair, tuple[int, list[ComputationalUnit]]] = {}
+        self._shared: dict[Pair, PairRelation] = {}
+
+    def step(self, rows: Iterable[PictureRow], at_us: int) -> list[PairRelation]:
+        """The relations of pairs of objects that were seen at a time, or just before or after it."""
+        states = {row.name: _moved(row.state, at_us) for row in rows if row.by and row.seen_us >= at_us - SEEN_US}
+        near = [
+            pair
+            for pair in permutations(states, 2)
+            if states[pair[0]].distance_m(states[pair[1]]) <= NEAR_M and states[pair[0]].speed_m_s >= MOVES_M_S
+        ]
+        self._chains = {pair: each for pair, each in self._chains.items() if at_us - each[0] <= OVER_US}
+        found: list[PairRelation] = []
+        for pair in near:
+            if pair not in self._chains and len(self._chains) >= MOST_PAIRS:
+                continue
+            chain = self._chains[pair][1] if pair in self._chains else _chain()
+            self._chains[pair] = at_us, chain
+            record = _stepped(chain, at_us, _offset(states[pair[0]], states[pair[1]]))
+            if isinstance(record, tuple):
+                found.append(PairRelation(at_us, pair, tuple(each is True for each in record)))
+        return found
+
+    def news(self, relations: Iterable[PairRelation]) -> list[PairRelation]:
+        """Those that changed, and each again after a while."""
+        news = []
+        for each in relations:
+            known = self._shared.get(each.pair)
+            if known is None or known.record != each.record or each.valid_us - known.valid_us >= AGAIN_US:
+                self._shared[each.pair] = each
+                news.append(each)
+        self._shared = {pair: each for pair, each in self._shared.items() if pair in self._chains}
+        return news
+
+
+class PairEvents:
+    """Recognises that objects come in front of others or fall behind them."""
+
+    def __init__(self) -> None:
+        self._last: dict[Pair, tuple[bool, ...]] = {}
+
+    def news(self, relations: Iterable[PairRelation]) -> list[PairEvent]:
+        """The events in new relations."""
+        found: list[PairEvent] = []
+        for each in relations:
+            before = self._last.get(each.pair)
+            for at, kind in ((_IN_FRONT, "comes-in-front"), (_BEHIND, "falls-behind")):
+                if each.record[at] and not (before is not None and before[at]):
+                    found.append(PairEvent(each.valid_us, each.pair, kind))  # type: ignore[arg-type]
+            self._last[each.pair] = each.record
+            if len(self._last) > 2 * MOST_PAIRS:
+                del self._last[next(iter(self._last))]
+        return found
+
+
+def as_relation(event: PairEvent) -> PairRelation:
+    """What holds of a pair when an event of another member happened: what was between is not known."""
+    is_front = event.kind == "comes-in-front"
+    holds = {"in_front": is_front, "behind": not is_front, "close": True}
+    return PairRelation(event.valid_us, event.pair, tuple(holds.get(name, False) for name in _FIELDS))
+
+
+class SpanningManoeuvres:
+    """Recognises a chronicle over the relations that this member and others have of pairs.
+
+    Args:
+        chronicles: over the attributes `car_relations.behind[?car1, ?car2]` and so on.
+        name: which of them.
+    """
+
+    def __init__(self, chronicles: ChronicleFile, name: str) -> None:
+        self._recogniser = Recogniser.of(chronicles, (name,))
+        self._events = ChangeEvents(self._recogniser)
+        attributes = {each.rpartition(".")[2] for each, _ in self._recogniser.attributes}
+        self._wanted = [(at, field) for at, field in enumerate(_FIELDS) if field in attributes]
+        self._waiting: list[tuple[int, int, Pair, tuple[bool, ...]]] = []
+        self._own_us: dict[Pair, int] = {}
+
+    def take(self, relations: Iterable[PairRelation], *, own: bool = True) -> None:
+        """Take what is known of pairs; what others report counts where this member does not see the pair itself."""
+        for each in relations:
+            if own:
+                self._own_us[each.pair] = max(each.valid_us, self._own_us.get(each.pair, 0))
+            heappush(self._waiting, (each.valid_us, 0 if own else 1, each.pair, each.record))
+
+    def on_time(self, now_us: int) -> list[ChronicleInstance]:
+        """What is recognised of all that is valid `LATE_US` before."""
+        found: list[ChronicleInstance] = []
+        while self._waiting and self._waiting[0][0] <= now_us - LATE_US:
+            valid_us, other, pair, record = heappop(self._waiting)
+            if other and valid_us <= self._own_us.get(pair, 0):
+                continue
+            for at, name in self._wanted:
+                found += self._events.on_sample(Label(f"{ATTRIBUTE}.{name}", pair), valid_us, record[at])
+        return found
+
+
+def subjects(instance: ChronicleInstance) -> Pair:
+    """The two objects of a manoeuvre."""
+    bindings: Mapping[str, str] = instance.bindings
+    return bindings["?car1"], bindings["?car2"]
+
+
+def _moved(state: ObjectState, at_us: int) -> ObjectState:
+    seconds = (at_us - state.valid_us) / US_PER_S
+    return state._replace(x_m=state.x_m + seconds * state.vx_m_s, y_m=state.y_m + seconds * state.vy_m_s)
+
+
+def _chain() -> list[ComputationalUnit]:
+    made = prototypes_in((SmoothOffset, RoadRelations, StableFields))
+    return [ComputationalUnit(unit.make(), 1) for unit in made if isinstance(unit, UnitPrototype)]
+
+
+def _stepped(chain: list[ComputationalUnit], at_us: int, value: Value) -> Any:
+    sample: Sample | None = Sample(at_us, at_us, value)
+    for unit in chain:
+        if sample is None:
+            return None
+        sample = unit.on_sample(0, sample, at_us)
+    return None if sample is None else sample.value
+
+
+def _offset(one: ObjectState, other: ObjectState) -> Value:
+    """As `RoadOffset`, in the direction in which the first moves."""
+    forward = atan2(one.vx_m_s, one.vy_m_s)
+    east_m, north_m = one.x_m - other.x_m, one.y_m - other.y_m
+    speed_m_s = hypot(other.vx_m_s, other.vy_m_s)
+    agreement = cos(atan2(other.vx_m_s, other.vy_m_s) - forward) if speed_m_s >= MOVES_M_S else 1.0
+    return (
+        east_m * sin(forward) + north_m * cos(forward),
+        east_m * cos(forward) - north_m * sin(forward),
+        agreement,
+    )
