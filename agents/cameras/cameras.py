@@ -19,7 +19,7 @@ from navigation.cameras.state import CameraState
 from navigation.geodesy import LocalFrame
 from navigation.vehicle import AttitudeReport, ImageReport, MountReport
 
-PERCEPTS, STATE = "vision-percepts", "camera-state"
+PERCEPTS, STATE, VIEW = "vision-percepts", "camera-state", "camera-view"
 """Semantic labels."""
 PERIOD_US = 100_000
 BLIND_US = 5_000_000
@@ -56,8 +56,9 @@ class Cameras(Part):
         self._frame, self._clock, self._network, self._translation = config.rig.frame, clock, network, translation
         self._exporter, self._note, self._offer = exporter, note, offer
         self.perception = Perception(config.rig, f"vp{config.unit}_")
-        self._percepts, self._state = (translation.local_label(name, config.unit) for name in (PERCEPTS, STATE))
-        self._to_local = {name: translation.to_local(name) for name in (PERCEPTS, STATE)}
+        names = (PERCEPTS, STATE, VIEW)
+        self._percepts, self._state, self._view = (translation.local_label(name, config.unit) for name in names)
+        self._to_local = {name: translation.to_local(name) for name in names}
         self._places: dict[str, tuple[Value, ...]] = {}
         self._images = 0
         self._images_us: int | None = None
@@ -66,7 +67,7 @@ class Cameras(Part):
         self._lossy: ConditionEntry | None = None
         self._counted = Counter[str]()
         self._counted_us: int | None = None
-        for label, name in ((self._percepts, PERCEPTS), (self._state, STATE)):
+        for label, name in ((self._percepts, PERCEPTS), (self._state, STATE), (self._view, VIEW)):
             network.add_source(label, translation.local_sort(name))
         network.subscribe(streams.estimate, Policy(), self._on_estimate)
 
@@ -76,7 +77,7 @@ class Cameras(Part):
             LabelEntry(
                 label=name, sort=ontology[name].sort.name, type_hash=ontology[name].type_hash, period_us=period_us
             )
-            for name, period_us in ((PERCEPTS, 0), (STATE, PERIOD_US))
+            for name, period_us in ((PERCEPTS, 0), (STATE, PERIOD_US), (VIEW, 0))
         ]
 
     def conditions(self) -> Iterable[ConditionEntry]:
@@ -117,8 +118,10 @@ class Cameras(Part):
     def _see(self, now_us: int) -> None:
         federation_us = self._clock.federation_us(now_us)
         self._push_state(federation_us)
-        for valid_us, percepts in self.perception.percepts(federation_us):
+        for valid_us, percepts, view_m in self.perception.looks(federation_us):
             with self._network.instant.whole():
+                if view_m is not None:
+                    self._push(self._view, VIEW, valid_us, tuple(view_m.reshape(-1).tolist()), federation_us)
                 for percept in percepts:
                     self._push(self._percepts, PERCEPTS, valid_us, self._record(percept), federation_us)
         self._judge(now_us)

@@ -7,13 +7,14 @@ or, where too little is known, the image is left out and counted by reason.
 from collections import Counter, deque
 from functools import reduce
 from math import isfinite
-from typing import Final
+from typing import Final, NamedTuple
 
+from anchoring.belief.cameras import camera_view
 from anchoring.links.structures import Percept
 from anchoring.percepts.tracking import PerceptTracker
 from navigation.cameras.channels import Detection, GroundDetection, fused, located
 from navigation.cameras.ground import FlatGround
-from navigation.cameras.pinhole import PanTilt, Pixel
+from navigation.cameras.pinhole import FloatArray, PanTilt, Pixel
 from navigation.cameras.rig import CameraRig
 from navigation.cameras.state import CameraState, CameraStateEstimator
 from navigation.fusion import Estimate
@@ -25,6 +26,19 @@ MOST_DETECTIONS: Final = 200
 """In the images of one instant; what is beyond is left out."""
 LONGEST_TEXT: Final = 32
 """Characters of an attribute."""
+
+
+class ImageLook(NamedTuple):
+    """What one image brought.
+
+    Attributes:
+        view_m: (4, 2) corners, east and north, of the ground that percepts of this time are of; None: no percepts were due,
+            or no ground is in view.
+    """
+
+    valid_us: int
+    percepts: list[Percept]
+    view_m: FloatArray | None
 
 
 class Perception:
@@ -92,9 +106,9 @@ class Perception:
         """When the first image that waits is taken as it is."""
         return self._waiting[0].valid_us + PATIENCE_US if self._waiting else None
 
-    def percepts(self, now_us: int) -> list[tuple[int, list[Percept]]]:
-        """The percepts of the images that wait no longer, by the time of their images."""
-        found: list[tuple[int, list[Percept]]] = []
+    def looks(self, now_us: int) -> list[ImageLook]:
+        """The images that wait no longer and brought percepts, or would have shown them."""
+        found: list[ImageLook] = []
         until_us = self.known_us
         while self._waiting:
             valid_us = self._waiting[0].valid_us
@@ -108,9 +122,15 @@ class Perception:
             self.looked_at += 1
             self.placed_us = valid_us
             made = self._tracker.on_detections(valid_us, self._on_ground(image, state))
-            if made:
-                found.append((valid_us, made))
+            view_m = self._view_m(state) if self._tracker.reported_us == valid_us else None
+            if made or view_m is not None:
+                found.append(ImageLook(valid_us, made, view_m))
         return found
+
+    def _view_m(self, state: CameraState) -> FloatArray | None:
+        """Of the camera that sees most."""
+        widest = max(self._rig.cameras.values(), key=lambda each: each.width_px / each.focal_px, default=None)
+        return None if widest is None else camera_view(widest, state.pose, self._ground)
 
     def _on_ground(self, image: ImageReport, state: CameraState) -> list[GroundDetection]:
         cameras = self._rig.cameras

@@ -1,18 +1,22 @@
 """What cameras see as observations: percepts of a tracker, or single detections on the ground, and the field of view."""
 
 from collections.abc import Iterable
+from math import hypot
+from typing import Any, Final
 
 import numpy as np
 
 from anchoring.belief.arrays import Floats
 from anchoring.belief.description import POSITION, CategoricalAttribute, WorldModel
-from anchoring.belief.observations import WorldObservation
+from anchoring.belief.observations import TYPE, WorldObservation
 from anchoring.links.structures import Percept
 from dyknow import Value
 from navigation.cameras.channels import GroundDetection
-from navigation.cameras.geolocation import geolocate
 from navigation.cameras.ground import GroundModel
 from navigation.cameras.pinhole import CameraPose, Intrinsics, Pixel
+
+FARTHEST: Final = 1e7
+"""Numbers beyond it are not believed."""
 
 
 class CameraSensor:
@@ -27,6 +31,11 @@ class CameraSensor:
             name: frozenset(confusion[name].symbols if name in confusion else each.values)
             for name, each in model.attributes.items()
             if isinstance(each, CategoricalAttribute)
+        }
+        if TYPE in confusion:
+            self._symbols[TYPE] = frozenset(confusion[TYPE].symbols)
+        self._numbers = {
+            each.name for each in model.gaussian if each.axes == 1 and each.name in model.sensors[sensor].noise
         }
 
     def of_percepts(self, valid_us: int, percepts: Iterable[Percept]) -> list[WorldObservation]:
@@ -49,15 +58,29 @@ class CameraSensor:
     def _seen(
         self, valid_us: int, x_m: float, y_m: float, covariance: Floats, attributes: Iterable[tuple[str, Value]]
     ) -> WorldObservation:
-        values = {name: value for name, value in attributes if value in self._symbols.get(name, ())}
-        return WorldObservation(valid_us, self._sensor, {POSITION: np.array([x_m, y_m]), **values}, covariance)
+        values: dict[str, Any] = {POSITION: np.array([x_m, y_m])}
+        for name, value in attributes:
+            if name in self._numbers and isinstance(value, int | float) and abs(value) <= FARTHEST:
+                values[name] = np.array([value], dtype=np.float64)
+            elif isinstance(value, str) and value in self._symbols.get(name, ()):
+                values[name] = value
+        return WorldObservation(valid_us, self._sensor, values, covariance)
 
 
-def camera_view(camera: Intrinsics, pose: CameraPose, ground: GroundModel) -> Floats | None:
-    """Corners (4, 2), east and north, of what a camera sees of the ground; None: it sees beyond the horizon."""
+def camera_view(camera: Intrinsics, pose: CameraPose, ground: GroundModel, farthest_m: float = 250.0) -> Floats | None:
+    """Corners (4, 2), east and north, of what a camera sees of the ground as far as `farthest_m`; None: nothing.
+
+    A corner at the horizon, or beyond `farthest_m`, is replaced by the place at that distance in its direction.
+    """
     wide, high = float(camera.width_px), float(camera.height_px)
-    corners = [
-        geolocate(camera, pose, Pixel(u, v), ground) for u, v in ((0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high))
-    ]
-    seen = [(each.east_m, each.north_m) for each in corners if each is not None]
-    return np.array(seen) if len(seen) == len(corners) else None
+    corners, meets = [], 0
+    for u, v in ((0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high)):
+        ray = pose.direction(camera, Pixel(u, v))
+        hit = ground.meet(pose.position_m, ray)
+        north_m, east_m = ray[:2].tolist() if hit is None else (hit.place_m - pose.position_m)[:2].tolist()
+        level_m = hypot(north_m, east_m)
+        meets += hit is not None
+        if level_m > 0.0 and (hit is None or level_m > farthest_m):
+            north_m, east_m = north_m * farthest_m / level_m, east_m * farthest_m / level_m
+        corners.append((float(pose.position_m[1]) + east_m, float(pose.position_m[0]) + north_m))
+    return np.array(corners) if meets else None

@@ -156,6 +156,7 @@ class WorldSensor:
         confusion: of each discrete attribute, and of `type`.
         view_m: corners of its field of view, (V, 2); None: everything.
         is_frame: whether also a single observation is a scan, of one.
+        trust: how far it is trusted, in [0, 1].
     """
 
     name: str
@@ -167,6 +168,7 @@ class WorldSensor:
     confusion: Mapping[str, Confusion] = field(default_factory=lambda: _NOTHING)
     view_m: Floats | None = None
     is_frame: bool = False
+    trust: float = 1.0
 
 
 class LifeThresholds(NamedTuple):

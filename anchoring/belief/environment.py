@@ -36,7 +36,7 @@ from anchoring.belief.reports import (
     LifeEvent,
     UpdateReport,
 )
-from anchoring.belief.sensing import detection
+from anchoring.belief.sensing import detection, trusted
 from dyknow import US_PER_S
 
 _ACTIVE = 1e-6
@@ -53,6 +53,7 @@ class EnvironmentModel:
         valid_us: when the initial beliefs hold; None: at the first step.
         exact_instances: in scans, parts with cycles of up to this number of instances are summed exactly.
         negligible: in scans, pairs that are so much less likely than both without it are left out.
+        prefix: of the names of new instances.
 
     Attributes:
         table: the instances.
@@ -67,9 +68,10 @@ class EnvironmentModel:
         *,
         exact_instances: int = EXACT_INSTANCES,
         negligible: float = NEGLIGIBLE,
+        prefix: str = "i",
     ) -> None:
         self.model, self.valid_us = model, valid_us
-        self.table, self.counts = InstanceTable(model), Counter[str]()
+        self.table, self.counts = InstanceTable(model, prefix), Counter[str]()
         self._exact, self._negligible = exact_instances, negligible
         self._relations = RelationBeliefs(model.relations)
         self._types = model.types.belief
@@ -90,7 +92,7 @@ class EnvironmentModel:
 
     def observe(self, observation: WorldObservation) -> UpdateReport:
         """Take in the single observation of a time, by the reading of the model."""
-        sensor = self.model.sensors[observation.sensor]
+        sensor = self._sensor(observation.sensor)
         if sensor.is_frame:
             return self.observe_scan([observation], valid_us=observation.valid_us, sensor=sensor)
         if late := self._late(observation.valid_us):
@@ -113,7 +115,7 @@ class EnvironmentModel:
             valid_us: of the look; None: of the observations.
             sensor: as it looks now; None: as the model says.
         """
-        sensor = self.model.sensors[observations[0].sensor] if sensor is None else sensor
+        sensor = self._sensor(observations[0].sensor) if sensor is None else sensor
         valid_us = observations[0].valid_us if valid_us is None else valid_us
         if late := self._late(valid_us):
             return late
@@ -130,7 +132,12 @@ class EnvironmentModel:
         """Take in one look: a single observation by the reading of the model, any other number as a scan."""
         if len(observations) == 1:
             return self.observe(observations[0])
-        return self.observe_scan(observations, valid_us=valid_us, sensor=self.model.sensors[sensor])
+        return self.observe_scan(observations, valid_us=valid_us, sensor=self._sensor(sensor))
+
+    def _sensor(self, name: str) -> WorldSensor:
+        """As far as it is trusted."""
+        sensor = self.model.sensors[name]
+        return trusted(sensor, sensor.trust)
 
     def most_certain(self, most: int) -> list[int]:
         """Places of the instances that exist most probably, in the order of the table."""

@@ -26,6 +26,9 @@ from dyknow import US_PER_S
 class InstanceTable:
     """N instances.
 
+    Args:
+        prefix: of the names of new ones.
+
     Attributes:
         names: of each; never used again.
         existence: (N,) P(e_i = 1).
@@ -33,8 +36,8 @@ class InstanceTable:
         gaussian, categorical: beliefs about attributes; types are the categorical attribute `type`.
     """
 
-    def __init__(self, model: WorldModel) -> None:
-        self._model = model
+    def __init__(self, model: WorldModel, prefix: str = "i") -> None:
+        self._model, self._prefix = model, prefix
         self.names: list[str] = []
         self.existence, self.confirmed = np.zeros(0), np.zeros(0, dtype=np.bool_)
         self.gaussian = {each.name: GaussianBeliefs(each) for each in model.gaussian}
@@ -154,9 +157,9 @@ class InstanceTable:
 
     def _name(self) -> str:
         self._count += 1
-        while f"i{self._count}" in self._taken:
+        while (name := f"{self._prefix}{self._count}") in self._taken:
             self._count += 1
-        return f"i{self._count}"
+        return name
 
 
 def _by_value(beliefs: CategoricalBeliefs, row: int) -> Mapping[str, Any]:

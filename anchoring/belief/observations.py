@@ -159,7 +159,7 @@ class LookEncoder:
                 known[key] = self.types.probability(frozenset(key) - {TYPE})
             symbol = each.values.get(TYPE)
             rows.append(known[key] if symbol is None else known[key] * table[symbol])
-        return ValueLikelihoods(np.array(rows), None)
+        return ValueLikelihoods(np.array(rows).reshape(-1, len(self.types.names)), None)
 
 
 def _by_symbol(name: str, values: Sequence[str], sensor: WorldSensor) -> dict[str, Floats]:

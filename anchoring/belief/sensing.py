@@ -1,5 +1,11 @@
-"""Which instances a sensor can see: detection probabilities from fields of view."""
+"""Which instances a sensor can see: detection probabilities from fields of view, and from how far it is trusted.
 
+A sensor that is trusted by t finds something with probability t `detects`, and of t of what it reports as new something follows:
+
+    detects' = t detects,  births' = t births,  clutter' = clutter + (1 - t) births
+"""
+
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -18,6 +24,15 @@ def detection(sensor: WorldSensor, mean: Floats, covariance: Floats) -> tuple[Fl
     """
     seen = np.ones(len(mean)) if sensor.view_m is None else in_view(sensor.view_m, mean, covariance)
     return np.maximum(sensor.detects * seen, _OUTSIDE), sensor.false_alarm * seen
+
+
+def trusted(sensor: WorldSensor, trust: float) -> WorldSensor:
+    """The sensor as far as it is trusted, from 0 to 1."""
+    if trust >= 1.0:
+        return sensor
+    births = trust * sensor.births
+    clutter = sensor.clutter + sensor.births - births
+    return replace(sensor, detects=max(trust, _OUTSIDE) * sensor.detects, births=births, clutter=clutter)
 
 
 def in_view(corners: Floats, mean: Floats, covariance: Floats) -> Floats:

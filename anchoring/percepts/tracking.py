@@ -59,6 +59,9 @@ class PerceptTracker:
         type_: of the percepts.
         period_us: between two samples of a percept; images may come more often.
         prefix: of their symbols.
+
+    Attributes:
+        reported_us: when samples of percepts were due last, whether or not there were any.
     """
 
     def __init__(self, type_: str = "vision_percept", period_us: int = 100_000, prefix: str = "vp") -> None:
@@ -66,6 +69,7 @@ class PerceptTracker:
         self._tracks: list[_Track] = []
         self._count = 0
         self._next_us: int | None = None
+        self.reported_us: int | None = None
 
     def on_detections(self, now_us: int, detections: Sequence[GroundDetection]) -> list[Percept]:
         """Take all detections of one instant, after those of earlier ones; the percepts that are due."""
@@ -78,7 +82,7 @@ class PerceptTracker:
         self._tracks = [track for track in self._tracks if not self._over(track, now_us)]
         if self._next_us is not None and now_us < self._next_us:
             return out
-        self._next_us = now_us - now_us % self._period_us + self._period_us
+        self.reported_us, self._next_us = now_us, now_us - now_us % self._period_us + self._period_us
         return out + [percept for track in self._tracks if (percept := self._percept(track)) is not None]
 
     def _over(self, track: _Track, now_us: int) -> bool:

@@ -24,6 +24,8 @@ from kpl.syntax import specification as spec
 from reasoning.features.derivation import FEATURES
 
 STATE: Final = "state"
+BELIEF: Final = "belief"
+"""The sort of beliefs, unless one of the name of their stream is declared."""
 ORIGIN: Final = ("ORIGIN_LATITUDE_DEG", "ORIGIN_LONGITUDE_DEG")
 """The constants that say where the frame lies in which objects are seen, in metres."""
 ANY: Final = "?"
@@ -80,7 +82,7 @@ class Streams:
         """Whether it has a producer, or what it is an attribute of has."""
         whole = label._replace(feature=stem(label))
         for made in self.symbols.makers(label, variables):
-            is_of_all = isinstance(made.made, spec.Link | spec.Composite)
+            is_of_all = isinstance(made.made, spec.Link | spec.Composite | spec.Belief)
             if made.label.feature == label.feature or is_of_all or fit(whole, variables, made.label, made.variables):
                 return True
         if label in self.known.labels and not is_pattern(label, variables):
@@ -155,8 +157,11 @@ class Streams:
 
     def _linked(self, makers: Sequence[Symbol]) -> Sort | None:
         """What the states of linked objects are, where no sort is declared for them: by all links that make them."""
+        from anchoring.belief.live.records import BELIEF_SORT
         from anchoring.percepts.records import object_sort
 
+        if isinstance(makers[0].made, spec.Belief):
+            return BELIEF_SORT
         feature, is_placed = makers[0].label.feature, origin_of(self.symbols) is not None
         if isinstance(makers[0].made, spec.Composite):
             return object_sort(feature, (), is_placed=is_placed, is_composite=True)
@@ -222,6 +227,8 @@ class Streams:
                 return made.label.feature
             case spec.Link(_, unit) if unit in LINK_UNITS and self.symbols.unit(unit) is None:
                 return made.label.feature
+            case spec.Belief():
+                return made.label.feature if self.symbols.shape(made.label.feature) is not None else BELIEF
             case spec.Refinement(unit) | spec.Link(_, unit):
                 found = self.symbols.unit(unit)
                 return None if found is None or found[0].startswith(ANY) else found[0]

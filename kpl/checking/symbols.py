@@ -410,8 +410,8 @@ def _meets(need: Need, made: Symbol) -> bool:
 
 def _needs(made: spec.Making, variables: frozenset[str]) -> Iterator[Need]:
     match made:
-        case spec.Refinement(_, inputs) | spec.StateStream(inputs) | spec.FirstOf(inputs):
-            yield from (Need(term, variables) for term in inputs)
+        case spec.Refinement() | spec.StateStream() | spec.FirstOf() | spec.Belief():
+            yield from (Need(term, variables) for term in spec.terms_of(made))
         case spec.Link(source) | spec.Composite(source):
             yield Need(spec.StreamTerm(source, place=made.place), variables)
         case spec.Select(term, variable, domain) | spec.Merge(term, variable, domain):

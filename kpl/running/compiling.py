@@ -26,8 +26,9 @@ from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
 from dyknow.states.state_streams import StateStreamProcess, check_delay_before, exactly, state_policy
 from kpl.checking.definitions import Definitions
 from kpl.checking.domains import members_label
-from kpl.checking.streams import Streams
+from kpl.checking.streams import Streams, origin_of
 from kpl.checking.symbols import SELF, SymbolTable
+from kpl.linking.beliefs import BELIEF_SORT, belief_stream
 from kpl.linking.declarations import LINK_UNITS, LinkageKey, Linked, link_specifications, linkage_of, percept_labels
 from kpl.linking.streams import LinkStream, PerceptInput, SharedLinkage
 from kpl.linking.units import LinkedUnit, linked_unit
@@ -172,6 +173,11 @@ class Compiler:
                 )
             case spec.Link() | spec.Composite():
                 return self._linking(declaration.label, made)
+            case spec.Belief():
+                sort = Streams(self.symbols).record(declaration.label) or BELIEF_SORT
+                return CompiledGenerator(
+                    sort, belief_stream(made, self.unit, self.label, self._sort_of, sort, origin_of(self.symbols))
+                )
 
     def _linking(self, label: Label, made: Linked) -> CompiledGenerator:
         """The stream of linked objects of one type, by all declarations that are chained with it."""

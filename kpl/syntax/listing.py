@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 
 from dyknow.model.instants import print_duration
-from dyknow.model.labels import RESERVED
+from dyknow.model.labels import RESERVED, Label
 from dyknow.model.values import Sort
 from dyknow.policies.policy import Policy
 from kpl.syntax import specification as spec
@@ -91,12 +91,21 @@ def _made(made: spec.Making) -> str:
         case spec.Composite(source, together, stays, least):
             conditions = ", ".join(map(print_formula, (together, stays)))
             return f"composite({source}, {conditions}){'' if least == LEAST_PARTS else f' with least {least}'}"
+        case spec.Belief(paths, observed, task):
+            files = ", ".join(f'"{path}"' for path in paths)
+            wanted = f" for {task}" if isinstance(task, Label) else f' for "{task}"' if task else ""
+            return f"believe({files}, {', '.join(map(_observing, observed))}{wanted})"
         case spec.FirstOf(inputs):
             return f"first of {', '.join(map(_term, inputs))}"
         case spec.Select(term, variable, domain):
             return f"select {_term(term)} for {variable} in {_term(domain)}"
         case spec.Merge(term, variable, domain):
             return f"merge {_term(term)} for {variable} in {_term(domain)}"
+
+
+def _observing(observing: spec.Observing) -> str:
+    view = "" if observing.view is None else f" in {observing.view}"
+    return f"{observing.label} as {observing.sensor}{view}{'' if observing.trust == 1.0 else f' trust {observing.trust:g}'}"
 
 
 def _term(term: spec.StreamTerm) -> str:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 _OBJECT_NUMBER = re.compile(r"0|[1-9][0-9]*")
 _PREFIXED: Final = ("always", "eventually")
 _CUT: Final = 80
+_COMMENT = re.compile(r"#[^\n]*")
+MAX_STATES: Final = 1_000_000
 
 
 def parse_formula(text: str, variables: frozenset[str] = frozenset()) -> tree.Formula:
@@ -62,6 +64,18 @@ def line_width(text: str, start: int, end: int) -> int:
     """Characters from `start` to `end`, or to the end of the line; at least 1."""
     line_end = text.find("\n", start)
     return max(1, min(end, line_end if line_end >= 0 else end) - start)
+
+
+def unit_text(node: Any) -> str:
+    """A unit of measurement: `ppm`, `m/s`, `"1/s"`."""
+    return "".join(str(getattr(part, "children", [part])[0]) for part in node.children).strip('"')
+
+
+def blank(text: str) -> str:
+    """The same length on one line, without comments."""
+    return (
+        _COMMENT.sub(lambda found: " " * len(found[0]), text).replace("\n", " ").replace("\t", " ").replace("\r", " ")
+    )
 
 
 class FormulaReader(ErrorCollector):
@@ -174,6 +188,25 @@ class FormulaReader(ErrorCollector):
             return tree.Duration(self.attempt(lambda: parse_duration(str(token)), place, 0), place=place)
         return tree.Const(self.attempt(lambda: parse_number(str(token)), place, 0.0), place=place)
 
+    def age(self, node: Any) -> int | None:
+        """An option that is a time, microseconds; None: it is none."""
+        place = place_of(node, self.text)
+        age_us = self.attempt(lambda: parse_duration(str(node.children[0])), place, 1)
+        if age_us == 0:
+            self.error("what lasts no time has no events but at one instant", place, "max age 1min")
+        return age_us
+
+    def states(self, token: "Token") -> int:
+        """An option that is a number of states; 1 where it is none."""
+        place = place_of(token, self.text)
+        found = -1 if is_time(str(token)) else self.attempt(lambda: parse_number(str(token)), place, None)
+        if found is None:
+            return 1
+        if not isinstance(found, int) or not 1 <= found <= MAX_STATES:
+            self.error(f"a number of states is from 1 to {MAX_STATES}", place, "close after 3")
+            return 1
+        return found
+
     def _interval(self, parts: list[Any]) -> tuple[tree.Bound, tree.Bound | None]:
         """(lo, hi) in microseconds; no interval is [0, oo]."""
         if not parts:
@@ -227,5 +260,5 @@ def _operator(rest: str) -> str:
 
 def _line(text: str) -> str:
     """One line, cut where it is long."""
-    short = " ".join(re.sub(r"#[^\n]*", "", text).split())
+    short = " ".join(_COMMENT.sub("", text).split())
     return short if len(short) <= _CUT else f"{short[: _CUT - 3]}..."

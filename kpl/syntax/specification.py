@@ -18,6 +18,7 @@ from reasoning.formulas.evaluation import NoValuePolicy
 from reasoning.formulas.tree import Domain, Feature, Forall, Formula, Node, instantiate
 
 if TYPE_CHECKING:
+    from anchoring.belief.files.described import DescribedWorld
     from anchoring.roads.network import RoadNetwork
 
 ANY_UPDATE = Policy()
@@ -103,6 +104,45 @@ class Composite(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class Observing(Node):
+    """`PERCEPTS as SENSOR in VIEW trust T`: what a sensor of a world model observes.
+
+    Attributes:
+        view: the stream of what it looks at; None: as the model says.
+        trust: how far the source is trusted, in [0, 1].
+    """
+
+    label: Label
+    sensor: str
+    view: Label | None = None
+    trust: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Belief(Node):
+    """`believe("MODEL.toml", "KNOWLEDGE.toml", PERCEPTS as SENSOR, ... for TASK)`: what exists, by an environment model.
+
+    Attributes:
+        paths: of the model and of prior knowledge.
+        task: for which knowledge is loaded, or the stream that names it; empty: none.
+        digest: of the texts of the files; empty where they were not read.
+        world: what they hold, None where they were not read.
+    """
+
+    paths: tuple[str, ...]
+    observed: tuple[Observing, ...]
+    task: Label | str = ""
+    digest: str = ""
+    world: "DescribedWorld | None" = field(default=None, compare=False, repr=False)
+
+    @property
+    def inputs(self) -> tuple[Label, ...]:
+        """Percepts and views of each source, then the task."""
+        of_sources = [each for one in self.observed for each in (one.label, one.view) if each is not None]
+        return (*of_sources, self.task) if isinstance(self.task, Label) else (*of_sources,)
+
+
+@dataclass(frozen=True, slots=True)
 class Select(Node):
     """Mediation, one input at a time: that of the member which `domain` names at the time."""
 
@@ -127,7 +167,7 @@ class FirstOf(Node):
     inputs: tuple[StreamTerm, ...]
 
 
-Making: TypeAlias = FromSource | Refinement | StateStream | Link | Composite | Select | Merge | FirstOf
+Making: TypeAlias = FromSource | Refinement | StateStream | Link | Composite | Belief | Select | Merge | FirstOf
 
 
 @dataclass(frozen=True, slots=True)
@@ -367,6 +407,8 @@ def terms_of(made: Making) -> tuple[StreamTerm, ...]:
             return (term, domain)
         case Link(source) | Composite(source):
             return (StreamTerm(source),)
+        case Belief():
+            return tuple(StreamTerm(each, place=made.place) for each in made.inputs)
     return ()
 
 

@@ -15,7 +15,6 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias, cast
 
 from dyknow.model.errors import PolicyError, RoadsError, SourceText, TextError, TextErrors
-from dyknow.model.instants import parse_duration
 from dyknow.model.labels import Label
 from dyknow.model.semantic_labels import SemanticLabel, definition_errors, sort_errors
 from dyknow.model.values import Field, Sort
@@ -25,8 +24,8 @@ from kpl.syntax import specification as spec
 from kpl.syntax.chronicles import parse_chronicles
 from kpl.syntax.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
 from kpl.syntax.link_options import COMPOSITE_OPTIONS, LINK_OPTIONS, LinkOptions, read_options
-from kpl.syntax.numbers import is_time, parse_number
-from kpl.syntax.parsing import FormulaReader, line_width, place_of, raise_all
+from kpl.syntax.numbers import parse_number
+from kpl.syntax.parsing import FormulaReader, blank, line_width, place_of, raise_all, unit_text
 from reasoning.formulas.evaluation import NoValuePolicy
 from reasoning.formulas.tree import Place
 
@@ -39,10 +38,8 @@ _STATEMENT = re.compile(r"^(?:[ \t]*(?:source|compunit|strmgen|stream|for|sort|l
 ReadFile: TypeAlias = Callable[[str], str]
 """The text of a file that a specification names; raises OSError or UnicodeDecodeError."""
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
-_COMMENT = re.compile(r"#[^\n]*")
 _FREE: Final = frozenset[str]()
 _LINKED: Final = frozenset({"from", "to"})
-MAX_CLOSE_AFTER: Final = 1_000_000
 MAX_ERRORS: Final = 100
 """Statements that leave the grammar after which reading ends."""
 
@@ -148,6 +145,8 @@ class _StatementReader(FormulaReader):
                 return spec.StateStream(*self._constrained(parts), place=place)
             case "first_of":
                 return spec.FirstOf(self._terms(parts), place=place)
+            case "believe":
+                return self._belief(parts, place)
             case "link":
                 source, unit, *conditions = parts[:5]
                 establish, reestablish, maintain = (self.read(condition, _LINKED) for condition in conditions)
@@ -162,6 +161,35 @@ class _StatementReader(FormulaReader):
         member, variable, domain = parts
         make = spec.Select if node.data == "select" else spec.Merge
         return make(self._member(member), _name(variable), self._member(domain), place=place)
+
+    def _belief(self, parts: Sequence[Any], place: Place) -> spec.Making:
+        from anchoring.belief.files.described import read_world
+
+        *others, last = parts
+        wanted = last.children[0] if last.data == "task" else None
+        task = "" if wanted is None else wanted[1:-1] if isinstance(wanted, str) else self.label(wanted)
+        sources = [each for each in (*others, last) if getattr(each, "data", "") == "observing"]
+        paths = tuple(str(each)[1:-1] for each in others if isinstance(each, str))
+        made = spec.Belief(paths, tuple(map(self._observing, sources)), task, place=place)
+        try:
+            world = (
+                None if self._read_file is None else read_world(tuple((each, self._read_file(each)) for each in paths))
+            )
+            return made if world is None else replace(made, digest=world.digest, world=world)
+        except TextErrors as wrong:
+            self.errors += wrong.errors
+        except (OSError, UnicodeDecodeError) as wrong:
+            self.error(f"{', '.join(paths)} cannot be read: {wrong}", place, "the paths, from where this file lies")
+        return made
+
+    def _observing(self, node: Any) -> spec.Observing:
+        label, sensor, *more = node.children
+        options, place = {each.data: each.children[0] for each in more}, place_of(node, self.text)
+        view = self.label(options["in_view"]) if "in_view" in options else None
+        trust = self.attempt(lambda: float(parse_number(str(options.get("trust", 1)))), place, 1.0)
+        if not 0.0 <= trust <= 1.0:
+            self.error("trust is from 0, not at all, to 1", place, "trust 0.8")
+        return spec.Observing(self.label(label), _name(sensor), view, trust, place=place)
 
     def _constrained(self, parts: Sequence[Any]) -> tuple[tuple[spec.StreamTerm, ...], Policy]:
         """The streams that something is made of, and what it is to be like."""
@@ -205,9 +233,9 @@ class _StatementReader(FormulaReader):
         if not shape:
             return Sort(name, is_open=True)
         if shape[0].data == "in_unit":
-            return Sort(name, unit=_unit(shape[0].children[0]))
+            return Sort(name, unit=unit_text(shape[0].children[0]))
         return Sort(
-            name, tuple(Field(_name(part.children[0]), "".join(map(_unit, part.children[1:]))) for part in shape)
+            name, tuple(Field(_name(part.children[0]), "".join(map(unit_text, part.children[1:]))) for part in shape)
         )
 
     def _refuse(self, wrong: Iterable[tuple[str, str]], place: Place) -> None:
@@ -273,7 +301,7 @@ class _StatementReader(FormulaReader):
             if option.data == "no_value":
                 no_value = cast("NoValuePolicy", str(option.children[-1]))
             elif option.data == "close_after":
-                close_after = self._count(option.children[0])
+                close_after = self.states(option.children[0])
             elif option.data == "avoidance":
                 pass  # that it is there is all it says
             else:
@@ -302,7 +330,7 @@ class _StatementReader(FormulaReader):
                 self.error(f"{path} cannot be read: {wrong}", place, "the path, from where this file lies")
             if content is None:
                 self.unread.update((spec.RECOGNISED, spec.PARTIAL))
-        max_age_us = self._age(ages[0]) if ages else None
+        max_age_us = self.age(ages[0]) if ages else None
         return spec.ChronicleDeclaration(path, policy, content, max_age_us, "since_ever" in kinds, place=place)
 
     def _roads(self, node: Any, place: Place) -> spec.Declaration:
@@ -324,13 +352,6 @@ class _StatementReader(FormulaReader):
         return spec.WantDeclaration(
             symbol, self.label(stream), self.read(description, frozenset({symbol})), place=place
         )
-
-    def _age(self, node: Any) -> int | None:
-        place = place_of(node, self.text)
-        age_us = self.attempt(lambda: parse_duration(str(node.children[0])), place, 1)
-        if age_us == 0:
-            self.error("what lasts no time has no events but at one instant", place, "max age 1min")
-        return age_us
 
     # What they are made of
 
@@ -368,7 +389,7 @@ class _StatementReader(FormulaReader):
         if not constraints:
             return spec.ANY_UPDATE
         places = [place_of(constraint, self.text) for constraint in constraints]
-        words = [_blank(self.text[place.start : place.end]) for place in places]
+        words = [blank(self.text[place.start : place.end]) for place in places]
         try:
             return Policy.parse(", ".join(words))
         except TextError as wrong:
@@ -378,16 +399,6 @@ class _StatementReader(FormulaReader):
             whole = places[0]._replace(width=line_width(self.text, places[0].start, places[-1].end))
             self.error(str(wrong), whole, wrong.repair)
         return spec.ANY_UPDATE
-
-    def _count(self, token: "Token") -> int:
-        place = place_of(token, self.text)
-        found = -1 if is_time(str(token)) else self.attempt(lambda: parse_number(str(token)), place, None)
-        if found is None:
-            return 1
-        if not isinstance(found, int) or not 1 <= found <= MAX_CLOSE_AFTER:
-            self.error(f"a number of states is from 1 to {MAX_CLOSE_AFTER}", place, "close after 3")
-            return 1
-        return found
 
 
 @lru_cache(maxsize=4)
@@ -405,15 +416,3 @@ def digest_of(text: str) -> str:
 
 def _name(node: Any) -> str:
     return str(node.children[0])
-
-
-def _unit(node: Any) -> str:
-    """A unit of measurement: `ppm`, `m/s`, `"1/s"`."""
-    return "".join(str(getattr(part, "children", [part])[0]) for part in node.children).strip('"')
-
-
-def _blank(text: str) -> str:
-    """The same length on one line, without comments."""
-    return (
-        _COMMENT.sub(lambda found: " " * len(found[0]), text).replace("\n", " ").replace("\t", " ").replace("\r", " ")
-    )

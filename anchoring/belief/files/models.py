@@ -129,6 +129,7 @@ def _sensors(
             _confusion(table, attributes, types),
             _view(table),
             table.flag("frame"),
+            table.number("trust", usual.trust, 0.0, 1.0),
         )
         table.end()
         _check_sensor(table, sensor, thresholds)

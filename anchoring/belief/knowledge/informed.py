@@ -64,11 +64,14 @@ class InformedModel:
         self.matched: dict[str, str] = {}
         self._match_above = match_above
         self._lasting: dict[str, KnownInstance] = {}
+        self._is_selected = False
 
     def select(self, area: Area | None, task: str) -> list[LifeEvent]:
         """Load the knowledge that is needed in an area for a task, and unload the rest."""
         loaded, unloaded = self.knowledge.select(area, task)
-        self.environment.restrict_types(self.knowledge.possible())
+        if loaded or unloaded or not self._is_selected:
+            self.environment.restrict_types(self.knowledge.possible())
+        self._is_selected = True
         at_us = self.environment.valid_us or 0
         return [LifeEvent(at_us, LOADED, what=name) for name in loaded] + [
             LifeEvent(at_us, UNLOADED, what=name) for name in unloaded
@@ -77,6 +80,10 @@ class InformedModel:
     def on_look(self, valid_us: int, sensor: str, observations: Sequence[WorldObservation]) -> UpdateReport:
         """Take in one look, and let prior knowledge and beliefs inform each other."""
         return self._inform(lambda: self.environment.on_look(valid_us, sensor, observations))
+
+    def on_scan(self, valid_us: int, sensor: WorldSensor, observations: Sequence[WorldObservation]) -> UpdateReport:
+        """Take in all observations of one look of a sensor as it looks now."""
+        return self._inform(lambda: self.environment.observe_scan(observations, valid_us=valid_us, sensor=sensor))
 
     def predict_to(self, valid_us: int) -> UpdateReport:
         """Let time pass."""

@@ -1,6 +1,6 @@
 """`dyknow objects`: the objects that platforms see: one picture of them all, or each platform's own with their newest states."""
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from typing import Annotated, Any, TypeAlias
 
 import typer
@@ -17,6 +17,9 @@ from runtime.client import Client
 from runtime.library.jobs import lists
 
 EVERY_S = 1.0
+EXISTENCE, TYPES, SEEN_BY = "existence", "types", "seen_by"
+_COLUMNS = frozenset({EXISTENCE, TYPES, SEEN_BY})
+"""Attributes that have columns of their own."""
 Key: TypeAlias = tuple[str, str, str]
 """Platform, stream and symbol."""
 
@@ -77,15 +80,30 @@ def _show(call: Call, found: dict[Key, ObjectEntry], now_us: int) -> None:
         for key, entry in found.items():
             call.out.line(_record(key, entry))
     elif found:
+        believed = any(EXISTENCE in entry.attributes for entry in found.values())
         rows = [
-            (unit, entry.symbol, entry.type, entry.stream, *_state(entry, now_us))
+            (unit, entry.symbol, *_believed(entry, believed), entry.stream, *_state(entry, now_us, _COLUMNS))
             for (unit, _, _), entry in found.items()
         ]
-        call.out.table("", ("by", "object", "type", "stream", "age", "state"), rows, whole=("object",))
+        belief = ("type", EXISTENCE, "seen by") if believed else ("type",)
+        call.out.table("", ("by", "object", *belief, "stream", "age", "state"), rows, whole=("object",))
     else:
         call.out.note(
             "no platform sees an object: they are in streams of object states, sort car(symbol in text, x_m in m, ...)."
         )
+
+
+def _believed(entry: ObjectEntry, believed: bool) -> tuple[str, ...]:
+    """The type, or its distribution; where existence is believed in, also that and the platforms that see it."""
+    types, existence, seen_by = (entry.attributes.get(name, NO_VALUE) for name in (TYPES, EXISTENCE, SEEN_BY))
+    type_ = types if isinstance(types, str) and types else entry.type
+    if not believed:
+        return (type_,)
+    return (
+        type_,
+        f"{existence:.3f}" if isinstance(existence, int | float) else "",
+        seen_by if isinstance(seen_by, str) else "",
+    )
 
 
 def _tell(call: Call, key: Key, entry: ObjectEntry, now_us: int, event: str) -> None:
@@ -96,8 +114,12 @@ def _tell(call: Call, key: Key, entry: ObjectEntry, now_us: int, event: str) -> 
         call.out.show(f"{entry.symbol}  {entry.type} by {key[0]}  {event or age}  {state}")
 
 
-def _state(entry: ObjectEntry, now_us: int) -> tuple[str, str]:
-    values = (f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}" for name, value in _shown(entry))
+def _state(entry: ObjectEntry, now_us: int, without: Container[str] = ()) -> tuple[str, str]:
+    values = (
+        f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
+        for name, value in _shown(entry)
+        if name not in without
+    )
     return print_span(max(0, now_us - entry.valid_us)), ", ".join(values)
 
 

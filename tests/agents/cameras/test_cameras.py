@@ -3,21 +3,23 @@
 from itertools import pairwise
 from math import atan2, degrees, hypot, inf, nan, radians
 
+import numpy as np
 import pytest
 
 from agents.cameras.cameras import Cameras
 from agents.effects import Pressed
 from agents.shedding import Shedding
+from anchoring.belief.sensing import inside
 from navigation.vehicle import AttitudeReport, ImageDetection, ImageReport, LookAtOrder, MountReport
 from tests.agents.cameras.watching import Watching
 
-PERCEPTS, STATE = "vision-percepts[0]", "camera-state[0]"
+PERCEPTS, STATE, VIEW = "vision-percepts[0]", "camera-state[0]", "camera-view[0]"
 
 
 @pytest.fixture(scope="module")
 def watching() -> Watching:
     watching = Watching(seed=3)
-    watching.look_at(PERCEPTS, STATE)
+    watching.look_at(PERCEPTS, STATE, VIEW)
     watching.run(15.0)
     return watching
 
@@ -55,6 +57,14 @@ def test_percepts_of_one_image_are_one_instant(watching: Watching) -> None:
     assert all(sample.available_us - sample.valid_us <= 260_000 for sample in watching.samples[PERCEPTS])
 
 
+def test_percepts_are_within_the_view_of_their_time_and_there_are_views_without_percepts(watching: Watching) -> None:
+    views = {sample.valid_us: np.array(sample.value).reshape(4, 2) for sample in watching.samples[VIEW]}
+    seen = [sample for sample in watching.samples[PERCEPTS] if not sample.value[-1]]
+    within = [inside(views[each.valid_us], np.array([each.value[1:3]]))[0] for each in seen]
+    assert sum(within) > 0.95 * len(within)
+    assert len(views) > len({each.valid_us for each in seen})
+
+
 def test_the_state_of_the_camera_is_on_the_grid_and_follows_what_the_mount_is_told() -> None:
     watching = Watching()
     watching.look_at(STATE)
@@ -73,9 +83,9 @@ def test_the_state_of_the_camera_is_on_the_grid_and_follows_what_the_mount_is_to
     assert tilt_deg == pytest.approx(degrees(atan2(65.0, 44.5)), abs=2.0)
 
 
-def test_it_offers_both_streams_and_a_platform_without_cameras_neither(watching: Watching) -> None:
+def test_it_offers_its_streams_and_a_platform_without_cameras_neither(watching: Watching) -> None:
     offered = {entry.label: entry.period_us for entry in watching.platform.part(Cameras).labels()}
-    assert offered == {"camera-state": 100_000, "vision-percepts": 0}
+    assert offered == {"camera-state": 100_000, "camera-view": 0, "vision-percepts": 0}
     assert Cameras not in {type(part) for part in Watching.without_cameras().parts}
 
 

@@ -101,10 +101,14 @@ def test_what_the_model_does_not_know_of_a_percept_is_left_out_and_ends_are_no_o
     assert found.covariance == pytest.approx(np.array([[4.0, 0.2], [0.2, 1.0]]))
 
 
-def test_the_field_of_view_of_a_camera_that_looks_down_is_below_it_and_beyond_the_horizon_there_is_none() -> None:
+def test_the_field_of_view_of_a_camera_is_below_it_up_to_a_distance_and_none_of_one_that_looks_up() -> None:
     camera = Intrinsics.of_view(100, 100, pi / 2)
     down = CameraPose(0, np.array([10.0, 20.0, -50.0]), Attitude(0.0, 0.0, 0.0), PanTilt(0.0, pi / 2))
     view = camera_view(camera, down, FlatGround())
     assert view is not None
     assert sorted(view.round(6).tolist()) == [[-30.0, -40.0], [-30.0, 60.0], [70.0, -40.0], [70.0, 60.0]]
-    assert camera_view(camera, down._replace(mount=PanTilt(0.0, 0.0)), FlatGround()) is None
+    ahead = camera_view(camera, down._replace(mount=PanTilt(0.0, 0.0)), FlatGround(), 250.0)
+    assert ahead is not None
+    assert np.hypot(*(ahead - [20.0, 10.0]).T) == pytest.approx([250.0, 250.0, hypot(50, 50), hypot(50, 50)])
+    assert (ahead[:, 1] > 10.0).all()
+    assert camera_view(camera, down._replace(mount=PanTilt(0.0, -pi / 3)), FlatGround()) is None
