@@ -96,7 +96,7 @@ class Pressure:
         self.is_news = self._was_noteworthy = False
 
     def reported(self) -> float:
-        """Return `part`; it is no news any more."""
+        """Return `part`; it is news no longer."""
         self.is_news, self._was_noteworthy = False, self.part >= NOTEWORTHY
         return self.part
 

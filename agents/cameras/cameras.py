@@ -25,7 +25,7 @@ PERIOD_US = 100_000
 BLIND_US = 5_000_000
 """After so long without any image of known place that is a condition."""
 COUNTED_US = 10_000_000
-"""What is left out is a condition at once, with what was left out until then, and is looked at again after so long."""
+"""Percepts left out are a condition at once, with those left out until then; it is looked at again after so long."""
 
 
 class Cameras(Part):

@@ -2,7 +2,7 @@
 
 A platform whose specification exports `object-tracks` takes part. It imports the tracks and the identities of all others that
 do, makes the picture (`anchoring/cooperation/picture.py`), offers what it calls its own tracks as `object-identities`, and the picture
-as `global-objects`. There is no leader: each platform comes to the same names by itself, so that none is missed.
+as `global-objects`. There is no leader: each platform comes to the same names by itself, so that none is lost.
 """
 
 from collections.abc import Callable, Iterable

@@ -61,7 +61,7 @@ def _samples(gateway: Gateway, label: str, unit: str, until_us: int) -> list[Sam
 
 
 def _judged(name: str, sample: Sample) -> Fix:
-    """A fix of which only that is known."""
+    """A fix whose kind alone is known."""
     if name == "altitude":
         return Fix(sample.valid_us, 0.0, 0.0, *sample.value)
     latitude_deg, longitude_deg = sample.value

@@ -33,7 +33,7 @@ def mover(unit: str, level: ManoeuvreRole | None, partner: str, their_level: Man
 
 
 def proposed_mover(unit: str, known: Encounter, own: Fix, other: Fix, level: ManoeuvreRole | None) -> str:
-    """Which of the two is asked to make room: the bound one, else the higher one, or, of two that hold, the lower one."""
+    """Which of the two has to make room: the bound one, else the higher one, or, of two that hold, the lower one."""
     bound = mover(unit, level, known.partner, known.their_level)
     if bound is None:
         return climber_of(unit, own, known.partner, other)

@@ -1,4 +1,4 @@
-"""The objects that are there, in the streams of object states of one platform, for others who ask (thesis 8.5.1)."""
+"""The objects that are there, in the streams of object states of one platform, for other members (thesis 8.5.1)."""
 
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Protocol

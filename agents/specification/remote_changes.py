@@ -148,7 +148,7 @@ class SpecificationChanges(Part):
     def on_reset(self, act: Act, content: contents.Reset, now_us: int) -> None:
         """`(reset stream: "speed[self]")`: forget its samples. Node clock.
 
-        It is for those who may replace the declaration, which forgets as well. Streams of the vehicle, imports and
+        It is for members that may replace the declaration, which forgets as well. Streams of the vehicle, imports and
         what is derived on demand keep theirs: other members count on them. Monitors, chronicles and units are not
         affected: they take samples as they come.
 

@@ -11,7 +11,7 @@ platforms is a `CoordinatedTask` as well, on each participant, by the conversati
 | coordinated by another | `follow`: a coordinator asks for a monitor | `leave` with the last monitor; successor time over: `take_over` |
 | abandoned | `on_lost`, or its requester had lost sight of us | asked for in another conversation: `forget`; else `cancel`: ended |
 | taken over | `take_over`: the coordinator died, we are first | at once: coordinated by us, in the next generation |
-| ended (tombstone) | `cancel` | `follow` by who ended it, or 1000 other tombstones |
+| ended (tombstone) | `cancel` | `follow` by the member that ended it, or 1000 other tombstones |
 
 While a subtask is abandoned its streams and monitors continue as they are: a cut costs no sample, and an alarm stays
 the same alarm. A task is coordinated by its delegate, the platform it was delegated to, in generation 1, and after it by

@@ -40,7 +40,7 @@ MEMBERSHIP: Final = tuple(
 )
 RESET: Final = Action(contents.Reset, "on_reset", role=Role.COMMAND_CENTRE, typed=True)
 LATER: Final = frozenset({MONITOR_PROXIMITY.head, CREATE_MONITOR.head, CREATE_MULTICAST.head})
-"""What a platform does when a condition becomes true, as it can be cancelled; orders to aircraft are given by those who watch."""
+"""What a platform does when a condition becomes true, as it can be cancelled; orders to aircraft are given in person."""
 DEFAULT_TASK: Final = ("proximity", "proximity-warn")
 """What `monitor-proximity` monitors unless a profile is named: the violation, and what starts avoidance."""
 TYPED: Final = (

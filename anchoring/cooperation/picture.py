@@ -231,7 +231,7 @@ class GlobalPicture:
         return made
 
     def _is_due(self, key: TrackKey, group: Named, at_us: int) -> bool:
-        """Whether to name what nobody has named: it was seen for long enough, and it is our turn."""
+        """Whether to name what has no name yet: it was seen for long enough, and it is our turn."""
         track = self._tracks.of(key.unit)[key]
         held = self._claims.held.get(key)
         if held is not None:  # its name is another's

@@ -1,6 +1,6 @@
 """What two members share of what they see: by bandwidth, by load, by what the partner can, and whether anything needs it.
 
-| level | what is shared | who computes |
+| level | what is shared | computed by |
 |---|---|---|
 | `percepts` | what detectors follow | the receiver links it |
 | `states` | objects with covariances | the receiver recognises |

@@ -39,7 +39,7 @@ ALONE_US = 6_000_000
 ALONE_FOR_US = 300_000_000
 PERIOD_US = 500_000
 LOST_US = 60_000_000
-"""A peer that was last heard longer ago is not missed."""
+"""A peer that was last heard longer ago is not counted as lost."""
 QUIET_US = 30_000_000
 BETWEEN_US = 6_000_000
 BETWEEN_MOST_US = 60_000_000

@@ -138,7 +138,7 @@ class Imports:
         return is_due
 
     def on_answered(self, event: Answered) -> bool:
-        """Recovered samples; False if the question was not asked here.
+        """Recovered samples; False if the question is not from here.
 
         Raises:
             DecodeError: they are malformed.
@@ -152,7 +152,7 @@ class Imports:
         return True
 
     def on_ask_ended(self, event: AskEnded) -> bool:
-        """No more answers come; False if the question was not asked here."""
+        """No more answers come; False if the question is not from here."""
         imported = self._asked.pop(event.question, None)
         if imported is not None:
             imported.stream.on_ask_ended(event.question, event.at_us)

@@ -22,7 +22,7 @@ TOKEN_GONE_US = 500_000
 BEATS_TO_RETURN = 2
 STALL_US = 500_000
 BACKLOG_US = 500_000
-"""For so long after a halt heartbeats may come that were under way: they say nothing of the links."""
+"""For so long after a halt heartbeats may come that were under way: they are no evidence about the links."""
 LINKS_END_US, LINKING_US = 1_300_000, 4_000_000
 """After a halt so long others have ended their links to us; within so long they are made again, if the peer is there."""
 PLATFORMS = 1024

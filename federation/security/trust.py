@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 MAX_AGE_US: Final = 30_000_000
 OFFSET_US: Final = 1_000_000
-"""How much of an estimated clock offset is believed: whoever answers for a clock is not authenticated."""
+"""How much of an estimated clock offset is believed: the member that answers for a clock is not authenticated."""
 WINDOW: Final = 1024
 LIVES: Final = 1024
 """Windows kept for one member: its boots, and the processes of a command centre, of the last minute."""

@@ -228,7 +228,7 @@ class ZenohEdge:
         self._exchange = Exchange(self._left(), self._config)
 
     def _is_exchanged(self, exchange: Exchange) -> bool:
-        """Whether the new session is there; then everything is declared on it, tokens last: who sees one finds the rest."""
+        """Whether the new session is there; then all is declared on it, tokens last: a member that sees one finds the rest."""
         if not exchange.is_over:
             return False
         self._exchange = None

@@ -3,7 +3,7 @@
 A truth is a digit: 0 false, 1 true, 2 undecided, which is an atom over `no_value` (F5). Connectives are Kleene's: a
 conjunction with a false part is false whatever the others are. Terms that have no value (a missing input, a division by
 zero, a NaN that came in or came out) make their atom undecided as well. The truth assignment of a state is one number:
-the digits of all atoms, atom 0 the lowest. Whoever evaluates has the parts of a state at hand: a `Moment` is made only
+the digits of all atoms, atom 0 the lowest. The caller has the parts of a state at hand: a `Moment` is made only
 where one is kept.
 """
 
