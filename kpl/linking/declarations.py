@@ -12,7 +12,7 @@ from typing import Final, NamedTuple, TypeAlias
 from anchoring.links.composites import CompositeSpecification
 from anchoring.links.deciding.gating import gate_of
 from anchoring.links.prediction import HabitualMotion, Predictor
-from anchoring.links.specification import USUAL, StateUnit, distance, filtered, unlikelihood
+from anchoring.links.specification import FROM, TO, USUAL, StateUnit, distance, filtered, unlikelihood
 from anchoring.links.specification import LinkSpecification as Specification
 from anchoring.links.states import ObjectState
 from anchoring.links.structures import GENERAL, AnySpecification
@@ -28,6 +28,7 @@ from kpl.checking.streams import origin_of
 from kpl.checking.symbols import SELF, SymbolTable
 from kpl.syntax import specification as spec
 from kpl.syntax.link_options import LinkOptions
+from reasoning.formulas.tree import Formula, instantiate
 
 Linked: TypeAlias = spec.Link | spec.Composite
 LinkDeclarations: TypeAlias = Sequence[tuple[Label, Linked]]
@@ -99,12 +100,13 @@ def linkage_key(links: LinkDeclarations, symbols: SymbolTable) -> LinkageKey:
 
 
 def _with_definitions(made: Linked, definitions: Definitions) -> Linked:
+    def whole(condition: Formula) -> Formula:
+        """With definitions put in, over objects called `from` and `to`, as gates are derived for."""
+        return instantiate(instantiate(definitions.resolved(condition, SELF), FROM, FROM), TO, TO)
+
     if isinstance(made, spec.Composite):
-        together, stays = (definitions.resolved(each, SELF) for each in (made.together, made.stays))
-        return replace(made, together=together, stays=stays)
-    establish, reestablish, maintain = (
-        definitions.resolved(each, SELF) for each in (made.establish, made.reestablish, made.maintain)
-    )
+        return replace(made, together=whole(made.together), stays=whole(made.stays))
+    establish, reestablish, maintain = map(whole, (made.establish, made.reestablish, made.maintain))
     return replace(made, establish=establish, reestablish=reestablish, maintain=maintain)
 
 

@@ -2,6 +2,7 @@
 
 import pytest
 
+from anchoring.links.deciding.gating import gate_of
 from anchoring.links.prediction import ConstantVelocity, HabitualMotion
 from anchoring.links.specification import distance, unlikelihood
 from anchoring.roads.prediction import AlongRoads
@@ -91,3 +92,9 @@ def test_an_object_is_forgotten_as_the_link_says() -> None:
     last = [sample for name, sample in camera.outputs if name == "seen"][-1]
     assert last.value[-1] is True
     assert 4_500_000 <= last.valid_us <= 5_500_000
+
+
+def test_what_is_far_is_not_looked_at_where_the_condition_implies_a_distance() -> None:
+    gate = gate_of(specification().reestablish, 25.0)
+    assert gate is not None
+    assert gate.bound_m == 5.0
