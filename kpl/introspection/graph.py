@@ -226,7 +226,7 @@ def _generator_node(network: Network, label: Label, fed_from: str) -> GraphNode:
     if isinstance(process, RefinementProcess) and process.adapter is not None:
         dropped = ", ".join(f"{count} {reason}" for reason, count in process.adapter.dropped.items() if count)
         note = (*note, f"its output with {process.adapter.policy}; dropped: {dropped or 'none'}")
-    if isinstance(process, LinkStream) and process.running:
+    if isinstance(process, LinkStream):
         note = process.notes()
     return GraphNode(
         str(label),

@@ -27,7 +27,7 @@ from kpl.checking.definitions import Definitions
 from kpl.checking.streams import origin_of
 from kpl.checking.symbols import SELF, SymbolTable
 from kpl.syntax import specification as spec
-from kpl.syntax.link_options import LinkOptions
+from kpl.syntax.link_options import LinkOptions, print_options
 from reasoning.formulas.tree import Formula, instantiate
 
 Linked: TypeAlias = spec.Link | spec.Composite
@@ -181,9 +181,8 @@ def _predictor(made: spec.Link, roads: RoadNetwork | None) -> Predictor | None:
 
 def _unit(label: Label, made: spec.Link, roads: RoadNetwork | None, unit_of: UserUnit) -> StateUnit:
     _check_roads(made, roads)
-    own = unit_of(label, made)
     make = LINK_UNITS.get(made.unit)
-    unit = own or (make(roads) if make is not None else None)
+    unit = unit_of(label, made) if make is None else make(roads)
     if unit is None:
         hint = did_you_mean(made.unit, tuple(LINK_UNITS))
         raise TextError.at(made.place, f"{made.unit} makes no states of objects.{hint}", repair=next(iter(LINK_UNITS)))
@@ -217,6 +216,15 @@ def _check_types(links: LinkDeclarations) -> None:
         if isinstance(made, spec.Link) and {label, made.source} & composites:
             said = f"{label if label in composites else made.source} are composites, made of their parts and linked to nothing"
             raise TextError.at(made.place, said, repair="another name, or a link of the parts")
+
+
+def declared_links(links: LinkDeclarations) -> dict[str, str]:
+    """The unit and the options of each, as they are typed, by the name of the link."""
+    return {
+        f"{made.source} -> {label}": f"{made.unit}{print_options(made.options)}"
+        for label, made in links
+        if isinstance(made, spec.Link)
+    }
 
 
 def links_in(declarations: Iterable[spec.Declaration]) -> tuple[tuple[Label, Linked], ...]:

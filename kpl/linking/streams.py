@@ -6,7 +6,7 @@ declarations say. A state comes when its tick is complete, at the end of the ins
 shows have one at the sample period. With the last state of an object the field `end` is true.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 from anchoring.links.specification import LinkSpecification
@@ -37,6 +37,7 @@ class SharedLinkage:
 
     Args:
         inputs: the streams of percepts, in the order of their types.
+        declared: the unit and the options of each link, by its name.
         frame: about which positions in degrees are taken.
         wants: objects that are looked for.
 
@@ -50,6 +51,7 @@ class SharedLinkage:
         inputs: Sequence[PerceptInput],
         frame: LocalFrame | None,
         wants: Wants,
+        declared: Mapping[str, str],
     ) -> None:
         self.specifications, self.inputs, self.frame = tuple(specifications), tuple(inputs), frame
         self.units = tuple(
@@ -59,7 +61,7 @@ class SharedLinkage:
         )
         self._readers = [PerceptRecords(str(each.taken.label), each.sort, frame) for each in inputs]
         self.streams: list[LinkStream] = []
-        self._wants = wants
+        self._wants, self._declared = wants, declared
         self._types = {each.target for each in self.specifications if isinstance(each, LinkSpecification)}
         self._restart()
 
@@ -143,7 +145,7 @@ class SharedLinkage:
                 one.incoming[process.name] for one in linkage.objects(type_).values() if process.name in one.incoming
             ]
             several = f", {len(process.candidates)} to one of several" if process.candidates else ""
-            found.append(f"{process.name}: {len(links)} linked{several}")
+            found.append(f"{process.name} by {self._declared[process.name]}: {len(links)} linked{several}")
         if (composites := linkage.composites.get(type_)) is not None:
             found.append(f"{composites.name}: {len(linkage.objects(type_))} composites")
             if composites.left_out:

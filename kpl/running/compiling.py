@@ -29,7 +29,14 @@ from kpl.checking.domains import members_label
 from kpl.checking.streams import Streams, origin_of
 from kpl.checking.symbols import SELF, SymbolTable
 from kpl.linking.beliefs import BELIEF_SORT, belief_stream
-from kpl.linking.declarations import LINK_UNITS, LinkageKey, Linked, link_specifications, linkage_of, percept_labels
+from kpl.linking.declarations import (
+    LinkageKey,
+    Linked,
+    declared_links,
+    link_specifications,
+    linkage_of,
+    percept_labels,
+)  # fmt: skip
 from kpl.linking.streams import LinkStream, PerceptInput, SharedLinkage
 from kpl.linking.units import LinkedUnit, linked_unit
 from kpl.linking.wants import Wants, check_want
@@ -202,7 +209,7 @@ class Compiler:
         if shared is None:
             frame = None if key.origin is None else LocalFrame(*key.origin, 0.0)
             specifications = link_specifications(key, partial(self._linked_unit, frame))
-            shared = SharedLinkage(specifications, inputs, frame, self.wants)
+            shared = SharedLinkage(specifications, inputs, frame, self.wants, declared_links(key.links))
             self._linkages[key, inputs] = shared
         made_sort = Streams(self.symbols).objects(label)
         if made_sort is None:
@@ -213,10 +220,8 @@ class Compiler:
             )
         return CompiledGenerator(made_sort, LinkStream(str(self.label(label)), shared, made_sort), unit="")
 
-    def _linked_unit(self, frame: LocalFrame | None, label: Label, made: spec.Link) -> LinkedUnit | None:
+    def _linked_unit(self, frame: LocalFrame | None, label: Label, made: spec.Link) -> LinkedUnit:
         """The unit of a user in a link."""
-        if made.unit in LINK_UNITS:
-            return None
         streams = Streams(self.symbols)
         below = streams.objects(made.source) or self._sort_of(made.source)
         return linked_unit(self._prototypes.find(made.unit), made, below, streams.objects(label), frame)

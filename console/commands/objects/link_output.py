@@ -94,6 +94,7 @@ class LinkOutput:
             **self._place(record.state),
             "linked_to": list(record.linked_to),
             "hypotheses": [{**self._place(state), "weight": round(weight, 4)} for state, weight in hypotheses],
+            **({"certainty": round(record.weight, 4)} if record.weight < 1.0 else {}),
         }
 
     def _place(self, state: "ObjectState") -> dict[str, float]:

@@ -165,5 +165,5 @@ def test_while_a_percept_may_be_several_objects_its_samples_say_how_certain_they
     certainties = {sample.quality.certainty for name, sample in sky.outputs if name == "seen"}
     assert any(0.3 < each < 1.0 for each in certainties)
     (node,) = (each for each in graph_of(sky.instance).nodes if each.name == "world")
-    assert node.note[0].startswith("camera_seen -> world: 1 linked")
+    assert node.note[0].startswith("camera_seen -> world by WorldObject with candidates 3: 1 linked")
     assert not sky.faults

@@ -93,7 +93,7 @@ def test_what_a_unit_raises_is_counted_and_told_and_ends_no_link(unit, said) -> 
     assert all(label == "cars" and said in text for label, text in camera.faults)
     (node,) = (each for each in graph_of(camera.instance).nodes if each.name == "cars")
     assert any("CarOf has failed" in each for each in node.note)
-    assert "world -> cars: 1 linked" in node.note
+    assert "world -> cars by CarOf: 1 linked" in node.note
 
 
 @pytest.mark.parametrize(

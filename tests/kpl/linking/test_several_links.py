@@ -88,7 +88,10 @@ def test_an_object_stays_anchored_while_one_link_remains_and_the_graph_says_whic
     sky.wait(2_050_000)
     assert linkage.anchored("wo1")
     (node,) = (each for each in graph_of(sky.instance).nodes if each.name == "world")
-    assert node.note == ("camera_seen -> world: 0 linked", "radar_seen -> world: 1 linked")
+    assert node.note == (
+        "camera_seen -> world by WorldObject: 0 linked",
+        "radar_seen -> world by WorldObject: 1 linked",
+    )
     sky.push("radar", ("r1", 0.0, 0.0, 1.0, True), 2_100_000)
     sky.wait(2_150_000)
     assert not linkage.anchored("wo1")
