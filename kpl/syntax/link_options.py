@@ -57,7 +57,7 @@ USUAL: Final = LinkOptions()
 
 
 def read_options(reader: FormulaReader, nodes: Sequence[Any], known: Sequence[str]) -> dict[str, Any]:
-    """The values of options by name, those that can be; the reader is informed of the others, with their places."""
+    """The values of options by name, those that can be; errors about the others are noted with their places."""
     found: dict[str, Any] = {}
     for node in nodes:
         (name, *_), value = node.children[0].children, node.children[1]
