@@ -16,12 +16,13 @@ from anchoring.links.specification import FROM, TO, USUAL, StateUnit, distance, 
 from anchoring.links.specification import LinkSpecification as Specification
 from anchoring.links.states import ObjectState
 from anchoring.links.structures import GENERAL, AnySpecification
+from anchoring.percepts.records import is_geographic, lacks_of
 from anchoring.ready import ROAD_NOISE, SLACK_M
 from anchoring.roads.hypotheses import Pruning
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.objects import OnRoad
 from anchoring.roads.prediction import AlongRoads
-from dyknow import Label
+from dyknow import Label, Sort
 from dyknow.model.errors import TextError, did_you_mean
 from kpl.checking.definitions import Definitions
 from kpl.checking.streams import origin_of
@@ -216,6 +217,19 @@ def _check_types(links: LinkDeclarations) -> None:
         if isinstance(made, spec.Link) and {label, made.source} & composites:
             said = f"{label if label in composites else made.source} are composites, made of their parts and linked to nothing"
             raise TextError.at(made.place, said, repair="another name, or a link of the parts")
+
+
+def check_percepts(made: Linked, label: Label, sort: Sort, origin: tuple[float, float] | None) -> None:
+    """Refuse a stream at the beginning of a chain that makes no percepts; raises TextError."""
+    if lacking := lacks_of(sort):
+        said = f"{label} are of sort {sort.name}, which has no {', '.join(lacking)}: it makes no percepts"
+        repair = f"sort {sort.name}(symbol in text, x_m in m, y_m in m)"
+    elif origin is None and is_geographic(sort):
+        said = f"{label} are placed in degrees, and it is not known where x_m and y_m of objects are 0"
+        repair = 'roads "town.geojson", or define ORIGIN_LATITUDE_DEG = 58.4 and define ORIGIN_LONGITUDE_DEG = 15.6'
+    else:
+        return
+    raise TextError.at(made.place, said, repair=repair)
 
 
 def declared_links(links: LinkDeclarations) -> dict[str, str]:

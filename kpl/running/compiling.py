@@ -7,7 +7,6 @@ from functools import partial
 from typing import NamedTuple, TypeAlias
 from weakref import WeakValueDictionary
 
-from anchoring.percepts.records import is_geographic, lacks_of
 from dyknow import Label, Policy, PolicyError, Sort
 from dyknow.model.errors import (
     ChronicleError,
@@ -32,6 +31,7 @@ from kpl.linking.beliefs import BELIEF_SORT, belief_stream
 from kpl.linking.declarations import (
     LinkageKey,
     Linked,
+    check_percepts,
     declared_links,
     link_specifications,
     linkage_of,
@@ -193,18 +193,7 @@ class Compiler:
         key, labels = key._replace(links=links), percept_labels(links)
         inputs = tuple(PerceptInput(Input(each, Policy()), self._sort_of(each)) for each in labels)
         for taken, sort in inputs:
-            if lacking := lacks_of(sort):
-                raise located(
-                    made,
-                    f"{taken.label} are of sort {sort.name}, which has no {', '.join(lacking)}: it makes no percepts",
-                    f"sort {sort.name}(symbol in text, x_m in m, y_m in m)",
-                )
-            if key.origin is None and is_geographic(sort):
-                raise located(
-                    made,
-                    f"{taken.label} are placed in degrees, and it is not known where x_m and y_m of objects are 0",
-                    'roads "town.geojson", or define ORIGIN_LATITUDE_DEG = 58.4 and define ORIGIN_LONGITUDE_DEG = 15.6',
-                )
+            check_percepts(made, taken.label, sort, key.origin)
         shared = self._linkages.get((key, inputs))
         if shared is None:
             frame = None if key.origin is None else LocalFrame(*key.origin, 0.0)
