@@ -1,7 +1,7 @@
 """Problems of the logistics domain, made from a seed: `python boxes.py --boxes 10 --uavs 2 > ten.prob`.
 
 Boxes lie in a depot at the origin, with the carriers next to it. Their goals are around sites a kilometre away, each with
-a position where a carrier may be put down; one box in four goes to a place near the depot.
+positions where carriers may be put down; one box in four goes to a place near the depot.
 """
 
 import argparse
@@ -16,7 +16,7 @@ def problem(boxes: int, seed: int = 1, uavs: int = 1, carriers: int = 1, sites: 
         f"#objects uav = uav1 .. uav{uavs}",
         f"#objects box = b1 .. b{boxes}",
         f"#objects carrier = c1 .. c{carriers}",
-        f"#objects carrier-position = p0 .. p{sites}",
+        f"#objects carrier-position = p1 .. p{(sites + 1) * carriers}",
     ]
     turn = rng.uniform(0, math.tau)
     centres = [
@@ -26,10 +26,10 @@ def problem(boxes: int, seed: int = 1, uavs: int = 1, carriers: int = 1, sites: 
         )
         for at in range(sites)
     ]
-    for at, (x, y) in enumerate([(0.0, 40.0), *centres]):
-        lines.append(f"#init position-x(p{at}) := {x}, position-y(p{at}) := {y}")
+    places = [(round(x + 8 * at, 2), y) for x, y in [(0.0, 40.0), *centres] for at in range(carriers)]
+    lines += [f"#init position-x(p{at}) := {x}, position-y(p{at}) := {y}" for at, (x, y) in enumerate(places, 1)]
     lines += [f"#init xpos(uav{at + 1}) := {-20.0 - 5 * at}, ypos(uav{at + 1}) := -10.0" for at in range(uavs)]
-    lines += [f"#init xpos(c{at + 1}) := {5.0 * at}, ypos(c{at + 1}) := 40.0" for at in range(carriers)]
+    lines += [f"#init xpos(c{at + 1}) := {8.0 * at}, ypos(c{at + 1}) := 40.0" for at in range(carriers)]
     for at in range(boxes):
         x, y = at % 6 * 4.0, at // 6 * -4.0
         centre = (0.0, -150.0) if at % 4 == 3 else centres[at % sites]

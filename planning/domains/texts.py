@@ -32,6 +32,15 @@ def parse_problem(text: str, domain: Declarations) -> Declarations:
     return _parsed(text, domain)
 
 
+def parse_expression(text: str) -> Expression:
+    """One expression by itself, its names unchecked; raises TextError."""
+    parsed = parse_tree(f"#define it := {text}", "domains")
+    reader = ExpressionReader(text)
+    found = reader.read(parsed.children[0].children[-1])
+    raise_all(reader.errors)
+    return found
+
+
 def _parsed(text: str, before: Declarations) -> Declarations:
     parsed = parse_tree(text, "domains")
     reader = _StatementReader(text)

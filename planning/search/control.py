@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 from dyknow.model.sample import Value
 from planning.domains import model
 from planning.domains.model import Expression, Next, Quantified
-from planning.search.grounding import BEFORE, TRUE, Environment, Grounder, compiled_test, labels_of
+from planning.search.grounding import BEFORE, TRUE, Environment, Grounder, labels_of
 from reasoning.formulas import tree
 from reasoning.formulas.evaluation import EvaluationCompiler, Test
 from reasoning.formulas.skeletons import take_apart
@@ -113,7 +113,7 @@ class ControlFormulas:
 
     def _constrain(self, name: str, ground: tree.Formula, is_pair: bool) -> None:
         number = len(self._constraints)
-        self._constraints.append(_Constraint(name, compiled_test(ground), is_pair))
+        self._constraints.append(_Constraint(name, self._grounder.compiler.whole_test(ground), is_pair))
         for label in labels_of(ground):
             self._touching.setdefault(label, []).append(number)
             if is_pair:
@@ -128,7 +128,7 @@ class ControlFormulas:
     def initial(self, state: dict[str, Value]) -> Residuals | None:
         """The remainders after the initial state; None if a formula is violated there."""
         for name, ground in self._only_initial:
-            if compiled_test(ground)(0, state, _NONE, (), _NONE) == 0:
+            if self._grounder.compiler.whole_test(ground)(0, state, _NONE, (), _NONE) == 0:
                 self._count(name)
                 return None
         for one in self._constraints:

@@ -52,7 +52,10 @@ class Grounder:
     def __init__(self, task: PlanningTask, poll: Callable[[], None] = lambda: None) -> None:
         self.task, self.poll = task, poll
         self.goal: frozenset[tree.Formula] = frozenset()
-        self._known: dict[tuple[str, tuple[tree.Formula, ...], str], tree.Formula] = {}
+        self.compiler = SharingCompiler()
+        self._known: dict[tuple[Any, ...], tuple[Any, tree.Formula]] = {}
+        self._features: dict[tuple[str, ...], tree.Feature] = {}
+        self._objects: dict[str, tree.Const] = {}
         self._cases: dict[tree.Formula, tree.Const] = {}
         self._read: Mapping[type, Callable[[Any, Environment, str], tree.Formula]] = {
             tree.Const: lambda one, _env, _tag: one,
@@ -100,7 +103,7 @@ class Grounder:
         universal = one.kind == "forall"
         body = one.body.left if universal and isinstance(one.body, tree.Implies) else one.body
         settles = FALSE if universal else TRUE
-        parts: dict[tree.Formula, None] = {}
+        parts: list[tree.Formula] = []
         numbers = [each.name for each in one.variables if self.task.types.of_variable(each) is None]
         for bound in self.bindings(one.variables, env):
             whole = self.numbers(numbers, bound, body, tag) if numbers else bound
@@ -109,8 +112,8 @@ class Grounder:
             part = self.ground(one.body, whole, tag)
             if part == settles:
                 return settles
-            parts[part] = None
-        return _connected(tree.And if universal else tree.Or, list(parts), TRUE if universal else FALSE)
+            parts.append(part)
+        return _connected(tree.And if universal else tree.Or, parts, TRUE if universal else FALSE)
 
     def term(self, expression: Expression, env: Environment) -> tree.Formula:
         """A term; raises TextError if it asks for a feature of what only a state tells."""
@@ -128,7 +131,14 @@ class Grounder:
         names = [name for name, sort in sorts if sort is not None]
         for members in product(*(self.task.types.members[sort] for _, sort in sorts if sort is not None)):
             self.poll()
-            yield {**env, **{name: tree.Const(one) for name, one in zip(names, members, strict=True)}}
+            yield {**env, **{name: self.object(one) for name, one in zip(names, members, strict=True)}}
+
+    def object(self, name: str) -> tree.Const:
+        """An object as a term, one for each name."""
+        found = self._objects.get(name)
+        if found is None:
+            found = self._objects[name] = tree.Const(name)
+        return found
 
     def _joined(self, parts: tuple[Expression, ...], env: Environment, tag: str, neutral: tree.Const) -> tree.Formula:
         settles = FALSE if neutral is TRUE else TRUE
@@ -223,28 +233,36 @@ class Grounder:
         given = tuple([self.ground(arg, env, tag) for arg in args])
         derived = self.task.derived.get(name)
         if derived is not None:
-            key = (name, given, tag)
-            found = self._known.get(key)
-            if found is None or self._cases:
-                names = [parameter.name for parameter in derived.parameters]
-                found = self.ground(derived.body, dict(zip(names, given, strict=True)), tag)
-                if not self._cases:
-                    self._known[key] = found
-            return found
+            return self._derived(derived, given, tag)
         if name not in self.task.features:
             return _function(name, given)
         return self._feature(self.task.features[name], given, tag)
 
+    def _derived(self, derived: model.Derived, given: tuple[tree.Formula, ...], tag: str) -> tree.Formula:
+        """One node for equal arguments, so that what is worked out for it is shared."""
+        key = (derived.name, tag, *[one.value if isinstance(one, tree.Const) else id(one) for one in given])
+        known = None if self._cases else self._known.get(key)
+        if known is not None:
+            return known[1]
+        names = [parameter.name for parameter in derived.parameters]
+        found = self.ground(derived.body, dict(zip(names, given, strict=True)), tag)
+        if not self._cases:
+            self._known[key] = given, found
+        return found
+
     def _feature(self, feature: model.FeatureDeclaration, given: tuple[tree.Formula, ...], tag: str) -> tree.Formula:
-        objects = tuple([self._object(one) for one in given])
+        objects = tuple([self._object_in(one) for one in given])
         label = label_text(feature.name, objects)
         value = self.task.value_of(feature, label)
         if feature.name in self.task.fluents:
-            found: tree.Formula = tree.Feature(tag + feature.name, objects)
-            return self._cases.get(found, found)
+            key = (tag, feature.name, *objects)
+            found = self._features.get(key)
+            if found is None:
+                found = self._features[key] = tree.Feature(tag + feature.name, objects)
+            return self._cases.get(found, found) if self._cases else found
         return tree.Feature(feature.name, objects) if value is None else tree.Const(value)
 
-    def _object(self, one: tree.Formula) -> str:
+    def _object_in(self, one: tree.Formula) -> str:
         if isinstance(one, tree.Const):
             return str(one.value)
         if isinstance(one, tree.Feature):
@@ -303,7 +321,7 @@ def _connected(make: type[tree.And | tree.Or], parts: list[tree.Formula], neutra
             found.append(one)
     if len(found) < 2:
         return found[0] if found else neutral
-    return make(tuple(dict.fromkeys(found)))
+    return make(tuple({id(one): one for one in found}.values()))
 
 
 def _number(one: tree.Formula) -> float | int | None:
@@ -341,9 +359,32 @@ def labels_of(one: tree.Formula) -> frozenset[str]:
     return frozenset(node.label.removeprefix(BEFORE) for node in tree.walk(one) if isinstance(node, tree.Feature))
 
 
-def compiled_test(one: tree.Formula) -> Test:
-    return EvaluationCompiler().test(one)
+class SharingCompiler(EvaluationCompiler):
+    """A compiler that compiles each node once; every formula may have as many parts as one alone."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self._known_tests: dict[int, tuple[tree.Formula, Test]] = {}
+        self._known_terms: dict[int, tuple[tree.Formula, Term]] = {}
 
-def compiled_term(one: tree.Formula) -> Term:
-    return EvaluationCompiler().term(one)
+    def whole_test(self, formula: tree.Formula) -> Test:
+        """The test of a formula that is not part of another one."""
+        self.nodes_left = tree.LIMIT_NODES
+        return self.test(formula)
+
+    def whole_term(self, formula: tree.Formula) -> Term:
+        """The value of a term that is not part of another one."""
+        self.nodes_left = tree.LIMIT_NODES
+        return self.term(formula)
+
+    def test(self, formula: tree.Formula) -> Test:
+        known = self._known_tests.get(id(formula))
+        if known is None:
+            known = self._known_tests[id(formula)] = formula, super().test(formula)
+        return known[1]
+
+    def term(self, formula: tree.Formula) -> Term:
+        known = self._known_terms.get(id(formula))
+        if known is None:
+            known = self._known_terms[id(formula)] = formula, super().term(formula)
+        return known[1]

@@ -14,7 +14,7 @@ from dyknow.model.errors import TextError
 from dyknow.model.sample import Value
 from planning.domains import model
 from planning.domains.model import Application, Expression
-from planning.search.grounding import FALSE, TRUE, Grounder, compiled_term, compiled_test, labels_of
+from planning.search.grounding import FALSE, TRUE, Grounder, labels_of
 from reasoning.formulas import tree
 from reasoning.formulas.evaluation import Test
 
@@ -40,7 +40,7 @@ class OperatorInstance:
 
     Attributes:
         shown: as plans show it, `attach-box(uav1, b1)`.
-        reads: labels that its preconditions and prevail conditions read; `writes` those its effects may change.
+        reads: labels that its preconditions and prevail conditions read.
         values: of its parameters over numbers, by name.
     """
 
@@ -49,7 +49,6 @@ class OperatorInstance:
     shown: str
     unit: str
     reads: frozenset[str]
-    writes: frozenset[str]
     effects: tuple[Write, ...]
     prevail: tuple[Test, ...]
     cost: Callable[..., Value]
@@ -207,16 +206,16 @@ class Schema:
         return True
 
     def _compiled(self, part: _Part, objects: tuple[str, ...]) -> Test | bool:
-        env = {self.names[at]: tree.Const(one) for at, one in zip(part.positions, objects, strict=True)}
+        env = {self.names[at]: self._grounder.object(one) for at, one in zip(part.positions, objects, strict=True)}
         found = self._grounder.ground(part.formula, env)
-        return True if found == TRUE else False if found == FALSE else compiled_test(found)
+        return True if found == TRUE else False if found == FALSE else self._grounder.compiler.whole_test(found)
 
     def _term(self, step: int, term: Expression, objects: list[str]) -> Any:
         key = (step, tuple(objects))
         found = self._terms_known.get(key)
         if found is None:
-            env = {name: tree.Const(one) for name, one in zip(self.names, objects, strict=True)}
-            found = self._terms_known[key] = compiled_term(self._grounder.term(term, env))
+            env = {name: self._grounder.object(one) for name, one in zip(self.names, objects, strict=True)}
+            found = self._terms_known[key] = self._grounder.compiler.whole_term(self._grounder.term(term, env))
         return found
 
     def _instance(self, objects: tuple[str, ...]) -> OperatorInstance:
@@ -227,10 +226,12 @@ class Schema:
 
     def _made(self, objects: tuple[str, ...]) -> OperatorInstance:
         operator, grounder = self.operator, self._grounder
-        env: dict[str, tree.Formula] = {name: tree.Const(one) for name, one in zip(self.names, objects, strict=True)}
+        env: dict[str, tree.Formula] = {
+            name: self._grounder.object(one) for name, one in zip(self.names, objects, strict=True)
+        }
 
         def term(expression: Expression) -> Callable[..., Value]:
-            return compiled_term(grounder.term(model.substitute(expression, self._numbers), env))
+            return grounder.compiler.whole_term(grounder.term(model.substitute(expression, self._numbers), env))
 
         effects = tuple(self._effects(env))
         conditions = [grounder.ground(part.formula, env) for part in self._parts if not part.control]
@@ -242,9 +243,8 @@ class Schema:
             f"{operator.name}({', '.join(objects)})",
             objects[self.unit] if self.unit is not None else objects[0] if objects else "",
             frozenset[str]().union(*map(labels_of, conditions)),
-            frozenset(one.label for one in effects),
             effects,
-            tuple(compiled_test(one) for one in prevail),
+            tuple(grounder.compiler.whole_test(one) for one in prevail),
             term(tree.Const(1) if operator.cost is None else operator.cost),
             term(_expected(operator)),
             None if timing is None or timing.shortest is None else term(timing.shortest),
@@ -265,8 +265,8 @@ class Schema:
                     one.anchor == "end",
                     one.offset_ms,
                     target.label,
-                    compiled_term(grounder.term(self._put(one.value), bound)),
-                    None if condition == TRUE else compiled_test(condition),
+                    grounder.compiler.whole_term(grounder.term(self._put(one.value), bound)),
+                    None if condition == TRUE else grounder.compiler.whole_test(condition),
                 )
 
     def _put(self, expression: Expression) -> Expression:

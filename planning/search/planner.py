@@ -15,7 +15,7 @@ from typing import Any, Final
 from planning.domains.model import Declarations, GoalStatement
 from planning.domains.sorts import free_variables
 from planning.search.control import ControlFormulas, closed
-from planning.search.grounding import FALSE, TRUE, Grounder, Stopped, compiled_test
+from planning.search.grounding import FALSE, TRUE, Grounder, Stopped
 from planning.search.nodes import MovingState, SearchNode
 from planning.search.operators import Schema
 from planning.search.plans import MissionPlan
@@ -190,7 +190,7 @@ class _Search:
                 self._impossible = f"{name} cannot be reached: no operator changes what it is about"
                 return False
             inside = ground.parts if isinstance(ground, tree.And) else (ground,)
-            self._goals.tests += [(name, compiled_test(part)) for part in inside if part != TRUE]
+            self._goals.tests += [(name, grounder.compiler.whole_test(part)) for part in inside if part != TRUE]
             if one.deadline_ms is not None:
                 self._control.add(f"deadline of {name}", tree.Always(formula, one.deadline_ms * 1000))
                 events.append((one.deadline_ms, "", None))

@@ -70,7 +70,9 @@ class Successors:
 
     def _settled(self, node: SearchNode) -> Iterator[SearchNode]:
         current: SearchNode | None = node
-        while current is not None and not any(self._is_idle(current, one) for one in self._units):
+        while current is not None and (
+            _acts_at_once(current) or not any(self._is_idle(current, one) for one in self._units)
+        ):
             current = self._advanced(current)
         if current is not None:
             self._state.go_to(current)
@@ -79,21 +81,21 @@ class Successors:
     def _started(self, node: SearchNode, unit: str | None, instance: OperatorInstance) -> SearchNode | None:
         """The node after an action has started; the state is at `node`."""
         values = self._state.values
-        if node.pending and not self._is_free(node, instance):
-            return None
         length_ms = instance.duration_ms(values)
         if length_ms is None:
             self._count(f"{instance.operator.name} has no duration that its time constraint allows")
             return None
         end_ms = node.at_ms + length_ms
-        pending = list(node.pending)
+        new = []
         for one in instance.effects:
             if one.when is not None and one.when(0, values, _NONE, (), _NONE) != 1:
                 continue
             at_ms = end_ms + one.offset_ms if one.from_end else node.at_ms + max(1, one.offset_ms)
-            pending.append(
+            new.append(
                 Pending(min(max(at_ms, node.at_ms + 1), end_ms), one.label, one.value(0, values, _NONE, (), _NONE))
             )
+        if node.pending and not self._is_free(node, instance, new):
+            return None
         cost = instance.cost_in(values)
         shown = tuple((name, read(0, values, _NONE, (), _NONE)) for name, read in instance.values)
         action = PlannedAction(
@@ -107,7 +109,7 @@ class Successors:
             action,
             (),
             node.touched,
-            tuple(sorted(pending, key=_time)),
+            tuple(sorted((*node.pending, *new), key=_time)),
             (*node.running, ActionUnderWay(end_ms, unit, instance)),
             node.waiting,
             node.residuals,
@@ -115,10 +117,11 @@ class Successors:
             node.digest,
         )
 
-    def _is_free(self, node: SearchNode, instance: OperatorInstance) -> bool:
+    def _is_free(self, node: SearchNode, instance: OperatorInstance, new: list[Pending]) -> bool:
         """Whether no action under way changes what this one reads or writes."""
+        writes = {one.label for one in new}
         for one in node.pending:
-            if one.label in instance.reads or one.label in instance.writes:
+            if one.label in instance.reads or one.label in writes:
                 self._count(f"{instance.operator.name} waits for another action to change {one.label}")
                 return False
         return True
@@ -187,6 +190,11 @@ class Successors:
 
     def _count(self, cause: str) -> None:
         self.conflicts[cause] = self.conflicts.get(cause, 0) + 1
+
+
+def _acts_at_once(node: SearchNode) -> bool:
+    """Whether an effect of a start is due: it is seen by every action that starts after."""
+    return bool(node.pending) and node.pending[0].at_ms <= node.at_ms + 1
 
 
 def _time(one: Pending) -> int:
