@@ -34,9 +34,9 @@ def parse_problem(text: str, domain: Declarations) -> Declarations:
 
 def parse_expression(text: str) -> Expression:
     """One expression by itself, its names unchecked; raises TextError."""
-    parsed = parse_tree(f"#define it := {text}", "domains")
+    definition: Any = parse_tree(f"#define it := {text}", "domains").children[0]
     reader = ExpressionReader(text)
-    found = reader.read(parsed.children[0].children[-1])
+    found = reader.read(definition.children[-1])
     raise_all(reader.errors)
     return found
 
