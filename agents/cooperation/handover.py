@@ -60,6 +60,8 @@ HALF_VIEW_RAD: Final = 0.73
 """Half of what a camera that looks down is taken to see across."""
 BUSY: Final = "too busy"
 """How the condition of a platform begins that has too much to do."""
+SETTLES_US: Final = 10 * US_PER_S
+"""A platform that has been there for so long and offers no tracks links nothing."""
 MOST_RECOGNISED: Final = 200
 _LABELS: Final[Mapping[str, SharingLevel]] = {
     PERCEPTS: "percepts", TRACKS: "states", RELATIONS: "relations", EVENTS: "events"
@@ -89,8 +91,10 @@ class Handover(Part):
         directory: DirectoryFacilitator,
         exporter: ExportProxy,
         cooperation: Cooperation,
+        now_us: Callable[[], int],
         note: Callable[[str], None],
     ) -> None:
+        self._now_us = now_us
         self._unit, self._agent, self._clock, self._network = config.unit, agent, clock, network
         self._translation, self._directory, self._exporter = translation, directory, exporter
         self._cooperation, self._note = cooperation, note
@@ -160,6 +164,8 @@ class Handover(Part):
         found: dict[str, Partner] = {}
         for entry in self._directory.entries():
             levels = _offered(entry)
+            if self._now_us() - entry.since_us < SETTLES_US:
+                levels -= {"percepts"}
             if entry.unit != self._unit and levels and self._directory.is_present(entry.unit):
                 is_busy = any(each.text.startswith(BUSY) for each in entry.conditions)
                 x_m, y_m, reach_m = self._views.get(entry.unit, (None, None, 80.0))
@@ -196,10 +202,19 @@ class Handover(Part):
             streams |= {TRACKS: TRACKS_US[level], IDENTITIES: PERIOD_US}
         if level != "none" and self._frame is not None and CAMERA in _names(self._directory.entry(partner.unit)):
             streams[CAMERA] = CAMERA_US
-        if level == "percepts" and partner.unit not in self._linked and self._cooperation.picture is not None:
-            self._linked[partner.unit] = RemotePercepts(partner.unit, self._translation.ontology[PERCEPTS].sort)
-            self._cooperation.picture.name_for(partner.unit)
+        self._link(partner.unit, links=level == "percepts")
         self._cooperation.partners.want(partner.unit, streams, now_us)
+
+    def _link(self, unit: str, *, links: bool) -> None:
+        """Link the percepts of a platform here, or no longer."""
+        picture = self._cooperation.picture
+        if picture is None or links is (unit in self._linked):
+            return
+        if links:
+            self._linked[unit] = RemotePercepts(unit, self._translation.ontology[PERCEPTS].sort)
+        else:
+            del self._linked[unit]
+        picture.name_for(unit, names=links)
 
     # -- what comes --------------------------------------------------------------------------------------------
 

@@ -90,9 +90,11 @@ class GlobalPicture:
             self._claims.depart(unit, now_us)
             self._note(now_us, "departed", unit, why)
 
-    def name_for(self, unit: str) -> None:
-        """Give names to the tracks of a member that has no picture of its own."""
-        self._names.add(unit)
+    def name_for(self, unit: str, *, names: bool = True) -> None:
+        """Give names to the tracks of a member that has no picture of its own, or no longer: its symbols mean other tracks then."""
+        if names is not (unit in self._names):
+            self._tracks.restart(unit)
+            (self._names.add if names else self._names.discard)(unit)
 
     def report(self, report: TrackReport, now_us: int) -> None:
         """Take the state of a track."""
