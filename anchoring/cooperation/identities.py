@@ -93,8 +93,16 @@ class Claims:
             return now_us - TOLD_US
         return self._departed_us[unit] - TOLD_US if unit in self._departed_us else 0
 
-    def take(self, key: TrackKey, claim: IdentityClaim, now_us: int, *, is_taken: bool) -> bool:
-        """Take a claim; whether the track has a new name. `is_taken`: until now it was the name of others alone."""
+    def take(self, key: TrackKey, claim: IdentityClaim, now_us: int, known_us: int | None, *, is_taken: bool) -> bool:
+        """Take a claim; whether the track has a new name.
+
+        Args:
+            key: the track.
+            claim: of its member.
+            now_us: federation time.
+            known_us: since when there is the name, if it is known here.
+            is_taken: until now it was the name of other tracks alone.
+        """
         since_us, born_us = claim.since_us, claim.born_us
         if not 0 < len(claim.identity) <= LONGEST_NAME or not 0 <= born_us <= since_us <= now_us + US_PER_S:
             self._refuse(claim.unit, "a claim that cannot be")
@@ -104,7 +112,9 @@ class Claims:
             before.since_us = max(before.since_us, since_us)
             return False
         earliest_us = self._earliest_us(claim.unit, now_us)
-        if not is_taken and born_us < earliest_us:
+        if known_us is not None:
+            born_us = known_us
+        elif born_us < earliest_us:
             self._refuse(claim.unit, "backdated")
             born_us = now_us
         since_us = now_us if is_taken else max(since_us, min(earliest_us, now_us))

@@ -116,7 +116,7 @@ class GlobalPicture:
             if latest is None or not known.may_be_at(latest):
                 self.gate.refuse(claim.unit, "claims an object that is elsewhere")
                 return
-        self._claims.take(key, claim, now_us, is_taken=is_taken)
+        self._claims.take(key, claim, now_us, None if known is None else known.born_us, is_taken=is_taken)
 
     # What there is
 
@@ -302,7 +302,7 @@ class GlobalPicture:
             known = self._objects[name] = Remembered(name, born_us, fused, valid_us, units)
             if not any(key.unit == self.unit for key in live):
                 self._note(at_us, "appeared", name, f"{', '.join(map(str, live))}", live[0].unit)
-        elif not known.is_seen:
+        elif not known.is_seen and not any(each.name == name for each in self._news):
             because = f"{', '.join(map(str, live))} after {_span(valid_us - known.seen_us)}"
             self._note(at_us, "reacquired", name, because, live[0].unit)
         known.state, known.seen_us, known.units, known.is_seen = fused, valid_us, units, True
