@@ -54,7 +54,7 @@ class PerceptReader:
         file: its name, for errors.
         types: the types that percepts may have.
         on_error: takes what is wrong with a line that is left out.
-        frame: of geographic positions; None: about the first of them.
+        frame: of geographic positions, and of those in metres if it is known where those are; None: about the first.
         is_local: whether positions are in metres; None: as in the first line.
         is_piped: whether an empty line says that a tick is complete, so that it need not wait for a line of the next.
 
@@ -74,7 +74,7 @@ class PerceptReader:
     ) -> None:
         self.frame = frame
         self._file, self._types, self._on_error = file, tuple(types), on_error
-        self._is_local = is_local if frame is None else False
+        self._is_local = is_local
         self._is_piped, self._leaps = is_piped, PerceptLeaps()
         self._tick: dict[tuple[str, str], Percept | None] | None = None
         self._latest_us: int | None = None

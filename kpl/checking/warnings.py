@@ -27,6 +27,10 @@ def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors:
             wanted.update(id(one) for one in symbols.makers(need.term.label, need.variables))
             features.update({need.term.label.feature} & FEATURES.keys())
         used.add(symbol.uses)
+        if isinstance(symbol.made, spec.Link) and any(
+            isinstance(below.made, spec.Link) for below in symbols.makers(symbol.made.source)
+        ):
+            wanted.add(id(symbol))  # links that are chained are one linkage: it predicts what is below
         formula = spec.monitor_of(each) or each
         if isinstance(formula, spec.Define | spec.MonitorDeclaration):
             features |= {node.name for node in walk(formula.formula) if isinstance(node, Feature)}

@@ -27,6 +27,7 @@ from dyknow.model.errors import TextError, did_you_mean
 from kpl.checking.definitions import Definitions
 from kpl.checking.streams import origin_of
 from kpl.checking.symbols import SELF, SymbolTable
+from kpl.linking.roads import ON_ROADS, check_origin
 from kpl.syntax import specification as spec
 from kpl.syntax.link_options import LinkOptions, print_options
 from reasoning.formulas.tree import Formula, instantiate
@@ -92,12 +93,15 @@ def linkage_key(links: LinkDeclarations, symbols: SymbolTable) -> LinkageKey:
     """Of some declarations.
 
     Raises:
-        TextError: a condition is wrong, or types are in a circle.
+        TextError: a condition is wrong, types are in a circle, or roads lie somewhere else than objects.
     """
     definitions = Definitions(symbols)
     _check_types(links)
     whole = tuple((each, _with_definitions(made, definitions)) for each, made in links)
-    return LinkageKey(whole, symbols.roads(), origin_of(symbols))
+    roads, origin = symbols.roads(), origin_of(symbols)
+    for _, made in links[:1]:
+        check_origin(made, roads, origin)
+    return LinkageKey(whole, roads, origin)
 
 
 def _with_definitions(made: Linked, definitions: Definitions) -> Linked:
@@ -166,7 +170,7 @@ def _specification(label: Label, made: spec.Link, roads: RoadNetwork | None, uni
         correlated=options.errors == "correlated",
         is_recursive=unit is filtered or getattr(unit, "is_recursive", False),
         candidates=options.candidates,
-        features={} if roads is None else {"on_road": lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)},
+        features={} if roads is None else {ON_ROADS: lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)},
     )
 
 

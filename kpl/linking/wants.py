@@ -11,6 +11,7 @@ from kpl.checking.definitions import Definitions
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.streams import Streams
 from kpl.checking.symbols import DEFINITION, SELF, SymbolTable
+from kpl.linking.roads import ON_ROADS
 from kpl.syntax import specification as spec
 from kpl.syntax.parsing import raise_all
 from reasoning.formulas import tree
@@ -20,7 +21,6 @@ MOST: Final = 64
 """Every object that comes into view is compared with the description of each."""
 OF_STATES: Final = ("speed", "deviation", "x", "y", "x_m", "y_m", "vx_m_s", "vy_m_s", "sd_m")
 """What every object has."""
-ON_ROADS: Final = "on_road"
 _NEED_MORE: Final = (tree.Forall, tree.Exists, tree.Occurred, tree.Since)
 FOUND: Final = frozenset({"find", "track", "reacquire", "lost"})
 

@@ -37,6 +37,7 @@ from kpl.linking.declarations import (
     linkage_of,
     percept_labels,
 )  # fmt: skip
+from kpl.linking.roads import check_on_road
 from kpl.linking.streams import LinkStream, PerceptInput, SharedLinkage
 from kpl.linking.units import LinkedUnit, linked_unit
 from kpl.linking.wants import Wants, check_want
@@ -198,6 +199,8 @@ class Compiler:
         if shared is None:
             frame = None if key.origin is None else LocalFrame(*key.origin, 0.0)
             specifications = link_specifications(key, partial(self._linked_unit, frame))
+            if key.roads is None:
+                check_on_road(links, [each.sort for each in inputs])
             shared = SharedLinkage(specifications, inputs, frame, self.wants, declared_links(key.links))
             self._linkages[key, inputs] = shared
         made_sort = Streams(self.symbols).objects(label)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from anchoring.links.structures import AnySpecification
     from anchoring.roads.network import RoadNetwork
     from kpl.linking.wants import Wanted
+    from navigation import LocalFrame
 
 _MOST_NOTES = 20
 
@@ -44,16 +45,15 @@ def link(
     if percepts is None:
         raise WrongCall("give the recorded percepts: --percepts FILE.jsonl.")
     network = None if roads is None else _network(call, roads)
-    specifications, network, wanted = _specifications(file, network)
+    specifications, network, frame, wanted = _specifications(call, file, network)
     linkage = ObjectLinkage(specifications)
     for each in wanted:
         linkage.want(each.symbol, each.type, each.description)
     output, problems = LinkOutput(call), LeftOutLines(call)
-    frame = None if network is None else network.frame
     is_piped = str(percepts) == STANDARD_INPUT
     name = "standard input" if is_piped else str(percepts)
     with recorded_lines(percepts, "--percepts", "recorded percepts are a text of JSON lines") as lines:
-        is_local = True if network is not None and frame is None else None
+        is_local = None if network is None else network.frame is None
         reader = PerceptReader(
             name, linkage.percept_types, problems.on_error, frame, is_local=is_local, is_piped=is_piped
         )
@@ -67,17 +67,20 @@ def link(
 
 
 def _specifications(
-    file: Path | None, network: "RoadNetwork | None"
-) -> "tuple[tuple[AnySpecification, ...], RoadNetwork | None, list[Wanted]]":
-    """The link specifications of a file, or those that are ready, the roads that they are on, and what is looked for."""
+    call: Call, file: Path | None, network: "RoadNetwork | None"
+) -> "tuple[tuple[AnySpecification, ...], RoadNetwork | None, LocalFrame | None, list[Wanted]]":
+    """The link specifications of a file, or those that are ready, their roads and frame, and what is looked for."""
     from anchoring.ready import ready_specification
 
     if file is None:
-        return ready_specification(network), network, []
+        return ready_specification(network), network, None if network is None else network.frame, []
     from kpl import parse_specification
     from kpl.checking.symbols import Known, SymbolTable
     from kpl.linking.declarations import link_specifications, linkage_key, links_in
+    from kpl.linking.roads import says_on_road
     from kpl.linking.wants import wants_in
+    from kpl.syntax.specification import Link
+    from navigation import LocalFrame
 
     text = read_text(file)
     declarations = parse_specification(text, beside(file))
@@ -92,9 +95,12 @@ def _specifications(
     symbols.known = Known(roads=network)
     try:
         key = linkage_key(links, symbols)
-        return link_specifications(key), key.roads, wants_in(declarations, symbols, text)
+        specifications, wanted = link_specifications(key), wants_in(declarations, symbols, text)
     except TextError as error:
         raise error.but(text=text) from None
+    if key.roads is None and any(isinstance(made, Link) and says_on_road(made) for _, made in key.links):
+        call.out.note("on_road: there are no roads (--roads FILE), so that percepts have to say it", style="yellow")
+    return specifications, key.roads, None if key.origin is None else LocalFrame(*key.origin, 0.0), wanted
 
 
 def _network(call: Call, file: Path) -> "RoadNetwork":

@@ -10,7 +10,7 @@ from dyknow.model.errors import SourceText, WrongCall
 
 if TYPE_CHECKING:
     from dyknow import Network, Prototype
-    from kpl import Hooks, Instance
+    from kpl import Hooks, Instance, Specification
     from proxies.recordings.sample_file import FedSample
     from runtime.configuration.settings import UnitFile
 
@@ -106,15 +106,18 @@ def instance_of(
     *,
     reads: bool = True,
     labels: Path | None = None,
+    roads: Path | None = None,
 ) -> "Instance":
     """An empty instance that finds units in modules, the library and installed distributions.
 
-    With `reads` false sources are not read: their samples are pushed. `labels` is a file of semantic labels.
+    With `reads` false sources are not read: their samples are pushed. `labels` is a file of semantic labels, `roads` one of
+    those on which linked objects are.
     """
     from compunits import catalogue
     from federation.keys import unit as unit_name
     from kpl import Instance
     from runtime.configuration.ontologies import ontology_of
+    from runtime.configuration.road_files import read_roads
 
     there = catalogue(modules)
 
@@ -137,4 +140,21 @@ def instance_of(
         catalogue=found,
         offered=there.names,
         hooks=hooks,
+        roads=None if roads is None else read_roads(roads),
     )
+
+
+def add_streams_of_platforms(specification: "Specification", instance: "Instance", labels: Path | None) -> list[str]:
+    """Streams that a specification takes from its platform, `heli-position[self]`; their labels."""
+    from dyknow import Label
+    from kpl.checking.symbols import SELF, symbol_of
+    from runtime.configuration.ontologies import ontology_of
+
+    offered = {each.name: each for each in ontology_of(file=labels).definitions()}
+    symbols = [symbol_of(each) for each in specification]
+    made = {each.label for each in symbols}
+    taken = {need.term.label: None for each in symbols for need in each.needs}
+    found = [each for each in taken if each.objects == (SELF,) and each.feature in offered and each not in made]
+    for each in found:
+        instance.network.add_source(Label(each.feature, (instance.unit,)), offered[each.feature].sort)
+    return [str(each) for each in found]

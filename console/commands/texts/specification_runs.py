@@ -16,7 +16,7 @@ from console.commands.texts.graphs import GraphForm, show_graph
 from console.commands.texts.run_output import tell_record
 from console.commands.texts.specification_files import instance_of, read_samples, read_text
 from console.errors import DONE, INTERRUPTED
-from console.options.arguments import Admit, Duration, Feed, Govern, SpecificationFile, UnitModules
+from console.options.arguments import Admit, Duration, Feed, Govern, Roads, SpecificationFile, UnitModules
 from console.output.shown import line, styled
 from dyknow import earlier
 from dyknow.model.errors import DyknowError, TextErrors, WrongCall
@@ -48,7 +48,14 @@ class Run:
     """
 
     def __init__(
-        self, call: Call, path: Path, fed: Sequence["FedSample"], modules: Sequence[str], unit: str, speed: float
+        self,
+        call: Call,
+        path: Path,
+        fed: Sequence["FedSample"],
+        modules: Sequence[str],
+        unit: str,
+        speed: float,
+        roads: Path | None = None,
     ) -> None:
         from dyknow import Network
         from kpl import Hooks
@@ -60,7 +67,7 @@ class Run:
         self.network.on_fault = FaultLog(lambda said: call.out.note(f"note: {said}")).on_fault
         self.network.on_producer = self._on_producer
         hooks = Hooks(self._on_sample, self._on_link, self._on_alarm, self._on_found)
-        self.instance = instance_of(self.network, hooks, modules, unit, labels=call.settings.ontology)
+        self.instance = instance_of(self.network, hooks, modules, unit, labels=call.settings.ontology, roads=roads)
         self._governor: Governor | None = None
         self._waited_us = 0
         self._record: IO[str] | None = None
@@ -259,6 +266,7 @@ def run(
     *,
     feed: Feed = None,
     modules: UnitModules = None,
+    roads: Roads = None,
     unit: Annotated[str, typer.Option(metavar="U", help="What `self` means.")] = "0",
     pace: Annotated[
         float | None,
@@ -282,13 +290,14 @@ def run(
     """Run a specification in an instance of its own and show its streams and alarms; Ctrl-C ends it."""
     if pace is not None and not 0 <= pace <= MAX_SPEED:
         raise WrongCall(f"--speed is how many times as fast as the wall, 0 for as fast as it goes; got {pace:g}.")
-    read = (file, feed, *map(Path, modules or ()))
+    read = (file, feed, roads, *map(Path, modules or ()))
     if record is not None and any(_same(record, each) for each in read if each is not None):
         raise WrongCall(f"--record: {record} is read by this run; write to another file.")
     watched = WatchedFiles(file) if watch else None  # before it is read: what changes meanwhile is a change
     text = read_text(file)
     fed = [] if feed is None else read_samples(feed)
-    running = Run(call, file, fed, modules or (), unit, (0.0 if feed is not None else 1.0) if pace is None else pace)
+    speed = (0.0 if feed is not None else 1.0) if pace is None else pace
+    running = Run(call, file, fed, modules or (), unit, speed, roads)
     lasts_us = None if duration is None else duration_us(duration, option="--duration", least_us=SHORTEST_US)
     with ExitStack() as stack:
         if record is not None:

@@ -9,9 +9,9 @@ import typer
 
 from console.command import Call, command
 from console.commands.texts.graphs import GraphForm, show_graph
-from console.commands.texts.specification_files import instance_of, read_text
+from console.commands.texts.specification_files import add_streams_of_platforms, instance_of, read_text
 from console.errors import DONE, NO
-from console.options.arguments import UnitModules
+from console.options.arguments import Roads, UnitModules
 from console.output.output import counted
 from console.output.shown import line, styled
 from dyknow.model.errors import NothingFound, TextError, TextErrors, WrongCall
@@ -31,6 +31,7 @@ def check(
         Path, typer.Argument(metavar="FILE", help="A specification, mission.kpl, or chronicles, overtake.chr.")
     ],
     modules: UnitModules = None,
+    roads: Roads = None,
 ) -> int:
     """Every error of a specification with its place and repair, and what is not reached; exit 1 if there is an error."""
     from dyknow import Network
@@ -47,10 +48,13 @@ def check(
     network, units = Network(), modules or ()
     speaks(network)
     network.now_us = time.time_ns() // 1000
-    findings = instance_of(network, Hooks(), units, "0", labels=call.settings.ontology).findings(
-        specification, (), text, unread
-    )
+    labels = call.settings.ontology
+    instance = instance_of(network, Hooks(), units, "0", labels=labels, roads=roads)
+    taken = add_streams_of_platforms(specification, instance, labels)
+    findings = instance.findings(specification, (), text, unread)
     code = _report(call, len(specification), [*errors, *findings.errors], findings.warnings)
+    if taken:
+        call.out.note(f"note: {', '.join(taken)}: of the platform; checked as on one that has it.")
     _tell_library(call, specification, units)
     return code
 
@@ -99,6 +103,7 @@ def graph(
     call: Call,
     file: Annotated[Path | None, typer.Argument(metavar="[FILE]", help="A specification, mission.kpl.")] = None,
     modules: UnitModules = None,
+    roads: Roads = None,
     unit: Annotated[
         str | None,
         typer.Option(metavar="U", help="What `self` means; without a file: what this running platform does."),
@@ -118,7 +123,9 @@ def graph(
     specification, network = parse_specification(text, beside(file)), Network()
     if listens(specification):
         speaks(network)
-    instance = instance_of(network, Hooks(), modules or (), unit or "0", labels=call.settings.ontology)
+    labels = call.settings.ontology
+    instance = instance_of(network, Hooks(), modules or (), unit or "0", labels=labels, roads=roads)
+    add_streams_of_platforms(specification, instance, labels)
     instance.add(specification, 0, text)
     show_graph(call, instance, form)
     return DONE

@@ -171,7 +171,10 @@ def test_a_place_that_a_percept_cannot_have_reached_is_left_out() -> None:
 def test_local_and_geographic_positions_do_not_mix() -> None:
     on_earth = {"t_ms": 200, "percept": "a", "latitude_deg": 0.0, "longitude_deg": 0.0}
     assert "local" in read(PERCEPT, on_earth)[1][0].message
-    assert "geographic" in read(PERCEPT, frame=LocalFrame(0.0, 0.0, 0.0))[1][0].message
+    errors: list[TextError] = []
+    reader = PerceptReader("p.jsonl", (VISION,), errors.append, LocalFrame(0.0, 0.0, 0.0), is_local=False)
+    assert not list(reader.ticks([json.dumps(PERCEPT)]))
+    assert "geographic" in errors[0].message
     far = {**on_earth, "t_ms": 300, "latitude_deg": 50.0}
     assert "km" in read(on_earth, far)[1][0].message
 

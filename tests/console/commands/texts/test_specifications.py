@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.console.conftest import Run
+from tests.docs.pages import ROOT
 
 RIGHT = """\
 source position gps   # a comment goes
@@ -117,3 +118,21 @@ def test_a_unit_that_is_called_like_one_of_the_library_is_said_to_be_that_one(dy
 def test_a_unit_nearly_called_like_one_that_is_offered_is_told_so(dyknow: Run, tmp_path: Path) -> None:
     spec = written(tmp_path, "source pos gps\nstrmgen p = gps\nstrmgen s = SpedEst(p)\n")
     assert "write: SpeedEst" in dyknow("kpl", "check", spec).stdout
+
+
+def test_a_stream_of_the_platform_is_there_when_a_file_is_checked_and_roads_may_be_given(
+    dyknow: Run, tmp_path: Path
+) -> None:
+    file = tmp_path / "cars.kpl"
+    file.write_text(
+        "compunit road-car OnRoad(camera-percept)\n"
+        "strmgen cars = link(vision-percepts[self], OnRoad, on_road[from], xy_dist[from, to] < 5, true)\n"
+        "stream seen = cars\nstream high = heli-height[self]\n"
+    )
+    without = dyknow("kpl", "check", str(file))
+    assert without.returncode == 1
+    assert "OnRoad needs roads" in without.stdout
+    assert "1 error" in without.stdout
+    done = dyknow("kpl", "check", str(file), "--roads", str(ROOT / "examples" / "roads" / "town.geojson"))
+    assert done.returncode == 0, done.stdout
+    assert "vision-percepts[self], heli-height[self]: of the platform" in done.stderr
