@@ -9,6 +9,7 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Se
 from dataclasses import replace
 from typing import Final, NamedTuple, TypeAlias
 
+from anchoring.belief.weighing import AssociationWeights
 from anchoring.links.composites import CompositeSpecification
 from anchoring.links.deciding.gating import gate_of
 from anchoring.links.prediction import HabitualMotion, Predictor
@@ -26,7 +27,7 @@ from dyknow import Label, Sort
 from dyknow.model.errors import TextError, did_you_mean
 from kpl.checking.definitions import Definitions
 from kpl.checking.streams import origin_of
-from kpl.checking.symbols import SELF, SymbolTable
+from kpl.checking.symbols import GENERATOR, SELF, SymbolTable
 from kpl.linking.roads import ON_ROADS, check_origin
 from kpl.syntax import specification as spec
 from kpl.syntax.link_options import LinkOptions, print_options
@@ -76,11 +77,13 @@ class LinkageKey(NamedTuple):
     Attributes:
         links: the declarations that are chained, in the order given, with definitions put into their conditions.
         origin: latitude and longitude of x = y = 0, degrees, if that is known.
+        beliefs: by whose world models candidates are weighed, by name.
     """
 
     links: tuple[tuple[Label, Linked], ...]
     roads: RoadNetwork | None
     origin: tuple[float, float] | None
+    beliefs: tuple[tuple[str, spec.Belief], ...] = ()
 
 
 def linkage_of(label: Label, made: Linked, symbols: SymbolTable) -> LinkageKey:
@@ -101,7 +104,18 @@ def linkage_key(links: LinkDeclarations, symbols: SymbolTable) -> LinkageKey:
     roads, origin = symbols.roads(), origin_of(symbols)
     for _, made in links[:1]:
         check_origin(made, roads, origin)
-    return LinkageKey(whole, roads, origin)
+    return LinkageKey(whole, roads, origin, tuple(_beliefs(links, symbols)))
+
+
+def _beliefs(links: LinkDeclarations, symbols: SymbolTable) -> Iterator[tuple[str, spec.Belief]]:
+    for name, place in {made.options.weigh: made.place for _, made in links if isinstance(made, spec.Link)}.items():
+        if name:
+            declared = symbols.named(GENERATOR, Label(name))
+            made = None if declared is None else spec.making_of(declared)
+            if not isinstance(made, spec.Belief):
+                said = f"{name} is no stream of beliefs, by which candidates could be weighed"
+                raise TextError.at(place, said, repair=f'strmgen {name} = believe("world.toml", percepts as camera)')
+            yield name, made
 
 
 def _with_definitions(made: Linked, definitions: Definitions) -> Linked:
@@ -141,7 +155,7 @@ def link_specifications(
         TextError: there is no such unit of links, or something needs roads.
     """
     return tuple(
-        _composite(label, made) if isinstance(made, spec.Composite) else _specification(label, made, key.roads, unit_of)
+        _composite(label, made) if isinstance(made, spec.Composite) else _specification(label, made, key, unit_of)
         for label, made in key.links
     )
 
@@ -154,24 +168,38 @@ def _composite(label: Label, made: spec.Composite) -> CompositeSpecification:
     return found
 
 
-def _specification(label: Label, made: spec.Link, roads: RoadNetwork | None, unit_of: UserUnit) -> Specification:
-    unit, options = _unit(label, made, roads, unit_of), made.options
-    return Specification(
-        str(made.source),
-        str(label),
-        made.establish,
-        made.reestablish,
-        made.maintain,
-        unit,
-        _predictor(made, roads),
-        forget_us=options.forget,
-        score=_SCORES[options.score],
-        exclusive=options.exclusive,
-        correlated=options.errors == "correlated",
-        is_recursive=unit is filtered or getattr(unit, "is_recursive", False),
-        candidates=options.candidates,
-        features={} if roads is None else {ON_ROADS: lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)},
+def _specification(label: Label, made: spec.Link, key: LinkageKey, unit_of: UserUnit) -> Specification:
+    roads, options = key.roads, made.options
+    unit = _unit(label, made, roads, unit_of)
+    return _weighed(
+        options.weigh,
+        key,
+        Specification(
+            str(made.source),
+            str(label),
+            made.establish,
+            made.reestablish,
+            made.maintain,
+            unit,
+            _predictor(made, roads),
+            forget_us=options.forget,
+            score=_SCORES[options.score],
+            exclusive=options.exclusive,
+            correlated=options.errors == "correlated",
+            is_recursive=unit is filtered or getattr(unit, "is_recursive", False),
+            candidates=options.candidates,
+            features={} if roads is None else {ON_ROADS: lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)},
+        ),
     )
+
+
+def _weighed(name: str, key: LinkageKey, found: Specification) -> Specification:
+    """With scores and weights by the world model of a stream of beliefs."""
+    belief = dict(key.beliefs).get(name)
+    if belief is None or belief.world is None:
+        return found
+    weights = AssociationWeights(belief.world.model, belief.observed[0].sensor)
+    return replace(found, score=weights.score, weigh=weights.weigh)
 
 
 def _predictor(made: spec.Link, roads: RoadNetwork | None) -> Predictor | None:

@@ -26,7 +26,7 @@ _COUNTS: Final[Mapping[str, tuple[int, int]]] = {
 }
 _FORGET: Final = "forget"
 _FORGETS_US: Final = (US_PER_S // 10, 24 * 3600 * US_PER_S)
-LINK_OPTIONS: Final = (_FORGET, *_WORDS, "max_hyps", "candidates", "exclusive")
+LINK_OPTIONS: Final = (_FORGET, *_WORDS, "max_hyps", "candidates", "exclusive", "weigh")
 COMPOSITE_OPTIONS: Final = ("least",)
 
 
@@ -41,6 +41,7 @@ class LinkOptions:
         max_hyps: most places at which one object is expected.
         candidates: most known objects that one percept may be at a time, each with a weight.
         exclusive: links of that name exclude each other for one object; empty: they exclude none.
+        weigh: the stream of beliefs whose world model decides between several known objects instead; empty: none.
         errors: whether those of this link are known to be independent of those of others into the same type.
     """
 
@@ -51,6 +52,7 @@ class LinkOptions:
     candidates: int = 1
     exclusive: str = ""
     errors: str = "independent"
+    weigh: str = ""
 
 
 USUAL: Final = LinkOptions()

@@ -124,6 +124,37 @@ def test_without_a_subscriber_nothing_is_believed() -> None:
     assert not process.watch.environment.table.names
 
 
+LINKED = """
+strmgen cars = link(percepts, WorldObject,
+  eventually [1000, oo] true, eventually [0, 1000] xy_dist[from, to] < 20, true){with_}
+stream cars_seen = cars
+"""
+
+
+def linked_to(text: str) -> str:
+    """Which known car a red percept is taken for that appears near where a blue one was expected."""
+    looking = Looking(WATCHED + BELIEFS + text)
+    at_us = 0
+    for at_us in range(0, 3_000_000, 100_000):
+        looking.network.now_us = at_us
+        with looking.network.instant.whole():
+            for name, x_m, colour in (("vp0", 0.0, "red"), ("vp1", 12.0, "blue")):
+                ended = at_us == 2_900_000
+                looking.instance.push("camera", at_us, (name, x_m, 0.0, 0.5, colour, ended), at_us)
+    for at_us in range(4_000_000, 4_500_000, 100_000):
+        looking.wait(at_us)
+        looking.network.now_us = at_us
+        looking.instance.push("camera", at_us, ("vp2", 6.1, 0.0, 0.5, "red", False), at_us)
+    return next(s.value[0] for n, s in reversed(looking.outputs) if n == "cars_seen" and s.value[-2] is True)
+
+
+def test_association_probabilities_of_the_world_model_weigh_which_known_object_a_percept_is() -> None:
+    sort = "sort car(symbol in text, x_m in m, y_m in m, colour in text, anchored in bool, end in bool)\n"
+    unit = "compunit car WorldObject(percept)\n"
+    assert linked_to(sort + unit + LINKED.format(with_="")) == "co2"
+    assert linked_to(sort + unit + LINKED.format(with_=" with weigh beliefs")) == "co1"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -135,6 +166,7 @@ def test_without_a_subscriber_nothing_is_believed() -> None:
         ('strmgen b = believe("examples/world/yard.toml", views as camera)', "makes no percepts"),
         ('strmgen b = believe("examples/world/yard.toml", percepts as camera trust 1.5)', "trust is from 0"),
         ('strmgen b = believe("examples/world/yard.toml", nothing as camera)', "nothing"),
+        ("strmgen c = link(percepts, WorldObject, true, true, true) with weigh views", "no stream of beliefs"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_believed_is_refused_with_its_place(text: str, message: str) -> None:
