@@ -26,6 +26,7 @@ from kpl.syntax.specification import RECOGNISED
 from reasoning.chronicles import MINUS_INFINITY
 
 if TYPE_CHECKING:
+    from anchoring.belief.reports import LifeEvent
     from anchoring.links.objects import LinkEvent
 
 OBJECTS_A_PAGE, MOST_EVENTS = 40, 400
@@ -40,6 +41,14 @@ class LinkHistory(Protocol):
     recent: "Iterable[LinkEvent]"
 
     def explain(self, symbol: str) -> "tuple[LinkEvent, ...]": ...
+
+
+class BeliefHistory(Protocol):
+    """What a process of beliefs knows of its instances."""
+
+    recent: "Iterable[LifeEvent]"
+
+    def explain(self, name: str) -> "Iterable[LifeEvent]": ...
 
 
 class ObjectQueries(Part):
@@ -107,6 +116,9 @@ class ObjectQueries(Part):
             linkage: LinkHistory | None = getattr(network.process(label), "linkage", None)
             if linkage is not None and self._may_see(unit, label):
                 yield from map(_event, linkage.recent if symbol is None else linkage.explain(symbol))
+            beliefs: BeliefHistory | None = getattr(network.process(label), "beliefs", None)
+            if beliefs is not None and self._may_see(unit, label):
+                yield from map(_lived, beliefs.recent if symbol is None else beliefs.explain(symbol))
             elif label.feature == RECOGNISED:
                 history = network.generator(label).history
                 samples = history.get_slice(0, history.get_size() - 1) if history.get_size() else []
@@ -127,6 +139,14 @@ class ObjectQueries(Part):
         except Refused:
             return False
         return True
+
+
+def _lived(event: "LifeEvent") -> ObjectEvent:
+    """What happened to a believed instance, or to trust in a source."""
+    about = [event.what] if event.instance else []
+    why = ", ".join(filter(None, (*about, event.because or f"existence {event.existence:.3f}")))
+    target = (event.instance or event.what)[:LONGEST_TEXT]
+    return ObjectEvent(at_us=event.valid_us, event=event.kind, target=target, because=in_one_line(why)[:LONGEST_REASON])
 
 
 def _event(event: "LinkEvent") -> ObjectEvent:

@@ -14,7 +14,6 @@ from anchoring.belief.live.gathering import LookGatherer
 from anchoring.belief.live.records import BELIEF_SORT, BeliefRecords, quality_of
 from anchoring.belief.live.trust import TrustInSource
 from anchoring.belief.live.watch import ObservingSource, ReportedBelief, WorldWatch
-from anchoring.belief.reports import LifeEvent
 from anchoring.percepts.records import PerceptRecords, is_geographic, lacks_of
 from dyknow import NO_VALUE, US_PER_S, Label, Policy, Sample, Sort
 from dyknow.model.errors import TextError, did_you_mean
@@ -97,9 +96,10 @@ class BeliefStream(OnDemand):
         """The sources, and how far each is trusted now."""
         return list(zip(self._sources, self.watch.trust, strict=True))
 
-    def life(self, symbol: str | None = None) -> Iterable[LifeEvent]:
-        """What happened to all instances, or to one."""
-        return self.watch.recent if symbol is None else self.watch.explain(symbol)
+    @property
+    def beliefs(self) -> WorldWatch:
+        """What is believed, and what happened."""
+        return self.watch
 
     # Looks
 

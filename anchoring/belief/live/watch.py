@@ -44,6 +44,8 @@ OBSERVED: Final = 0.5
 """An observation counts as one of an instance from this probability on."""
 _COUNTED: Final = frozenset({LATE, LIMITED, UNEXPLAINED, UNKNOWN})
 _TOUCHED: Final = 0.01
+_TRUST_CHANGED: Final = 0.1
+TRUST: Final = "trust"
 _NEVER: Final = -(2**80), -1.0
 
 
@@ -104,6 +106,7 @@ class WorldWatch:
         )
         self._sensors = [CameraSensor(model, each.sensor) for each in sources]
         self.trust = [TrustInSource(each.trust * model.sensors[each.sensor].trust) for each in sources]
+        self._trust_noted = [each.value for each in self.trust]
         self.recent: deque[LifeEvent] = deque(maxlen=EVENTS_KEPT)
         self.counts: Counter[str] = Counter()
         self._first_by: dict[str, int] = {}
@@ -142,6 +145,7 @@ class WorldWatch:
         hits = np.zeros(len(names))
         np.add.at(hits, report.rows, report.pairs)
         self.trust[look.source] = trust.after(look.valid_us, sensor, seen, hits, len(observations))
+        self._judge(look.source, look.valid_us)
         self._on_observed(look, names, hits, report)
         touched = {names[row] for row in np.flatnonzero(hits > _TOUCHED).tolist()}
         return self._reported(report._replace(events=(*aged.events, *report.events)), touched)
@@ -193,6 +197,14 @@ class WorldWatch:
         self._first_by |= dict.fromkeys(report.created, look.source)
         for name in (*(names[row] for row in np.flatnonzero(hits > OBSERVED).tolist()), *report.created):
             self._seen_us.setdefault(name, {})[look.source] = look.valid_us
+
+    def _judge(self, source: int, valid_us: int) -> None:
+        """Note when a source is trusted otherwise than was reported last."""
+        trust = self.trust[source]
+        if abs(trust.value - self._trust_noted[source]) >= _TRUST_CHANGED:
+            self._trust_noted[source] = trust.value
+            because = f"{trust.value:.2f}: {trust.because}"
+            self.recent.append(LifeEvent(valid_us, TRUST, self._sources[source].name, trust.value, because=because))
 
     def _reported(self, report: UpdateReport, touched: set[str]) -> list[ReportedBelief]:
         """The beliefs to be reported after a step."""

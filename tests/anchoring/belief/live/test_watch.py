@@ -96,6 +96,8 @@ def test_a_source_that_misses_what_others_see_is_trusted_less_with_the_reason_an
     assert blind.value < 0.5
     assert sound.value > 0.8
     assert "found 0 where" in blind.because
+    (event, *_) = watched.watch.explain("1")
+    assert (event.kind, event.existence < 0.91) == ("trust", True)
     for _ in range(300):
         watched.look((0.0, 0.0), (10.0, 10.0), (-10.0, 10.0), source=0)
         watched.look((0.0, 0.0), (10.0, 10.0), (-10.0, 10.0), source=1)
