@@ -22,6 +22,7 @@ from federation.members.clock import FederationClock
 from federation.members.directory import DirectoryFacilitator
 from federation.messages.descriptions import ConditionEntry
 from federation.sharing.translation import Translation
+from kpl.linking.beliefs import trust_in
 
 PERIOD_US: Final = 100_000
 MAX_DELAY_US: Final = 1_000_000
@@ -116,7 +117,7 @@ class Calls(Part):
     def _begin(self, called: CalledStream) -> StreamCall:
         call = StreamCall(
             called.wanted, self._unit, self._agent.acts, self._directory, partial(self._on_news, called),
-            self._clock.speed,
+            self._clock.speed, partial(trust_in, self._network),
         )  # fmt: skip
         call.begin(self._now_us())
         return call

@@ -56,6 +56,7 @@ class StreamCall:
         wanted: the stream, and the least of its quality.
         unit: of the caller, which does not ask itself.
         speed: of the federation's clock.
+        trust: how far a platform is trusted, in [0, 1]; what it promises and brings is as much less certain.
         on_news: takes what happens.
 
     Attributes:
@@ -72,9 +73,10 @@ class StreamCall:
         directory: DirectoryFacilitator,
         on_news: Callable[[CallNews], None],
         speed: float = 1.0,
+        trust: Callable[[str], float] = lambda _unit: 1.0,
     ) -> None:
         self.wanted, self._unit, self._acts, self._directory = wanted, unit, acts, directory
-        self._on_news, self._speed = on_news, speed
+        self._on_news, self._speed, self._trust = on_news, speed, trust
         self.taken: Proposal | None = None
         self.reserve: dict[str, Proposal] = {}
         self.refused: Counter[str] = Counter()
@@ -118,7 +120,7 @@ class StreamCall:
         wanted, taken = self.wanted, self.taken
         if taken is None or unit != taken.unit:
             return False
-        if certainty < wanted.min_certainty:
+        if certainty * self._trust(unit) < wanted.min_certainty:
             self.refused["certainty"] += 1
             return False
         if not -AHEAD_US <= delay_us <= wanted.delay_us + SLACK_US * self._speed:
@@ -236,7 +238,9 @@ class StreamCall:
             self._reject(unit, conversation, f"this is no proposal for {self.wanted.label}", now_us)
             return
         period_us, delay_us = round(said.sample_period_s * 1e6), round(said.delay_s * 1e6)
-        proposal = Proposal(unit, asked[1], conversation, said.cost, max(1, period_us), delay_us, said.certainty)
+        proposal = Proposal(
+            unit, asked[1], conversation, said.cost, max(1, period_us), delay_us, said.certainty * self._trust(unit)
+        )
         why = proposal.lacks(self.wanted)
         if why:
             self._news("refused", unit, f"cost {said.cost:g}, but {why}", now_us)

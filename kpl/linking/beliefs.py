@@ -15,14 +15,14 @@ from anchoring.belief.live.records import BELIEF_SORT, BeliefRecords, quality_of
 from anchoring.belief.live.trust import TrustInSource
 from anchoring.belief.live.watch import ObservingSource, ReportedBelief, WorldWatch
 from anchoring.percepts.records import PerceptRecords, is_geographic, lacks_of
-from dyknow import NO_VALUE, US_PER_S, Label, Policy, Sample, Sort
+from dyknow import NO_VALUE, US_PER_S, Label, Network, Policy, Sample, Sort
 from dyknow.model.errors import TextError, did_you_mean
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.processes import OnDemand
 from kpl.syntax import specification as spec
 from navigation import LocalFrame
 
-__all__ = ["BELIEF_SORT", "BeliefStream", "belief_stream"]
+__all__ = ["BELIEF_SORT", "BeliefStream", "belief_stream", "trust_in"]
 STEP_US: Final = US_PER_S
 """How long after the last look time alone is taken in."""
 CORNERS: Final = 4
@@ -164,6 +164,21 @@ class BeliefStream(OnDemand):
             if count >= 2 * self._faults.get(why, 0) and count:
                 self._faults[why] = count
                 self.fault(f"{why}: {count}")
+
+
+def trust_in(network: Network, unit: str) -> float:
+    """How far a platform is trusted by what is believed here: the least of all models that it is a source of; 1 of others."""
+    processes = (network.process(label) for label in network.labels())
+    return min(
+        (
+            trust.value
+            for process in processes
+            if isinstance(process, BeliefStream)
+            for source, trust in process.sources
+            if source.name == unit
+        ),
+        default=1.0,
+    )
 
 
 def belief_stream(

@@ -1,11 +1,13 @@
 """Offers and calls: the right proposal is taken, the next when it fails, and none is made twice (thesis 9.2.3, FIPA SC00029)."""
 
 from collections import Counter
+from pathlib import Path
 
 import pytest
 
 from agents.calls.bids import OF_ONE, Bids
 from agents.calls.calls import Calls
+from agents.effects import Specify
 from agents.specification.specification_part import SpecificationPart
 from federation.messages.acts import Performative
 from federation.messages.contents import (
@@ -50,6 +52,18 @@ def test_of_five_offers_the_right_one_is_taken_and_when_it_dies_the_next_within_
     assert set(proposals(wire).values()) == {1}, "one proposal in each conversation"
     assert set(calls(wire).values()) == {1}, "and each platform is called once"
     assert {value for _, value in market.samples()} == {4.0, 3.0}
+
+
+def test_what_a_platform_promises_counts_as_far_as_it_is_trusted(wire):
+    market = Market(wire, {"3": offer(7), "4": offer(4)}, call="")
+    believes = (
+        "sort percept(symbol in text, x_m in m, y_m in m)\nsource percept camera\nstrmgen percepts[4] = camera\n"
+        'strmgen beliefs = believe("yard.toml", percepts[4] as camera trust 0.5)\n'
+    )
+    yard = Path("examples/world/yard.toml").read_text("utf-8")
+    wire.happens("0", Specify(wire.now_us, believes + CALL, "a.kpl", (("yard.toml", yard),)))
+    wire.run(2)
+    assert market.news("refused", "taken") == [("refused", "4"), ("taken", "3")]
 
 
 @pytest.mark.parametrize(("costs", "unit"), [((3, 3, 3), "1"), ((3, 2, 2), "2"), ((0, 0, 0), "1")])
