@@ -56,7 +56,7 @@ class Conversion:
         if not quality.covariance:
             return quality
         squared = self._scale * self._scale
-        return Quality(quality.certainty, tuple([tuple([squared * v for v in row]) for row in quality.covariance]))
+        return quality._replace(covariance=tuple([tuple([squared * v for v in row]) for row in quality.covariance]))
 
 
 def conversion(name: str, scale: float, offset: float = 0.0, *sorts: str) -> UnitPrototype:

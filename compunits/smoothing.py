@@ -12,6 +12,7 @@ from statistics import median
 
 from compunits.numeric import Numbers, in_shape_of, is_sound, numbers_of, positive
 from dyknow import NO_VALUE, US_PER_S, Quality, Sample, Value, computational_unit
+from dyknow.model.sample import oldest
 
 _MOST_REMEMBERED = 10_000
 
@@ -26,7 +27,7 @@ class _Window:
         most = _MOST_REMEMBERED if samples is None else samples
         if isinstance(most, bool) or not isinstance(most, int) or not 0 < most <= _MOST_REMEMBERED:
             raise ValueError(f"samples must be a number from 1 to {_MOST_REMEMBERED}, got {samples!r}")
-        self._known: deque[tuple[int, Numbers, float]] = deque(maxlen=most)
+        self._known: deque[tuple[int, Numbers, Quality]] = deque(maxlen=most)
 
     def over(self, now_us: int, sample: Sample, reduce: Callable[[Sequence[float]], float]) -> Sample | None:
         known, valid_us = self._known, sample.valid_us
@@ -37,15 +38,16 @@ class _Window:
             return Sample(now_us, valid_us, NO_VALUE, sample.quality)
         if known and len(known[-1][1]) != len(numbers):
             known.clear()
-        known.append((valid_us, numbers, sample.quality.certainty))
+        known.append((valid_us, numbers, sample.quality))
         while self._span_us is not None and known[0][0] <= valid_us - self._span_us:
             known.popleft()
         try:
             smooth = [reduce(column) for column in zip(*[row for _, row, _ in known], strict=True)]
         except OverflowError:
             smooth = [math.nan]
-        certainty = min(certainty for _, _, certainty in known)
-        return Sample(now_us, valid_us, in_shape_of(sample.value, smooth), Quality(certainty))
+        certainty = min(quality.certainty for _, _, quality in known)
+        prediction = oldest(quality.prediction for _, _, quality in known)
+        return Sample(now_us, valid_us, in_shape_of(sample.value, smooth), Quality(certainty, (), prediction))
 
 
 @computational_unit("?sort", "?sort", history_us=US_PER_S, cheaper="ExponentialSmoothing")
@@ -102,7 +104,7 @@ class ExponentialSmoothing:
             fresh = -math.expm1((last[0] - valid_us) / self._constant_us)
             numbers = tuple([(1.0 - fresh) * old + fresh * new for old, new in zip(last[1], numbers, strict=True)])
         self._last = valid_us, numbers
-        return Sample(now_us, valid_us, in_shape_of(sample.value, numbers), Quality(sample.quality.certainty))
+        return Sample(now_us, valid_us, in_shape_of(sample.value, numbers), sample.quality._replace(covariance=()))
 
 
 @computational_unit("?sort", "?sort", history_us=US_PER_S // 2)

@@ -161,14 +161,17 @@ class ImportProxy(Part):
         """Valid times as our clock has them, approximated on the grid of the stream."""
         shift_us = round(offset.offset_us * self._clock.speed)
         if found.policy.sample_us is None or self.is_of_objects(found.label):
-            return lambda valid_us, value, now_us, quality: take(valid_us - shift_us, value, now_us, quality)
+            return lambda valid_us, value, now_us, quality: take(
+                valid_us - shift_us, value, now_us, _earlier(quality, shift_us)
+            )
         if found.regrid is None:
             policy = Policy(change="sample", sample_us=found.policy.sample_us, from_us=0, approximation="linear")
             found.regrid = PolicyAdapter(policy)
         regrid = found.regrid
 
         def on_grid(valid_us: int, value: Value, now_us: int, quality: Quality) -> None:
-            for sample in regrid.on_sample(Sample(now_us, valid_us - shift_us, value, quality), now_us):
+            shifted = Sample(now_us, valid_us - shift_us, value, _earlier(quality, shift_us))
+            for sample in regrid.on_sample(shifted, now_us):
                 take(sample.valid_us, sample.value, sample.available_us, sample.quality)
 
         return on_grid
@@ -209,3 +212,9 @@ class ImportProxy(Part):
         if not to_local.is_same:
             value, quality = to_local(value), to_local.quality(quality)
         generator.push(valid_us, value, now_us, quality)
+
+
+def _earlier(quality: Quality, shift_us: int) -> Quality:
+    """The quality of a value whose times are shifted."""
+    made = quality.prediction
+    return quality if made is None else quality._replace(prediction=made._replace(made_us=made.made_us - shift_us))

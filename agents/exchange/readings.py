@@ -55,7 +55,10 @@ def _merge(readings: Sequence[Reading], weight: Callable[[Reading, str], float])
             variance[name] = sum(shares)
     newest = max(reading.valid_us for reading, _ in records)
     available = max(reading.available_us for reading, _ in records)
-    return Reading(valid_us=newest, available_us=available, value=dict(value), variance=dict(variance) or None)
+    made_us = min((reading.made_us for reading in readings if reading.made_us is not None), default=None)
+    return Reading(
+        valid_us=newest, available_us=available, value=dict(value), variance=dict(variance) or None, made_us=made_us
+    )
 
 
 def _number(value: object) -> float:

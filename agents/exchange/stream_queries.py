@@ -218,6 +218,7 @@ def _reading(sort: Sort, sample: Sample) -> Reading:
         available_us=sample.available_us,
         value={name: _carried(each) for name, each in sort.as_record(sample.value).items()},
         variance=stated,
+        **({} if sample.quality.prediction is None else sample.quality.prediction._asdict()),
     )
 
 

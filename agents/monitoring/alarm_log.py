@@ -78,6 +78,7 @@ def alarm_content(event: AlarmEvent, by: str) -> Alarm:
         values=_scalars(event.values),
         samples=_scalars(event.samples_us),
         because=reasons(event.because),
+        made_us=event.made_us,
     )
 
 

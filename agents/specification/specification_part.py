@@ -41,6 +41,7 @@ from kpl.introspection.governor import Governor
 from kpl.introspection.graph import maker_of, origins_of
 from kpl.introspection.records import FaultLog, alarm_record, found_record, producer_record, sample_record
 from kpl.running.asking import features_of
+from kpl.running.formula_states import PREDICTED
 from kpl.running.ports import Undo, nothing
 from kpl.syntax.specification import CALLED, Export, Import, MonitorDeclaration, StreamTerm
 from reasoning import AlarmEvent
@@ -349,6 +350,8 @@ class SpecificationPart(Part):
             split = None
         named = domains_of(formula if split is None else split[2])
         in_instance = not features or bool(others) or bool(named) or self._units.are_objects(formula)
+        if features and declaration.policy.predict_us is not None:
+            raise Refused(f"{min(features)} does not change along a straight line: compare {PREDICTED}")
         if declaration.starts_avoidance and (in_instance or split is None):
             raise Refused(
                 f"monitor {declaration.name} starts avoidance, so it is about pairs of platforms: write it as "

@@ -4,22 +4,43 @@ A `NamedTuple`: building one costs a third of a frozen, slotted dataclass, and e
 """
 
 import math
-from typing import Any, NamedTuple, TypeAlias
+from collections.abc import Iterable
+from typing import Any, Final, NamedTuple, TypeAlias
 
 Value: TypeAlias = Any
 """A simple value, `NO_VALUE`, or a tuple of values (Def. 4.3.3). Immutable. Records are tuples in field order."""
 
 
+MAX_BRANCH: Final = 64
+"""Characters of a branch."""
+
+
+class Prediction(NamedTuple):
+    """That a value is predicted (thesis 12.3).
+
+    Attributes:
+        made_us: valid time of the newest sample that it was made from; federation time.
+        branch: which of several futures it belongs to; empty: there is one.
+        weight: probability in [0, 1] of that branch.
+    """
+
+    made_us: int
+    branch: str = ""
+    weight: float = 1.0
+
+
 class Quality(NamedTuple):
-    """Quality of a sample's value by its producer (thesis 12.3); by default it is sure and exact.
+    """Quality of a sample's value by its producer (thesis 12.3); by default it is sure, exact and measured.
 
     Attributes:
         certainty: probability in [0, 1] that the value is right.
         covariance: of the numeric components of the value, a symmetric matrix by rows, units squared; empty is none.
+        prediction: when it was made, if the value is predicted.
     """
 
     certainty: float = 1.0
     covariance: tuple[tuple[float, ...], ...] = ()
+    prediction: Prediction | None = None
 
     @property
     def deviation(self) -> float:
@@ -29,6 +50,16 @@ class Quality(NamedTuple):
 
 
 SURE = Quality()
+
+
+def oldest(predictions: Iterable[Prediction | None]) -> Prediction | None:
+    """That of a value made from values with these: as old as the oldest, in all their branches; None: all are measured."""
+    found = [each for each in predictions if each is not None]
+    if not found:
+        return None
+    branches = {each.branch: each.weight for each in found}
+    named = sorted(branch for branch in branches if branch)
+    return Prediction(min(each.made_us for each in found), "+".join(named)[:MAX_BRANCH], math.prod(branches.values()))
 
 
 class Sample(NamedTuple):

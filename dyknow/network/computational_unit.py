@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import prod
 from typing import TypeAlias
 
-from dyknow.model.sample import SURE, Quality, Sample, Value
+from dyknow.model.sample import SURE, Quality, Sample, Value, oldest
 from dyknow.model.values import NO_VALUE
 
 Inputs: TypeAlias = tuple[Sample | None, ...]
@@ -56,9 +56,11 @@ def latest_valid_us(inputs: Inputs) -> int | None:
 
 
 def quality_of(inputs: Inputs) -> Quality:
-    """A value is right when what it was computed from is, each by itself."""
+    """A value is right when what it was computed from is, each by itself; predicted when any of it is."""
     qualities = [s.quality for s in inputs if s is not None and s.quality is not SURE]
-    return Quality(prod(quality.certainty for quality in qualities)) if qualities else SURE
+    if not qualities:
+        return SURE
+    return Quality(prod(each.certainty for each in qualities), (), oldest(each.prediction for each in qualities))
 
 
 def component(at: int, count: int) -> UnitFunction:
@@ -72,7 +74,7 @@ def component(at: int, count: int) -> UnitFunction:
         if sample.value is NO_VALUE:
             return Sample(now_us, sample.valid_us, NO_VALUE, quality), state
         if len(sample.quality.covariance) == count:
-            quality = Quality(quality.certainty, ((sample.quality.covariance[at][at],),))
+            quality = quality._replace(covariance=((sample.quality.covariance[at][at],),))
         return Sample(now_us, sample.valid_us, sample.value[at], quality), state
 
     return step

@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 
 from dyknow.model.labels import Label
 from dyknow.model.members import NamedMembers
-from dyknow.model.sample import SURE, Quality, Sample, Value
+from dyknow.model.sample import Sample, Value
 from dyknow.model.values import NO_VALUE, Sort
 from dyknow.network.network import Network
 from dyknow.network.process import Process
@@ -247,9 +247,9 @@ class ObjectFeature(ObjectProcess):
         if any(self._symbol in table.newest for table, _ in self._sources[:i]):
             return
         now_us = state.available_us if self._network is None else max(state.available_us, self._network.now_us)
-        certainty = state.quality.certainty
+        quality = state.quality
         value = self._sources[i][1](state.value)
-        self.emit(state.valid_us, value, now_us, SURE if certainty == 1.0 else Quality(certainty))
+        self.emit(state.valid_us, value, now_us, quality._replace(covariance=()) if quality.covariance else quality)
 
 
 def _nothing() -> None:

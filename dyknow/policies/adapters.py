@@ -93,6 +93,30 @@ def max_deviation(limit: float) -> Accept:
     return lambda sample, _last: sample.quality.deviation <= limit
 
 
+def predicted(ahead_us: int) -> Accept:
+    """Accept samples that are predicted (thesis 12.3).
+
+    Raises:
+        PolicyError: nothing would be predicted.
+    """
+    if ahead_us <= 0:
+        raise PolicyError(f"a prediction is for a time after now, got {ahead_us} us", "predict 5s")
+    return lambda sample, _last: sample.quality.prediction is not None
+
+
+def max_prediction_age(limit_us: int) -> Accept:
+    """Accept samples that are measured, or were predicted at most so long before they came (thesis 12.3).
+
+    Raises:
+        PolicyError: `limit_us` is negative.
+    """
+    if limit_us < 0:
+        raise PolicyError(f"an age must be >= 0 us, got {limit_us}", "max age of prediction 1s")
+    return lambda sample, _last: (
+        sample.quality.prediction is None or sample.available_us - sample.quality.prediction.made_us <= limit_us
+    )
+
+
 def monotone_order(sample: Sample, last: Sample | None) -> bool:
     """Accept samples whose valid time does not go back (Def. 4.4.12). Equal times pass."""
     return last is None or sample.valid_us >= last.valid_us

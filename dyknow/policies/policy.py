@@ -44,6 +44,8 @@ _CONSTRAINTS: Final = (
     ("delay before approximation", "delay_before_us", "$time"),
     ("min certainty", "min_certainty", "$number"),
     ("max deviation", "max_deviation", "$number"),
+    ("predict", "predict_us", "$time"),
+    ("max age of prediction", "prediction_age_us", "$time"),
     ("importance", "importance", "$number"),
 )
 """The words of each constraint (thesis 4.4.3 and ours), the attribute it sets, and to what."""
@@ -52,7 +54,7 @@ _KINDS: Final = {"sample_us": "change"}
 _FORMS: Final = (
     "any update, any change, all updated, all changed, sample every T, max delay T, from T to T, any order, monotone order, strict order, "
     "no approximation, use most recent, use linear, delay before approximation T, min certainty P, max deviation D, "
-    "importance N"
+    "predict T, max age of prediction T, importance N"
 )
 
 
@@ -75,6 +77,9 @@ class Policy:
         delay_before_us: of state streams: how long to wait before an approximation is used (7.8.2).
         min_certainty: samples are right with at least this probability, in [0, 1]; None is no limit (12.3).
         max_deviation: no component has a greater standard deviation, in its unit; None is no limit (12.3).
+        predict_us: values so long after each sample, on the straight line through it and the one before; each is valid
+            then, and marked as predicted. What is predicted already stays as it is (12.3).
+        prediction_age_us: a predicted sample that was made longer ago when it comes is dropped; None is no limit (12.3).
         importance: which streams are to suffer last when there is too much to do; does not affect the samples.
 
     Raises:
@@ -93,6 +98,8 @@ class Policy:
     max_deviation: float | None = None
     importance: float = 1.0
     exact: bool = False
+    predict_us: int | None = None
+    prediction_age_us: int | None = None
 
     def __post_init__(self) -> None:
         self._check_words()
@@ -188,6 +195,8 @@ class Policy:
             _timed("delay before approximation", self.delay_before_us),
             _number("min certainty", self.min_certainty),
             _number("max deviation", self.max_deviation),
+            _timed("predict", self.predict_us),
+            _timed("max age of prediction", self.prediction_age_us),
             _number("importance", None if self.importance == 1 else self.importance),
         ]
         return ", ".join(filter(None, words)) or "any update"
@@ -215,6 +224,10 @@ class Policy:
             found.append((f"min certainty {self.min_certainty:g}", adapters.min_certainty(self.min_certainty)))
         if self.max_deviation is not None:
             found.append((f"max deviation {self.max_deviation:g}", adapters.max_deviation(self.max_deviation)))
+        if self.predict_us is not None:
+            found.append((f"predict {print_duration(self.predict_us)}", adapters.predicted(self.predict_us)))
+        if (age_us := self.prediction_age_us) is not None:
+            found.append((f"max age of prediction {print_duration(age_us)}", adapters.max_prediction_age(age_us)))
         return found
 
     def _check_words(self) -> None:
@@ -223,7 +236,15 @@ class Policy:
                 raise PolicyError(f"{word!r} is none of {', '.join(get_args(allowed))}")
 
     def _check_times(self) -> None:
-        for name in ("sample_us", "max_delay_us", "from_us", "to_us", "delay_before_us"):
+        for name in (
+            "sample_us",
+            "max_delay_us",
+            "from_us",
+            "to_us",
+            "delay_before_us",
+            "predict_us",
+            "prediction_age_us",
+        ):
             time_us = getattr(self, name)
             least_us = -MAX_DURATION_US if isinstance(time_us, RelativeInstant) else 0
             if time_us is not None and not least_us <= int(time_us) <= MAX_DURATION_US:

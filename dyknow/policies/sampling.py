@@ -6,8 +6,9 @@ from math import inf
 from typing import Final, NamedTuple
 
 from dyknow.model.errors import PolicyError
-from dyknow.model.sample import SURE, Quality, Sample, Value
+from dyknow.model.sample import SURE, Prediction, Sample
 from dyknow.model.values import NO_VALUE
+from dyknow.policies.lines import between, interpolate
 from dyknow.policies.policy import Policy
 from dyknow.policies.upcoming import Upcoming
 
@@ -25,6 +26,8 @@ _REASONS: Final = {
     "_no_change": "no change",
     "_off_grid": "off grid",
     "_uncertain": "uncertain",
+    "_too_old": "old prediction",
+    "_unpredictable": "not predictable",
 }
 """The counters of samples that did not come through, with the reasons."""
 _UNRESTRICTED: Final = Policy()
@@ -55,13 +58,45 @@ class PolicyAdapter:
     """
 
     __slots__ = (
-        "_all", "_anchor_us", "_changes", "_confined_to", "_from_us", "_hungry_us", "_in_vain", "_is_unrestricted", "_last", "_late", "_least_certainty", "_least_step_us",
-        "_max_delay_us", "_most_deviation", "_no_change", "_off_grid", "_out_of_order", "_outside", "_owed", "_patience_us",
-        "_period_us", "_previous", "_take", "_to_us", "_uncertain", "gaps", "on_sample", "on_starved", "policy",
+        "_all",
+        "_anchor_us",
+        "_before",
+        "_beyond",
+        "_changes",
+        "_confined_to",
+        "_from_us",
+        "_hungry_us",
+        "_in_vain",
+        "_is_unrestricted",
+        "_last",
+        "_late",
+        "_least_certainty",
+        "_least_step_us",
+        "_max_delay_us",
+        "_most_deviation",
+        "_no_change",
+        "_off_grid",
+        "_oldest_us",
+        "_out_of_order",
+        "_outside",
+        "_owed",
+        "_patience_us",
+        "_period_us",
+        "_previous",
+        "_take",
+        "_to_us",
+        "_too_old",
+        "_uncertain",
+        "_unpredictable",
+        "gaps",
+        "on_sample",
+        "on_starved",
+        "policy",
     )  # fmt: skip
     on_sample: Callable[[Sample, int], list[Sample]]
     _all: Callable[[Sample, int], list[Sample]]
     _take: Callable[[Sample, int], list[Sample]]
+    _beyond: Callable[[Sample, int], list[Sample]]
 
     def __init__(self, policy: Policy) -> None:
         assert not policy.is_relative, "`Policy.at` says when it was declared"  # noqa: S101
@@ -86,11 +121,15 @@ class PolicyAdapter:
         ]
         self.on_starved: Callable[[], None] = _ignore
         self._patience_us, self._in_vain, self._hungry_us = STARVED * self._period_us, 0, -_EVER_US
-        self._uncertain = 0
+        self._uncertain = self._too_old = self._unpredictable = 0
         self._least_certainty = 0.0 if policy.min_certainty is None else policy.min_certainty
         self._most_deviation = inf if policy.max_deviation is None else policy.max_deviation
-        if policy.min_certainty is not None or policy.max_deviation is not None:
+        self._oldest_us = _EVER_US if policy.prediction_age_us is None else policy.prediction_age_us
+        if (policy.min_certainty, policy.max_deviation, policy.prediction_age_us) != (None, None, None):
             self._take, self.on_sample = self.on_sample, self._good
+        self._before: Sample | None = None
+        if policy.predict_us is not None:
+            self._beyond, self.on_sample = self.on_sample, self._ahead
         self._all, self._confined_to = self.on_sample, (1, 0)
 
     def on_time(self, now_us: int) -> list[Sample]:
@@ -138,7 +177,7 @@ class PolicyAdapter:
     def continued(self, policy: Policy) -> "PolicyAdapter":
         """The rest of this stream under another policy: order, counts and, where it has none of its own, the grid."""
         after = PolicyAdapter(policy)
-        after._last, after._previous = self._last, self._previous
+        after._last, after._previous, after._before = self._last, self._previous, self._before
         starving = ("_hungry_us", "_in_vain", "_patience_us") if after._period_us == self._period_us else ()
         for name in ("gaps", *_REASONS, *starving):
             setattr(after, name, getattr(self, name))
@@ -161,7 +200,8 @@ class PolicyAdapter:
     @property
     def is_fresh(self) -> bool:
         """Whether it gives what another of its policy would from now on: it has passed and owes nothing."""
-        return self._last is None and self._previous is None and self._owed is None and self._confined_to[0] == 1
+        began = self._last or self._previous or self._before
+        return began is None and self._owed is None and self._confined_to[0] == 1
 
     @property
     def is_open(self) -> bool:
@@ -172,7 +212,7 @@ class PolicyAdapter:
     def needed(self) -> Grid | None:
         """Only samples on this grid, which has an anchor, make a difference to what comes out; None: all do."""
         policy = self.policy
-        if policy.approximation != "none":
+        if policy.approximation != "none" or policy.predict_us is not None:
             return None
         if self._period_us:
             return None if self._anchor_us is None else self.grid
@@ -193,7 +233,29 @@ class PolicyAdapter:
         if quality.certainty < self._least_certainty or quality.deviation > self._most_deviation:
             self._uncertain += 1
             return self.on_time(now_us - 1)
+        if quality.prediction is not None and sample.available_us - quality.prediction.made_us > self._oldest_us:
+            self._too_old += 1
+            return self.on_time(now_us - 1)
         return self._take(sample, now_us)
+
+    def _ahead(self, sample: Sample, now_us: int) -> list[Sample]:
+        """In place of a sample the one that is predicted from it and the one before."""
+        if sample.quality.prediction is not None:
+            return self._beyond(sample, now_us)
+        before = self._before
+        if before is not None and sample.valid_us <= before.valid_us:
+            self._out_of_order += 1
+            return self.on_time(now_us - 1)
+        self._before = sample
+        if before is None:
+            return self.on_time(now_us - 1)
+        valid_us = sample.valid_us + (self.policy.predict_us or 0)
+        value = interpolate(before, sample, valid_us)
+        if value is NO_VALUE:
+            self._unpredictable += 1
+            return self.on_time(now_us - 1)
+        quality = between(before, sample, valid_us)._replace(prediction=Prediction(sample.valid_us))
+        return self._beyond(Sample(sample.available_us, valid_us, value, quality), now_us)
 
     def _exact(self, sample: Sample, now_us: int) -> list[Sample]:
         valid_us = sample.valid_us
@@ -353,43 +415,3 @@ class _Owed:
 
 def _ignore() -> None:
     """Report nothing."""
-
-
-def interpolate(before: Sample, after: Sample, valid_us: int) -> Value:
-    """The value at `valid_us` on the straight line between two samples, component by component.
-
-    `NO_VALUE` where there is no line: a component is not a number, or the arities differ.
-    """
-    share = (valid_us - before.valid_us) / (after.valid_us - before.valid_us)
-    if not isinstance(before.value, tuple):
-        return _between(before.value, after.value, share)
-    if not isinstance(after.value, tuple) or len(before.value) != len(after.value):
-        return NO_VALUE
-    components = tuple(_between(a, b, share) for a, b in zip(before.value, after.value, strict=True))
-    return NO_VALUE if NO_VALUE in components else components
-
-
-def between(before: Sample, after: Sample, valid_us: int) -> Quality:
-    """The quality of the value that `interpolate` gives; errors of the two samples are taken as independent."""
-    one, other = before.quality, after.quality
-    if one is SURE and other is SURE:
-        return SURE
-    certainty = min(one.certainty, other.certainty)
-    if len(one.covariance) != len(other.covariance):
-        return Quality(certainty, max(one, other, key=lambda quality: quality.deviation).covariance)
-    share = (valid_us - before.valid_us) / (after.valid_us - before.valid_us)
-    rows = zip(one.covariance, other.covariance, strict=True)
-    return Quality(
-        certainty,
-        tuple(tuple((1 - share) ** 2 * a + share**2 * b for a, b in zip(*row, strict=True)) for row in rows),
-    )
-
-
-def _between(before: Value, after: Value, share: float) -> Value:
-    if not _is_number(before) or not _is_number(after):
-        return NO_VALUE
-    return before + (after - before) * share
-
-
-def _is_number(value: Value) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -8,12 +8,21 @@ from typing import Literal, TypeAlias
 
 from dyknow.model.errors import PolicyError
 from dyknow.model.instants import earlier, print_duration
-from dyknow.model.sample import SURE, Quality, Sample, Value
+from dyknow.model.sample import SURE, Quality, Sample, Value, oldest
 from dyknow.model.values import NO_VALUE
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.processes import OnDemand
 from dyknow.policies.policy import Policy
-from dyknow.states.synchronization import Awaited, Category, Origin, State, StateInput, StatePolicy, Synchronizer
+from dyknow.states.synchronization import (
+    Awaited,
+    Category,
+    Manner,
+    Origin,
+    State,
+    StateInput,
+    StatePolicy,
+    Synchronizer,
+)
 
 When: TypeAlias = Literal["sampled", "any update", "any change", "all updated", "all changed"]
 """At sampled points; or whenever any input has a new sample, or another value; or when all of them have."""
@@ -84,7 +93,8 @@ class StateStreamProcess(OnDemand):
         for state in states:
             self.recent.append(state)
             certainty = prod(each.certainty for each in state.origins)
-            quality = SURE if certainty == 1.0 else Quality(certainty)
+            prediction = oldest(each.prediction for each in state.origins)
+            quality = SURE if certainty == 1.0 and prediction is None else Quality(certainty, (), prediction)
             self.emit(state.valid_us, state.values, state.available_us, quality)
 
 
@@ -143,7 +153,8 @@ class ChangeStates:
 def _origin(sample: Sample, valid_us: int) -> Origin:
     if sample.value is NO_VALUE:
         return Origin("no value", sample.valid_us)
-    return Origin("exact" if sample.valid_us == valid_us else "most recent", sample.valid_us, sample.quality.certainty)
+    manner: Manner = "exact" if sample.valid_us == valid_us else "most recent"
+    return Origin(manner, sample.valid_us, sample.quality.certainty, sample.quality.prediction)
 
 
 def exactly(policy: Policy, inputs: Sequence[Input]) -> Sequence[Input]:

@@ -8,10 +8,10 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from dyknow.model.errors import PolicyError
 from dyknow.model.instants import print_duration
-from dyknow.model.sample import Sample, Value
+from dyknow.model.sample import Prediction, Sample, Value, oldest
 from dyknow.model.values import NO_VALUE
+from dyknow.policies.lines import interpolate
 from dyknow.policies.policy import Approximation, Policy
-from dyknow.policies.sampling import interpolate
 from dyknow.policies.upcoming import Upcoming
 
 CATCH_UP = 1024
@@ -34,11 +34,12 @@ Manner: TypeAlias = Literal["exact", "most recent", "linear", "no value"]
 
 
 class Origin(NamedTuple):
-    """How a value of a state was obtained, and the valid time and certainty of the sample it is, or comes from."""
+    """How a value of a state was obtained, and the valid time, certainty and prediction of the sample it is, or comes from."""
 
     manner: Manner
     valid_us: int | None
     certainty: float = 1.0
+    prediction: Prediction | None = None
 
 
 class State(NamedTuple):
@@ -162,11 +163,12 @@ class _Input:
         """How `value_at` obtains its value."""
         best = self.buffer.best
         if best is not None and best.valid_us == sync_us:
-            return Origin("exact", sync_us, best.quality.certainty)
+            return Origin("exact", sync_us, best.quality.certainty, best.quality.prediction)
         if best is None or not self.has_approximation() or self.approximation == "none":
             return Origin("no value", None)
         used = (best, self.buffer.later[0]) if self.approximation == "linear" else (best,)
-        return Origin(self.approximation, best.valid_us, min(each.quality.certainty for each in used))
+        prediction = oldest(each.quality.prediction for each in used)
+        return Origin(self.approximation, best.valid_us, min(each.quality.certainty for each in used), prediction)
 
     def category(self, sync_us: int) -> Category:
         if self.is_exact(sync_us):

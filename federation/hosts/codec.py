@@ -24,11 +24,11 @@ from federation.messages.unpacking import (
     Check,
     count,
     fail,
-    fields,
     instant,
     many,
     optional,
     qualified,
+    quality_of,
     record,
     sampled,
     unpack,
@@ -117,10 +117,11 @@ def _plain(value: Value) -> Any:
     raise TypeError(f"it is {kind.__name__}")
 
 
-def _plainly(quality: Quality) -> tuple[float, tuple[tuple[float, ...], ...]]:
-    """A quality of plain floats, checked."""
+def _plainly(quality: Quality) -> tuple[Any, ...]:
+    """A quality of plain floats, checked; when it was made, branch and weight of one that is predicted."""
     rows = tuple([tuple(map(float, row)) for row in quality.covariance])
-    return qualified(float(quality.certainty), rows)
+    plain = qualified(float(quality.certainty), rows)
+    return plain if quality.prediction is None else (*plain, *quality.prediction)
 
 
 def _flag(found: Any) -> bool:
@@ -174,7 +175,7 @@ def _sample(found: Any) -> messages.HostInput:
     i, available_us, valid_us, value = found[:4]
     if count(i) >= MAX_INPUTS:
         fail("number")
-    quality = SURE if len(found) == 4 else Quality(*qualified(*fields(found[4], 2)))
+    quality = SURE if len(found) == 4 else quality_of(found[4])
     return messages.HostInput(i, Sample(instant(available_us), instant(valid_us), sampled(value), quality))
 
 

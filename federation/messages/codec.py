@@ -37,7 +37,8 @@ _IDENTIFIER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,95}")
 class StreamSample(NamedTuple):
     """One sample of a stream: its number there (from 1), when it held, its value, and what its maker says of it.
 
-    On the wire a quality is two fields more, certainty and covariance, unless it is the default.
+    On the wire a quality is two fields more, certainty and covariance, unless it is the default; of a prediction five, also
+    when it was made, branch and weight: an earlier version refuses their shape, and never takes it for measured.
     """
 
     seq: int
@@ -304,9 +305,11 @@ def _packed(samples: Sequence[StreamSample]) -> list[tuple[Any, ...]]:
     return [sample[:3] if sample.quality is SURE else (*sample[:3], *_exact(sample.quality)) for sample in samples]
 
 
-def _exact(quality: Quality) -> tuple[float, list[list[float]]]:
+def _exact(quality: Quality) -> tuple[Any, ...]:
     """In floats, as they are asked for on the way in."""
-    return float(quality.certainty), [list(map(float, row)) for row in quality.covariance]
+    rows, made = [list(map(float, row)) for row in quality.covariance], quality.prediction
+    more = () if made is None else (made.made_us, made.branch, float(made.weight))
+    return float(quality.certainty), rows, *more
 
 
 @lru_cache(maxsize=256)
@@ -338,14 +341,14 @@ def _stream(label: str, policy_hash: str) -> tuple[str, str]:
 def _samples(found: Any) -> list[StreamSample]:
     samples: list[StreamSample] = []
     for entry in unpacking.items(found):
-        if type(entry) is not tuple or len(entry) not in (3, 5):
+        if type(entry) is not tuple or len(entry) not in (3, 5, 8):
             unpacking.fail("shape")
         seq, valid_us, value = entry if len(entry) == 3 else entry[:3]
         if type(seq) is not int or type(valid_us) is not int:
             unpacking.fail("number")
         if not (0 < seq <= MAX_INTEGER and MIN_INTEGER <= valid_us <= MAX_INTEGER):
             unpacking.fail("number")
-        quality = SURE if len(entry) == 3 else _new(Quality, unpacking.qualified(*entry[3:]))
+        quality = SURE if len(entry) == 3 else unpacking.quality_of(entry[3:])
         samples.append(_new(StreamSample, (seq, valid_us, unpacking.sampled(value), quality)))
     return samples
 

@@ -11,7 +11,7 @@ from typing import Any, Final, NoReturn, TypeAlias, TypeVar
 import msgpack
 
 from dyknow.model.errors import DecodeError, NameRefused
-from dyknow.model.sample import Value
+from dyknow.model.sample import MAX_BRANCH, Prediction, Quality, Value
 from dyknow.model.values import NO_VALUE, NoValue
 from federation.messages.sexpr import MAX_INTEGER, MIN_INTEGER
 
@@ -182,6 +182,23 @@ def qualified(certainty: Any, covariance: Any) -> tuple[float, tuple[tuple[float
             if type(component) is not float or component - component != 0.0:
                 fail("number")
     return certainty, covariance
+
+
+def quality_of(found: Any) -> Quality:
+    """A quality of two fields, or of five if the value is predicted: certainty, covariance, when it was made, branch, weight."""
+    if type(found) is not tuple or len(found) not in (2, 5):
+        fail("shape")
+    certainty, covariance = qualified(*found[:2])
+    if len(found) == 2:
+        return Quality(certainty, covariance)
+    made_us, branch, weight = found[2:]
+    if type(made_us) is not int or not MIN_INTEGER <= made_us <= MAX_INTEGER:
+        fail("number")
+    if type(branch) is not str or len(branch) > MAX_BRANCH or not branch.isprintable():
+        fail("name")
+    if type(weight) is not float or not 0.0 <= weight <= 1.0:
+        fail("number")
+    return Quality(certainty, covariance, Prediction(made_us, branch, weight))
 
 
 def _odd(value: Any, depth: int) -> Value:

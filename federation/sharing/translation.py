@@ -96,10 +96,10 @@ class LabelConversion:
         if self.is_same or not rows:
             return quality
         if len(rows) != len(self._steps):
-            return Quality(quality.certainty)
+            return quality._replace(covariance=())
         scaled = [(at, scale) for (at, _, _), scale in zip(self._steps, self._scales, strict=True)]
-        return Quality(
-            quality.certainty, tuple([tuple([rows[i][j] * by * of for j, of in scaled]) for i, by in scaled])
+        return quality._replace(
+            covariance=tuple([tuple([rows[i][j] * by * of for j, of in scaled]) for i, by in scaled])
         )
 
 

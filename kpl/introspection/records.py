@@ -30,6 +30,7 @@ def sample_json(sample: Sample) -> dict[str, Any]:
         "value": as_json(sample.value),
         **({"certainty": quality.certainty} if quality.certainty != 1.0 else {}),
         **({"covariance": [list(row) for row in quality.covariance]} if quality.covariance else {}),
+        **({} if quality.prediction is None else {"prediction": list(quality.prediction)}),
     }
 
 
@@ -63,6 +64,7 @@ def alarm_record(event: AlarmEvent) -> dict[str, Any]:
         "values": {label: as_json(value) for label, value in event.values.items()},
         "samples": dict(event.samples_us),
         "because": [_reason(each) for each in event.because[:MOST_REASONS]],
+        **({} if event.made_us is None else {"made_us": event.made_us}),
     }
 
 

@@ -41,7 +41,7 @@ class FormulaMonitor:
             formula,
             (unit,),
             period_us,
-            max_delay_us,
+            max_delay_us - (declaration.policy.predict_us or 0),
             declaration.no_value,
             declaration.close_after,
             inputs=(),
@@ -86,7 +86,7 @@ class FormulaMonitor:
             samples_us=state.samples_us,
         )
         for event in found:
-            self._on_alarm(event)
+            self._on_alarm(event if state.made_us is None else event._replace(made_us=state.made_us))
         for listener in tuple(self.listeners):
             listener(state)
 

@@ -14,6 +14,7 @@ from dyknow import NO_VALUE, Label, Network, Policy, Sample, Value, earlier
 from dyknow.model.errors import SortError, TextError, UnknownLabel
 from dyknow.model.instants import US_PER_MS, US_PER_S
 from dyknow.model.members import members_of
+from dyknow.model.sample import oldest
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.policies.policy import Approximation
@@ -26,6 +27,7 @@ from reasoning.formulas.tree import Formula, Occurred, event_labels, required_la
 
 PERIOD_US = 100 * US_PER_MS
 MAX_DELAY_US = US_PER_S
+PREDICTED = "cpa_time, cpa_xy and cpa_z, which are of the closest approach, or streams of your own"
 MOST_ERAS = 64
 """Changes of the members that may await the states before them; beyond, states are left out."""
 
@@ -33,7 +35,8 @@ MOST_ERAS = 64
 class FormulaState(NamedTuple):
     """What a formula says something about: values by label, the members of its domains, and what has happened.
 
-    `samples_us`: valid time of the sample that each value is, or was made of; None: that of the state.
+    `samples_us`: valid time of the sample that each value is, or was made of; None: that of the state. `made_us`: when the
+    oldest prediction among them was made; None: all are measured.
     """
 
     valid_us: int
@@ -42,6 +45,7 @@ class FormulaState(NamedTuple):
     domains: Mapping[str, tuple[str, ...]]
     events: frozenset[str]
     samples_us: Mapping[str, int] | None = None
+    made_us: int | None = None
 
 
 class _Era:
@@ -128,7 +132,10 @@ class FormulaStates:
     ) -> None:
         self.period_us, self.max_delay_us = timing(policy)
         self._network, self._formula, self._policy = network, formula, policy
-        self._taken = Policy(max_delay_us=self.max_delay_us, importance=policy.importance)
+        self._taken = Policy(
+            max_delay_us=self.max_delay_us, importance=policy.importance, predict_us=policy.predict_us,
+            prediction_age_us=policy.prediction_age_us,
+        )  # fmt: skip
         self._derived = replace(
             self._taken,
             change="sample",
@@ -323,6 +330,8 @@ class FormulaStates:
         stream = stream_of(self._network, Label.parse(label))
         self._network.find(stream)  # what is derived is there from now on
         is_derived = isinstance(self._network.process(stream), DerivedStream)
+        if is_derived and self._policy.predict_us is not None:
+            raise TextError(f"{label} is derived, and does not change along a straight line", repair=PREDICTED)
         return Input(stream, self._derived if is_derived else self._taken)
 
     def _on_sample(self, label: str, sample: Sample) -> None:
@@ -369,19 +378,30 @@ class FormulaStates:
             for label, origin in zip(era.labels, state.origins, strict=True)
             if origin.valid_us is not None and values[label] is not NO_VALUE
         }
-        self._give(state.valid_us, max(now_us, state.available_us), values, samples_us)
+        prediction = oldest(
+            origin.prediction for label, origin in zip(era.labels, state.origins, strict=True) if label in samples_us
+        )
+        made_us = None if prediction is None else prediction.made_us
+        self._give(state.valid_us, max(now_us, state.available_us), values, samples_us, made_us)
 
     def _tick(self, era: _Era, now_us: int) -> None:
         """States of events only are made at their times, when what happened until then has come."""
         while self._tick_us + self.max_delay_us <= now_us and self._tick_us < era.ends_us:
             self._give(self._tick_us, now_us, {}, {})
 
-    def _give(self, valid_us: int, now_us: int, values: dict[str, Value], samples_us: dict[str, int]) -> None:
+    def _give(
+        self,
+        valid_us: int,
+        now_us: int,
+        values: dict[str, Value],
+        samples_us: dict[str, int],
+        made_us: int | None = None,
+    ) -> None:
         domains, self._last_us = self._domains_at(valid_us), valid_us
         self._tick_us = max(self._tick_us, (valid_us // self.period_us + 1) * self.period_us)
         events = frozenset(label for at_us, label in self._happened if at_us <= valid_us)
         self._happened = [each for each in self._happened if each[0] > valid_us]
-        self._on_state(FormulaState(valid_us, now_us, values, domains, events, samples_us))
+        self._on_state(FormulaState(valid_us, now_us, values, domains, events, samples_us, made_us))
 
 
 def _names(era: _Era) -> Iterator[tuple[str, bool]]:

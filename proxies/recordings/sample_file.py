@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
 from typing import Any, NamedTuple
 
-from dyknow import Quality, Sample, Value, of_json
+from dyknow import Prediction, Quality, Sample, Value, of_json
 from dyknow.model.errors import TextError
 from dyknow.model.instants import MAX_DURATION_US, US_PER_MS
 from reasoning.monitoring.json_lines import JsonLine
@@ -101,7 +101,18 @@ def _quality(record: Mapping[str, Any]) -> Quality | None:
     numbers = square and all(map(_is_number, chain(*rows))) and all(row[i] >= 0 for i, row in enumerate(rows))
     if not (_is_number(certainty) and 0 <= certainty <= 1 and numbers):
         return None
-    return Quality(float(certainty), tuple(tuple(map(float, row)) for row in rows))
+    prediction = _prediction(record.get("prediction"))
+    if "prediction" in record and prediction is None:
+        return None
+    return Quality(float(certainty), tuple(tuple(map(float, row)) for row in rows), prediction)
+
+
+def _prediction(stated: Any) -> Prediction | None:
+    """`[made_us, branch, weight]`; None if it is anything else."""
+    match stated:
+        case [int(made_us), str(branch), int(weight) | float(weight)] if 0 <= weight <= 1:
+            return Prediction(made_us, branch, float(weight))
+    return None
 
 
 def _is_number(found: Any) -> bool:

@@ -6,7 +6,7 @@ from typing import Final, TypeAlias
 
 from dyknow.model.errors import UnknownLabel
 from dyknow.model.labels import Label
-from dyknow.model.sample import SURE, Quality, Sample, Value
+from dyknow.model.sample import SURE, Quality, Sample, Value, oldest
 from dyknow.model.values import NO_VALUE, Sort
 from dyknow.network.network import Network
 from dyknow.network.process import Input, Process
@@ -153,7 +153,9 @@ class DerivedStream(OnDemand):
         self._rows = {at_us: row for at_us, row in self._rows.items() if at_us > valid_us}
         certainty = prod(each.quality.certainty for each in samples)
         value = NO_VALUE if self._is_nowhere else self._derivation.values([each.value for each in samples])[self._name]
-        self.emit(valid_us, value, now_us, SURE if certainty == 1.0 else Quality(certainty))
+        prediction = oldest(each.quality.prediction for each in samples)
+        quality = SURE if certainty == 1.0 and prediction is None else Quality(certainty, (), prediction)
+        self.emit(valid_us, value, now_us, quality)
 
     def _ask(self, *, wanted: bool) -> None:
         if self._demand is not None:

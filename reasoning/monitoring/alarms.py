@@ -28,7 +28,7 @@ class AlarmEvent(NamedTuple):
 
     `valid_us` is the state that violated, the first that was clean again, or when the monitor was removed; `detected_us` when this node knew;
     `samples_us` the valid time of each sample that this state was made of, by input; `because` which parts of the
-    formula opened it, with their samples.
+    formula opened it, with their samples; `made_us` when the oldest prediction was made that this state rests on, if any.
     """
 
     id: str
@@ -40,6 +40,7 @@ class AlarmEvent(NamedTuple):
     values: Mapping[str, Value]
     samples_us: Mapping[str, int] = MappingProxyType({})
     because: tuple[Explanation, ...] = ()
+    made_us: int | None = None
 
 
 class Change(NamedTuple):

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, overload
 
-from dyknow import SURE, Quality
+from dyknow import SURE, Prediction, Quality
 from dyknow.model.values import NoValue
 from federation.messages.codec import StreamSample
 from federation.messages.contents import Reading
@@ -23,7 +23,8 @@ class UnitSample(NamedTuple):
         value: by field, in the units of the label (docs/python.md lists them); empty: it had no value then.
         valid_us: when the value held.
         available_us: when it could be used: by the platform that answers, or here if it was watched.
-        quality: its certainty in [0, 1], and the covariance of its fields, units squared, if that is known.
+        quality: its certainty in [0, 1], the covariance of its fields, units squared, if that is known, and `.prediction`
+            of a predicted value: `.made_us`, `.branch`, `.weight`.
         variances: of the fields, by unit, for example `{"m2": {"north": 0.8, "east": 0.8}}`; a position's are in metres.
     """
 
@@ -111,7 +112,18 @@ def variances_in(value: Mapping[str, Any], variance: Mapping[str, Any]) -> dict[
 def sample_of_reading(unit: str, label: str, reading: Reading) -> UnitSample:
     """One sample of the answer to a query."""
     value = {} if isinstance(reading.value, NoValue) else dict(reading.value)
-    return UnitSample(unit, label, value, reading.valid_us, reading.available_us, _quality(value, reading.variance))
+    quality = _quality(value, reading.variance)
+    if reading.made_us is not None:
+        quality = quality._replace(prediction=Prediction(reading.made_us, reading.branch, reading.weight))
+    return UnitSample(unit, label, value, reading.valid_us, reading.available_us, quality)
+
+
+def prediction_json(prediction: Prediction | None) -> dict[str, Any]:
+    """When a predicted value was made, and its branch and weight if there are several; nothing of a measured one."""
+    if prediction is None:
+        return {}
+    branch = {"branch": prediction.branch, "weight": prediction.weight} if prediction.branch else {}
+    return {"made_us": prediction.made_us, **branch}
 
 
 def _quality(value: Mapping[str, Any], variance: Mapping[str, Any] | None) -> Quality:

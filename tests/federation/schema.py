@@ -263,13 +263,19 @@ def value(found: Any, depth: int = 0) -> bool:
 def entries(found: Any) -> bool:
     return _is(list, found) and all(
         _is(list, entry)
-        and len(entry) in {3, 5}
+        and len(entry) in {3, 5, 8}
         and count(entry[0], 1)
         and instant(entry[1])
         and value(entry[2])
-        and (len(entry) == 3 or quality(*entry[3:]))
+        and (len(entry) == 3 or quality(*entry[3:5]))
+        and (len(entry) < 8 or prediction(*entry[5:]))
         for entry in found
     )
+
+
+def prediction(made_us: Any, branch: Any, weight: Any) -> bool:
+    is_branch = _is(str, branch) and len(branch) <= 64 and branch.isprintable()
+    return instant(made_us) and is_branch and _is(float, weight) and 0.0 <= weight <= 1.0
 
 
 def quality(certainty: Any, covariance: Any) -> bool:

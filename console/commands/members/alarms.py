@@ -100,6 +100,8 @@ def _tell_alarm(call: Call, alarm: Alarm, *, is_open: bool, explain: bool = Fals
         return
     colour = _COLOURS[alarm.event]
     delay = f"{print_span(alarm.detected_us - alarm.valid_us)} after the sample"
+    if alarm.made_us is not None:
+        delay = f"predicted {print_span(alarm.valid_us - alarm.made_us)} ahead"
     when = "its monitor was removed" if alarm.event == "ended" else delay
     monitor, by = styled(alarm.monitor, "bold"), styled(f"by {alarm.by}, {when}", "dim")
     values = ", ".join(_quantity(name, value, alarm) for name, value in alarm.values.items())
@@ -163,6 +165,7 @@ def alarm_json(alarm: Alarm) -> dict[str, Any]:
         "values": values,
         "samples": {name.replace(", ", ","): valid_us for name, valid_us in alarm.samples.items()},
         "because": because_json(alarm.because),
+        **({} if alarm.made_us is None else {"made_us": alarm.made_us}),
     }
 
 

@@ -14,6 +14,7 @@ from console.output.output import unit_json
 from console.output.shown import Shown, styled
 from dyknow.model.errors import NothingFound, WrongCall
 from dyknow.model.instants import print_span
+from dyknow.model.sample import Prediction
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import NoValue
 from federation.messages.contents import Query, Reading
@@ -21,7 +22,7 @@ from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 from runtime.library.jobs import readings_of, readings_via
 from runtime.library.meanings import differing, meaning_to
 from runtime.library.questions import Which, age_of, check_name, is_own_label, query_of
-from runtime.library.results import variances_in
+from runtime.library.results import prediction_json, variances_in
 
 SELECT = {"newest": select_newest, "best": select_best}
 MERGE = {"mean": merge_mean, "inverse-variance": merge_inverse_variance}
@@ -144,9 +145,19 @@ def reading_json(label: str, unit: str, reading: Reading) -> dict[str, Any]:
         "available_us": reading.available_us,
         "value": value,
     }
+    if reading.made_us is not None:
+        record |= prediction_json(Prediction(reading.made_us, reading.branch, reading.weight))
     for square, stated in variances_in(value or {}, reading.variance or {}).items():
         record[f"variance_{square}" if square else "variance"] = stated
     return record
+
+
+def prediction_text(record: Mapping[str, Any]) -> str:
+    """How far ahead a sample was predicted, and in which branch; nothing of a measured one."""
+    if "made_us" not in record:
+        return ""
+    branch = f", {record['branch']} {record['weight']:.0%}" if "branch" in record else ""
+    return f"  predicted {print_span(record['valid_us'] - record['made_us'])} ahead{branch}"
 
 
 def value_text(value: Any, meaning: SemanticLabel | None = None) -> str:
@@ -183,7 +194,8 @@ def _tell(
         return
     old: Shown = styled(f"  {print_span(age_us)} old", "red") if stale else ""
     when = styled(clock_time(reading.valid_us), "dim")
-    call.out.show(styled(unit, "bold"), "  ", when, "  ", value_text(record["value"], meaning), old)
+    text = value_text(record["value"], meaning) + prediction_text(record)
+    call.out.show(styled(unit, "bold"), "  ", when, "  ", text, old)
 
 
 def _tell_one(

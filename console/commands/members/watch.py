@@ -6,7 +6,7 @@ import typer
 
 from console.centre.client import connected
 from console.command import Call, command
-from console.commands.members.query import value_text
+from console.commands.members.query import prediction_text, value_text
 from console.errors import DONE, NO
 from console.options.arguments import Count, Label, Unit
 from console.output.output import unit_json
@@ -23,6 +23,7 @@ from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us,
 from runtime.library.jobs import SET_UP_S, agreeing, request_streams
 from runtime.library.meanings import differing, meaning_to, record_of
 from runtime.library.questions import check_label, check_streamed
+from runtime.library.results import prediction_json
 
 SILENT_US = 2_000_000
 """After this long, or two periods, without a sample the reason is printed."""
@@ -183,6 +184,7 @@ def _record(client: Client, owner: str, label: str, sample: StreamSample, at_us:
         "valid_us": sample.valid_us,
         "available_us": client.centre.clock.federation_us(at_us),
         "value": value,
+        **prediction_json(sample.quality.prediction),
     }
 
 
@@ -193,4 +195,5 @@ def _tell(call: Call, client: Client, record: dict[str, Any]) -> None:
     delay = print_span(record["available_us"] - record["valid_us"])
     when = styled(f"{clock_time(record['valid_us'])} + {delay}", "dim")
     meaning = meaning_to(client, str(record["unit"]), record["label"])
-    call.out.show(styled(record["unit"], "bold"), "  ", when, "  ", value_text(record["value"], meaning))
+    text = value_text(record["value"], meaning)
+    call.out.show(styled(record["unit"], "bold"), "  ", when, "  ", text, prediction_text(record))

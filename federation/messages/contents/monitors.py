@@ -137,7 +137,7 @@ class Alarm(parts.Content):
 
     `samples`: valid times of the samples that this state was made of, by input, in microseconds. `unseen_by`: the
     others of its units, where none of them has raised it within a second; the coordinator passes it on once more then.
-    `because`: the parts of the formula that opened it.
+    `because`: the parts of the formula that opened it. `made_us`: the state is predicted, from samples valid until then.
     """
 
     id: parts.Line
@@ -151,6 +151,7 @@ class Alarm(parts.Content):
     samples: parts.Values = Field(default_factory=dict)
     unseen_by: parts.Units = ()
     because: Annotated[tuple[Because, ...], Field(max_length=parts.MAX_LIST)] = ()
+    made_us: parts.Instant | None = None
 
 
 class AlarmList(parts.Content):

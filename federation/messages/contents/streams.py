@@ -5,6 +5,7 @@ from typing import Annotated, Literal, Self, TypeAlias
 from pydantic import Field, model_validator
 
 from dyknow.model.instants import US_PER_S
+from dyknow.model.sample import MAX_BRANCH
 from dyknow.model.values import NoValue
 from federation.messages.contents import parts
 from federation.messages.descriptions import Count, Hash, SemanticLabel
@@ -122,12 +123,18 @@ def _check_question(query: Query | QueryStream) -> None:
 
 
 class Reading(parts.ContentPart):
-    """One sample: when it held, when it was available, its value by field, and its variance where it is known."""
+    """One sample: when it held, when it was available, its value by field, and its variance where it is known.
+
+    Of a predicted one also when it was made, and its branch and the weight of that, if there are several.
+    """
 
     valid_us: parts.Instant
     available_us: parts.Instant
     value: parts.Values | NoValue
     variance: parts.Values | None = None
+    made_us: parts.Instant | None = None
+    branch: Annotated[parts.Line, Field(max_length=MAX_BRANCH)] = ""
+    weight: Annotated[float, Field(ge=0, le=1)] = 1.0
 
 
 class Missing(parts.ContentPart):

@@ -8,7 +8,8 @@ from dyknow import NO_VALUE, Policy, PolicyAdapter, Sample
 from dyknow.model.sample import Quality
 from dyknow.network.computational_unit import ComputationalUnit, of_values
 from dyknow.policies.adapters import max_delay, monotone_order, sample_every, strict_order
-from dyknow.policies.sampling import CATCH_UP, interpolate
+from dyknow.policies.lines import interpolate
+from dyknow.policies.sampling import CATCH_UP
 from dyknow.policies.upcoming import MAX_AHEAD
 from tests.dyknow.policies.filters import restrict
 from tests.fakes import FakeClock

@@ -3,13 +3,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow.model.errors import ContentError, DecodeError
-from dyknow.model.sample import SURE, Quality
+from dyknow.model.sample import MAX_BRANCH, SURE, Prediction, Quality
 from dyknow.model.values import NO_VALUE
 from federation.messages import codec
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import Heartbeat, Ping, Pong, Range, Recovered, StreamSample
 from federation.messages.descriptions import Description, LabelEntry, ServiceEntry
-from federation.messages.sexpr import MAX_DEPTH, Expr, QuotedText
+from federation.messages.sexpr import MAX_DEPTH, MAX_INTEGER, MIN_INTEGER, Expr, QuotedText
 from tests.federation import schema
 from tests.federation.mutants import encode
 from tests.federation.strategies import ACTS, COUNTS
@@ -26,7 +26,10 @@ COVARIANCES = st.integers(0, 3).flatmap(
         tuple
     )
 )
-QUALITIES = st.just(SURE) | st.builds(Quality, st.floats(0, 1), COVARIANCES)
+PREDICTIONS = st.none() | st.builds(
+    Prediction, st.integers(MIN_INTEGER, MAX_INTEGER), st.sampled_from(["", "left", "x" * MAX_BRANCH]), st.floats(0, 1)
+)
+QUALITIES = st.just(SURE) | st.builds(Quality, st.floats(0, 1), COVARIANCES, PREDICTIONS)
 SAMPLES = st.lists(st.builds(StreamSample, *SAMPLE, QUALITIES), max_size=4)
 ACT = Act(Performative.INFORM, AgentName("interface", "1"), AgentName("interface", "0"), Expr("done"), "1-1-1")
 
@@ -110,6 +113,11 @@ def test_the_other_messages_come_back_as_they_were_sent() -> None:
         (encode([1, 5, [[1, 5, {"a": 1}]]]), "type"),
         (encode([1, 5, [[1, 5, [[[[[1.0]]]]]]]]), "nesting"),
         (encode([1, 5, [[1, 5, 1.0]] * 1025]), "malformed"),
+        (encode([1, 5, [[1, 5, 1.0, 1.0, [], 5]]]), "shape"),
+        (encode([1, 5, [[1, 5, 1.0, 1.0, [], 5.0, "", 1.0]]]), "number"),
+        (encode([1, 5, [[1, 5, 1.0, 1.0, [], 5, "x" * 65, 1.0]]]), "name"),
+        (encode([1, 5, [[1, 5, 1.0, 1.0, [], 5, "\x1b[2J", 1.0]]]), "name"),
+        (encode([1, 5, [[1, 5, 1.0, 1.0, [], 5, "", 1.5]]]), "number"),
         (encode([1, 5, [], 7]), "shape"),
         (encode([1, 5, [], [], []]), "number"),
         (encode([1, 5, [], [], 0]), "number"),
