@@ -42,7 +42,7 @@ from dyknow.model.errors import (
 )
 from dyknow.model.instants import US_PER_MS, US_PER_S, earlier, parse_duration, print_duration, print_span
 from dyknow.model.labels import Label
-from dyknow.model.sample import SURE, Prediction, Quality, Sample, Value, independent
+from dyknow.model.sample import SURE, Predicted, Quality, Sample, Value, independent
 from dyknow.model.values import NO_VALUE, Field, NoValue, Sort, as_json, of_json
 from dyknow.network.computational_unit import (
     ComputationalUnit,
@@ -108,7 +108,7 @@ __all__ = [
     "PolicyAdapter",
     "PolicyError",
     "PolicyNotSupported",
-    "Prediction",
+    "Predicted",
     "Prototype",
     "PrototypeExists",
     "Quality",

@@ -15,7 +15,7 @@ MAX_BRANCH: Final = 64
 """Characters of a branch."""
 
 
-class Prediction(NamedTuple):
+class Predicted(NamedTuple):
     """That a value is predicted (thesis 12.3).
 
     Attributes:
@@ -40,7 +40,7 @@ class Quality(NamedTuple):
 
     certainty: float = 1.0
     covariance: tuple[tuple[float, ...], ...] = ()
-    prediction: Prediction | None = None
+    prediction: Predicted | None = None
 
     @property
     def deviation(self) -> float:
@@ -52,14 +52,14 @@ class Quality(NamedTuple):
 SURE = Quality()
 
 
-def oldest(predictions: Iterable[Prediction | None]) -> Prediction | None:
+def oldest(predictions: Iterable[Predicted | None]) -> Predicted | None:
     """That of a value made from values with these: as old as the oldest, in all their branches; None: all are measured."""
     found = [each for each in predictions if each is not None]
     if not found:
         return None
     branches = {each.branch: each.weight for each in found}
     named = sorted(branch for branch in branches if branch)
-    return Prediction(min(each.made_us for each in found), "+".join(named)[:MAX_BRANCH], math.prod(branches.values()))
+    return Predicted(min(each.made_us for each in found), "+".join(named)[:MAX_BRANCH], math.prod(branches.values()))
 
 
 class Sample(NamedTuple):

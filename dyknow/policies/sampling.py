@@ -6,7 +6,7 @@ from math import inf
 from typing import Final, NamedTuple
 
 from dyknow.model.errors import PolicyError
-from dyknow.model.sample import SURE, Prediction, Sample
+from dyknow.model.sample import SURE, Predicted, Sample
 from dyknow.model.values import NO_VALUE
 from dyknow.policies.lines import between, interpolate
 from dyknow.policies.policy import Policy
@@ -254,7 +254,7 @@ class PolicyAdapter:
         if value is NO_VALUE:
             self._unpredictable += 1
             return self.on_time(now_us - 1)
-        quality = between(before, sample, valid_us)._replace(prediction=Prediction(sample.valid_us))
+        quality = between(before, sample, valid_us)._replace(prediction=Predicted(sample.valid_us))
         return self._beyond(Sample(sample.available_us, valid_us, value, quality), now_us)
 
     def _exact(self, sample: Sample, now_us: int) -> list[Sample]:

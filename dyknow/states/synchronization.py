@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from dyknow.model.errors import PolicyError
 from dyknow.model.instants import print_duration
-from dyknow.model.sample import Prediction, Sample, Value, oldest
+from dyknow.model.sample import Predicted, Sample, Value, oldest
 from dyknow.model.values import NO_VALUE
 from dyknow.policies.lines import interpolate
 from dyknow.policies.policy import Approximation, Policy
@@ -39,7 +39,7 @@ class Origin(NamedTuple):
     manner: Manner
     valid_us: int | None
     certainty: float = 1.0
-    prediction: Prediction | None = None
+    prediction: Predicted | None = None
 
 
 class State(NamedTuple):

@@ -37,8 +37,8 @@ _IDENTIFIER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,95}")
 class StreamSample(NamedTuple):
     """One sample of a stream: its number there (from 1), when it held, its value, and what its maker says of it.
 
-    On the wire a quality is two fields more, certainty and covariance, unless it is the default; of a prediction five, also
-    when it was made, branch and weight: an earlier version refuses their shape, and never takes it for measured.
+    On the wire a quality is two fields more, certainty and covariance, unless it is the default; of a predicted value three
+    more, when it was made, branch and weight: an earlier version refuses their shape.
     """
 
     seq: int
@@ -302,14 +302,10 @@ def encode_samples(
 
 
 def _packed(samples: Sequence[StreamSample]) -> list[tuple[Any, ...]]:
-    return [sample[:3] if sample.quality is SURE else (*sample[:3], *_exact(sample.quality)) for sample in samples]
-
-
-def _exact(quality: Quality) -> tuple[Any, ...]:
-    """In floats, as they are asked for on the way in."""
-    rows, made = [list(map(float, row)) for row in quality.covariance], quality.prediction
-    more = () if made is None else (made.made_us, made.branch, float(made.weight))
-    return float(quality.certainty), rows, *more
+    return [
+        sample[:3] if sample.quality is SURE else (*sample[:3], *unpacking.plain_quality(sample.quality))
+        for sample in samples
+    ]
 
 
 @lru_cache(maxsize=256)

@@ -11,7 +11,7 @@ from typing import Any, Final, NoReturn, TypeAlias, TypeVar
 import msgpack
 
 from dyknow.model.errors import DecodeError, NameRefused
-from dyknow.model.sample import MAX_BRANCH, Prediction, Quality, Value
+from dyknow.model.sample import MAX_BRANCH, Predicted, Quality, Value
 from dyknow.model.values import NO_VALUE, NoValue
 from federation.messages.sexpr import MAX_INTEGER, MIN_INTEGER
 
@@ -184,6 +184,12 @@ def qualified(certainty: Any, covariance: Any) -> tuple[float, tuple[tuple[float
     return certainty, covariance
 
 
+def plain_quality(quality: Quality) -> tuple[Any, ...]:
+    """The fields of a quality, in floats, as `quality_of` asks for them."""
+    made, rows = quality.prediction, [list(map(float, row)) for row in quality.covariance]
+    return float(quality.certainty), rows, *(() if made is None else (*made[:2], float(made.weight)))
+
+
 def quality_of(found: Any) -> Quality:
     """A quality of two fields, or of five if the value is predicted: certainty, covariance, when it was made, branch, weight."""
     if type(found) is not tuple or len(found) not in (2, 5):
@@ -198,7 +204,7 @@ def quality_of(found: Any) -> Quality:
         fail("name")
     if type(weight) is not float or not 0.0 <= weight <= 1.0:
         fail("number")
-    return Quality(certainty, covariance, Prediction(made_us, branch, weight))
+    return Quality(certainty, covariance, Predicted(made_us, branch, weight))
 
 
 def _odd(value: Any, depth: int) -> Value:

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
 from typing import Any, NamedTuple
 
-from dyknow import Prediction, Quality, Sample, Value, of_json
+from dyknow import Predicted, Quality, Sample, Value, of_json
 from dyknow.model.errors import TextError
 from dyknow.model.instants import MAX_DURATION_US, US_PER_MS
 from reasoning.monitoring.json_lines import JsonLine
@@ -107,11 +107,11 @@ def _quality(record: Mapping[str, Any]) -> Quality | None:
     return Quality(float(certainty), tuple(tuple(map(float, row)) for row in rows), prediction)
 
 
-def _prediction(stated: Any) -> Prediction | None:
+def _prediction(stated: Any) -> Predicted | None:
     """`[made_us, branch, weight]`; None if it is anything else."""
     match stated:
         case [int(made_us), str(branch), int(weight) | float(weight)] if 0 <= weight <= 1:
-            return Prediction(made_us, branch, float(weight))
+            return Predicted(made_us, branch, float(weight))
     return None
 
 

@@ -14,7 +14,7 @@ from agents.effects import Effect, Tell
 from agents.flight.flight import FlightAgent
 from agents.flight.vehicle_streams import ESTIMATE
 from agents.platform import Platform
-from dyknow import Policy, Prediction, Quality, Sample, of_json
+from dyknow import Policy, Predicted, Quality, Sample, of_json
 from dyknow.model.errors import DecodeError
 from federation.members.clock import FederationClock
 from proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED, STOPWATCH, Lost, Stepped, read_about, read_journal
@@ -73,7 +73,7 @@ def recorded_streams(path: Path, units: Sequence[str] = ()) -> dict[str, list[Sa
                 record = effect.record
                 quality = Quality(record.get("certainty", 1.0), tuple(map(tuple, record.get("covariance", ()))))
                 if "prediction" in record:
-                    quality = quality._replace(prediction=Prediction(*record["prediction"]))
+                    quality = quality._replace(prediction=Predicted(*record["prediction"]))
                 sample = Sample(record["available_us"], record["valid_us"], of_json(record["value"]), quality)
                 streams.setdefault(record["stream"], []).append(sample)
     return streams

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, overload
 
-from dyknow import SURE, Prediction, Quality
+from dyknow import SURE, Predicted, Quality
 from dyknow.model.values import NoValue
 from federation.messages.codec import StreamSample
 from federation.messages.contents import Reading
@@ -114,11 +114,11 @@ def sample_of_reading(unit: str, label: str, reading: Reading) -> UnitSample:
     value = {} if isinstance(reading.value, NoValue) else dict(reading.value)
     quality = _quality(value, reading.variance)
     if reading.made_us is not None:
-        quality = quality._replace(prediction=Prediction(reading.made_us, reading.branch, reading.weight))
+        quality = quality._replace(prediction=Predicted(reading.made_us, reading.branch, reading.weight))
     return UnitSample(unit, label, value, reading.valid_us, reading.available_us, quality)
 
 
-def prediction_json(prediction: Prediction | None) -> dict[str, Any]:
+def prediction_json(prediction: Predicted | None) -> dict[str, Any]:
     """When a predicted value was made, and its branch and weight if there are several; nothing of a measured one."""
     if prediction is None:
         return {}

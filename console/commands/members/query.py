@@ -14,7 +14,7 @@ from console.output.output import unit_json
 from console.output.shown import Shown, styled
 from dyknow.model.errors import NothingFound, WrongCall
 from dyknow.model.instants import print_span
-from dyknow.model.sample import Prediction
+from dyknow.model.sample import Predicted
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import NoValue
 from federation.messages.contents import Query, Reading
@@ -146,7 +146,7 @@ def reading_json(label: str, unit: str, reading: Reading) -> dict[str, Any]:
         "value": value,
     }
     if reading.made_us is not None:
-        record |= prediction_json(Prediction(reading.made_us, reading.branch, reading.weight))
+        record |= prediction_json(Predicted(reading.made_us, reading.branch, reading.weight))
     for square, stated in variances_in(value or {}, reading.variance or {}).items():
         record[f"variance_{square}" if square else "variance"] = stated
     return record

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dyknow import NO_VALUE, SURE, Policy, PolicyAdapter, Prediction, Quality, Sample, independent
+from dyknow import NO_VALUE, SURE, Policy, PolicyAdapter, Predicted, Quality, Sample, independent
 from dyknow.model.errors import PolicyError
 from dyknow.model.sample import MAX_BRANCH, oldest
 from dyknow.network.computational_unit import of_values, quality_of
@@ -29,7 +29,7 @@ def test_of_what_moves_along_a_line_each_prediction_comes_true(
     samples = [Sample(at_us + delay_us, at_us, (start + speed * at_us / S,)) for at_us in times]
     found = run(f"predict {ahead_us}us", samples)
     assert [each.valid_us for each in found] == [at_us + ahead_us for at_us in times[1:]]
-    assert [each.quality.prediction for each in found] == [Prediction(at_us) for at_us in times[1:]]
+    assert [each.quality.prediction for each in found] == [Predicted(at_us) for at_us in times[1:]]
     assert [each.available_us for each in found] == [each.available_us for each in samples[1:]]
     for each in found:
         assert math.isclose(each.value[0], start + speed * each.valid_us / S, rel_tol=1e-6, abs_tol=1e-3)
@@ -54,7 +54,7 @@ def test_the_further_ahead_the_less_is_known() -> None:
 
 
 def test_what_is_predicted_already_stays_as_it_is_and_too_old_is_dropped_and_counted() -> None:
-    old, new = (Sample(10 * S, 12 * S, 1.0, Quality(prediction=Prediction(made * S))) for made in (5, 9))
+    old, new = (Sample(10 * S, 12 * S, 1.0, Quality(prediction=Predicted(made * S))) for made in (5, 9))
     adapter = PolicyAdapter(Policy.parse("predict 3s, max age of prediction 2s"))
     assert adapter.on_sample(old, 10 * S) == []
     assert adapter.on_sample(new, 10 * S) == [new]
@@ -77,22 +77,22 @@ def test_on_the_grid_of_its_period_each_point_once() -> None:
 
 def test_several_branches_are_of_one_time() -> None:
     left, right = (
-        Sample(at, 9 * S, value, Quality(prediction=Prediction(S, branch, weight)))
+        Sample(at, 9 * S, value, Quality(prediction=Predicted(S, branch, weight)))
         for at, value, branch, weight in ((1, 1.0, "left", 0.7), (2, 2.0, "right", 0.3))
     )
     assert run("max age of prediction 5s", [left, right]) == [left, right]
     both = of_values(lambda a, b: a + b)(5, (left, right), NO_VALUE)[0]
     assert isinstance(both, Sample)
-    assert both.quality.prediction == Prediction(S, "left+right", pytest.approx(0.21))
+    assert both.quality.prediction == Predicted(S, "left+right", pytest.approx(0.21))
 
 
 PREDICTIONS = st.none() | st.builds(
-    Prediction, st.integers(0, 99), st.sampled_from(["", "left", "right" * 12]), st.floats(0, 1)
+    Predicted, st.integers(0, 99), st.sampled_from(["", "left", "right" * 12]), st.floats(0, 1)
 )
 
 
 @given(st.lists(PREDICTIONS, max_size=6))
-def test_what_is_made_from_predictions_is_as_old_as_the_oldest(found: list[Prediction | None]) -> None:
+def test_what_is_made_from_predictions_is_as_old_as_the_oldest(found: list[Predicted | None]) -> None:
     made = oldest(found)
     stated = [each for each in found if each is not None]
     assert (made is None) == (not stated)

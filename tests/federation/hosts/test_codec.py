@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dyknow import NO_VALUE, SURE, Prediction, Quality, Sample
+from dyknow import NO_VALUE, SURE, Predicted, Quality, Sample
 from dyknow.model.errors import ContentError, DecodeError
 from dyknow.policies.sampling import Grid
 from federation.hosts.codec import decode_from_host, decode_from_platform, encode, pack_sample
@@ -45,7 +45,7 @@ simple = st.floats(allow_nan=False, allow_infinity=False) | instants | st.boolea
 values = simple | st.lists(simple | st.lists(simple, max_size=3).map(tuple), max_size=5).map(tuple)
 numbers = st.floats(-1e300, 1e300)
 square = st.integers(0, 3).flatmap(lambda n: st.tuples(*[st.tuples(*[numbers] * n)] * n))
-predictions = st.none() | st.builds(Prediction, st.integers(0, 2**60), st.just("left"), st.floats(0, 1))
+predictions = st.none() | st.builds(Predicted, st.integers(0, 2**60), st.just("left"), st.floats(0, 1))
 qualities = st.just(SURE) | st.builds(Quality, st.floats(0, 1), square, predictions)
 samples = st.builds(Sample, instants, instants, values, qualities)
 grids = st.none() | st.builds(Grid, st.integers(1, 10**9), st.none() | instants)

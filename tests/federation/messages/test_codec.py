@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow.model.errors import ContentError, DecodeError
-from dyknow.model.sample import MAX_BRANCH, SURE, Prediction, Quality
+from dyknow.model.sample import MAX_BRANCH, SURE, Predicted, Quality
 from dyknow.model.values import NO_VALUE
 from federation.messages import codec
 from federation.messages.acts import Act, AgentName, Performative
@@ -27,7 +27,7 @@ COVARIANCES = st.integers(0, 3).flatmap(
     )
 )
 PREDICTIONS = st.none() | st.builds(
-    Prediction, st.integers(MIN_INTEGER, MAX_INTEGER), st.sampled_from(["", "left", "x" * MAX_BRANCH]), st.floats(0, 1)
+    Predicted, st.integers(MIN_INTEGER, MAX_INTEGER), st.sampled_from(["", "left", "x" * MAX_BRANCH]), st.floats(0, 1)
 )
 QUALITIES = st.just(SURE) | st.builds(Quality, st.floats(0, 1), COVARIANCES, PREDICTIONS)
 SAMPLES = st.lists(st.builds(StreamSample, *SAMPLE, QUALITIES), max_size=4)

@@ -3,7 +3,7 @@
 import pytest
 
 from dyknow.model.errors import TextErrors
-from dyknow.model.sample import Prediction
+from dyknow.model.sample import Predicted
 from kpl import parse_specification, print_specification
 from kpl.introspection.records import alarm_record, sample_json
 from tests.kpl.instances import Running
@@ -43,7 +43,7 @@ def test_a_predicted_stream_is_a_stream_whose_samples_say_when_they_were_made() 
     approach(running, until_s=3)
     soon = [sample for name, sample in running.outputs if name == "soon"]
     assert [sample.valid_us for sample in soon] == [6 * S, 7 * S, 8 * S]
-    assert [sample.quality.prediction for sample in soon] == [Prediction(at * S) for at in (1, 2, 3)]
+    assert [sample.quality.prediction for sample in soon] == [Predicted(at * S) for at in (1, 2, 3)]
     assert sample_json(soon[0])["prediction"] == [S, "", 1.0]
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from agents.config import PlatformConfig
 from agents.effects import Fed
-from dyknow import Prediction, Quality
+from dyknow import Predicted, Quality
 from federation.messages.acts import Performative
 from federation.messages.contents import AlarmList, Query, Samples
 from runtime.library.results import sample_of_reading
@@ -55,7 +55,7 @@ def test_a_query_says_when_the_value_was_made(wire: Box) -> None:
     [content] = wire.asked("cc", "1", Query(semantic_label="gap-ahead"), Performative.QUERY_REF).contents
     assert isinstance(content, Samples)
     sample = sample_of_reading("1", "gap-ahead", content.samples[-1])
-    assert sample.quality.prediction == Prediction(sample.valid_us - 5 * S)
+    assert sample.quality.prediction == Predicted(sample.valid_us - 5 * S)
 
 
 def test_an_alarm_over_an_imported_prediction_says_so_to_all(wire: Box) -> None:
@@ -73,7 +73,7 @@ def test_an_alarm_over_an_imported_prediction_says_so_to_all(wire: Box) -> None:
 def test_branches_and_weights_travel(wire: Box) -> None:
     pair(wire, EXPORTING.replace("sample every 100ms, from 0 to oo, predict 5s", "sample every 100ms, from 0 to oo"))
     wire.run(1)
-    made = Prediction(wire.now_us, "left", 0.75)
+    made = Predicted(wire.now_us, "left", 0.75)
     valid_us = wire.now_us - wire.now_us % PERIOD_US + 3 * S
     wire.happens("1", Fed(wire.now_us, "sensor", valid_us, 1.0, Quality(0.9, (), made)))
     wire.run(1)
