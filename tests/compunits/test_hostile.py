@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from compunits import MovingAverage, library
 from compunits.numeric import is_sound, numbers_of
-from dyknow import NO_VALUE, Quality, Sample
+from dyknow import NO_VALUE, SURE, Quality, Sample
 from tests.compunits.units import process, prototype
 
 FEW = settings(max_examples=settings.default.max_examples // 2)
@@ -103,7 +103,7 @@ def test_a_value_nested_without_end_is_no_value() -> None:
 
 def test_a_flood_is_remembered_within_bounds() -> None:
     unit = MovingAverage(seconds=1e6)
-    unit._window._known.extend((i, (1.0,), 1.0) for i in range(10_000))
+    unit._window._known.extend((i, (1.0,), SURE) for i in range(10_000))
     made = unit(10_000, Sample(10_000, 10_000, 1.0))
     assert made is not None
     assert made.value == 1.0
