@@ -218,15 +218,23 @@ class Handover(Part):
 
     # -- what comes --------------------------------------------------------------------------------------------
 
-    def _on_relation(self, _unit: str, sample: Sample) -> None:
-        relation = pair_relation(sample)
-        if relation is not None:
-            self._spans.take([relation], own=False)
+    def _on_relation(self, unit: str, sample: Sample) -> None:
+        self._take(unit, pair_relation(sample))
 
-    def _on_event(self, _unit: str, sample: Sample) -> None:
+    def _on_event(self, unit: str, sample: Sample) -> None:
         event = pair_event(sample)
-        if event is not None:
-            self._spans.take([as_relation(event)], own=False)
+        self._take(unit, None if event is None else as_relation(event))
+
+    def _take(self, unit: str, relation: PairRelation | None) -> None:
+        """Take what a platform reports of two objects of the picture."""
+        picture = self._cooperation.picture
+        if picture is None:
+            return
+        now_us = self._network.now_us
+        if relation is None or not all(map(picture.has, relation.pair)):
+            picture.gate.refuse(unit, "relations of unknown objects")
+        elif picture.gate.is_affordable(unit, now_us) and not self._spans.take_from(relation, now_us):
+            picture.gate.refuse(unit, "late relations, or too many")
 
     def _on_camera(self, unit: str, sample: Sample) -> None:
         if self._frame is None or sample.value is NO_VALUE:

@@ -9,7 +9,7 @@ from dyknow import Sample, Sort
 
 LATE_US = 400_000
 """How long the percepts of an image are waited for."""
-MOST_PERCEPTS = 256
+MOST_PERCEPTS, MOST_TICKS = 256, 64
 
 
 class RemotePercepts:
@@ -25,8 +25,12 @@ class RemotePercepts:
 
     def take(self, sample: Sample) -> bool:
         """Take a percept; False: it came too late, or there are too many."""
+        if sample.valid_us <= self._latest_us or not isinstance(sample.value, tuple):
+            return False
+        if sample.valid_us not in self._ticks and len(self._ticks) >= MOST_TICKS:
+            return False
         tick = self._ticks.setdefault(sample.valid_us, {})
-        if sample.valid_us <= self._latest_us or not isinstance(sample.value, tuple) or len(tick) >= MOST_PERCEPTS:
+        if len(tick) >= MOST_PERCEPTS:
             return False
         tick[str(sample.value[0])] = sample
         return True

@@ -17,6 +17,9 @@ from dyknow import US_PER_S
 TOLD_US: Final = 5 * US_PER_S
 """A claim takes so long to be heard at most."""
 
+RENAMES_US: Final = 3 * US_PER_S
+"""A member changes the name of a track at most so often."""
+
 
 @dataclass(slots=True)
 class Held:
@@ -78,6 +81,7 @@ class Claims:
         self._refuse = refuse
         self._arrived_us: dict[str, int] = {}
         self._departed_us: dict[str, int] = {}
+        self._changed_us: dict[TrackKey, int] = {}
 
     def arrive(self, unit: str, now_us: int) -> None:
         """The member is heard from now on; what it claims may be from the time when it was not."""
@@ -111,6 +115,10 @@ class Claims:
         if before is not None and before.name == claim.identity:
             before.since_us = max(before.since_us, since_us)
             return False
+        if before is not None and now_us - self._changed_us.get(key, 0) < RENAMES_US:
+            self._refuse(claim.unit, "renames too often")
+            return False
+        self._changed_us[key] = now_us
         earliest_us = self._earliest_us(claim.unit, now_us)
         if known_us is not None:
             born_us = known_us
@@ -125,3 +133,4 @@ class Claims:
         """These tracks are there no longer."""
         for key in keys:
             self.held.pop(key, None)
+            self._changed_us.pop(key, None)

@@ -23,10 +23,13 @@ MOVES_M_S: Final = 2.0
 SEEN_US: Final = 250_000
 AGAIN_US: Final = US_PER_S
 """Relations that do not change are repeated so often."""
-LATE_US: Final = 1_500_000
+LATE_US: Final = 3_000_000
 """How long what others report is waited for."""
 OVER_US: Final = 2 * US_PER_S
 MOST_PAIRS: Final = 256
+MAX_AGE_MS: Final = 600_000
+EARLY_US: Final = US_PER_S
+MOST_WAITING: Final = 4096
 ATTRIBUTE: Final = "car_relations"
 _FIELDS: Final = tuple(field.name for field in ROAD_RELATIONS.fields)
 _BEHIND: Final = _FIELDS.index("behind")
@@ -127,23 +130,32 @@ class SpanningManoeuvres:
     """
 
     def __init__(self, chronicles: ChronicleFile, name: str) -> None:
-        self._recogniser = Recogniser.of(chronicles, (name,))
+        self._recogniser = Recogniser.of(chronicles, (name,), max_age_ms=MAX_AGE_MS)
         self._events = ChangeEvents(self._recogniser)
         attributes = {each.rpartition(".")[2] for each, _ in self._recogniser.attributes}
         self._wanted = [(at, field) for at, field in enumerate(_FIELDS) if field in attributes]
         self._waiting: list[tuple[int, int, Pair, tuple[bool, ...]]] = []
         self._own_us: dict[Pair, int] = {}
 
-    def take(self, relations: Iterable[PairRelation], *, own: bool = True) -> None:
-        """Take what is known of pairs; what others report counts where this member does not see the pair itself."""
+    def take(self, relations: Iterable[PairRelation]) -> None:
+        """Take what this member sees itself."""
         for each in relations:
-            if own:
-                self._own_us[each.pair] = max(each.valid_us, self._own_us.get(each.pair, 0))
-            heappush(self._waiting, (each.valid_us, 0 if own else 1, each.pair, each.record))
+            self._own_us[each.pair] = max(each.valid_us, self._own_us.get(each.pair, 0))
+            heappush(self._waiting, (each.valid_us, 0, each.pair, each.record))
+
+    def take_from(self, relation: PairRelation, now_us: int) -> bool:
+        """Take what another member reports, which counts where this one does not see the pair; False: it is of another time, or too much."""
+        is_timely = now_us - LATE_US <= relation.valid_us <= now_us + EARLY_US
+        if is_timely and len(self._waiting) < MOST_WAITING:
+            heappush(self._waiting, (relation.valid_us, 1, relation.pair, relation.record))
+            return True
+        return False
 
     def on_time(self, now_us: int) -> list[ChronicleInstance]:
         """What is recognised of all that is valid `LATE_US` before."""
         found: list[ChronicleInstance] = []
+        if len(self._own_us) > 2 * MOST_PAIRS:
+            self._own_us = {pair: at_us for pair, at_us in self._own_us.items() if now_us - at_us <= 2 * LATE_US}
         while self._waiting and self._waiting[0][0] <= now_us - LATE_US:
             valid_us, other, pair, record = heappop(self._waiting)
             if other and valid_us <= self._own_us.get(pair, 0):

@@ -27,6 +27,8 @@ _ALONE: Final = 21.0
 MATCH_SD_M: Final = 20.0
 """What is expected worse than this is recognised by its members only."""
 MOST_OBJECTS: Final = 4096
+MOST_OF_ONE: Final = 512
+"""Objects that are kept of those that one member alone has seen."""
 _CLAIM_M: Final = 25.0
 ALONG_NOISE: Final = 1.5
 ACROSS_NOISE: Final = 0.3
@@ -70,6 +72,17 @@ class Remembered:
         """Whether it can be where a member claims it to be."""
         expected = self.at(state.valid_us)
         return expected.distance_m(state) <= _CLAIM_M + 3.0 * expected.deviation_m
+
+
+def has_room(objects: dict[str, Remembered], units: frozenset[str]) -> bool:
+    """Whether there is room for an object that these members see; what one alone saw long ago makes room for what it sees now."""
+    own = [each for each in objects.values() if each.units == units] if len(units) == 1 else []
+    if len(own) >= MOST_OF_ONE:
+        oldest = min(own, key=lambda each: (each.is_seen, each.seen_us))
+        if oldest.is_seen:
+            return False
+        del objects[oldest.name]
+    return len(objects) < MOST_OBJECTS
 
 
 class Matches(NamedTuple):

@@ -19,7 +19,7 @@ from typing import Final
 from anchoring.cooperation.evidence import Pair, TrackEvidence, ordered
 from anchoring.cooperation.grouping import groups
 from anchoring.cooperation.identities import Claims, Held, Named, named
-from anchoring.cooperation.memory import ABSENT_KEPT_US, KEPT_US, MOST_OBJECTS, Remembered, matches
+from anchoring.cooperation.memory import ABSENT_KEPT_US, KEPT_US, Remembered, has_room, matches
 from anchoring.cooperation.reports import IdentityClaim, ReportGate, TrackKey, TrackReport
 from anchoring.cooperation.rows import PictureEvent, PictureEventKind, PictureRow
 from anchoring.cooperation.tracks import NOISE, Tracks
@@ -129,6 +129,10 @@ class GlobalPicture:
             if key == self._tracks.key(key.unit, key.symbol) and (each := held.get(key)) is not None
         ]
 
+    def has(self, name: str) -> bool:
+        """Whether there is an object of that name."""
+        return name in self._objects
+
     def name_of(self, unit: str, symbol: str) -> str | None:
         """What the object is called that a member has under a symbol of its own."""
         key = self._tracks.key(unit, symbol)
@@ -176,6 +180,8 @@ class GlobalPicture:
         gone = self._tracks.forget(now_us)
         self._evidence.forget(gone)
         self._claims.forget(gone)
+        for key in gone:
+            self._wrong_since_us.pop(key, None)
         joined, split = self._evidence.look(self._tracks, at_us, self.clock_sd_us)
         keys = [track.key for track in self._tracks if track.seen_us]
         self._possess(at_us)
@@ -279,7 +285,8 @@ class GlobalPicture:
             if each.name is None or not live:
                 continue
             states = [state for key in live if (state := self._whereabouts(key)) is not None]
-            if states and (each.name in self._objects or len(self._objects) < MOST_OBJECTS):
+            units = frozenset(key.unit for key in live)
+            if states and (each.name in self._objects or has_room(self._objects, units)):
                 seen.add(each.name)
                 self._see(each, live, states, at_us)
         for name, one in tuple(self._objects.items()):

@@ -101,9 +101,11 @@ def outcome(seed: int, level: SharingLevel) -> Outcome:
                 if unit == "0":
                     spans.take(found)
                 elif level == "relations":
-                    spans.take(each.news(found), own=False)
+                    for relation in each.news(found):
+                        spans.take_from(relation, now_us)
                 elif level == "events":
-                    spans.take(map(as_relation, events.news(found)), own=False)
+                    for event in events.news(found):
+                        spans.take_from(as_relation(event), now_us)
         if now_us - START_US < (run.level_s - 3.0) * 1e6:
             names |= _names(pictures["0"], cars, now_us)
     instances = spans.on_time(now_us + LATE_US)

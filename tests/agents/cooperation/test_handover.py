@@ -54,7 +54,7 @@ class Overtake(Federation):
 
     def drive_all(self):
         self.drive(self.spanning.run.last_s - 0.2, self.seen)
-        self.world.run_for(3)
+        self.world.run_for(5)
 
 
 @pytest.mark.parametrize("level", ["events", "states"])

@@ -5,9 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from anchoring.cooperation.manoeuvres import LATE_US, MOST_WAITING, PairRelation, SpanningManoeuvres
+from anchoring.cooperation.memory import MOST_OF_ONE
 from anchoring.cooperation.picture import GlobalPicture
 from anchoring.cooperation.reports import MOST_REPORTS_S, MOST_TRACKS, IdentityClaim, TrackReport, fault_of
 from anchoring.links.states import ObjectState, diagonal
+from bench.overtakes.recognition import chronicles
 from tests.anchoring.cooperation.skies import START_US, Sky, along, state
 
 CAR, NEXT, LAST = along(0.0), along(25.0, 3.5), along(60.0)
@@ -111,3 +114,31 @@ def test_reports_of_another_time_and_leaps_are_refused() -> None:
     picture.report(TrackReport("9", "f", state((0, 0, 0, 0), START_US)), START_US)
     picture.report(TrackReport("9", "f", state((500, 0, 0, 0), START_US + 100_000)), START_US + 100_000)
     assert picture.gate.refused["9", "a leap"] == 1
+
+
+def test_names_that_change_and_tracks_that_come_and_go_fill_nothing_up() -> None:
+    sky = Sky()
+    sky.run(3, honest)
+    picture, before = sky.pictures["0"], sky.name("a", "0")
+    for step in range(60):
+        sky.run(0.2, honest)
+        for track in range(60):
+            symbol = f"f{track}-{step // 10}"
+            place = (1000.0 + 20.0 * track, 0.0, 0.0, 0.0)
+            picture.report(TrackReport("9", symbol, state(place, sky.now_us)), sky.now_us)
+            at_us = sky.now_us
+            picture.claim(IdentityClaim("9", symbol, f"name{step}-{track}", at_us, at_us), sky.now_us)
+    assert sky.name("a", "0") == before
+    assert picture.gate.refused["9", "renames too often"] > 1000
+    assert sum(name.startswith("name") for name in (row.name for row in picture.rows(sky.now_us))) <= MOST_OF_ONE
+
+
+def test_relations_of_another_time_and_floods_of_them_are_not_taken() -> None:
+    spans = SpanningManoeuvres(chronicles(), "passes")
+    relation = PairRelation(START_US, ("a", "b"), (False,) * 7)
+    assert not spans.take_from(relation._replace(valid_us=START_US + 10**9), START_US)
+    assert not spans.take_from(relation._replace(valid_us=START_US - 10**9), START_US)
+    taken = sum(spans.take_from(relation, START_US) for _ in range(2 * MOST_WAITING))
+    assert taken == MOST_WAITING
+    assert not spans.on_time(START_US + LATE_US)
+    assert spans.take_from(relation, START_US)
