@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from agents.tasks.requests import TYPED
+from federation.sharing.ontology import default_ontology
 from reasoning import builtin_profiles
 from runtime.configuration.settings import OPTION_KEYS, VARIABLES, UnitFile
 from sim_uavs.dynamics.faults import KINDS
@@ -37,6 +38,10 @@ def test_every_task_and_every_key_of_it_is_listed() -> None:
 def test_every_profile_and_every_fault_is_listed() -> None:
     assert set(builtin_profiles()) <= words(section("Profiles"))
     assert set(KINDS) <= words(section("Faults"))
+
+
+def test_every_label_that_all_platforms_know_is_listed() -> None:
+    assert {each.name for each in default_ontology().definitions()} <= words(section("Labels"))
 
 
 def test_every_setting_is_listed() -> None:

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from console.command import Call
 from console.output.output import counted
@@ -82,10 +82,16 @@ def _found(said: dict[str, Any]) -> Shown:
     return line(event, "  ", styled(said["symbol"], "bold"), source, f": {said['because']}")
 
 
+_SINCE_EVER: Final = -(2**59)
+"""What is before it is the instant of an initial value of a chronicle."""
+
+
 def _short(value: Any) -> str:
     """Seven decimals are a centimetre of latitude; all there are go to `--json`."""
     if value is None:
         return "no value"
+    if isinstance(value, int) and value < _SINCE_EVER:
+        return "since ever"
     if isinstance(value, list):
         return f"[{', '.join(map(_short, value))}]"
     return f"{round(value, 7):.12g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)
