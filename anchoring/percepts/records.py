@@ -23,10 +23,11 @@ GEOGRAPHIC: Final = ("latitude_deg", "longitude_deg")
 _STATE: Final = (*LOCAL, "vx_m_s", "vy_m_s")
 _COVARIANCE: Final = ("xx_m2", "xy_m2", "yy_m2", "v_sd_m_s")
 _UNITS: Final = {SYMBOL: "text", **dict.fromkeys(LOCAL, "m"), "vx_m_s": "m/s", "vy_m_s": "m/s", "sd_m": "m"}
-_ON_ROADS: Final = {
+ROAD_FIELDS: Final = {
     "link": "text", "crossing": "text", "direction": "1", "lane": "1", "offset_m": "m", "along_m_s": "m/s",
     "turn": "text", "world_x_m": "m", "world_y_m": "m",
 }  # fmt: skip
+"""Attributes of objects that are put on roads, and their units."""
 _OWN: Final = frozenset({*_UNITS, *GEOGRAPHIC, END, ANCHORED})
 
 
@@ -45,7 +46,7 @@ def object_sort(
     units = dict(_UNITS)
     if is_placed:
         units |= dict.fromkeys(GEOGRAPHIC, "deg")
-    units |= {ANCHORED: "bool"} | (_ON_ROADS if is_on_roads else {})
+    units |= {ANCHORED: "bool"} | (ROAD_FIELDS if is_on_roads else {})
     if is_composite:
         units |= {PARTS: "text", COUNT: "1"}
     for sort in () if is_composite else below:

@@ -4,13 +4,14 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Final, NamedTuple
 
 from anchoring.links.objects import LinkEvent
+from anchoring.percepts.records import ROAD_FIELDS
 from dyknow.model.errors import Refused, TextError
 from dyknow.model.labels import Label
 from dyknow.model.values import END, SYMBOL
 from kpl.checking.definitions import Definitions
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.streams import Streams
-from kpl.checking.symbols import DEFINITION, SELF, SymbolTable
+from kpl.checking.symbols import DEFINITION, LINK_UNITS, SELF, SymbolTable
 from kpl.linking.roads import ON_ROADS
 from kpl.syntax import specification as spec
 from kpl.syntax.parsing import raise_all
@@ -154,9 +155,10 @@ def _features(chain: list[spec.Link], streams: Streams) -> set[str] | None:
     known = {*OF_STATES, *((ON_ROADS,) if streams.symbols.roads() is not None else ())}
     for link in chain:
         sort = streams.record(link.source)
-        if sort is None or not sort.fields:
+        if sort is None or not sort.fields or link.unit not in LINK_UNITS:
             return None
         known.update(each.name for each in sort.fields)
+        known.update(ROAD_FIELDS if link.unit == "OnRoad" else ())
     return known - {SYMBOL, END, "anchored"}
 
 

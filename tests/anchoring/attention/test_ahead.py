@@ -10,9 +10,8 @@ from bench.attention.scenes import SCENES
 FULL = bool(os.environ.get("DYKNOW_FULL"))
 
 
-@pytest.mark.parametrize("name", ["town", "six", "low", "houses"] if FULL else ["low"])
+@pytest.mark.parametrize("name", [*SCENES] if FULL else ["low"])
 def test_gaps_are_covered_and_cars_found_again_at_least_ten_points_more_often(name: str) -> None:
-    assert name in SCENES
     found = row(name, 5 if FULL else 1)
     assert found.attention.gap >= found.down.gap + AHEAD
     assert found.attention.reacquired >= found.down.reacquired + AHEAD

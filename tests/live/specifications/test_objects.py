@@ -55,3 +55,18 @@ def test_objects_linked_on_a_road_are_listed_explained_followed_and_imported(dyk
     followed = dyknow.start("events", "--follow", "--json")
     event = next(line for line in lines(followed) if line["event"] == "reestablished")
     assert event["to"] == "wo1"
+
+    described = 'description=always [0, 1s] (link[suspect] = "west" and speed[suspect] > 5)'
+    wanted = ("delegate", "want", "symbol=suspect", "type=cars", "--to", "7")
+    refused = dyknow.run(*wanted, described.replace("speed[", "sped["), code=1)
+    assert "objects of cars have no sped" in str(refused)
+    (agreed,) = dyknow.run(*wanted, described)
+    found = next(line for line in lines(followed) if (line["event"], line["to"]) == ("find", "suspect"))
+    assert 'link[suspect] = "west"' in found["because"]
+    assert "suspect" in [each["symbol"] for each in dyknow.run("objects", "--unit", "7")]
+    assert "find" in [each["event"] for each in dyknow.run("explain", "suspect", "--unit", "7")]
+    (task,) = dyknow.run("tasks")
+    assert (task["task"], "suspect is" in task["state"]) == ("want", True)
+    dyknow.run("cancel", agreed["conversation"])
+    again = next(line for line in lines(followed) if (line["event"], line["to"]) == ("forgotten", "suspect"))
+    assert again["because"] == "it is wanted no more"
