@@ -29,3 +29,21 @@ def test_it_remembers_the_road_by_which_it_came() -> None:
     count, near_m = ways[-1]
     assert count == 3
     assert near_m < 2.0
+
+
+def test_seen_again_in_a_crossing_before_the_middle_it_does_not_leap_to_the_road_behind() -> None:
+    linkage = ObjectLinkage(ready_specification(network_of(cross())))
+    off_m = []
+    for now_us in range(0, 9_000_001, STEP_US):
+        x_m = 8.0 * (now_us - 9_000_000) / 1e6
+        is_seen = now_us < 7_000_000 or 7_800_000 <= now_us < 8_200_000
+        state = ObjectState(now_us, x_m, -1.75, 0.0, 0.0, diagonal(0.3)) if is_seen else None
+        percepts = [Percept(f"vp{now_us // 7_000_000}", VISION, state)] if is_seen else []
+        for found in linkage.on_percepts(now_us, percepts).states:
+            if found.type == ON_ROAD:
+                places = [
+                    found.state,
+                    *(() if found.prediction is None else (h.state for h in found.prediction.hypotheses)),
+                ]
+                off_m.append(min(hypot(each.x_m - x_m, each.y_m + 1.75) for each in places))
+    assert max(off_m) < 3.0

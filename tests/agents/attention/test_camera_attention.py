@@ -4,8 +4,9 @@ from math import pi
 
 import pytest
 
-from federation.messages.contents import Attend, Follow
+from federation.messages.contents import Attend, Follow, WantObject
 from navigation.vehicle import LookAtOrder, PointMountOrder
+from sim_uavs.roads.layouts import cross, network_of
 from tests.agents.attention.chase import FED, FRAME, Chase, said
 
 
@@ -95,3 +96,21 @@ def test_objects_that_are_no_places_draw_no_camera() -> None:
     chase.feed("car2", 1e12, 0.0, 1.0)
     assert {gaze.value[0] for gaze in chase.gazes} <= {""}
     assert chase.gazes
+
+
+def test_where_roads_are_known_the_ground_that_is_searched_is_theirs_as_the_vehicle_moves() -> None:
+    roads = network_of(cross())
+    searching = attending(roads=roads)
+    searching.drive(20.0, 0.0, percept=None)
+    searched = [each.value for each in searching.gazes if each.value[0] == ""]
+    assert searched
+    assert all(min(abs(x_m), abs(y_m)) < 2.0 for _, x_m, y_m, _ in searched)
+
+
+def test_a_wanted_object_that_no_percept_shows_has_the_ground_searched() -> None:
+    chase = attending()
+    before = sum(each.value[0] == "" for each in chase.gazes)
+    chase.ask(WantObject(symbol="suspect", type="cars", description="y_m[suspect] > 500"), 1.0)
+    gazes = len(chase.gazes)
+    chase.drive(10.0)
+    assert sum(each.value[0] == "" for each in chase.gazes[gazes:]) > max(before, 10)

@@ -11,10 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anchoring.attention.deciding import MOST_OBJECTS, Attention, Gaze
-from anchoring.attention.ground import MOST_PLACES, SearchedGround, around
+from anchoring.attention.ground import MOST_PLACES, SearchedGround, around, roads_near
 from anchoring.attention.view import TurnableCamera, TurnLimits
 from anchoring.attention.watched import Interest, WatchedObject, WatchedPlace
+from anchoring.roads.network import RoadNetwork
+from navigation import LocalFrame
 from navigation.cameras.pinhole import Attitude, CameraPose, Intrinsics, PanTilt
+from sim_uavs.roads.layouts import cross, network_of
 
 CAMERA = Intrinsics.of_view(640, 480, radians(60.0))
 STEP_US = 200_000
@@ -171,3 +174,31 @@ def test_turning_takes_as_long_as_the_slower_axis() -> None:
     here = camera(PanTilt(radians(170.0), radians(45.0)))
     assert here.turns_s(PanTilt(radians(-170.0), radians(45.0))) == pytest.approx(20.0 / 90.0)
     assert here.turns_s(PanTilt(radians(170.0), radians(90.0))) == pytest.approx(0.5)
+
+
+def test_what_will_be_uncertain_soon_is_looked_at_before_what_is_as_uncertain_and_stays_so() -> None:
+    near_crossing = one("car1", (0.0, 150.0, 1.0))._replace(ahead_m=40.0)
+    gaze = Attention().decide(0, camera(), [near_crossing, one("car2", (150.0, 0.0, 1.0))])
+    assert gaze is not None
+    assert gaze.symbol == "car1"
+
+
+def test_roads_near_a_place_are_in_its_frame() -> None:
+    network, frame = network_of(cross()), LocalFrame(58.4, 15.6, 0.0)
+    shifted = RoadNetwork(network.crossings.values(), network.links.values(), frame=LocalFrame(58.41, 15.6, 0.0))
+    north_m, _, _ = frame.to_ned(58.41, 15.6, 0.0)
+    near = roads_near(shifted, frame, 0.0, north_m, 100.0)
+    assert near
+    assert all(min(abs(x_m), abs(y_m - north_m)) < 2.0 for x_m, y_m in near)
+    assert all(np.hypot(x_m, y_m - north_m) <= 100.0 for x_m, y_m in near)
+    assert roads_near(shifted, frame, 0.0, 0.0, 100.0) == []
+    assert roads_near(network, frame, 0.0, 0.0, 100.0)
+
+
+def test_of_other_ground_nothing_was_seen() -> None:
+    attention = Attention(around(0.0, 0.0, 40.0))
+    turned(attention, [], 5.0)
+    attention.search([(200.0, 0.0)])
+    (gaze, *_) = turned(attention, [], 0.2)
+    assert gaze is not None
+    assert (gaze.x_m, gaze.symbol) == (200.0, "")

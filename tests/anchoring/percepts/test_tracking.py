@@ -69,3 +69,18 @@ def test_the_order_of_detections_does_not_matter() -> None:
     ]
     assert places[0] == places[1]
     assert len(symbols(backward)) == 3
+
+
+def test_far_away_where_detections_err_by_metres_along_the_ray_one_thing_is_one_percept() -> None:
+    rng = np.random.default_rng(3)
+    covariance, shares = np.diag([30.0, 4.0]), (0.9, 0.8)
+
+    def seen(north_m: float, channel: str) -> GroundDetection:
+        north, east = rng.multivariate_normal((north_m, 0.0), covariance)
+        return GroundDetection(float(north), float(east), covariance, covariance / 2.0, (channel,), {})
+
+    looks = [
+        [seen(0.4 * n, channel) for channel, share in zip(("colour", "thermal"), shares, strict=True) if rng.random() < share][:1]
+        for n in range(500)
+    ]  # fmt: skip
+    assert symbols(run(looks)) == ["vp1"]
