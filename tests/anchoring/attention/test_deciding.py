@@ -177,10 +177,13 @@ def test_turning_takes_as_long_as_the_slower_axis() -> None:
 
 
 def test_what_will_be_uncertain_soon_is_looked_at_before_what_is_as_uncertain_and_stays_so() -> None:
-    near_crossing = one("car1", (0.0, 150.0, 1.0))._replace(ahead_m=40.0)
-    gaze = Attention().decide(0, camera(), [near_crossing, one("car2", (150.0, 0.0, 1.0))])
-    assert gaze is not None
-    assert gaze.symbol == "car1"
+    for at_crossing in ("car1", "car2"):
+        objects = [one("car1", (0.0, 150.0, 1.0)), one("car2", (150.0, 0.0, 1.0))]
+        gaze = Attention().decide(
+            0, camera(), [each._replace(ahead_m=40.0 if each.symbol == at_crossing else 0.0) for each in objects]
+        )
+        assert gaze is not None
+        assert gaze.symbol == at_crossing
 
 
 def test_roads_near_a_place_are_in_its_frame() -> None:
