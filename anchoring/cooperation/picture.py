@@ -116,7 +116,9 @@ class GlobalPicture:
             if latest is None or not known.may_be_at(latest):
                 self.gate.refuse(claim.unit, "claims an object that is elsewhere")
                 return
-        self._claims.take(key, claim, now_us, None if known is None else known.born_us, is_taken=is_taken)
+        before = self._claims.held.get(key)
+        if self._claims.take(key, claim, now_us, None if known is None else known.born_us, is_taken=is_taken):
+            self._is_now(before, claim.identity)
 
     # What there is
 
@@ -259,8 +261,17 @@ class GlobalPicture:
         self._wrong_since_us.pop(key, None)
         born_us = min(self._claims.held[each].born_us for each in group.tracks if self._has(each, group.name))
         self._claims.held[key] = Held(group.name, born_us, at_us)
+        self._is_now(held, group.name)
         if held is not None:
             self._note(at_us, "renamed", group.name, f"{key}, which was {held.name}, is {group.name}", self.unit)
+
+    def _is_now(self, before: Held | None, name: str) -> None:
+        """A track has another name: if no track holds the one before, that is another name of the same object."""
+        if before is None or any(each.name == before.name for each in self._claims.held.values()):
+            return
+        gone, known = self._objects.pop(before.name, None), self._objects.get(name)
+        if gone is not None and known is not None:
+            known.others = tuple(dict.fromkeys((*known.others, gone.name, *gone.others)))[-8:]
 
     def _has(self, key: TrackKey, name: str) -> bool:
         held = self._claims.held.get(key)

@@ -81,6 +81,9 @@ def test_two_names_of_one_car_become_the_older_one_everywhere() -> None:
     sky.run(4, lambda t: {"0": {"a": CAR(t)}, "1": {"b": CAR(t)}})
     assert sky.name("a", "0") == sky.name("b", "1") == "car0_1"
     assert "renamed" in sky.kinds("1")
+    for picture in sky.pictures.values():
+        (row,) = picture.rows(sky.now_us)
+        assert row.others == ("car1_1",)
 
 
 def test_a_platform_that_leaves_and_returns_changes_no_name() -> None:
