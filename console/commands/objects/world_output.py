@@ -1,5 +1,6 @@
 """Beliefs and what happens to them, as JSON lines or as text."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from math import isinf
 from typing import TYPE_CHECKING, Any
@@ -40,10 +41,10 @@ class WorldOutput:
         associations = [_rounded(each) for each in report.associations]
         shown, more = self._instances()
         record: dict[str, Any] = {"t_ms": _ms(report.valid_us)}
+        if associations or report.is_scan:
+            record["association"] = _together(report.associations)
         if report.is_scan:
             record |= {"associations": associations, "exact": report.is_exact}
-        elif associations:
-            record["association"] = associations[0]
         record |= {"instances": [_instance(each) for each in shown], "events": [_event(each) for each in report.events]}
         if self._has_knowledge:
             record["requests"] = [_request(each) for each in self._informed.requests()[:MOST_SHOWN]]
@@ -139,6 +140,14 @@ def _request(request: "InformationRequest") -> dict[str, Any]:
         "place_m": None if request.place_m is None else _numbers(request.place_m),
         **until,
     }
+
+
+def _together(associations: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    """Of all observations of a look: the probability that an instance was observed, and the expected numbers of the rest."""
+    found = Counter[str]()
+    for each in associations:
+        found.update(each)
+    return _rounded(found)
 
 
 def _likeliest(shares: Mapping[str, float]) -> str:
