@@ -15,7 +15,15 @@ from anchoring.belief.arrays import Floats
 from anchoring.belief.cameras import CameraSensor
 from anchoring.belief.description import POSITION, WorldModel
 from anchoring.belief.environment import EnvironmentModel
-from anchoring.belief.knowledge.informed import InformedModel
+from anchoring.belief.knowledge.informed import (
+    LEARNT,
+    LOADED,
+    MATCHED,
+    REFUSED,
+    REPAIRED,
+    UNLOADED,
+    InformedModel,
+)
 from anchoring.belief.knowledge.memory import PriorKnowledge
 from anchoring.belief.knowledge.ontology import KnowledgeBundle
 from anchoring.belief.live.gathering import SourceLook
@@ -46,6 +54,7 @@ _COUNTED: Final = frozenset({LATE, LIMITED, UNEXPLAINED, UNKNOWN})
 _TOUCHED: Final = 0.01
 _TRUST_CHANGED: Final = 0.1
 TRUST: Final = "trust"
+_NOTABLE: Final = frozenset({CONFIRMED, MATCHED, REFUSED, REPAIRED, LEARNT, LOADED, UNLOADED})
 _NEVER: Final = -(2**80), -1.0
 
 
@@ -88,7 +97,7 @@ class WorldWatch:
     Attributes:
         informed: the model with its knowledge.
         trust: in each source, now.
-        recent: what happened last.
+        recent: what happened last, as far as it is of interest without being asked for.
         counts: what was not taken as it came, or waits, by reason.
     """
 
@@ -108,6 +117,8 @@ class WorldWatch:
         self.trust = [TrustInSource(each.trust * model.sensors[each.sensor].trust) for each in sources]
         self._trust_noted = [each.value for each in self.trust]
         self.recent: deque[LifeEvent] = deque(maxlen=EVENTS_KEPT)
+        self._history: deque[LifeEvent] = deque(maxlen=EVENTS_KEPT)
+        self._repaired = set[tuple[str, str]]()
         self.counts: Counter[str] = Counter()
         self._first_by: dict[str, int] = {}
         self._confirmed = set[str]()
@@ -157,17 +168,24 @@ class WorldWatch:
         return self._reported(self.informed.predict_to(valid_us), set())
 
     def _note(self, events: Iterable[LifeEvent]) -> None:
+        """Keep what happened: all of it, and what is of interest without being asked for, a rule once for each instance."""
         for each in events:
-            if each.kind == CONFIRMED:
-                self._confirmed.add(each.instance)
             if each.kind in _COUNTED:
                 self.counts[each.kind] += 1
-            else:
+                continue
+            if each.kind == REPAIRED:
+                if (each.instance, each.what) in self._repaired:
+                    continue
+                self._repaired.add((each.instance, each.what))
+            self._history.append(each)
+            if each.kind in _NOTABLE or (each.kind == DELETED and each.instance in self._confirmed):
                 self.recent.append(each)
+            if each.kind == CONFIRMED:
+                self._confirmed.add(each.instance)
 
     def explain(self, name: str) -> list[LifeEvent]:
         """What is kept of what happened to an instance."""
-        return [each for each in self.recent if each.instance == name]
+        return [each for each in self._history if each.instance == name]
 
     # What follows
 
@@ -204,7 +222,9 @@ class WorldWatch:
         if abs(trust.value - self._trust_noted[source]) >= _TRUST_CHANGED:
             self._trust_noted[source] = trust.value
             because = f"{trust.value:.2f}: {trust.because}"
-            self.recent.append(LifeEvent(valid_us, TRUST, self._sources[source].name, trust.value, because=because))
+            event = LifeEvent(valid_us, TRUST, self._sources[source].name, trust.value, because=because)
+            self.recent.append(event)
+            self._history.append(event)
 
     def _reported(self, report: UpdateReport, touched: set[str]) -> list[ReportedBelief]:
         """The beliefs to be reported after a step."""
@@ -237,6 +257,7 @@ class WorldWatch:
         if source is not None and name not in self._confirmed:
             self.trust[source] = self.trust[source].disproved()
         self._confirmed.discard(name)
+        self._repaired = {each for each in self._repaired if each[0] != name}
         return ReportedBelief(BelievedInstance(name, event.existence, TENTATIVE, {}, {}, {}, {}), ended=True)
 
     def _seen_by(self, name: str, now_us: int) -> tuple[str, ...]:

@@ -67,7 +67,10 @@ def test_each_car_in_view_is_one_confirmed_instance_seen_by_the_platform(plain: 
 
 
 def test_what_happened_to_instances_is_told_with_their_existence(plain: Watching) -> None:
-    kinds = {kind for kind, *_ in events(plain)}
+    told = events(plain)
+    assert {kind for kind, *_ in told} <= {"confirmed", "deleted", "trust"}
+    part, symbol = plain.platform.part(ObjectQueries), next(target for kind, target, _ in told if kind == "confirmed")
+    kinds = {each.event for each in part._events("0", symbol)}
     assert {"created", "confirmed", "attribute-created"} <= kinds
 
 

@@ -458,3 +458,13 @@ def test_what_is_out_of_view_does_not_lose_existence_by_not_being_seen() -> None
     assert inside == pytest.approx(0.9 * 0.1 / (1 - 0.81), abs=1e-9)
     assert inside < border < outside
     assert outside == pytest.approx(0.9, abs=1e-6)
+
+
+def test_a_look_that_finds_nothing_is_taken_where_types_are_known_by_what_is_observed_of_them() -> None:
+    types = ObjectTypes(uniform("type", ("car", "pedestrian")), {frozenset({"position_m"}): np.array([0.9, 0.4])})
+    environment = EnvironmentModel(world(sensor(births=0.5, clutter=0.1), types=types))
+    seen = WorldObservation(0, "camera", {"position_m": np.zeros(2)})
+    before = environment.observe_scan([seen, seen._replace(values={"position_m": np.full(2, 30.0)})])
+    assert len(before.created) == 2
+    environment.on_look(S, "camera", [])
+    assert (environment.table.existence < 0.5).all()

@@ -29,6 +29,19 @@ def test_cars_are_explained_and_a_turn_that_is_recognised_or_predicted_is_one_th
     assert all(each["value"]["sd_m"] is not None for each in percepts)
     state = dyknow.run("query", "camera-state", "--unit", "0")[0]["value"]
     assert state["altitude_m"] == pytest.approx(85.0, abs=3.0)
+    check_beliefs(dyknow)
+
+
+def check_beliefs(dyknow: Dyknow) -> None:
+    """What is believed is listed with existence, types and the platforms that see it, watched, and explained."""
+    believed = [each for each in dyknow.run("objects") if "existence" in each]
+    sure = [each for each in believed if each["existence"] > 0.9 and each["status"] == "confirmed"]
+    assert {each["unit"] for each in sure if each["seen_by"] == str(each["unit"])}
+    assert all(each["types"].startswith("car 0.") for each in sure if each["type"] == "car")
+    (watched,) = dyknow.run("watch", "believed-objects", "--unit", "0", "--count", "1")
+    assert 0.0 <= watched["value"]["existence"] <= 1.0
+    history = dyknow.run("explain", sure[0]["symbol"], "--unit", str(sure[0]["unit"]))
+    assert {"created", "confirmed"} & {each["event"] for each in history}
 
 
 def check_turn(dyknow: Dyknow, turn: dict[str, Any]) -> None:
