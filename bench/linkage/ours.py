@@ -28,14 +28,14 @@ class Linked(NamedTuple):
         return sum(each["event"] == "established" and each["from"] in clutter for each in self.events)
 
 
-def by_links(recording: RoadRecording, type_: str = WORLD) -> Linked:
-    """The objects of one type that `dyknow link` makes of a recording."""
+def by_links(recording: RoadRecording, type_: str = WORLD, *, since_seen: bool = False) -> Linked:
+    """The objects of one type that `dyknow link` makes of a recording; `since_seen`: also from before they were known."""
     states: dict[int, dict[str, Shown]] = defaultdict(dict)
     events = []
     visible = {
         look.t_us // 1000: {percept.percept for percept in look.percepts if not percept.end} for look in recording.looks
     }
-    for line in link_lines(recording):
+    for line in link_lines(recording, *(("--since-seen",) if since_seen else ())):
         if "event" in line:
             events.append(line)
         elif line["type"] == type_:
@@ -44,13 +44,13 @@ def by_links(recording: RoadRecording, type_: str = WORLD) -> Linked:
     return Linked([states[look.t_us // 1000] for look in recording.looks], events)
 
 
-def link_lines(recording: RoadRecording) -> Iterator[dict[str, Any]]:
+def link_lines(recording: RoadRecording, *options: str) -> Iterator[dict[str, Any]]:
     """What `dyknow link --json` prints."""
     with tempfile.TemporaryDirectory() as directory:
         percepts, roads = Path(directory, "percepts.jsonl"), Path(directory, "roads.geojson")
         percepts.write_text("".join(json.dumps(record) + "\n" for record in recording.records()), encoding="utf-8")
         roads.write_text(json.dumps(recording.scene.roads), encoding="utf-8")
-        out = _said("link", "--json", "--percepts", str(percepts), "--roads", str(roads))
+        out = _said("link", "--json", "--percepts", str(percepts), "--roads", str(roads), *options)
     return map(json.loads, out)
 
 

@@ -36,8 +36,12 @@ def link(
     roads: Annotated[
         Path | None, typer.Option("--roads", metavar="FILE.geojson", help="Roads on which objects are.")
     ] = None,
+    since_seen: Annotated[
+        bool, typer.Option("--since-seen", help="Once an object is established also its states from before that.")
+    ] = False,
 ) -> int:
     """Which percepts are the same objects: one symbol for each, also through gaps; exit 2 if lines had to be left out."""
+    from anchoring.links.beginnings import ObjectBeginnings
     from anchoring.links.structures import ObjectLinkage
     from anchoring.percepts.reading import PerceptReader
     from console.commands.objects.link_output import LinkOutput
@@ -50,6 +54,7 @@ def link(
     for each in wanted:
         linkage.want(each.symbol, each.type, each.description)
     output, problems = LinkOutput(call), LeftOutLines(call)
+    beginnings = ObjectBeginnings(linkage, specifications)
     is_piped = str(percepts) == STANDARD_INPUT
     name = "standard input" if is_piped else str(percepts)
     with recorded_lines(percepts, "--percepts", "recorded percepts are a text of JSON lines") as lines:
@@ -59,7 +64,8 @@ def link(
         )
         for tick in reader.ticks(lines):
             output.on_frame(reader.frame)
-            output.on_outcome(linkage.on_percepts(*tick))
+            outcome = linkage.on_percepts(*tick)
+            output.on_outcome(beginnings.completed(tick.percepts, outcome) if since_seen else outcome)
     output.end(linkage)
     for symbol in linkage.wanted:
         call.out.note(f"{symbol} was not found: nothing was as it is described, to the end.", style="yellow")

@@ -1,0 +1,79 @@
+"""What objects were before they were established: the states that their percepts had shown until then.
+
+A percept makes no object before the condition holds, so that clutter makes none. What was an object from when it was seen first
+is known afterwards.
+"""
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from itertools import islice
+from math import inf
+from typing import Final
+
+from anchoring.links.objects import LinkEvent
+from anchoring.links.specification import LinkSpecification
+from anchoring.links.states import ObjectState, moved
+from anchoring.links.structures import AnySpecification, LinkOutcome, ObjectLinkage, Percept, StateRecord
+from dyknow import US_PER_S
+
+MOST_STATES: Final = 1024
+"""Most that are kept of one percept, or object, that is not linked."""
+_REMEMBERED_US: Final = 60 * US_PER_S
+
+_Key = tuple[str, str]
+
+
+class ObjectBeginnings:
+    """The states of what is not linked, by type and symbol, until an object is made of it."""
+
+    def __init__(self, linkage: ObjectLinkage, specifications: Iterable[AnySpecification]) -> None:
+        self._linkage = linkage
+        links = [each for each in specifications if isinstance(each, LinkSpecification)]
+        self._links = {(each.source, each.target): each for each in links}
+        self._sources = {each.source for each in links}
+        self._linked = set[_Key]()
+        self._known: dict[_Key, deque[ObjectState]] = {}
+
+    def completed(self, percepts: Iterable[Percept], outcome: LinkOutcome) -> LinkOutcome:
+        """What a tick of these percepts brought, with the earlier states of the objects that it established."""
+        for each in percepts:
+            if each.state is not None:
+                self._note((each.type, each.symbol), each.state)
+        earlier = [state for event in outcome.events for state in self._of(event)]
+        for record in outcome.states:
+            if record.prediction is None and record.type in self._sources:
+                self._note((record.type, record.symbol), record.state)
+        return outcome._replace(states=[*earlier, *outcome.states])
+
+    def _note(self, key: _Key, state: ObjectState) -> None:
+        if key in self._linked:
+            return
+        states = self._known.pop(key, None) or deque(maxlen=MOST_STATES)
+        states.append(state)
+        self._known[key] = states
+        for old, of_old in list(islice(self._known.items(), 2)):
+            if state.valid_us - of_old[-1].valid_us > _REMEMBERED_US:
+                del self._known[old]
+
+    def _of(self, event: LinkEvent) -> Iterator[StateRecord]:
+        source, target = (event.source_type, event.source), (event.target_type, event.target)
+        if event.kind == "unlinked":
+            self._linked.discard(source)
+        elif event.kind in {"established", "reestablished"}:
+            self._linked.add(source)
+            states, link = self._known.pop(source, ()), self._links.get((source[0], target[0]))
+            if link is None or event.kind != "established":
+                return
+            state, began_us = None, self._began_us(source)
+            for each in states:
+                if began_us <= each.valid_us < event.valid_us:
+                    state = link.unit(each, None if state is None else moved(state, each.valid_us, link.noise))
+                    if target[0] in self._sources:
+                        self._note(target, state)
+                    yield StateRecord(each.valid_us, event.target, event.target_type, state, (event.source,), None)
+
+    def _began_us(self, source: _Key) -> float:
+        """Since when a percept has had its name; what came before was another. Of objects: since their first state."""
+        type_, symbol = source
+        percept = self._linkage.objects(type_).get(symbol) if type_ in self._linkage.percept_types else None
+        return -inf if percept is None else percept.created_us
