@@ -35,7 +35,7 @@ def recognised_and_real(seed: int, index: int, seconds: float) -> tuple[list[Eve
     ready = READY["traffic"]
     roads = network_of(roads_of(SITUATION))
     watching = Watching(seed, index, catalogue=catalogue(ready.modules).offered, roads=roads)
-    named = tuple((path, (ready.file.parent / path).read_text("utf-8")) for path in ("turns.chr",))
+    named = tuple((path, (ready.file.parent / path).read_text("utf-8")) for path in ("turns.chr", "world.toml"))
     watching.specify(Specify(watching.now_us, ready.file.read_text("utf-8"), ready.file.name, named))
     watching.run(seconds)
 
