@@ -102,10 +102,13 @@ class Schema:
         self._sorts = [sort for _, sort in sorts if sort is not None]
         numbers = [name for name, sort in sorts if sort is None]
         self._numbers = self._terms(numbers)
+        self._put_in: dict[int, tuple[Expression, Expression]] = {}
         self.unit = next((at for at, sort in enumerate(self._sorts) if units & set(task.types.above(sort))), None)
         self.refused: dict[str, int] = {}
         self._parts = list(self._split())
         self._picks, self._first = self._order()
+        self._cost = tree.Const(1) if operator.cost is None else operator.cost
+        self._duration = _expected(operator)
         self._tests: dict[tuple[int, tuple[str, ...]], Test | bool] = {}
         self._instances: dict[tuple[str, ...], OperatorInstance] = {}
         self._terms_known: dict[tuple[int, tuple[str, ...]], Any] = {}
@@ -231,11 +234,11 @@ class Schema:
         }
 
         def term(expression: Expression) -> Callable[..., Value]:
-            return grounder.compiler.whole_term(grounder.term(model.substitute(expression, self._numbers), env))
+            return grounder.compiler.whole_term(grounder.term(self._put(expression), env))
 
         effects = tuple(self._effects(env))
         conditions = [grounder.ground(part.formula, env) for part in self._parts if not part.control]
-        prevail = [grounder.ground(model.substitute(one.formula, self._numbers), env) for one in operator.prevail]
+        prevail = [grounder.ground(self._put(one.formula), env) for one in operator.prevail]
         timing = operator.timeconstraint
         return OperatorInstance(
             operator,
@@ -245,8 +248,8 @@ class Schema:
             frozenset[str]().union(*map(labels_of, conditions)),
             effects,
             tuple(grounder.compiler.whole_test(one) for one in prevail),
-            term(tree.Const(1) if operator.cost is None else operator.cost),
-            term(_expected(operator)),
+            term(self._cost),
+            term(self._duration),
             None if timing is None or timing.shortest is None else term(timing.shortest),
             None if timing is None or timing.longest is None else term(timing.longest),
             tuple((name, term(Application(name))) for name in self._numbers),
@@ -270,7 +273,11 @@ class Schema:
                 )
 
     def _put(self, expression: Expression) -> Expression:
-        return model.substitute(expression, self._numbers)
+        """The expression with the terms that its parameters over numbers stand for."""
+        known = self._put_in.get(id(expression))
+        if known is None:
+            known = self._put_in[id(expression)] = expression, model.substitute(expression, self._numbers)
+        return known[1]
 
 
 def _equal(formula: Expression, name: str, features: Container[str]) -> Application | None:

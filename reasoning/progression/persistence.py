@@ -5,7 +5,7 @@ Over states that are all alike a temporal operator is about its operand alone: `
 
 from reasoning.formulas.skeletons import Shape
 from reasoning.progression.automaton import Letter, Progressor
-from reasoning.progression.clauses import DOUBT, Block, Clauses
+from reasoning.progression.clauses import DOUBT, OPEN, Block, Clauses
 
 
 def holds_if_all_persists(clauses: Clauses, progressor: Progressor, letter: Letter) -> bool:
@@ -18,11 +18,13 @@ def _holds(one: object, progressor: Progressor, letter: Letter) -> bool:
         return holds_if_all_persists(one.clauses, progressor, letter)
     if not isinstance(one, tuple) or one[0] == DOUBT:
         return False
-    return _is_true(progressor.shape, progressor.node_of(one[0]), letter)
+    return _is_true(progressor.shape, progressor.node_of(one[0]), letter, is_open=one[1] == OPEN)
 
 
-def _is_true(shape: Shape, at: int, letter: Letter) -> bool:
+def _is_true(shape: Shape, at: int, letter: Letter, *, is_open: bool = False) -> bool:
+    """The truth of a node; `is_open` if its window has begun before, whatever its lower bound."""
     kind, parts, lo_us, _ = shape.nodes[at]
+    is_open = is_open or not lo_us
     if kind == "atom":
         return letter.digits[parts[0]] == 1 - parts[1]
     if kind == "constant":
@@ -31,7 +33,7 @@ def _is_true(shape: Shape, at: int, letter: Letter) -> bool:
     if kind == "or":
         return any(truths)
     if kind == "until":
-        return truths[1] and (truths[0] or not lo_us)
+        return truths[1] and (truths[0] or is_open)
     if kind == "release":
-        return truths[1] or (truths[0] and bool(lo_us))
+        return truths[1] or (truths[0] and not is_open)
     return all(truths)
