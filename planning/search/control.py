@@ -125,6 +125,11 @@ class ControlFormulas:
         read = EvaluationCompiler().assignment(apart.atoms)
         self._progressed.append(_Progressed(name, read, automaton(apart.shape, None), is_metric, is_pair))
 
+    @property
+    def of_pairs(self) -> dict[str, Value]:
+        """Every label that a constraint on two states in a row reads: the first pair is about them all."""
+        return dict.fromkeys(self._pairs_touching)
+
     def initial(self, state: dict[str, Value]) -> Residuals | None:
         """The remainders after the initial state; None if a formula is violated there."""
         for name, ground in self._only_initial:

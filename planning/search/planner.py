@@ -171,7 +171,7 @@ class _Search:
         if residuals is None:
             self._impossible = f"the initial state violates the control formula {next(iter(self._control.refusals))}"
             return None
-        root.residuals = residuals
+        root.residuals, root.touched = residuals, self._control.of_pairs
         return root
 
     def _ground_goals(self, grounder: Grounder, events: list[Any]) -> bool:

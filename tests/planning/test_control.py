@@ -4,7 +4,7 @@ from itertools import count
 from math import inf
 from typing import Any
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from planning import NoPlan, find_plan, parse_domain, parse_problem
@@ -97,6 +97,15 @@ def test_the_meaning_is_that_of_7_5_1() -> None:
     assert meaning.holds(Next(tree.Not(a)), 0)
 
 
+@example(
+    tree.Always(
+        tree.Implies(
+            tree.Compare("=", Application("at", (UAV,)), Application("a")),
+            Next(tree.Compare("=", Application("at", (UAV,)), Application("b"))),
+        )
+    ),
+    False,
+)
 @given(CONTROLS, st.booleans())
 def test_a_plan_is_found_exactly_if_its_states_satisfy_the_formula(control: Any, more: bool) -> None:
     """What is found satisfies the formula; if a plan without it does, one is found with it."""
