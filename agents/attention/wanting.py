@@ -30,7 +30,7 @@ from kpl.linking.streams import LinkStream
 from kpl.linking.wants import check_want
 from kpl.syntax.specification import WantDeclaration
 
-MOST_OF_ONE: Final = 8
+MOST_OF_ONE: Final = 4
 """Objects that one member may have looked for."""
 EVERY_US: Final = 1_000_000
 LONGEST_TEXT: Final = 400

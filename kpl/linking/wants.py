@@ -18,7 +18,7 @@ from kpl.syntax.parsing import raise_all
 from reasoning.formulas import tree
 from reasoning.formulas.tree import Formula
 
-MOST: Final = 64
+MOST: Final = 16
 """Every object that comes into view is compared with the description of each."""
 OF_STATES: Final = ("speed", "deviation", "x", "y", "x_m", "y_m", "vx_m_s", "vy_m_s", "sd_m")
 """What every object has."""
