@@ -327,4 +327,4 @@ def raised(name: str, wrong: Exception) -> str:
     return f"{name} raised {wrong!r}{where}"
 
 
-_OURS = frozenset({"dyknow", "agents", "runtime"})
+_OURS = frozenset({"dyknow", "agents", "runtime", "kpl", "anchoring", "console"})

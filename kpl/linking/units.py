@@ -7,16 +7,19 @@ A unit is called where objects are linked. What it raises, and what is no state 
 then the object is where it is expected, or, while it is new, where the one below it is.
 """
 
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from anchoring.links.states import ObjectState
 from anchoring.links.structures import StateRecord
 from anchoring.percepts.records import ObjectRecords, PerceptRecords, lacks_of
-from dyknow import NO_VALUE, Sample, Sort
+from dyknow import NO_VALUE, Label, Sample, Sort
 from dyknow.model.errors import SortError, TextError, raised
 from dyknow.network.computational_unit import Inputs
 from dyknow.network.prototypes import Prototype, UnitPrototype
 from dyknow.network.refinement import SLOW_US
+from kpl.checking.streams import Streams
+from kpl.checking.symbols import SymbolTable
 from kpl.syntax import specification as spec
 from navigation import LocalFrame
 
@@ -55,6 +58,19 @@ def linked_unit(
             raise TextError.at(made.place, said, repair=repair)
     assert taken is not None and sort is not None  # noqa: S101, PT018  (looked at above)
     return LinkedUnit(prototype, taken, sort, frame)
+
+
+def unit_finder(
+    symbols: SymbolTable, prototypes: Mapping[str, Prototype], frame: LocalFrame | None
+) -> "Callable[[Label, spec.Link], LinkedUnit]":
+    """The units of links among some prototypes, where no instance runs; what is found raises as `linked_unit`."""
+    streams = Streams(symbols)
+
+    def unit_of(label: Label, made: spec.Link) -> LinkedUnit:
+        below = streams.objects(made.source) or streams.record(made.source)
+        return linked_unit(prototypes.get(made.unit), made, below, streams.objects(label), frame)
+
+    return unit_of
 
 
 class LinkedUnit:

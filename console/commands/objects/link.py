@@ -1,5 +1,6 @@
 """`dyknow link`: which percepts of a recording are the same objects."""
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,6 +9,7 @@ import typer
 from console.command import Call, command
 from console.commands.texts.specification_files import STANDARD_INPUT, read_text, recorded_lines
 from console.errors import DONE, WRONG
+from console.options.arguments import UnitModules
 from dyknow.model.errors import TextError, WrongCall
 from proxies.recordings.named_files import beside
 from runtime.configuration.road_files import read_bytes
@@ -15,6 +17,7 @@ from runtime.configuration.road_files import read_bytes
 if TYPE_CHECKING:
     from anchoring.links.structures import AnySpecification
     from anchoring.roads.network import RoadNetwork
+    from dyknow import UnitPrototype
     from kpl.linking.wants import Wanted
     from navigation import LocalFrame
 
@@ -39,6 +42,7 @@ def link(
     since_seen: Annotated[
         bool, typer.Option("--since-seen", help="Once an object is established also its states from before that.")
     ] = False,
+    modules: UnitModules = None,
 ) -> int:
     """Which percepts are the same objects: one symbol for each, also through gaps; exit 2 if lines had to be left out."""
     from anchoring.links.beginnings import ObjectBeginnings
@@ -49,7 +53,7 @@ def link(
     if percepts is None:
         raise WrongCall("give the recorded percepts: --percepts FILE.jsonl.")
     network = None if roads is None else _network(call, roads)
-    specifications, network, frame, wanted = _specifications(call, file, network)
+    specifications, network, frame, wanted = _specifications(call, file, network, modules or ())
     linkage = ObjectLinkage(specifications)
     for each in wanted:
         linkage.want(each.symbol, each.type, each.description)
@@ -69,11 +73,12 @@ def link(
     output.end(linkage)
     for symbol in linkage.wanted:
         call.out.note(f"{symbol} was not found: nothing was as it is described, to the end.", style="yellow")
-    return problems.end(name)
+    has_failed = _tell_failures(call, specifications)
+    return problems.end(name) or (WRONG if has_failed else DONE)
 
 
 def _specifications(
-    call: Call, file: Path | None, network: "RoadNetwork | None"
+    call: Call, file: Path | None, network: "RoadNetwork | None", modules: Sequence[str]
 ) -> "tuple[tuple[AnySpecification, ...], RoadNetwork | None, LocalFrame | None, list[Wanted]]":
     """The link specifications of a file, or those that are ready, their roads and frame, and what is looked for."""
     from anchoring.ready import ready_specification
@@ -84,6 +89,7 @@ def _specifications(
     from kpl.checking.symbols import Known, SymbolTable
     from kpl.linking.declarations import link_specifications, linkage_key, links_in
     from kpl.linking.roads import says_on_road
+    from kpl.linking.units import unit_finder
     from kpl.linking.wants import wants_in
     from kpl.syntax.specification import Link
     from navigation import LocalFrame
@@ -98,15 +104,43 @@ def _specifications(
     symbols = SymbolTable(declarations)
     if network is not None and symbols.roads() is not None:
         raise WrongCall(f"--roads: {file} declares its roads already; leave one out.")
-    symbols.known = Known(roads=network)
+    prototypes = _prototypes(modules, (made.unit for _, made in links if isinstance(made, Link)))
+    symbols.known = Known(
+        roads=network,
+        units={each.name: (each.sort, each.inputs) for each in prototypes.values()},
+        values={shape.name: shape for each in prototypes.values() for shape in each.checked_sorts},
+    )
     try:
         key = linkage_key(links, symbols)
-        specifications, wanted = link_specifications(key), wants_in(declarations, symbols, text)
+        frame = None if key.origin is None else LocalFrame(*key.origin, 0.0)
+        specifications = link_specifications(key, unit_finder(symbols, prototypes, frame))
+        wanted = wants_in(declarations, symbols, text)
     except TextError as error:
         raise error.but(text=text) from None
     if key.roads is None and any(isinstance(made, Link) and says_on_road(made) for _, made in key.links):
         call.out.note("on_road: there are no roads (--roads FILE), so that percepts have to say it", style="yellow")
-    return specifications, key.roads, None if key.origin is None else LocalFrame(*key.origin, 0.0), wanted
+    return specifications, key.roads, frame, wanted
+
+
+def _prototypes(modules: Sequence[str], names: Iterable[str]) -> "dict[str, UnitPrototype]":
+    """The units that links name, of modules, the library and installed distributions."""
+    from compunits import catalogue
+    from dyknow import UnitPrototype
+
+    there = catalogue(modules)
+    found = ((name, there.offered(name)) for name in names)
+    return {name: prototype for name, prototype in found if isinstance(prototype, UnitPrototype)}
+
+
+def _tell_failures(call: Call, specifications: "Sequence[AnySpecification]") -> bool:
+    """What units of users raised; whether there was something."""
+    from kpl.linking.units import LinkedUnit
+
+    units = [unit for each in specifications if isinstance(unit := getattr(each, "unit", None), LinkedUnit)]
+    for unit in units:
+        for said in unit.take_faults()[:1]:
+            call.out.note(f"{unit.prototype.name} has failed {unit.failed} times, at first: {said}", style="yellow")
+    return any(unit.failed for unit in units)
 
 
 def _network(call: Call, file: Path) -> "RoadNetwork":

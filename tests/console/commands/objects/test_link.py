@@ -138,3 +138,39 @@ def test_objects_of_percepts_in_degrees_are_in_degrees_and_the_origin_of_metres_
         assert each["latitude_deg"] == pytest.approx(58.4 + 1400 * 1e-7, abs=1e-5)
         assert each["longitude_deg"] == pytest.approx(15.6, abs=1e-5)
         assert each["y_m"] == pytest.approx((each["latitude_deg"] - 58.4) * 111_400, abs=0.1)
+
+
+UNITS = """
+from dyknow import Field, Sort, value_unit
+
+CAR = Sort("car", (Field("symbol", "text"), Field("x_m", "m"), Field("y_m", "m")))
+
+
+@value_unit(CAR, "world", name="Ahead")
+def ahead(world):
+    return "", world[1] + 1.0 / SHARE, world[2]
+"""
+AHEAD = """
+strmgen world = link(vision_percept, WorldObject, eventually [1s, oo] true, eventually [0, 1s] xy_dist[from, to] < thresh, true)
+strmgen cars = link(world, Ahead, true, eventually [0, 1s] xy_dist[from, to] < thresh, true)
+"""
+
+
+@pytest.mark.parametrize("share", ["0.1", "0.0"])
+def test_links_take_units_of_modules_and_tell_what_they_raise(
+    dyknow: Run, recording: Path, tmp_path: Path, share: str
+) -> None:
+    module, file = tmp_path / "ahead.py", tmp_path / "ahead.kpl"
+    module.write_text(UNITS.replace("SHARE", share))
+    file.write_text(AHEAD)
+    done = dyknow("link", str(file), "--percepts", str(recording), "--units", str(module), "--json")
+    states = [each for each in map(json.loads, done.stdout.splitlines()) if each.get("type") == "cars"]
+    assert states
+    if share == "0.1":
+        assert done.returncode == 0
+        seen = [each for each in states if each["t_ms"] < 3000]
+        assert all(each["x_m"] == pytest.approx(each["t_ms"] / 100 + 10.0, abs=1.0) for each in seen)
+    else:
+        assert done.returncode == 2
+        assert "Ahead has failed" in done.stderr
+        assert "ahead.py:9" in done.stderr
