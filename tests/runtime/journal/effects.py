@@ -91,7 +91,7 @@ def _samples(key: str, parsed: keys.StreamKey, payload: bytes) -> list[tuple[str
     boot, samples, riders, _ = decode_samples(payload)
     streams = [(key, samples), *((keys.stream(parsed.owner, *rider[:2]), rider.samples) for rider in riders)]
     return [
-        ("samples", [name, boot, [[*entry, *(() if quality is SURE else quality)] for *entry, quality in each]])
+        ("samples", [name, boot, [[*entry, *(() if quality is SURE else quality[:2])] for *entry, quality in each]])
         for name, each in streams
     ]
 
