@@ -167,3 +167,12 @@ def test_while_a_percept_may_be_several_objects_its_samples_say_how_certain_they
     (node,) = (each for each in graph_of(sky.instance).nodes if each.name == "world")
     assert node.note[0].startswith("camera_seen -> world by WorldObject with candidates 3: 1 linked")
     assert not sky.faults
+
+
+def test_pairs_beyond_what_is_looked_at_are_counted(monkeypatch) -> None:
+    monkeypatch.setattr("anchoring.links.composites.MOST_PAIRS", 2)
+    road = Road(PERCEPTS + CARS + CONVOYS + "stream there = convoys\n")
+    road.drive(0, 6000, **{name: (4.0 * at, 10.0) for at, name in enumerate("abcdef")})
+    (node,) = (each for each in graph_of(road.instance).nodes if each.name == "convoys")
+    assert node.note[1] == "13 pairs of parts were left out, there are too many near each other"
+    assert {one.value[-2] for _, one in road.outputs} == {3}, "those that were looked at are grouped all the same"
