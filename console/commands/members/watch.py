@@ -192,8 +192,9 @@ def _tell(call: Call, client: Client, record: dict[str, Any]) -> None:
     if call.out.json_lines:
         call.out.line(record)
         return
-    delay = print_span(record["available_us"] - record["valid_us"])
-    when = styled(f"{clock_time(record['valid_us'])} + {delay}", "dim")
+    delay_us = record["available_us"] - record["valid_us"]
+    delay = f" + {print_span(delay_us)}" if delay_us >= 0 else ""
+    when = styled(f"{clock_time(record['valid_us'])}{delay}", "dim")
     meaning = meaning_to(client, str(record["unit"]), record["label"])
     text = value_text(record["value"], meaning)
     call.out.show(styled(record["unit"], "bold"), "  ", when, "  ", text, prediction_text(record))
