@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 from dyknow.model.sample import Value
 from planning.domains import model
 from planning.domains.model import Expression, Next, Quantified
-from planning.search.grounding import BEFORE, TRUE, Environment, Grounder, labels_of
+from planning.search.grounding import BEFORE, TRUE, Environment, Grounder, is_temporal, labels_of
 from reasoning.formulas import tree
 from reasoning.formulas.evaluation import EvaluationCompiler, Test
 from reasoning.formulas.skeletons import take_apart
@@ -85,9 +85,9 @@ class ControlFormulas:
             ground = self._grounder.ground(part, env, tag)
             if ground == TRUE:
                 continue
-            if is_always and not tree.is_temporal(ground):
+            if is_always and not is_temporal(ground):
                 self._constrain(name, ground, bool(tag))
-            elif tree.is_temporal(ground) or tag:
+            elif is_temporal(ground) or tag:
                 self._progress(name, tree.Always(ground) if is_always else ground, bool(tag))
             else:
                 self._only_initial.append((name, ground))

@@ -71,7 +71,7 @@ class OperatorInstance:
 
     def cost_in(self, state: State) -> float:
         found = self.cost(0, state, _NONE, (), _NONE)
-        return float(found) if isinstance(found, int | float) and found >= 0 else float("inf")
+        return float(found) if isinstance(found, int | float) and 0 <= found < 1e300 else float("inf")
 
 
 class _Part(NamedTuple):

@@ -12,7 +12,8 @@ from heapq import heappop, heappush
 from itertools import count
 from typing import Any, Final
 
-from planning.domains.model import Declarations, GoalStatement
+from dyknow.model.errors import TextError
+from planning.domains.model import Declarations, GoalStatement, InGoal
 from planning.domains.sorts import free_variables
 from planning.search.control import ControlFormulas, closed
 from planning.search.grounding import FALSE, TRUE, Grounder, Stopped
@@ -137,6 +138,10 @@ class _Search:
             return search(root, strategy)
         except Stopped as stopped:
             return self._none(str(stopped), is_certain=False)
+        except RecursionError:
+            raise TextError(
+                "a formula is nested too deep over its definitions", repair="define less by one another"
+            ) from None
 
     def _poll(self) -> None:
         self._polls += 1
@@ -183,7 +188,12 @@ class _Search:
             ground = grounder.ground(formula, {})
             grounds.append((one, formula, ground))
             parts += ground.parts if isinstance(ground, tree.And) else (ground,)
-        grounder.goal = frozenset(parts)
+        formulas = [one.formula for one in self._declared.controls]
+        formulas += [each.formula for one in self._declared.operators for each in one.controls]
+        formulas += [one.body for one in self._declared.derived]
+        formulas += [each.formula for one in self._declared.operators for each in one.preconditions]
+        if any(isinstance(node, InGoal) for formula in formulas for node in tree.walk(formula)):
+            grounder.goal = frozenset(parts)
         for one, formula, ground in grounds:
             name = one.name or "goal"
             if ground == FALSE:

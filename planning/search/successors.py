@@ -7,6 +7,7 @@ what it writes.
 
 from collections.abc import Iterator
 from dataclasses import replace
+from math import isfinite
 from typing import Any, Final
 
 from dyknow.model.sample import Value
@@ -97,6 +98,9 @@ class Successors:
         if node.pending and not self._is_free(node, instance, new):
             return None
         cost = instance.cost_in(values)
+        if not isfinite(cost):
+            self._count(f"{instance.operator.name} has no cost that is a number and not negative")
+            return None
         shown = tuple((name, read(0, values, _NONE, (), _NONE)) for name, read in instance.values)
         action = PlannedAction(
             node.at_ms, end_ms, instance.unit, instance.shown, instance.operator, instance.objects, shown, cost

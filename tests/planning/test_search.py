@@ -228,3 +228,20 @@ def test_nodes_are_told_apart_by_what_formulas_remember() -> None:
     assert planned(tour, goal="#goal at(u1) == a & airborne(u1)", strategy=Strategy.BEST_FIRST) == [
         "start(u1)", "fly(u1, a, b)", "fly(u1, b, c)", "fly(u1, c, d)", "fly(u1, d, a)",
     ]  # fmt: skip
+
+
+def test_definitions_that_double_one_another_are_refused_and_not_expanded() -> None:
+    doubling = "".join(f"#define d{n}(uav) := d{n + 1}(uav) -> !d{n + 1}(uav)\n" for n in range(40))
+    domain = parse_domain(f"{TRUCKS}{doubling}#define d40(uav) := airborne(uav)\n#control c: always d0(uav)")
+    with pytest.raises(TextError, match="expands to more than 2000000 parts"):
+        find_plan(domain, parse_problem(MAP + "#goal seen(d)", domain))
+
+
+@pytest.mark.parametrize("cost", ["1 / length(place, place2)", "1e308 * 10", "0 - 1"])
+def test_a_cost_that_is_no_number_ends_a_branch_and_is_told(cost: str) -> None:
+    domain = parse_domain(TRUCKS.replace(":cost length(place, place2)", f":cost {cost}"))
+    problem = parse_problem(
+        MAP.replace(":= 5", ":= 0").replace(":= 2", ":= 0") + "#init length(a, b) := 0\n#goal at(u1) == b", domain
+    )
+    result = find_plan(domain, problem)
+    assert isinstance(result, NoPlan) and any("has no cost" in cause for cause in result.causes)
