@@ -2,7 +2,7 @@
 
 from planning.domains.model import Declarations
 from planning.domains.printing import print_declarations
-from planning.domains.texts import parse_domain, parse_problem
+from planning.domains.texts import parse_domain, parse_expression, parse_problem
 from planning.search.planner import NoPlan, PlanFound, Strategy, find_plan
 from planning.search.plans import MissionPlan, PlannedAction
 
@@ -15,6 +15,7 @@ __all__ = [
     "Strategy",
     "find_plan",
     "parse_domain",
+    "parse_expression",
     "parse_problem",
     "print_declarations",
 ]

@@ -13,7 +13,8 @@ from typing import Any, Final, NamedTuple, TypeAlias
 from dyknow.model.sample import Value
 from planning.domains import model
 from planning.domains.model import Expression, Next, Quantified
-from planning.search.grounding import BEFORE, TRUE, Environment, Grounder, is_temporal, labels_of
+from planning.search.compiling import BEFORE, is_temporal, labels_of
+from planning.search.grounding import TRUE, Environment, Grounder
 from reasoning.formulas import tree
 from reasoning.formulas.evaluation import EvaluationCompiler, Test
 from reasoning.formulas.skeletons import take_apart

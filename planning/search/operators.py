@@ -14,7 +14,8 @@ from dyknow.model.errors import TextError
 from dyknow.model.sample import Value
 from planning.domains import model
 from planning.domains.model import Application, Expression
-from planning.search.grounding import FALSE, TRUE, Grounder, labels_of
+from planning.search.compiling import labels_of
+from planning.search.grounding import FALSE, TRUE, Grounder
 from reasoning.formulas import tree
 from reasoning.formulas.evaluation import Test
 

@@ -237,7 +237,7 @@ def test_definitions_that_double_one_another_are_refused_and_not_expanded() -> N
         find_plan(domain, parse_problem(MAP + "#goal seen(d)", domain))
 
 
-@pytest.mark.parametrize("cost", ["1 / length(place, place2)", "1e308 * 10", "0 - 1"])
+@pytest.mark.parametrize("cost", ["1 / length(place, place2)", "0 - 1"])
 def test_a_cost_that_is_no_number_ends_a_branch_and_is_told(cost: str) -> None:
     domain = parse_domain(TRUCKS.replace(":cost length(place, place2)", f":cost {cost}"))
     problem = parse_problem(
