@@ -36,7 +36,7 @@ def check_beliefs(dyknow: Dyknow) -> None:
     """What is believed is listed with existence, types and the platforms that see it, watched, and explained."""
     until, sure = time.monotonic() + PATIENCE_S, list[dict[str, Any]]()
     while not any(each["seen_by"] == str(each["unit"]) for each in sure):
-        believed = [each for each in dyknow.run("objects", code=None) if "existence" in each]
+        believed = [each for each in dyknow.run("objects", "--type", "car", code=None) if "existence" in each]
         sure = [each for each in believed if each["existence"] > 0.9 and each["status"] == "confirmed"]
         assert time.monotonic() < until, believed
     assert all(each["types"].startswith("car 0.") for each in sure if each["type"] == "car")
