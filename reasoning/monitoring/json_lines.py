@@ -39,7 +39,7 @@ class JsonLine:
     ) -> None:
         self._number, self._file, self._what = number, file, what
         if len(line) > LIMIT_LINE:
-            raise self.error(f"the line is longer than {LIMIT_LINE} characters", f"{what} a line")
+            raise self.error(f"the line is longer than {LIMIT_LINE} characters", "one JSON object a line")
         try:
             text = line.decode("utf-8-sig") if isinstance(line, bytes) else line
             record: Any = json.loads(text, parse_constant=constant)

@@ -50,7 +50,7 @@ def test_changes_messages_and_the_clock_are_read() -> None:
             "neither a text, a whole number, nor a truth value",
         ),
         ('{"t_ms": 1, "attribute": "a", "from": 1, "to": "' + "x" * 600 + '"}', "512 are allowed"),
-        ('{"t_ms": 1, "message": "' + "x" * 2_000_000 + '"}', "1048576 are allowed"),
+        ('{"t_ms": 1, "message": "' + "x" * 2_000_000 + '"}', "longer than 1048576 characters"),
     ],
 )
 def test_a_line_that_is_no_event_is_told_by_file_and_line(line: str, said: str) -> None:

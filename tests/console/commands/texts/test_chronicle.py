@@ -105,7 +105,7 @@ def test_wrong_chronicles_are_a_wrong_call(dyknow: Run, files: tuple[Path, Path]
 
 
 def test_a_line_that_is_no_event_is_told_by_file_and_line(dyknow: Run, files: tuple[Path, Path]) -> None:
-    for line, said in ((b'{"t_ms": NaN}', "events.jsonl:3"), (b"x" * 3_000_000, "allowed"), (b"\xff\xfe", "UTF-8")):
+    for line, said in ((b'{"t_ms": NaN}', "events.jsonl:3"), (b"x" * 3_000_000, "longer than"), (b"\xff\xfe", "UTF-8")):
         files[1].write_bytes(b'{"t_ms": 1, "message": "fine"}\n\n' + line + b"\n")
         done = run(dyknow, files)
         assert done.returncode == 2
