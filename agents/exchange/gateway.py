@@ -4,6 +4,7 @@ Semantic labels and their units end here; below, the instance knows its own labe
 """
 
 from collections.abc import Iterable
+from difflib import SequenceMatcher
 
 from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.import_proxy import ImportProxy
@@ -61,13 +62,18 @@ class Gateway:
         known = semantic_label in self.ontology
         label = self.translation.local_label(semantic_label, unit or self.unit) if known else None
         if label not in self.network.labels():
-            raise UnknownLabel(semantic_label, self.offered())
+            raise self._unknown(semantic_label)
         return label
 
     def offered(self, unit: str | None = None) -> tuple[str, ...]:
         """The semantic labels this instance has of a unit."""
         have = set(self.network.labels())
         return tuple(name for name in self.ontology if self.translation.local_label(name, unit or self.unit) in have)
+
+    def _unknown(self, semantic_label: str) -> UnknownLabel:
+        """The error, with the labels that there are: those that are spelt most alike first."""
+        alike = {name: SequenceMatcher(None, semantic_label, name).ratio() for name in self.offered()}
+        return UnknownLabel(semantic_label, tuple(sorted(alike, key=alike.__getitem__, reverse=True)))
 
     def create_stream_multicast(
         self, semantic_label: str, policy: Policy, receivers: Iterable[str], contract: str
@@ -150,7 +156,7 @@ class Gateway:
         if isinstance(semantic_label, Label):
             return self.network.generator(semantic_label).sort
         if semantic_label not in self.ontology:
-            raise UnknownLabel(semantic_label, self.offered())
+            raise self._unknown(semantic_label)
         return self.ontology[semantic_label].sort
 
     def _semantic(self, semantic_label: str | Label, sample: Sample) -> Sample:
