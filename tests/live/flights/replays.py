@@ -78,6 +78,7 @@ def flying(
             "unit": unit,
             "vehicle": {**vehicle, **({"epoch_us": epoch_us} if vehicle["kind"] == "replay" else {})},
             "journal": str(directory / f"{unit}.mcap"),
+            "shedding": False,  # samples are counted
         }
         for unit, vehicle in vehicles.items()
     ]
