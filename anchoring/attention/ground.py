@@ -47,12 +47,8 @@ class SearchedGround:
         return [(float(self.x_m[index]), float(self.y_m[index])) for index in chosen]
 
 
-def along_roads(network: RoadNetwork, apart_m: float = 30.0) -> list[Point2]:
-    """Places on the centre lines of all roads."""
-    return _along(network.links.values(), apart_m)
-
-
-def _along(links: Iterable[RoadLink], apart_m: float) -> list[Point2]:
+def along(links: Iterable[RoadLink], apart_m: float = 30.0) -> list[Point2]:
+    """Places on the centre lines of roads."""
     places: list[Point2] = []
     for link in links:
         count = max(1, round(link.length_m / apart_m))
@@ -63,11 +59,11 @@ def _along(links: Iterable[RoadLink], apart_m: float) -> list[Point2]:
 def roads_near(
     network: RoadNetwork, frame: LocalFrame, x_m: float, y_m: float, reach_m: float, apart_m: float = 30.0
 ) -> list[Point2]:
-    """Those within reach of a place, both in `frame`; roads without a place on earth are taken to be in it."""
+    """Places on roads within reach of a place, both in `frame`; roads without a place on earth are taken to be in it."""
     own = network.frame or frame
     middle_m, right_m, _ = own.to_ned(*frame.from_ned(y_m, x_m, 0.0))
     near = [link for link, _ in network.index.links_near(right_m, middle_m, reach_m)]
-    placed = [frame.to_ned(*own.from_ned(north_m, east_m, 0.0)) for east_m, north_m in _along(near, apart_m)]
+    placed = [frame.to_ned(*own.from_ned(north_m, east_m, 0.0)) for east_m, north_m in along(near, apart_m)]
     return [(east_m, north_m) for north_m, east_m, _ in placed if hypot(east_m - x_m, north_m - y_m) <= reach_m]
 
 

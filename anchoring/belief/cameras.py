@@ -1,4 +1,4 @@
-"""What cameras see as observations: percepts of a tracker, or single detections on the ground, and the field of view."""
+"""What cameras see as observations: percepts of a tracker, and the field of view."""
 
 from collections.abc import Iterable
 from math import hypot
@@ -9,9 +9,8 @@ import numpy as np
 from anchoring.belief.arrays import Floats
 from anchoring.belief.description import POSITION, CategoricalAttribute, WorldModel
 from anchoring.belief.observations import TYPE, WorldObservation
+from anchoring.links.states import ObjectState
 from anchoring.links.structures import Percept
-from dyknow import Value
-from navigation.cameras.channels import GroundDetection
 from navigation.cameras.ground import GroundModel
 from navigation.cameras.pinhole import CameraPose, Intrinsics, Pixel
 
@@ -40,31 +39,16 @@ class CameraSensor:
 
     def of_percepts(self, valid_us: int, percepts: Iterable[Percept]) -> list[WorldObservation]:
         """One of each percept that has a state; its symbol is left out, since association is what a model is for."""
-        return [
-            self._seen(
-                valid_us, each.state.x_m, each.state.y_m, each.state.covariance[:2, :2], each.state.attributes.items()
-            )
-            for each in percepts
-            if each.state is not None
-        ]
+        return [self._seen(valid_us, each.state) for each in percepts if each.state is not None]
 
-    def of_detections(self, valid_us: int, detections: Iterable[GroundDetection]) -> list[WorldObservation]:
-        """One of each."""
-        return [
-            self._seen(valid_us, each.east_m, each.north_m, each.covariance[::-1, ::-1], each.attributes.items())
-            for each in detections
-        ]
-
-    def _seen(
-        self, valid_us: int, x_m: float, y_m: float, covariance: Floats, attributes: Iterable[tuple[str, Value]]
-    ) -> WorldObservation:
-        values: dict[str, Any] = {POSITION: np.array([x_m, y_m])}
-        for name, value in attributes:
+    def _seen(self, valid_us: int, state: ObjectState) -> WorldObservation:
+        values: dict[str, Any] = {POSITION: np.array([state.x_m, state.y_m])}
+        for name, value in state.attributes.items():
             if name in self._numbers and isinstance(value, int | float) and abs(value) <= FARTHEST:
                 values[name] = np.array([value], dtype=np.float64)
             elif isinstance(value, str) and value in self._symbols.get(name, ()):
                 values[name] = value
-        return WorldObservation(valid_us, self._sensor, values, covariance)
+        return WorldObservation(valid_us, self._sensor, values, state.covariance[:2, :2])
 
 
 def camera_view(camera: Intrinsics, pose: CameraPose, ground: GroundModel, farthest_m: float = 250.0) -> Floats | None:

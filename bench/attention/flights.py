@@ -7,7 +7,7 @@ import numpy as np
 from numpy.random import Generator
 
 from anchoring.attention.deciding import Attention, Gaze
-from anchoring.attention.ground import along_roads
+from anchoring.attention.ground import along
 from anchoring.attention.view import TurnableCamera, TurnLimits
 from anchoring.attention.watched import watched
 from anchoring.links.structures import ObjectLinkage
@@ -121,7 +121,7 @@ class LooksAttentively:
     """Attention, five times a second, with what the platform knows."""
 
     def __init__(self, network: RoadNetwork) -> None:
-        self._attention = Attention(along_roads(network))
+        self._attention = Attention(along(network.links.values()))
         limits = MountLimits()
         self._limits = TurnLimits(limits.least_tilt_rad, limits.most_tilt_rad, limits.rate_rad_s)
 

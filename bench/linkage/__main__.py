@@ -38,7 +38,7 @@ class Row(NamedTuple):
     """Means over the seeds; `clutter_objects` counts objects made of clutter, over all seeds.
 
     Attributes:
-        since_seen: ours with the states that are told once an object is established.
+        since_seen: ours when an established object also reports its earlier states.
         quick: IDF1 of all settings over a few seeds.
     """
 

@@ -24,7 +24,7 @@ TRACKED_OBJECT = Sort(
 
 
 def places(at_s: float) -> Iterator[tuple[str, float, float, float]]:
-    """Colour, place and speed of both cars, so many seconds after a round began."""
+    """Colour, place and speed of both cars `at_s` seconds after the round began."""
     side_m = LANE_M if abs(at_s - LEVEL_S) < 3.0 else -LANE_M  # it overtakes on the left
     yield "red", BORDER_M + FAST_M_S * (at_s - LEVEL_S), side_m, FAST_M_S
     yield "blue", BORDER_M + SLOW_M_S * (at_s - LEVEL_S), -LANE_M, SLOW_M_S

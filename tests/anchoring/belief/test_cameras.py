@@ -11,7 +11,6 @@ from anchoring.belief.description import Confusion, LifeThresholds, ObjectTypes,
 from anchoring.belief.environment import EnvironmentModel
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import Percept
-from navigation.cameras.channels import GroundDetection
 from navigation.cameras.ground import FlatGround
 from navigation.cameras.pinhole import Attitude, CameraPose, Intrinsics, PanTilt
 from sim_uavs.cameras.detectors import COLOUR_CAMERA
@@ -92,13 +91,11 @@ def test_what_the_model_does_not_know_of_a_percept_is_left_out_and_ends_are_no_o
     assert camera.of_percepts(0, [Percept("p", "t", None)]) == []
     seen = camera.of_percepts(0, [Percept("p", "t", state)])[0]
     assert set(seen.values) == {"position_m"}
-    covariance = np.array([[1.0, 0.2], [0.2, 4.0]])
-    found = camera.of_detections(
-        0, [GroundDetection(2.0, 1.0, covariance, covariance, ("colour",), {"colour": "red"})]
-    )[0]
+    red = ObjectState(0, 1.0, 2.0, 0.0, 0.0, diagonal(0.5), {"colour": "red"})
+    found = camera.of_percepts(0, [Percept("p", "t", red)])[0]
     assert found.values["position_m"] == pytest.approx([1.0, 2.0])
     assert found.values["colour"] == "red"
-    assert found.covariance == pytest.approx(np.array([[4.0, 0.2], [0.2, 1.0]]))
+    assert found.covariance == pytest.approx(red.covariance[:2, :2])
 
 
 def test_the_field_of_view_of_a_camera_is_below_it_up_to_a_distance_and_none_of_one_that_looks_up() -> None:

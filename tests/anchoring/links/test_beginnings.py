@@ -12,7 +12,7 @@ TOWN = read_roads((ROOT / "examples" / "roads" / "town.geojson").read_bytes())
 
 
 def linked(*seen: tuple[str, int, int, float], roads: RoadNetwork | None = None) -> list[StateRecord]:
-    """The states of objects, in the order in which they are told; a percept is seen at 10 m/s, every 100 ms."""
+    """The states of objects as they are reported, of one percept that moves at 10 m/s and is seen every 100 ms."""
     specifications = ready_specification(roads)
     linkage = ObjectLinkage(specifications)
     beginnings, told = ObjectBeginnings(linkage, specifications), list[StateRecord]()
