@@ -14,13 +14,21 @@ wanted to go. A silent partner is taken to stand where it was last.
 from collections.abc import Callable
 from typing import TypeAlias
 
+from agents.flight import levels
 from agents.flight.encounters import (
     CLEAR_M,
     IDLE_M,
+    Divert,
     Encounter,
     EncounterPhase,
+    LeaveToPartner,
     ManoeuvreRole,
+    NeitherCan,
+    Over,
+    Propose,
     Relation,
+    ResumeRoute,
+    Step,
     ahead,
     aside,
     braking_m,
@@ -35,20 +43,7 @@ from agents.flight.encounters import (
     run_m,
 )
 from agents.flight.evidence import Evidence
-from agents.flight.levels import (
-    SEPARATION_M,
-    code_of,
-    is_of_level,
-    level_among,
-    level_of,
-    mover,
-    proposed_mover,
-    together,
-    turn,
-    ways,
-)
 from agents.flight.places import Fix
-from agents.flight.steps import Divert, LeaveToPartner, NeitherCan, Over, Propose, ResumeRoute, Step
 from dyknow.model.errors import Refused
 from federation.members.directory import unit_order
 
@@ -96,15 +91,15 @@ class Avoidance:
         return self._leave(known, reason) if reason is not None else [self._propose(known, own, other, may, now_us)]
 
     def _propose(self, known: Encounter, own: Fix, other: Fix, may: May, now_us: int) -> Propose:
-        climber = proposed_mover(self.unit, known, own, other, level_among(self.encounters, known))
+        climber = levels.proposed_mover(self.unit, known, own, other, levels.level_among(self.encounters, known))
         if climber == self.unit and not isinstance(self._way(known, own, other, may), ManoeuvreRole):
             climber = known.partner
         return self._ask(known, climber, own, other, now_us)
 
     def _way(self, known: Encounter, own: Fix, other: Fix, may: May) -> ManoeuvreRole | str:
         """How this side makes room vertically, or why it does not."""
-        level = level_among(self.encounters, known)
-        chosen = ways(level, known.their_level, other.altitude_m - own.altitude_m)
+        level = levels.level_among(self.encounters, known)
+        chosen = levels.ways(level, known.their_level, other.altitude_m - own.altitude_m)
         refusals = [self._refusal(known, role, own, other, may, turns=level is CLIMB) for role in chosen]
         return next(
             (role for role, refused in zip(chosen, refusals, strict=True) if refused is None), refusals[0] or ""
@@ -114,8 +109,8 @@ class Avoidance:
         known.climber, known.awaited, known.asked_us = climber, True, now_us
         known.proposed += 1
         upper, lower = (own, other) if known.climber == self.unit else (other, own)
-        climb_m = max(0.0, lower.altitude_m + SEPARATION_M - upper.altitude_m)
-        return Propose(known.partner, known.climber, climb_m, level_among(self.encounters, known))
+        climb_m = max(0.0, lower.altitude_m + levels.SEPARATION_M - upper.altitude_m)
+        return Propose(known.partner, known.climber, climb_m, levels.level_among(self.encounters, known))
 
     def on_proposal(
         self,
@@ -150,12 +145,15 @@ class Avoidance:
         if known is not None and known.role is not None:
             return None, []  # what is under way is carried to its end
         is_new, known = known is None, known or self._met(partner, climber, own, other, now_us)
-        known.their_level, mine = level, level_among(self.encounters, known)
+        known.their_level, mine = level, levels.level_among(self.encounters, known)
         role = self._way(known, own, other, may) if climber == self.unit else HOLD
         reason = role if isinstance(role, str) else self._refusal(known, role, own, other, may, turns=True)
         code = WOULD_HOLD if climber == self.unit and self._refusal(known, HOLD, own, other, may) is None else ""
-        if mover(self.unit, mine, partner, level) not in {None, climber}:
-            reason, code = f"it does something else for another: {mine.value if mine else 'nothing'}", code_of(mine)
+        if levels.mover(self.unit, mine, partner, level) not in {None, climber}:
+            reason, code = (
+                f"it does something else for another: {mine.value if mine else 'nothing'}",
+                levels.code_of(mine),
+            )
         if reason is not None or isinstance(role, str):
             if not known.awaited:
                 del self.encounters[partner]
@@ -192,7 +190,7 @@ class Avoidance:
             return []
         known = self.encounters[partner]
         known.awaited = False
-        level, theirs = level_among(self.encounters, known), known.climber == partner
+        level, theirs = levels.level_among(self.encounters, known), known.climber == partner
         both = level is CLIMB and theirs and known.their_level is None  # by now both climb, each for another
         known.their_level = CLIMB if both else known.their_level
         role = self._way(known, own, other, may) if both or not theirs else HOLD
@@ -217,10 +215,10 @@ class Avoidance:
         if not self.awaits(partner):
             return []
         known = self.encounters[partner]
-        known.their_level = level_of(code)
+        known.their_level = levels.level_of(code)
         if known.proposed >= MOST_ASKED or (code == WOULD_HOLD and isinstance(self._way(known, own, other, may), str)):
             return self.on_declined(partner, own, other, may, now_us)
-        if is_of_level(code):
+        if levels.is_of_level(code):
             return [self._propose(known, own, other, may, now_us)]
         return [self._ask(known, self.unit, own, other, now_us)]
 
@@ -240,7 +238,7 @@ class Avoidance:
     def _alone(self, known: Encounter, own: Fix, other: Fix, may: May, now_us: int) -> list[Step]:
         """The first way that is allowed and that our autopilot has not refused; else it is left to the partner."""
         known.alone = True
-        down_first = own.altitude_m < other.altitude_m - FOLLOW_M or level_among(self.encounters, known) is HOLD
+        down_first = own.altitude_m < other.altitude_m - FOLLOW_M or levels.level_among(self.encounters, known) is HOLD
         down_first |= known.lost and known.climber == known.partner
         reason = ""
         for role in (DESCEND, CLIMB, ASIDE) if down_first else (CLIMB, DESCEND, ASIDE):
@@ -261,17 +259,17 @@ class Avoidance:
         against = DESCEND if role is CLIMB else CLIMB
         if not turns and any(each.role is against for each in self.encounters.values() if each is not known):
             return f"it would {role.value} while it does the opposite for another"
-        altitude_m = room_m(role, own, other, SEPARATION_M)
+        altitude_m = room_m(role, own, other, levels.SEPARATION_M)
         if abs(altitude_m - known.start.altitude_m) > MOST_CLIMB_M:
             return f"{altitude_m:.0f} m is more than {MOST_CLIMB_M:.0f} m from its own altitude"
         return may(altitude_m)
 
     def _take(self, known: Encounter, role: ManoeuvreRole, own: Fix, other: Fix, now_us: int) -> list[Step]:
         if role is DESCEND:
-            turn(self.encounters, known)
+            levels.turn(self.encounters, known)
         known.role, known.phase, known.since_us, known.proposed = role, MAKING_ROOM, now_us, 0
         known.gap_m, known.level_m = abs(own.altitude_m - other.altitude_m), other.altitude_m
-        known.altitude_m = room_m(role, own, other, SEPARATION_M) if role in {CLIMB, DESCEND} else None
+        known.altitude_m = room_m(role, own, other, levels.SEPARATION_M) if role in {CLIMB, DESCEND} else None
         if role is ASIDE:
             known.place = aside(own, other)
         else:
@@ -396,7 +394,7 @@ class Avoidance:
             self._take(known, HOLD, own, other, now_us)
             self._order = ResumeRoute()
             return
-        wanted_m = room_m(known.role, other, other, SEPARATION_M)
+        wanted_m = room_m(known.role, other, other, levels.SEPARATION_M)
         farther_m = wanted_m - known.altitude_m if known.role is CLIMB else known.altitude_m - wanted_m
         if farther_m > FOLLOW_M and self._refusal(known, known.role, other, other, may) is None:
             known.altitude_m = wanted_m
@@ -413,7 +411,7 @@ class Avoidance:
 
     def _settled(self) -> list[Step]:
         """What all encounters together want of the vehicle, if that is something else than before."""
-        order = together(self.encounters.values())
+        order = levels.together(self.encounters.values())
         if order == self._order:
             return []
         self._order = order

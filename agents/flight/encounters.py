@@ -6,7 +6,7 @@ Plain geometry on fixes: metres, seconds, north-east-down. Nothing here decides;
 from dataclasses import dataclass, field
 from enum import Enum
 from math import hypot, sqrt
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from agents.flight.places import Fix
 from federation.members.directory import unit_order
@@ -283,3 +283,52 @@ def room_m(role: ManoeuvreRole, own: Fix, other: Fix, separation_m: float) -> fl
     if role is ManoeuvreRole.CLIMB:
         return max(own.altitude_m, other.altitude_m + separation_m)
     return min(own.altitude_m, other.altitude_m - separation_m)
+
+
+# -- what avoidance asks for: proposals to the partner, a diversion, the way back, an alarm ---------------------------
+
+
+class Propose(NamedTuple):
+    """Ask `partner` to agree that `climber` climbs while the other holds; `level`: what this side does for another."""
+
+    partner: str
+    climber: str
+    climb_m: float
+    level: ManoeuvreRole | None = None
+
+
+class LeaveToPartner(NamedTuple):
+    """Ask `partner` to take the whole manoeuvre, since we cannot, and why."""
+
+    partner: str
+    reason: str
+
+
+class Divert(NamedTuple):
+    """Stop, at this altitude (metres above mean sea level) or the present one; at that place, or here."""
+
+    altitude_m: float | None
+    place: tuple[float, float] | None = None
+
+
+class ResumeRoute(NamedTuple):
+    """Fly on; not below `raised_to_m` nor above `lowered_to_m` while these are given."""
+
+    raised_to_m: float | None = None
+    lowered_to_m: float | None = None
+
+
+class NeitherCan(NamedTuple):
+    """Neither of the two avoids the other, and why (ours, theirs)."""
+
+    partner: str
+    reasons: tuple[str, str]
+
+
+class Over(NamedTuple):
+    """The encounter with `partner` is over."""
+
+    partner: str
+
+
+Step: TypeAlias = Propose | LeaveToPartner | Divert | ResumeRoute | NeitherCan | Over

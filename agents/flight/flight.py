@@ -148,8 +148,13 @@ class FlightAgent(Part):
         self._order(act, ReturnHomeOrder(), now_us)
 
     def on_resume(self, act: Act, _content: Resume, now_us: int) -> None:
-        """`(resume)`: fly the plan again, or once to where the vehicle was sent before."""
-        self._await(act, self.pilot.proceed(), now_us)
+        """`(resume)`: a mission that waits continues; else the plan is flown again, or once to where it was sent before."""
+        waits = self.pilot.mission.waits
+        commands = self.pilot.proceed()
+        if waits:
+            self._agent.done(act, now_us, f"mission {self.pilot.mission.name} continues, which waited: {waits}")
+        else:
+            self._await(act, commands, now_us)
 
     def _order(self, act: Act, order: Order, now_us: int) -> None:
         self._await(act, self.pilot.order(order), now_us)

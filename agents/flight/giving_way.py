@@ -9,13 +9,22 @@ from collections.abc import Callable, Iterable
 from agents.actions import COORDINATION, Action, Offer
 from agents.exchange.gateway import Gateway
 from agents.flight.avoidance import WOULD_HOLD, Avoidance
-from agents.flight.encounters import ManoeuvreRole, stands
+from agents.flight.encounters import (
+    Divert,
+    LeaveToPartner,
+    ManoeuvreRole,
+    NeitherCan,
+    Over,
+    Propose,
+    ResumeRoute,
+    Step,
+    stands,
+)
 from agents.flight.errand import OrderProgress
 from agents.flight.evidence import fix_of, leap_of
 from agents.flight.levels import is_of_level, level_of
 from agents.flight.pilot import Pilot
 from agents.flight.places import Fix
-from agents.flight.steps import Divert, LeaveToPartner, NeitherCan, Over, Propose, ResumeRoute, Step
 from agents.interface import InterfaceAgent
 from agents.monitoring.coordination import Coordination
 from agents.monitoring.monitors import UnitMonitors

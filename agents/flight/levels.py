@@ -6,9 +6,8 @@ one that stays below a climber descends. Only if there is no room below does it 
 
 from collections.abc import Collection, Mapping
 
-from agents.flight.encounters import Encounter, EncounterPhase, ManoeuvreRole, climber_of, room_m
+from agents.flight.encounters import Divert, Encounter, EncounterPhase, ManoeuvreRole, ResumeRoute, climber_of, room_m
 from agents.flight.places import Fix
-from agents.flight.steps import Divert, ResumeRoute
 from federation.members.directory import unit_order
 
 CLIMB, DESCEND, HOLD, ASIDE = ManoeuvreRole

@@ -1,7 +1,7 @@
 """The pilot: flies the platform's plan and carries out orders, within the rules for commanding aircraft.
 
 A platform commands its vehicle only when it was given control, and only while the vehicle is armed, airborne, in a
-guided mode and heard (`agents.flight.rules`); within floor, ceiling and range, and inside the autopilot's own fence. In
+guided mode and heard (`agents.flight.arbiter`); within floor, ceiling and range, and inside the autopilot's own fence. In
 AUTO it only leaves the mission to give way, if it may, and continues it. Every refusal names the rule that made it. What
 the vehicle was doing before it gave way is commanded once and then forgotten; after a takeover, AUTO included, nothing is
 sent until a user asks for it. What becomes of an order is in `agents.flight.errand`.
@@ -9,11 +9,12 @@ sent until a user asks for it. What becomes of an order is in `agents.flight.err
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
+from agents.flight import arbiter
+from agents.flight.arbiter import ENDINGS, HEARD_WITHIN_US, CommandClaims, Commander, MissionClaim, in_words
 from agents.flight.errand import Errand, OrderProgress
-from agents.flight.places import Bounds, Fix, FlightLimits, FlightPlan, between
-from agents.flight.rules import HEARD_WITHIN_US, in_words, unguided, unready
+from agents.flight.heard_vehicle import FORBIDDEN, HeardVehicle, InterruptedMission
+from agents.flight.places import Fix, between
 from dyknow import Sample, earlier
 from dyknow.model.errors import Refused
 from navigation import vehicle
@@ -25,52 +26,32 @@ ATTEMPTS = 4
 """How often a leg of the plan is ordered that the vehicle did not answer."""
 RESUMES_US = 6_000_000
 """So long after a mission was resumed the vehicle's mode may show it."""
-_FORBIDDEN = "forbidden"
-"""The code of a refusal by a rule."""
-_ENDINGS = vehicle.LandOrder | vehicle.ReturnHomeOrder
 
 
-class _Mission(NamedTuple):
-    """A mission that was interrupted: its item, and where it was flying to, if the vehicle reports that."""
-
-    item: int | None
-    towards: vehicle.GoToOrder | None
+_WORDS = {
+    Commander.ROUTE: "plan", Commander.ORDER: "order", Commander.MISSION: "mission", Commander.AVOIDANCE: "diverted",
+}  # fmt: skip
 
 
 @dataclass(slots=True)
-class Pilot:
+class Pilot(HeardVehicle):
     """One vehicle's commands. Times are federation time.
 
     Attributes:
-        control: the person's consent to command the vehicle at all; without it the pilot only watches.
-        missions: the person's consent to interrupt a mission (AUTO) in order to give way.
-        clock: federation time now; None: the time of the last event.
-        note: takes words for users.
         errand: the last order or leg of the plan, and what has become of it.
         standing: the order that replaces the plan, until another one, or its end.
         diversion: the present manoeuvre, and whether it is flown; None when the vehicle does not give way.
+        mission: the mission that commands the vehicle, or waits.
     """
 
-    control: bool = False
-    plan: FlightPlan | None = None
-    limits: FlightLimits = field(default_factory=FlightLimits)
-    missions: bool = False
-    clock: Callable[[], int] | None = None
-    note: Callable[[str], None] = lambda _text: None
-    status: vehicle.StatusReport | None = None
-    fix: Fix | None = None
     errand: Errand | None = None
     standing: vehicle.Order | None = None
     diversion: Errand | None = None
-    bounds: Bounds = field(default_factory=Bounds)
-    _now_us: int = 0
-    _heard_us: int = 0
+    mission: MissionClaim = field(default_factory=MissionClaim)
     _item: int | None = None
     _resumed_us: int = -RESUMES_US
-    _target: vehicle.TargetReport | None = None
-    _target_us: int = -HEARD_WITHIN_US
     _before: vehicle.Order | None = None
-    _aside: vehicle.Order | _Mission | None = None
+    _aside: vehicle.Order | InterruptedMission | None = None
     _moved: bool = False
     _suspended: bool = False
     _raised_to_m: float | None = None
@@ -80,6 +61,7 @@ class Pilot:
     _attempts: int = 0
     _again_us: int | None = None
     _number: int = 0
+    _ground_number: int = 0
 
     # -- what the vehicle says ---------------------------------------------------------------------------------
 
@@ -107,18 +89,21 @@ class Pilot:
         return commands
 
     def _on_status(self, status: vehicle.StatusReport, now_us: int) -> None:
-        if self.status is not None and now_us - self._heard_us > FORGETS_US:
+        if self.status is not None and now_us - self.heard_us > FORGETS_US:
             self.bounds.forget()
-        before, self.status, self._heard_us = self.status, status, now_us
+        before, self.status, self.heard_us = self.status, status, now_us
         self._judge(lambda errand: errand.on_status(status))
         if not status.armed:
             self._forget()
             self._suspended = False
         elif not status.guided and not self._flies_mission(before, status, now_us):
-            self._target = None
+            self.target = None
             on_plan = self._goal is not None and self.flying == "plan"
-            ours = on_plan or self._aside is not None or self.flying in {"order", "diverted"}
-            if ours and not isinstance(self.standing, _ENDINGS):
+            ours = on_plan or self._aside is not None or self.flying in {"order", "diverted", "mission"}
+            is_ending = isinstance(self.standing, ENDINGS) and not (
+                self.mission.name and status.mode not in vehicle.MODES_OF[type(self.standing)]
+            )
+            if ours and not is_ending:
                 reason = f"the vehicle was taken over: mode {status.mode}"
                 if self.diversion is not None and not self.diversion.is_over:
                     self.diversion.end(OrderProgress.OVERTAKEN, reason)
@@ -133,11 +118,12 @@ class Pilot:
 
     def _forget(self) -> None:
         """Nothing of this flight is left to be done."""
-        self.standing = self._before = self._aside = self._goal = self._again_us = self._target = None
+        self.standing = self._before = self._aside = self._goal = self._again_us = self.target = None
         self._raised_to_m = self._lowered_to_m = None
         self._moved, self._attempts = False, 0
 
     def _take_over(self, reason: str) -> None:
+        self.mission.wait(reason)
         if not self._suspended:
             self.note(f"{reason}; nothing is sent until you ask for it (dyknow delegate resume, goto or hold)")
         self._forget()
@@ -145,21 +131,23 @@ class Pilot:
 
     def _on_target(self, target: vehicle.TargetReport, now_us: int) -> None:
         """A target that is not ours is another station's: it replaces what was remembered."""
-        self._target_us = now_us
+        self.target_us = now_us
         current = self.diversion or self.errand
         self._judge(lambda errand: errand.on_target(target, now_us))
         if current is not None and (current.is_ours(target) or not current.is_over):
             return
-        self._target = target
+        self.target = target
         if self._aside is not None and self.diversion is not None:
             self._aside, self._moved = None, False
         if current is not None and current is self.errand and current.progress is OrderProgress.OVERTAKEN:
             self.standing = None
-            if self._goal is not None:
+            if self._goal is not None or self.mission.name:
                 self._take_over("another ground station has sent the vehicle elsewhere")
-                self._target = target
+                self.target = target
 
     def _on_result(self, result: vehicle.CommandResult, now_us: int) -> None:
+        if result.number == self._ground_number and not result.accepted:
+            self.mission.refusal = f"autopilot: {result.reason}"
         errand, is_leg = self.errand, self._goal is not None and self.standing is None
         self._judge(lambda each: each.on_result(result))
         if result.accepted or errand is None or result.number != errand.command.number:
@@ -204,10 +192,6 @@ class Pilot:
         self._judge(lambda errand: errand.on_time(now_us))
 
     @property
-    def now_us(self) -> int:
-        return self._now_us if self.clock is None else max(self._now_us, self.clock())
-
-    @property
     def deadline_us(self) -> int | None:
         """When time alone changes something."""
         due_us = None if self.errand is None else self.errand.deadline_us
@@ -218,8 +202,9 @@ class Pilot:
     def _fly(self, now_us: int) -> list[vehicle.Command]:
         if self._again_us is not None and now_us >= self._again_us:
             self._goal, self._again_us = None, None
-        blocked = self._suspended or self.diversion is not None or self.standing is not None
-        if self.plan is None or self.fix is None or blocked or now_us < self.plan.start_us:
+        if self.plan is None or self.fix is None or now_us < self.plan.start_us:
+            return []
+        if self.claims.commander is not Commander.ROUTE:
             return []
         self._leg, wanted = self.plan.next_leg(self._leg, self.fix, self.clamped)
         if wanted is None or wanted == self._goal or self.refusal(wanted) is not None:
@@ -239,7 +224,7 @@ class Pilot:
         return self.errand.command
 
     def _errand(self, order: vehicle.Order) -> Errand:
-        tells = self.now_us - self._target_us <= HEARD_WITHIN_US
+        tells = self.now_us - self.target_us <= HEARD_WITHIN_US
         return Errand(self._command(order), self.now_us, self.fix, tells)
 
     def _command(self, order: vehicle.Order) -> vehicle.Command:
@@ -248,21 +233,13 @@ class Pilot:
 
     # -- the rules ---------------------------------------------------------------------------------------------
 
-    def refusal(self, order: vehicle.Order) -> str | None:
-        """The rule that forbids `order` now, in words, or None."""
-        return (
-            unready(self.status, self.now_us - self._heard_us, control=self.control)
-            or unguided(order, self.status, missions=self.missions)
-            or self.bounds.outside(order, self.limits, self.fix)
-        )
-
     @property
     def avoidance_off(self) -> str | None:
         """Why the vehicle would not give way now, though the platform may command it: its mode, or its pilot."""
         status = self.status
         if not self.control or status is None or not (status.armed and status.airborne):
             return None
-        if not (status.guided or self._may_interrupt):
+        if not (status.guided or self.may_interrupt):
             return f"mode {status.mode}"
         return "its pilot took over" if self._is_taken_over else None
 
@@ -271,39 +248,92 @@ class Pilot:
         """Whether nothing is sent until a user asks for it."""
         return self._suspended and self.standing is None
 
-    @property
-    def _may_interrupt(self) -> bool:
-        """Whether the vehicle flies a mission that may be interrupted."""
-        return self.missions and self.status is not None and self.status.mode in vehicle.MISSION_MODES
-
     # -- orders ------------------------------------------------------------------------------------------------
 
-    def order(self, order: vehicle.Order) -> list[vehicle.Command]:
-        """Carry out an order: it replaces the plan until `proceed`.
+    def order(self, order: vehicle.Order, by: Commander = Commander.ORDER) -> list[vehicle.Command]:
+        """Carry out an order: it replaces the route until `proceed`. One of a user's to stop has a mission wait.
 
         Raises:
-            Refused: naming the rule.
+            Refused: naming the rule, or who commands the vehicle.
         """
-        self._check(order)
-        if self.diversion is not None and not isinstance(order, _ENDINGS):
-            raise Refused("the vehicle is giving way to another; ask again when it flies on", "giving-way")
+        self.check(order)
+        self._claims_against(order, by).check(by)
+        if by is Commander.ORDER:
+            self.mission.wait(f"a user ordered {in_words(order)}")
         if self.standing is None:
-            self._before = self._others_target()
+            self._before = self.others_target()
         self.diversion = self._aside = None
         self.standing = order
         return [self._begin(order)]
 
+    def _claims_against(self, order: vehicle.Order, by: Commander) -> CommandClaims:
+        """A commander from which a user takes the vehicle by asking in person has no claim."""
+        if by is not Commander.ORDER:
+            return self.claims._replace(hands=self.mission.waits or self.claims.hands)
+        claims = self.claims._replace(hands="")
+        if isinstance(order, arbiter.STOPS):
+            claims = claims._replace(mission="")
+        return claims._replace(avoidance="") if isinstance(order, ENDINGS) else claims
+
+    @property
+    def claims(self) -> CommandClaims:
+        """The commanders that would have the vehicle now."""
+        return CommandClaims(
+            "route" if self._has_route else "",
+            "" if self.standing is None else in_words(self.standing),
+            "" if self.mission.waits else self.mission.name,
+            "" if self.diversion is None else "the vehicle is giving way to another",
+            (self.mission.waits or "its pilot took over") if self._is_taken_over else "",
+        )
+
+    @property
+    def _has_route(self) -> bool:
+        flies = self.plan is not None and self._leg < len(self.plan.waypoints)
+        return flies and not self._suspended and not self.mission.name
+
+    def begin_mission(self, name: str) -> None:
+        """Have a mission command the vehicle from now on; raises Refused: without control, or in its pilot's hands."""
+        status = self.status
+        is_armed = status is not None and status.armed
+        armed = vehicle.HoldOrder() if status is not None and status.airborne else vehicle.TakeOffOrder(0.0)
+        self.check(armed if is_armed else vehicle.SetGuided())
+        self.claims.check(Commander.MISSION)
+        if self.mission.name and self.mission.name != name:
+            raise Refused(f"mission {self.mission.name} has the vehicle", "mission")
+        self.mission = MissionClaim(name)
+
+    def end_mission(self) -> None:
+        """The mission is over; what it ordered last stands."""
+        self.mission = MissionClaim()
+
+    def prepare(self, order: vehicle.Order) -> list[vehicle.Command]:
+        """Have the vehicle take off for the mission, or get ready for it; raises Refused, as `order`."""
+        self.check(order)
+        self._claims_against(order, Commander.MISSION).check(Commander.MISSION)
+        command, self.errand, self.standing = self._command(order), None, None
+        self._ground_number, self.mission.refusal = command.number, ""
+        return [command]
+
     def proceed(self) -> list[vehicle.Command]:
-        """End what was ordered: fly the plan on, or once to where the vehicle was sent before the order.
+        """End what was ordered: a mission that waits continues; else fly the plan on, or once to where the vehicle was sent.
 
         Raises:
             Refused: as any order is, or the vehicle is giving way, or there is nothing to fly; nothing has changed then.
         """
-        self._check(vehicle.HoldOrder())
+        if self.mission.waits:
+            mission, self.mission = self.mission, MissionClaim()
+            self._suspended, self.standing = False, None
+            try:
+                self.begin_mission(mission.name)
+            except Refused:
+                self.mission = mission
+                raise
+            return []
+        self.check(vehicle.HoldOrder())
         if self.diversion is not None:
             raise Refused("the vehicle is giving way to another; it flies on by itself", "giving-way")
         leg, wanted = self._interrupted()
-        self._check(wanted)
+        self.check(wanted)
         self.standing, self._before, self._suspended = None, None, False
         if self.plan is not None:
             self._leg, self._goal, self._attempts, self._again_us = leg, wanted, 1, None
@@ -319,26 +349,11 @@ class Pilot:
         if now_us < self.plan.start_us:
             raise Refused(f"the plan begins in {(self.plan.start_us - now_us) / 1e6:.1f} s", "plan-not-begun")
         if fix is None or now_us - fix.valid_us > HEARD_WITHIN_US:
-            raise Refused("the vehicle's position is not known", _FORBIDDEN)
+            raise Refused("the vehicle's position is not known", FORBIDDEN)
         leg, wanted = self.plan.next_leg(self._leg, fix, self.clamped)
         if wanted is None:
             raise Refused("the plan is over", "plan-over")
         return leg, wanted
-
-    def _check(self, order: vehicle.Order) -> None:
-        """Raise Refused if a rule forbids `order`."""
-        reason = self.refusal(order)
-        if reason is not None:
-            raise Refused(reason, _FORBIDDEN)
-
-    def stop(self, altitude_m: float | None, place: tuple[float, float] | None = None) -> vehicle.Order:
-        """The order to stop there, see `divert`; in a mission it is one that leaves it."""
-        fix, interrupts = self.fix, self._may_interrupt
-        if fix is None or (altitude_m is None and place is None and not interrupts):
-            return vehicle.HoldOrder()
-        kind = vehicle.InterruptOrder if interrupts else vehicle.GoToOrder
-        latitude_deg, longitude_deg = place or (fix.latitude_deg, fix.longitude_deg)
-        return kind(latitude_deg, longitude_deg, fix.altitude_m if altitude_m is None else altitude_m)
 
     def divert(self, altitude_m: float | None, place: tuple[float, float] | None = None) -> list[vehicle.Command]:
         """Avoid another vehicle: stop at `altitude_m` above mean sea level, at `place` (WGS-84 degrees); None: where it is.
@@ -347,9 +362,8 @@ class Pilot:
             Refused: naming the rule.
         """
         order = self.stop(altitude_m, place)
-        self._check(order)
-        if self._is_taken_over:
-            raise Refused("its pilot took over: nothing is sent until a user asks for it")
+        self.check(order)
+        self.claims.check(Commander.AVOIDANCE)
         if self.diversion is None and self._aside is None:
             self._aside, self._moved = self._doing(), False
         if self.errand is not None and not self.errand.is_over:
@@ -357,20 +371,14 @@ class Pilot:
         self.diversion = self._errand(order)
         return [self.diversion.command]
 
-    def _doing(self) -> vehicle.Order | _Mission | None:
+    def _doing(self) -> vehicle.Order | InterruptedMission | None:
         """What the vehicle does, to return to it; the plan needs no memory."""
-        target = self._others_target()
-        if self._may_interrupt:
-            return _Mission(self._item, target)
+        target = self.others_target()
+        if self.may_interrupt:
+            return InterruptedMission(self._item, target)
         errand = self.errand
         taken = errand is not None and errand.order == self.standing and not errand.is_over
         return self.standing if taken else target if self.plan is None else None
-
-    def _others_target(self) -> vehicle.GoToOrder | None:
-        """Where a ground station, or the mission, has sent the vehicle, if it says so still."""
-        if self._target is None or self.now_us - self._target_us > HEARD_WITHIN_US:
-            return None
-        return vehicle.GoToOrder(self._target.latitude_deg, self._target.longitude_deg, self._target.altitude_m)
 
     def resume(self, raised_to_m: float | None = None, lowered_to_m: float | None = None) -> list[vehicle.Command]:
         """Fly on as before the diversion, not below the one or above the other while they are given.
@@ -395,9 +403,9 @@ class Pilot:
         wanted = self._back_to(aside) if moved else None
         return [] if wanted is None or self.refusal(wanted) is not None else [self._begin(wanted)]
 
-    def _back_to(self, aside: vehicle.Order | _Mission | None) -> vehicle.Order | None:
+    def _back_to(self, aside: vehicle.Order | InterruptedMission | None) -> vehicle.Order | None:
         """What to order so that the vehicle does again what it did; the lower of two flies a mission with no target on."""
-        if isinstance(aside, _Mission):
+        if isinstance(aside, InterruptedMission):
             if self._raised_to_m is None and (self._lowered_to_m is None or aside.towards is None):
                 self._item, self._aside, self._moved = aside.item, None, False
                 return vehicle.ResumeMissionOrder()
@@ -406,13 +414,5 @@ class Pilot:
 
     @property
     def flying(self) -> str:
-        """What the vehicle is doing for us, in a word: `watching`, `diverted`, `order`, `plan` or `holding`."""
-        if not self.control:
-            return "watching"
-        if self.diversion is not None:
-            return "diverted"
-        if self.standing is not None:
-            return "order"
-        if self.plan is not None and self._leg < len(self.plan.waypoints) and not self._suspended:
-            return "plan"
-        return "holding"
+        """What the vehicle is doing for us, in a word: `watching`, `diverted`, `mission`, `order`, `plan` or `holding`."""
+        return _WORDS.get(self.claims.commander, "holding") if self.control else "watching"

@@ -20,8 +20,15 @@ from agents.flight.encounters import (
     KEEP_M,
     NEAR_Z_M,
     OPENING_US,
+    Divert,
     EncounterPhase,
+    LeaveToPartner,
     ManoeuvreRole,
+    NeitherCan,
+    Over,
+    Propose,
+    ResumeRoute,
+    Step,
     braking_m,
     climber_of,
     converge,
@@ -33,7 +40,6 @@ from agents.flight.encounters import (
 from agents.flight.evidence import BUDGET_US
 from agents.flight.levels import LOWER_M, SEPARATION_M
 from agents.flight.places import Fix
-from agents.flight.steps import Divert, LeaveToPartner, NeitherCan, Over, Propose, ResumeRoute, Step
 from navigation.geodesy import distance_m
 
 METRE_DEG = 1 / 111_320.0

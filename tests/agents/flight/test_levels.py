@@ -6,10 +6,9 @@ from itertools import combinations, permutations
 import pytest
 
 from agents.flight.avoidance import WOULD_HOLD, Avoidance, May
-from agents.flight.encounters import CLEAR_M, ManoeuvreRole
+from agents.flight.encounters import CLEAR_M, LeaveToPartner, ManoeuvreRole, Propose, Step
 from agents.flight.levels import code_of, is_of_level, level_of, mover, together, ways
 from agents.flight.places import Fix
-from agents.flight.steps import LeaveToPartner, Propose, Step
 
 METRE_DEG = 1 / 111_320.0
 CLIMB, DESCEND, HOLD, ASIDE = ManoeuvreRole

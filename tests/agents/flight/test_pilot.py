@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import pytest
 
+from agents.flight.arbiter import HEARD_WITHIN_US
 from agents.flight.errand import OrderProgress
 from agents.flight.pilot import ATTEMPTS, FORGETS_US, RETRY_US, Pilot
 from agents.flight.places import FlightLimits, FlightPlan, Waypoint
-from agents.flight.rules import HEARD_WITHIN_US
 from dyknow import Sample
 from dyknow.model.errors import Refused
 from navigation.vehicle import (
@@ -613,7 +613,7 @@ def test_with_leave_a_mission_is_interrupted_to_give_way_and_resumed_at_its_item
 def test_of_two_whose_missions_report_no_target_the_lower_flies_on_and_the_higher_waits() -> None:
     for lower in (True, False):
         flown = on_mission(missions=True)
-        flown._target = None
+        flown.target = None
         (command,) = flown.divert(None)
         told(flown, command, accepted=True)
         flown.on_report(FLIES, 100_000)

@@ -1,0 +1,139 @@
+"""Arbitration between the commanders of a vehicle, and what its state forbids to all.
+
+One of its commanders has it: its pilot's own hands (a mode that takes no positions, and whatever has happened
+since until a user asks for something), then giving way to another vehicle, then a mission, then a single order, then the
+route that the platform was started with. A vehicle that stands disarmed is in no hands.
+
+Each rule about the vehicle's state is a sentence, or None where it forbids nothing. Where the vehicle may be sent is in
+`agents.flight.places`.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final, NamedTuple
+
+from dyknow.model.errors import Refused
+from navigation import vehicle
+
+HEARD_WITHIN_US = 3_000_000
+_FOR_MISSIONS = vehicle.InterruptOrder | vehicle.ResumeMissionOrder | vehicle.MissionItemOrder
+"""What may be sent to a vehicle in AUTO: to leave its mission, and to continue it."""
+NO_CONTROL: Final = "this platform was not given control of its vehicle (join with --control)"
+_MODE = "the vehicle is in mode {}"
+ENDINGS: Final = vehicle.LandOrder | vehicle.ReturnHomeOrder
+STOPS: Final = vehicle.HoldOrder | ENDINGS
+"""Single orders that take a vehicle from a mission: it then waits, as for the pilot's hands."""
+GROUND: Final = vehicle.SetGuided | vehicle.Arm | vehicle.TakeOffOrder
+"""Orders with which a mission takes off."""
+
+
+class Commander(IntEnum):
+    """A commander of a vehicle; of two the greater one has it."""
+
+    NONE = 0
+    ROUTE = 1
+    ORDER = 2
+    MISSION = 3
+    AVOIDANCE = 4
+    HANDS = 5
+
+
+@dataclass(slots=True)
+class MissionClaim:
+    """The mission that commands a vehicle, or would.
+
+    Attributes:
+        name: of the mission; empty: there is none.
+        waits: why it commands nothing now; empty: it does.
+        refusal: why the autopilot did not do what was last ordered on the ground.
+    """
+
+    name: str = ""
+    waits: str = ""
+    refusal: str = ""
+
+    def wait(self, reason: str) -> None:
+        """Command nothing until a user has it continue; the first reason counts."""
+        self.waits = self.waits or (reason if self.name else "")
+
+
+class CommandClaims(NamedTuple):
+    """Those that would command a vehicle, in the order of `Commander`, each with its reason or name; empty: does not."""
+
+    route: str = ""
+    order: str = ""
+    mission: str = ""
+    avoidance: str = ""
+    hands: str = ""
+
+    @property
+    def commander(self) -> Commander:
+        """The one that does."""
+        return Commander(max((at for at, claim in enumerate(self, 1) if claim), default=0))
+
+    def check(self, by: Commander) -> None:
+        """Raise Refused if another one goes before `by`, naming it: `hands`, `giving-way`, `mission`."""
+        first = self.commander
+        if first <= by:
+            return
+        if first is Commander.HANDS:
+            raise Refused(f"{self.hands}: nothing is sent until a user asks for it", "hands")
+        if first is Commander.AVOIDANCE:
+            raise Refused(f"{self.avoidance}; ask again when it flies on", "giving-way")
+        raise Refused(f"mission {self.mission} commands the vehicle: end it with dyknow mission abort", "mission")
+
+
+def _unheard(status: vehicle.StatusReport | None, silent_us: int) -> str | None:
+    if status is None:
+        return "the vehicle has not said in what state it is"
+    return f"no heartbeat for {silent_us / 1e6:.1f} s" if silent_us > HEARD_WITHIN_US else None
+
+
+def grounded(order: vehicle.Order, status: vehicle.StatusReport | None, silent_us: int, *, control: bool) -> str | None:
+    """Why an order for taking off may not be sent: only a vehicle that stands disarmed is put into a guided mode."""
+    if not control:
+        return NO_CONTROL
+    unheard = _unheard(status, silent_us)
+    if unheard is not None or status is None:
+        return unheard
+    if status.airborne:
+        return "the vehicle is airborne"
+    if isinstance(order, vehicle.SetGuided):
+        return "the vehicle is armed, and its pilot chose its mode" if status.armed else None
+    if not status.guided:
+        return _MODE.format(status.mode) + ", which takes no positions"
+    return "the vehicle is not armed" if isinstance(order, vehicle.TakeOffOrder) and not status.armed else None
+
+
+def unready(status: vehicle.StatusReport | None, silent_us: int, *, control: bool) -> str | None:
+    """Why no order at all may be sent; `silent_us`: since when nothing has been heard."""
+    if not control:
+        return NO_CONTROL
+    unheard = _unheard(status, silent_us)
+    if unheard is not None or status is None:
+        return unheard
+    if not status.armed:
+        return "the vehicle is not armed"
+    return None if status.airborne else "the vehicle is not airborne"
+
+
+def unguided(order: vehicle.Order, status: vehicle.StatusReport | None, *, missions: bool) -> str | None:
+    """Why the vehicle's mode forbids `order`; `missions`: whether a mission may be interrupted to give way."""
+    if status is None or status.guided:
+        return None
+    if status.mode not in vehicle.MISSION_MODES:
+        return _MODE.format(status.mode) + ", which takes no positions; a guided mode is needed"
+    if missions:
+        only = ": only giving way interrupts a mission"
+        return None if isinstance(order, _FOR_MISSIONS) else _MODE.format(status.mode) + only
+    remedy = "a guided mode is needed; --control auto lets it be interrupted to give way"
+    return f"{_MODE.format(status.mode)}, which takes no positions; {remedy}"
+
+
+def in_words(order: vehicle.Order) -> str:
+    """The order, as users write it."""
+    match order:
+        case vehicle.GoToOrder() | vehicle.InterruptOrder():
+            return f"goto {order.latitude_deg:.6f} {order.longitude_deg:.6f} at {order.altitude_m:.1f} m"
+        case _:
+            return type(order).__name__.removesuffix("Order").lower()

@@ -1,0 +1,89 @@
+"""What a platform has heard of its vehicle, and which orders that allows. Times are federation time."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from agents.flight import arbiter
+from agents.flight.arbiter import HEARD_WITHIN_US
+from agents.flight.places import Bounds, Fix, FlightLimits, FlightPlan
+from dyknow.model.errors import Refused
+from navigation import vehicle
+
+FORBIDDEN: Final = "forbidden"
+"""The code of a refusal by a rule."""
+
+
+class InterruptedMission(NamedTuple):
+    """A mission of the autopilot's that was interrupted: its item, and where it was flying to, if the vehicle reports that."""
+
+    item: int | None
+    towards: vehicle.GoToOrder | None
+
+
+@dataclass(slots=True)
+class HeardVehicle:
+    """One vehicle's state, as it reports it.
+
+    Attributes:
+        control: the person's consent to command the vehicle at all; without it the pilot only watches.
+        missions: the person's consent to interrupt a mission (AUTO) in order to give way.
+        clock: federation time now; None: the time of the last event.
+        note: takes words for users.
+        heard_us: when it said last in what state it is; target_us: where it flies to.
+    """
+
+    control: bool = False
+    plan: FlightPlan | None = None
+    limits: FlightLimits = field(default_factory=FlightLimits)
+    missions: bool = False
+    clock: Callable[[], int] | None = None
+    note: Callable[[str], None] = lambda _text: None
+    status: vehicle.StatusReport | None = None
+    fix: Fix | None = None
+    bounds: Bounds = field(default_factory=Bounds)
+    _now_us: int = 0
+    heard_us: int = 0
+    target: vehicle.TargetReport | None = None
+    target_us: int = -HEARD_WITHIN_US
+
+    @property
+    def now_us(self) -> int:
+        return self._now_us if self.clock is None else max(self._now_us, self.clock())
+
+    def refusal(self, order: vehicle.Order) -> str | None:
+        """The rule that forbids `order` now, in words, or None."""
+        silent_us = self.now_us - self.heard_us
+        if isinstance(order, arbiter.GROUND):
+            return arbiter.grounded(order, self.status, silent_us, control=self.control)
+        return (
+            arbiter.unready(self.status, silent_us, control=self.control)
+            or arbiter.unguided(order, self.status, missions=self.missions)
+            or self.bounds.outside(order, self.limits, self.fix)
+        )
+
+    @property
+    def may_interrupt(self) -> bool:
+        """Whether the vehicle flies a mission that may be interrupted."""
+        return self.missions and self.status is not None and self.status.mode in vehicle.MISSION_MODES
+
+    def check(self, order: vehicle.Order) -> None:
+        """Raise Refused if a rule forbids `order`."""
+        reason = self.refusal(order)
+        if reason is not None:
+            raise Refused(reason, FORBIDDEN)
+
+    def others_target(self) -> vehicle.GoToOrder | None:
+        """Where a ground station, or the mission, has sent the vehicle, if it says so still."""
+        if self.target is None or self.now_us - self.target_us > HEARD_WITHIN_US:
+            return None
+        return vehicle.GoToOrder(self.target.latitude_deg, self.target.longitude_deg, self.target.altitude_m)
+
+    def stop(self, altitude_m: float | None, place: tuple[float, float] | None = None) -> vehicle.Order:
+        """The order to stop there, see `divert`; in a mission it is one that leaves it."""
+        fix, interrupts = self.fix, self.may_interrupt
+        if fix is None or (altitude_m is None and place is None and not interrupts):
+            return vehicle.HoldOrder()
+        kind = vehicle.InterruptOrder if interrupts else vehicle.GoToOrder
+        latitude_deg, longitude_deg = place or (fix.latitude_deg, fix.longitude_deg)
+        return kind(latitude_deg, longitude_deg, fix.altitude_m if altitude_m is None else altitude_m)
