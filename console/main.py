@@ -33,6 +33,7 @@ COMMANDS: CommandTable = {
         f"{_OBJECTS}.world:world",
         "What exists, its type and place, with degrees of belief, from recorded observations.",
     ),
+    "match": (f"{_OBJECTS}.match:match", "Which percepts match a description: the anchoring case, and the recovery."),
     "objects": (f"{_OBJECTS}.objects:objects", "The objects that platforms see, each with its newest state."),
     "explain": (f"{_OBJECTS}.events:explain", "Why an object is what it is: its links, and what made and ended them."),
     "events": (f"{_OBJECTS}.events:events", "What happened to objects: links made and ended, what was recognised."),

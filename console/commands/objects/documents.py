@@ -1,0 +1,25 @@
+"""JSON documents that commands read: from a file, or from standard input."""
+
+import sys
+from pathlib import Path
+
+from console.commands.texts.specification_files import STANDARD_INPUT
+from dyknow.model.errors import WrongCall
+
+
+def read_document(path: Path) -> tuple[bytes, str]:
+    """The bytes of a file, or of standard input if it is called `-`, and its name; raises WrongCall.
+
+    A little more than is allowed is read, so that a document that is too long is refused by its reader.
+    """
+    from reasoning.monitoring.json_documents import LONGEST
+
+    if str(path) == STANDARD_INPUT:
+        return sys.stdin.buffer.read(LONGEST + 1), "standard input"
+    try:
+        with path.open("rb") as file:
+            return file.read(LONGEST + 1), str(path)
+    except OSError as error:
+        raise WrongCall(
+            f"{path} cannot be read ({error.strerror}); it is a JSON file, or - for standard input."
+        ) from None

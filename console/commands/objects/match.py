@@ -1,0 +1,28 @@
+"""`dyknow match`: which percepts could be a described object, and what is to be done if that is ambiguous."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from console.command import Call, command
+from console.commands.objects.documents import read_document
+from console.errors import DONE
+
+
+@command(example="dyknow match examples/matching/marked.json")
+def match(
+    call: Call,
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE.json", help="A description and percepts; - for standard input.")
+    ],
+) -> int:
+    """Which percepts match a description: one of the five anchoring cases, the anchors, the recovery, and reasons."""
+    from anchoring.matching.files import read_matching, situation_json
+    from anchoring.matching.situations import classify
+
+    given = read_matching(*read_document(file))
+    for sentence in given.ignored:
+        call.out.note(sentence, style="yellow")
+    call.out.line(situation_json(classify(given.description, given.percepts, given.options)))
+    return DONE
