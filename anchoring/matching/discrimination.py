@@ -36,7 +36,7 @@ def discriminating_property(percepts: Mapping[str, PerceptProperties], gates: Ob
     """The property that leaves the fewest percepts at worst, whatever the answer is; then the first by name.
 
     A property of the description is as good as any other: of a set of allowed values the percepts may have several. A percept
-    of which the property is unobserved remains possible under every answer.
+    whose property is unobserved remains possible under every answer.
     """
     groups = _observed_values(percepts, gates)
     best: tuple[int, str] | None = None

@@ -1,10 +1,10 @@
 """Anchoring situations as JSON: a description with percepts is read, what became of them is printed.
 
-    {"description": {"shape": ["gasbottle"], "mark": [true], "height_m": {"from": 1.0, "to": 1.6, "soft": 0.2},
+    {"description": {"kind": ["gasbottle"], "mark": [true], "height_m": {"from": 1.0, "to": 1.6, "soft": 0.2},
                      "colour": {"degrees": {"red": 1, "orange": 0.6}}, "place_m": {"near": [4, 2], "within_m": 0.5}},
      "definite": true, "functionality": "find", "cautious": false, "no_other_similar": false,
      "threshold": 1.0, "least_confidence": 0.5, "gate_m": 0.5,
-     "percepts": {"po1": {"shape": "gasbottle", "mark": null, "colour": {"value": "red", "confidence": 0.9},
+     "percepts": {"po1": {"kind": "gasbottle", "mark": null, "colour": {"value": "red", "confidence": 0.9},
                           "place_m": {"value": [4.1, 2.0], "sd_m": 0.3}}}}
 
 `description` and `percepts` are needed; a value alone stands for a set of one. null, or no entry, is unobserved.
@@ -30,7 +30,7 @@ MOST_PROPERTIES: Final = 64
 MOST_VALUES: Final = 1000
 MOST_REASONS: Final = 1000
 FARTHEST: Final = 1e9
-EXAMPLE: Final = '{"description": {"shape": ["gasbottle"]}, "percepts": {"po1": {"shape": "gasbottle"}}}'
+EXAMPLE: Final = '{"description": {"kind": ["gasbottle"]}, "percepts": {"po1": {"kind": "gasbottle"}}}'
 _ALLOWED: Final = (
     '["red"], {"from": 1, "to": 2}, {"near": [4, 2], "within_m": 1} or {"degrees": {"red": 1, "orange": 0.6}}'
 )
@@ -144,7 +144,7 @@ def _graded(table: JsonTable) -> AllowedValues:
 
 def _percept(seen: JsonTable, name: str) -> Mapping[str, ObservedProperty | None]:
     _check_name(seen, name)
-    table = seen.table(name, '{"shape": "gasbottle", "mark": null}')
+    table = seen.table(name, '{"kind": "gasbottle", "mark": null}')
     if len(table.entries) > MOST_PROPERTIES:
         raise seen.error(name, f"more than {MOST_PROPERTIES} properties", "those that descriptions speak of")
     return {each: _observed(table, each) for each in table.entries}

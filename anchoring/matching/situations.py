@@ -1,6 +1,6 @@
 """The five cases of an anchoring situation: what Find and Reacquire return, and which recovery there is.
 
-"Have another look", section 3. The cases are told apart by how many percepts match completely and partially, and by whether
+"Have another look", section 3. The cases differ in how many percepts match completely and partially, and by whether
 the description is definite.
 """
 
