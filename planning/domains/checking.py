@@ -10,6 +10,7 @@ from typing import Any, Final
 from kpl.diagnostics.collector import ErrorCollector, nearest
 from planning.domains import model
 from planning.domains.model import BOOLEAN, NUMBER, Application, Declarations
+from planning.domains.recoveries import check_recoveries
 from planning.domains.sorts import SortChecker
 from reasoning.formulas import tree
 
@@ -38,6 +39,7 @@ class _Checks:
         self._once((), (*found.constants, *found.features, *found.derived), "name")
         self._once(before.operators, found.operators, "operator")
         self._once((*before.controls, *before.monitors), (*found.controls, *found.monitors), "formula")
+        self._once(before.recoveries, found.recoveries, "recovery")
         for one in found.types:
             self._type(one)
         for name in found.units:
@@ -105,6 +107,7 @@ class _Checks:
             self._global(control, control.formula, monitor=False)
         for monitor in found.monitors:
             self._global(monitor, monitor.formula, monitor=True)
+        check_recoveries(found, self._declared, sorts, self._errors, self._effect)
         self._init(found.init)
         for goal in found.goals:
             sorts.formula(goal.formula, {one.name: sorts.types.of_variable(one) for one in sorts.free(goal.formula)})

@@ -19,6 +19,11 @@ NUMBER: Final = "fp"
 NUMBERS: Final = (NUMBER, "number", "integer")
 """Names of the sort of numbers; the thesis' fixed-point numbers are floating-point numbers here."""
 CONSTANTS: Final = {"UNITS_PER_SECOND": 1000}
+ACTS: Final = ("loiter", "brake", "land")
+"""What units can be told to do when a plan is left."""
+LAST_RESORTS: Final = ("ask", "drop-goal", "give-up")
+REPLANNING: Final = "replan"
+"""The name of the recovery operator that is run before every new plan."""
 FUNCTIONS: Final = {"abs": 1, "hypot": 2, "min": 2, "max": 2}
 """Functions of numbers by name, and how many numbers they take."""
 
@@ -77,12 +82,19 @@ class Constant(tree.Node):
 
 @dataclass(frozen=True, slots=True)
 class FeatureDeclaration(tree.Node):
-    """A fluent: the types of its arguments, the sort of its value, and what it is unless a problem gives it."""
+    """A fluent: the types of its arguments, the sort of its value, and what it is unless a problem gives it.
+
+    Attributes:
+        within: measured values that lie no further apart are equal to monitors, as fixed-point numbers are.
+        disturbed_us: how long an action may undo what another one needs later (thesis 7.7, causal links).
+    """
 
     name: str
     sorts: tuple[str, ...]
     sort: str
     default: Expression | None = None
+    within: float | None = None
+    disturbed_us: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +152,10 @@ class MonitorFormula(tree.Node):
 
 @dataclass(frozen=True, slots=True)
 class Operator(tree.Node):
-    """An operator in the order of its clauses; `duration` is the expected one, else the middle of `timeconstraint`."""
+    """An operator in the order of its clauses; `duration` is the expected one, else the middle of `timeconstraint`.
+
+    `recovery` is run if an action fails, or violates what its conditions, effects and durations are monitored by.
+    """
 
     name: str
     parameters: tuple[Parameter, ...]
@@ -152,6 +167,28 @@ class Operator(tree.Node):
     effects: tuple[Effect, ...] = ()
     controls: tuple[OperatorCondition, ...] = ()
     monitors: tuple[MonitorFormula, ...] = ()
+    recovery: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RecoveryOperator(tree.Node):
+    """What is done about a violation before a new plan is made (7.5.3); `replan` is done before every new plan.
+
+    Attributes:
+        parameters: named as those of the operator, or the free variables of the formula, that names it.
+        act: what units do at once.
+        assumptions: by clause; each clause changes all its features at once, from the values before it.
+        located: features of objects that are to be found by sight.
+        times: so often the fault is recovered from; the next time `then` is done.
+    """
+
+    name: str
+    parameters: tuple[Parameter, ...] = ()
+    act: str = "loiter"
+    assumptions: tuple[tuple[Effect, ...], ...] = ()
+    located: tuple[Application, ...] = ()
+    times: int = 3
+    then: str = "ask"
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,6 +239,7 @@ class Declarations:
     objects: tuple[Objects, ...] = ()
     init: tuple[Observation, ...] = ()
     goals: tuple[GoalStatement, ...] = ()
+    recoveries: tuple[RecoveryOperator, ...] = ()
 
     def joined(self, other: "Declarations") -> Self:
         """Both, this one first."""
@@ -217,6 +255,14 @@ def type_in(name: str, types: Any) -> str | None:
 def calls(expression: Expression) -> Iterator[Application]:
     """Every call of an expression, those inside others included."""
     return (node for node in tree.walk(expression) if isinstance(node, Application))
+
+
+def outer_variables(expression: Expression) -> tuple[Parameter, ...]:
+    """Variables that `forall` binds around all of a formula, inside an `always` that stands around it."""
+    inner = expression.operand if isinstance(expression, tree.Always) else expression
+    if isinstance(inner, Quantified) and inner.kind == "forall":
+        return (*inner.variables, *outer_variables(inner.body))
+    return ()
 
 
 def conjuncts(expression: Expression) -> Iterator[Expression]:

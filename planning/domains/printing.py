@@ -31,6 +31,7 @@ def print_declarations(found: Declarations) -> str:
     lines += [_operator(one) for one in found.operators]
     lines += [f"#control {_label(one.name)} {print_expression(one.formula)}" for one in found.controls]
     lines += [f"#monitor {_label(one.name)} {_monitor(one)}" for one in found.monitors]
+    lines += [_recovery(one) for one in found.recoveries]
     lines += [f"#objects {one.sort} = {{{', '.join(one.names)}}}" for one in found.objects]
     lines += [
         f"#init {_stamp('', one.at_ms) if one.at_ms else ''}{_change(one.target, one.value)}" for one in found.init
@@ -47,7 +48,22 @@ def _type(one: model.TypeDeclaration) -> str:
 def _feature(one: model.FeatureDeclaration) -> str:
     sorts = f"({', '.join(one.sorts)})" if one.sorts else ""
     default = "" if one.default is None else f" = {print_expression(one.default)}"
-    return f"#feature {one.name}{sorts} : {one.sort}{default}"
+    within = "" if one.within is None else f" :within {one.within!r}"
+    disturbed = "" if one.disturbed_us is None else f" :disturbed {_time(one.disturbed_us)}"
+    return f"#feature {one.name}{sorts} : {one.sort}{default}{within}{disturbed}"
+
+
+def _recovery(one: model.RecoveryOperator) -> str:
+    lines = [f"#recovery {one.name}{_params(one.parameters)}", f"  :act {one.act}"]
+    lines += [f"  :assume {', '.join(map(_assumption, each))}" for each in one.assumptions]
+    lines += [f"  :locate {', '.join(map(print_expression, one.located))}"] if one.located else []
+    return "\n".join([*lines, f"  :times {one.times} {one.then}"])
+
+
+def _assumption(one: model.Effect) -> str:
+    variables = f"forall {_variables(one.variables)}: " if one.variables else ""
+    condition = "" if one.condition is None else f"{_show(one.condition, _OR, last=False)} -> "
+    return f"{variables}{condition}{_change(one.target, one.value)}"
 
 
 def _goal(one: model.GoalStatement) -> str:
@@ -82,6 +98,7 @@ def _operator(one: model.Operator) -> str:
     lines += [_condition(":prevail", "[start, end] ", each) for each in one.prevail]
     lines += [f"  :effects {'monitored ' if each.monitored else ''}{_effect(each)}" for each in one.effects]
     lines += [_condition(":control", "[start] ", each) for each in one.controls]
+    lines += [f"  :recovery {one.recovery}"] if one.recovery else []
     lines += [f"  :monitor {_monitor(each)}" for each in one.monitors]
     return "\n".join(lines)
 

@@ -13,6 +13,8 @@ from planning.domains.model import Application, Declarations, Expression
 from reasoning.formulas import tree
 
 LIMIT_OBJECTS: Final = 200_000
+LIMIT_TIMES: Final = 1000
+"""Most recoveries from one fault."""
 _NOTHING: Final = Declarations()
 
 
@@ -65,6 +67,7 @@ class _StatementReader(ExpressionReader):
             "operator": ("operators", self._operator),
             "control": ("controls", self._control),
             "monitor": ("monitors", self._monitor),
+            "recovery": ("recoveries", self._recovery),
             "objects": ("objects", self._objects),
             "init": ("init", self._init),
             "goal": ("goals", self._goal),
@@ -87,15 +90,27 @@ class _StatementReader(ExpressionReader):
         return [model.Constant(name_in(name), self.read(value), place=place_of(name, self.text))]
 
     def _feature(self, node: Any) -> list[Any]:
-        parts = [one for one in node.children if hasattr(one, "data")]
+        parts = [one for one in node.children if hasattr(one, "data") and one.data not in {"within", "disturbed"}]
+        options = {one.data: one.children[-1] for one in node.children if one not in parts and hasattr(one, "data")}
         name, *rest = parts
         sorts: tuple[str, ...] = ()
         if rest[0].data == "sorts":
             sorts = tuple(name_in(one) for one in rest.pop(0).children)
         default = self.read(rest[1]) if len(rest) > 1 else None
+        within = self._not_negative(options["within"], "a tolerance", ":within 0.5") if "within" in options else None
+        disturbed_us = self.time_us(options["disturbed"]) if "disturbed" in options else None
+        place = place_of(name, self.text)
         return [
-            model.FeatureDeclaration(name_in(name), sorts, name_in(rest[0]), default, place=place_of(name, self.text))
+            model.FeatureDeclaration(name_in(name), sorts, name_in(rest[0]), default, within, disturbed_us, place=place)
         ]
+
+    def _not_negative(self, node: Any, what: str, repair: str) -> float:
+        number = self.read(node)
+        is_number = isinstance(number, tree.Const) and not isinstance(number.value, bool | str)
+        value = float(number.value) if is_number else -1.0
+        if not value >= 0:
+            self.error(f"{what} is a number that is not negative", place_of(node, self.text), repair)
+        return value
 
     def _derived(self, node: Any) -> list[Any]:
         name, *rest = [one for one in node.children if hasattr(one, "data")]
@@ -179,12 +194,32 @@ class _StatementReader(ExpressionReader):
             if option.data == "deadline":
                 deadline_ms = self.time_us(given) // 1000
             else:
-                number = self.read(given)
-                is_number = isinstance(number, tree.Const) and not isinstance(number.value, bool | str)
-                weight = float(number.value) if is_number else 0.0
-                if not is_number or weight < 0:
-                    self.error("a weight is a number that is not negative", place_of(given, self.text), ":weight 10")
+                weight = self._not_negative(given, "a weight", ":weight 10")
         return [model.GoalStatement(name, formula, deadline_ms, weight, place=place_of(node, self.text))]
+
+    def _recovery(self, node: Any) -> list[Any]:
+        name, *rest = [one for one in node.children if hasattr(one, "data")]
+        params = self._params(rest.pop(0)) if rest and rest[0].data == "params" else ()
+        found: dict[str, Any] = {"assumptions": (), "located": ()}
+        for clause in rest:
+            parts = [one for one in clause.children if hasattr(one, "data")]
+            match clause.data:
+                case "act":
+                    found["act"] = name_in(parts[0])
+                case "assume":
+                    changes = _Clauses(self, "start", "end").changes(parts)
+                    found["assumptions"] = (*found["assumptions"], changes)
+                case "locate":
+                    found["located"] = (*found["located"], *self._each(parts))
+                case "times":
+                    text = str(clause.children[1])
+                    if not text.isdecimal() or not 0 < int(text[:9]) <= LIMIT_TIMES:
+                        self.error(
+                            f"a number from 1 to {LIMIT_TIMES} is wanted", place_of(clause, self.text), ":times 3 ask"
+                        )
+                        text = "1"
+                    found |= {"times": int(text), "then": name_in(parts[-1])}
+        return [model.RecoveryOperator(name_in(name), params, **found, place=place_of(name, self.text))]
 
     def _operator(self, node: Any) -> list[Any]:
         name, *rest = node.children
@@ -226,6 +261,12 @@ class _Clauses:
         place = place_of(clause, reader.text)
         match clause.data:
             case "cost" | "duration":
+                if monitored:
+                    reader.error(
+                        "an expected duration is no bound that could be monitored",
+                        place,
+                        f":timeconstraint monitored {self._end} - {self._start} <= ...",
+                    )
                 self._once(clause.data, self._plain(parts[0]), place)
             case "timeconstraint":
                 self._once(clause.data, self._timing(parts[0], monitored), place)
@@ -242,6 +283,8 @@ class _Clauses:
             case "operator_monitor":
                 recovery = name_in(parts[1]) if len(parts) > 1 else None
                 self._several["monitors"].append(model.MonitorFormula(reader.read(parts[0]), recovery, place=place))
+            case "operator_recovery":
+                self._once("recovery", name_in(parts[0]), place)
             case "effects":
                 self._effects(parts, monitored)
 
@@ -286,6 +329,11 @@ class _Clauses:
                     repair = f"0 <= {self._end} - {self._start} <= 5 * UNITS_PER_SECOND"
                     reader.error("this does not bound the duration", place, repair)
         return model.TimeConstraint(least, most, monitored, place=place)
+
+    def changes(self, changes: list[Any]) -> tuple[model.Effect, ...]:
+        """Changes that stand in one clause, by themselves."""
+        self._effects(changes, monitored=False)
+        return tuple(self._several["effects"])
 
     def _effects(self, changes: list[Any], monitored: bool) -> None:
         stamp = (self._end, 0)

@@ -181,7 +181,7 @@ class Schema:
 
     def _pick(self, step: int, objects: list[str], state: State) -> Iterator[OperatorInstance]:
         if step == len(self._picks):
-            yield self._instance(tuple(objects))
+            yield self.instance(tuple(objects))
             return
         position, members, term, tests = self._picks[step]
         if term is not None:
@@ -222,7 +222,8 @@ class Schema:
             found = self._terms_known[key] = self._grounder.compiler.whole_term(self._grounder.term(term, env))
         return found
 
-    def _instance(self, objects: tuple[str, ...]) -> OperatorInstance:
+    def instance(self, objects: tuple[str, ...]) -> OperatorInstance:
+        """The operator with these objects, whether its preconditions hold or not."""
         found = self._instances.get(objects)
         if found is None:
             found = self._instances[objects] = self._made(objects)

@@ -13,7 +13,8 @@ from dyknow.model.instants import print_span
 from runtime.configuration.instants import duration_us
 
 if TYPE_CHECKING:
-    from planning import NoPlan, PlanFound
+    from planning import Declarations, NoPlan, PlanFound
+    from planning.execution.generation import PlanMonitor
 
 SHORTEST_TIMEOUT_US = 10_000
 
@@ -29,6 +30,7 @@ def plan(
         Literal["depth-first", "branch-and-bound", "best-first"],
         typer.Option(help="The first plan that is found, or the cheapest."),
     ] = "depth-first",
+    monitors: Annotated[bool, typer.Option("--monitors", help="What is monitored while it is executed.")] = False,
 ) -> int:
     """A plan for a problem: its actions with times and its cost; exit 1 with the reason if there is none."""
     from planning import PlanFound, Strategy, find_plan, parse_domain, parse_problem
@@ -45,15 +47,34 @@ def plan(
     with call.out.waiting("searching") as progress:
         found = find_plan(declared, asked, Strategy(search), stop, lambda nodes: progress(f"searching: {nodes} nodes"))
     search_ms = round((time.monotonic() - begun_s) * 1000, 1)
-    return _shown(call, found, search_ms) if isinstance(found, PlanFound) else _refused(call, found, search_ms)
+    if not isinstance(found, PlanFound):
+        return _refused(call, found, search_ms)
+    return _shown(call, found, search_ms, _monitors(call, declared, asked, found, domain) if monitors else None)
 
 
-def _shown(call: Call, found: "PlanFound", search_ms: float) -> int:
+def _monitors(
+    call: Call, domain: "Declarations", problem: "Declarations", found: "PlanFound", file: Path
+) -> "tuple[PlanMonitor, ...]":
+    """The monitors of a plan; hints on them are notes."""
+    from planning.execution.generation import plan_monitors
+    from planning.execution.hints import monitor_hints
+
+    for hint in monitor_hints(domain):
+        where = f"{file}:{hint.place.line}:{hint.place.column}"
+        call.out.note(f"hint: {where}: {hint.message}\n    write: {hint.repair}")
+    return plan_monitors(domain.joined(problem), found.plan)
+
+
+def _shown(call: Call, found: "PlanFound", search_ms: float, monitors: "tuple[PlanMonitor, ...] | None") -> int:
     plan_found = found.plan
     if call.out.json_lines:
-        call.out.line({**plan_found.as_json(), "nodes": found.nodes, "search_ms": search_ms})
+        shown = {} if monitors is None else {"monitors": [one.as_json() for one in monitors]}
+        call.out.line({**plan_found.as_json(), **shown, "nodes": found.nodes, "search_ms": search_ms})
         return DONE
-    call.out.plain("".join(f"{line}\n" for line in plan_found.lines()), folds=True)
+    lines = [_monitor_line(one) for one in monitors or () if one.step == 0]
+    for number, line in enumerate(plan_found.lines(), 1):
+        lines += [line, *(_monitor_line(one) for one in monitors or () if one.step == number)]
+    call.out.plain("".join(f"{line}\n" for line in lines), folds=True)
     for name in plan_found.unreached:
         call.out.note(f"note: {name} is unreached: there is no plan that reaches it as well.")
     best = ", the cheapest there is" if found.is_cheapest else ""
@@ -62,6 +83,11 @@ def _shown(call: Call, found: "PlanFound", search_ms: float) -> int:
         f"{found.nodes} nodes in {search_ms:g} ms"
     )
     return DONE
+
+
+def _monitor_line(one: "PlanMonitor") -> str:
+    recovery = f"; then {one.recovery}" if one.recovery else ""
+    return f"    {one.kind}: {one.text}{recovery}"
 
 
 def _refused(call: Call, found: "NoPlan", search_ms: float) -> int:

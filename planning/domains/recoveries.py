@@ -1,0 +1,56 @@
+"""Recovery operators checked: what they change, and that whoever names one has its parameters."""
+
+from collections.abc import Callable, Iterator
+
+from kpl.diagnostics.collector import ErrorCollector, nearest
+from planning.domains import model
+from planning.domains.model import Declarations, Effect
+from planning.domains.sorts import SortChecker
+from reasoning.formulas.tree import Place
+
+
+def check_recoveries(
+    found: Declarations,
+    declared: Declarations,
+    sorts: SortChecker,
+    errors: ErrorCollector,
+    check_effect: Callable[[Effect, dict[str, str | None]], None],
+) -> None:
+    """Look at the recoveries and monitors of `found`; `declared` has all declarations."""
+    for one in found.recoveries:
+        bound = sorts.bound(one.parameters, one)
+        for name, words, given in (("act", model.ACTS, one.act), ("times", model.LAST_RESORTS, one.then)):
+            if given not in words:
+                errors.error(f"{given} is no word for :{name}", one.place, nearest(given, words) or ", ".join(words))
+        for clause in one.assumptions:
+            for effect in clause:
+                check_effect(effect, bound)
+        for term in one.located:
+            sorts.sort(term, bound)
+            if not isinstance(term, model.Application) or term.name not in sorts.features:
+                errors.error("what is located is a feature of an object", term.place, ":locate xpos(box), ypos(box)")
+        if one.name == model.REPLANNING and one.parameters:
+            errors.error(
+                f"{one.name} is done before every new plan: it is about no action", one.place, "forall box: ..."
+            )
+    known = {one.name: one for one in declared.recoveries}
+    for name, place, names in _uses(found, sorts):
+        if name not in known:
+            errors.error(f"there is no recovery {name}", place, nearest(name, known) or f"#recovery {name}")
+            continue
+        for parameter in known[name].parameters:
+            if parameter.name not in names:
+                repair = f"names here: {', '.join(names) or 'none'}"
+                errors.error(f"{name} is about {parameter.name}, and there is none here", place, repair)
+
+
+def _uses(found: Declarations, sorts: SortChecker) -> Iterator[tuple[str, Place, list[str]]]:
+    """Each recovery that is named, where, and the names that it may be about."""
+    for operator in found.operators:
+        names = [one.name for one in operator.parameters]
+        used = [(operator.recovery, operator.place), *((one.recovery, one.place) for one in operator.monitors)]
+        yield from ((name, place, names) for name, place in used if name is not None)
+    for monitor in found.monitors:
+        if monitor.recovery is not None:
+            variables = (*sorts.free(monitor.formula), *model.outer_variables(monitor.formula))
+            yield monitor.recovery, monitor.place, [one.name for one in variables]

@@ -1,0 +1,129 @@
+"""Hints on what is monitored: conditions that a noisy sensor violates although all is well (thesis 7.9)."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from planning.domains import model
+from planning.domains.model import Application, Declarations, Expression
+from planning.domains.printing import print_expression
+from reasoning.formulas import tree
+
+
+@dataclass(frozen=True, slots=True)
+class MonitorHint:
+    """What may raise false alarms, where it stands in the text of the domain, and what to write."""
+
+    place: tree.Place
+    message: str
+    repair: str
+
+
+def monitor_hints(declared: Declarations) -> tuple[MonitorHint, ...]:
+    """Hints on the monitors of a domain and on the conditions that it flags `monitored`."""
+    numbers = {one.name: one for one in declared.features if one.sort in model.NUMBERS}
+    derived = {one.name: one for one in declared.derived}
+    found = list(_on_formulas(declared, numbers, derived))
+    for operator in declared.operators:
+        for condition in (*operator.preconditions, *operator.prevail):
+            if condition.monitored:
+                found += _on_equations(condition.formula, f"a condition of {operator.name}", numbers, derived)
+        for effect in operator.effects:
+            feature = numbers.get(effect.target.name)
+            if effect.monitored and feature is not None and feature.within is None:
+                found.append(_equation(effect.target, f"an effect of {operator.name}", feature))
+        for prevail in operator.prevail:
+            if prevail.monitored and (name := _number_in(prevail.formula, numbers, derived)):
+                found.append(
+                    MonitorHint(
+                        prevail.place,
+                        f"one sample of {name} outside ends {operator.name}: it is measured, and its prevail condition"
+                        " is monitored in every state",
+                        f":monitor (EXEC & eventually [0, 1s] {_shown(prevail.formula)}) until !EXEC",
+                    )
+                )
+    return tuple(dict.fromkeys(found))
+
+
+def _on_formulas(
+    declared: Declarations, numbers: Mapping[str, model.FeatureDeclaration], derived: Mapping[str, model.Derived]
+) -> Iterator[MonitorHint]:
+    monitors = [*declared.monitors, *(each for one in declared.operators for each in one.monitors)]
+    for monitor in monitors:
+        for node in _always_by_itself(monitor.formula):
+            inner = _body(node.operand)
+            if any(isinstance(one, tree.TEMPORAL) for one in tree.walk(inner)):
+                continue
+            name = _number_in(inner, numbers, derived)
+            if name:
+                shown = _shown(inner.right if isinstance(inner, tree.Implies) else inner)
+                yield MonitorHint(
+                    monitor.place,
+                    f"one sample of {name} outside violates {monitor.name or 'this monitor'}: it is measured, and"
+                    " always is about every state",
+                    f"eventually [0, 1s] {shown}, or !{shown} -> eventually [0, 1s] always [0, 1s] {shown}",
+                )
+
+
+def _always_by_itself(formula: Expression) -> Iterator[tree.Always]:
+    """Every `always` that stands in no `eventually` or `until`: those leave time to recover."""
+    waiting = [formula]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, tree.Always):
+            yield node
+        if not isinstance(node, tree.Eventually | tree.Until):
+            waiting += tree.children(node)
+
+
+def _body(formula: Expression) -> Expression:
+    return _body(formula.body) if isinstance(formula, model.Quantified) else formula
+
+
+def _shown(formula: Expression) -> str:
+    return f"({print_expression(formula)})"
+
+
+def _number_in(
+    formula: Any, numbers: Mapping[str, model.FeatureDeclaration], derived: Mapping[str, model.Derived]
+) -> str:
+    """The name of a measured feature in it."""
+    waiting, met = [formula], set[str]()
+    while waiting:
+        for node in tree.walk(waiting.pop()):
+            if isinstance(node, Application) and node.name in numbers:
+                return node.name
+            if isinstance(node, Application) and node.name in derived and node.name not in met:
+                met.add(node.name)
+                waiting.append(derived[node.name].body)
+    return ""
+
+
+def _on_equations(
+    formula: Expression,
+    what: str,
+    numbers: Mapping[str, model.FeatureDeclaration],
+    derived: Mapping[str, model.Derived],
+) -> Iterator[MonitorHint]:
+    """Equations of measured numbers without a tolerance, also inside derived features."""
+    waiting, met = [(formula, formula.place)], set[str]()
+    while waiting:
+        expression, place = waiting.pop()
+        for node in tree.walk(expression):
+            match node:
+                case tree.Compare("=" | "!=", left, right):
+                    for one in (left, right):
+                        feature = numbers.get(one.name) if isinstance(one, Application) else None
+                        if feature is not None and feature.within is None:
+                            yield _equation(tree.Node(place=place), what, feature)
+                case Application(name) if name in derived and name not in met:
+                    met.add(name)
+                    waiting.append((derived[name].body, place))
+
+
+def _equation(node: tree.Node, what: str, feature: model.FeatureDeclaration) -> MonitorHint:
+    return MonitorHint(
+        node.place,
+        f"{what} compares {feature.name} for equality, and no measured value is equal",
+        f"#feature {feature.name}({', '.join(feature.sorts)}) : {feature.sort} :within 0.5",
+    )
