@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from dyknow.model.errors import ContentError
 from federation import keys
 from federation.messages.acts import Act
 from federation.messages.codec import MAX_ACKS
@@ -116,12 +117,19 @@ class Delivery:
         return len(self._pending)
 
     def send(self, act: Act, now_us: int, *, patient: bool = True) -> tuple[Act, Put]:
-        """Return the numbered act and its first put. Raises ContentError when it cannot be encoded."""
+        """Return the numbered act and its first put. Raises ContentError when it cannot be encoded.
+
+        Its number is taken first: whoever is informed of acts that leave is sent another one while this one is encoded.
+        """
         receiver = act.receiver.unit
         acks = tuple(self._owed.get(receiver, (0, ()))[1])
-        numbered = act._replace(boot=self.boot, seq=self._seq + 1, created_us=now_us, acks=acks)
-        put = self._put(numbered, now_us, patient=patient)
         self._seq += 1
+        numbered = act._replace(boot=self.boot, seq=self._seq, created_us=now_us, acks=acks)
+        try:
+            put = self._put(numbered, now_us, patient=patient)
+        except ContentError:
+            self._seq -= self._seq == numbered.seq
+            raise
         self._owed.pop(receiver, None)
         self.counts["sent"] += 1
         return numbered, put

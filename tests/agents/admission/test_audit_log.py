@@ -5,6 +5,7 @@ from random import Random
 
 import pytest
 
+from agents.monitoring.alarm_log import AlarmLog
 from agents.platform import Platform
 from federation import keys
 from federation.messages.acts import Performative
@@ -12,6 +13,7 @@ from federation.messages.codec import decode_act
 from federation.messages.contents import (
     ActList,
     Acts,
+    Alarm,
     Alarms,
     Content,
     CreateMulticast,
@@ -186,3 +188,18 @@ def test_an_answer_about_the_log_does_not_hold_the_log_again(wire: Box) -> None:
     answers = [text for text in texts if "(act-list" in text and text.startswith("(inform")]
     assert len(answers) >= 2
     assert all("(act-list more: false)" in text or "(act-list)" in text for text in answers)
+
+
+def test_who_follows_the_log_is_sent_all_else_that_it_asked_for(wire: Box) -> None:
+    wire.fly("0", 0.0, 0.0, 4.0, avoidance=False)
+    wire.fly("1", 60.0, 3.0, -4.0, avoidance=False)
+    wire.centre()
+    wire.run(2.0)
+    wire.ask("cc", "0", Acts(), P.SUBSCRIBE)
+    alarms = wire.question("cc", "0", Alarms(), P.SUBSCRIBE)
+    wire.asked("cc", "0", MonitorProximity())
+    wire.run(12.0)
+    heard = [content.event for content in alarms.contents if isinstance(content, Alarm)]
+    assert len(heard) == len(wire.platform("0").part(AlarmLog).events) > 0
+    sent = [act.seq for act in wire.acts("0", "cc")]
+    assert len(set(sent)) == len(sent)
