@@ -10,7 +10,9 @@ import typer
 
 from console.command import USAGE, CommandGroup, CommandTable
 
-_FLEET, _MEMBERS, _OBJECTS, _TEXTS = (f"console.commands.{each}" for each in ("fleet", "members", "objects", "texts"))
+_FLEET, _MEMBERS, _OBJECTS, _RECORDINGS, _TEXTS = (
+    f"console.commands.{each}" for each in ("fleet", "members", "objects", "recordings", "texts")
+)
 
 COMMANDS: CommandTable = {
     "up": (f"{_FLEET}.up:up", "Start simulated UAVs, one process each, and wait until they have found each other."),
@@ -46,6 +48,8 @@ COMMANDS: CommandTable = {
         f"{_MEMBERS}.acts:acts",
         "The message log: speech acts of the interface agents, and the outcome of each.",
     ),
+    "record": (f"{_RECORDINGS}.record:record", "Record the federation as an MCAP file that Foxglove opens."),
+    "info": (f"{_RECORDINGS}.info:info", "What is in a recording: platforms, streams, gaps, alarms, acts."),
     "fault": (f"{_MEMBERS}.delegate:fault", "A fault in a simulated UAV."),
     "demo": (f"{_FLEET}.demo:demo", "The main job end to end, in under a minute; exit 0 only if every step happened."),
     "doctor": (f"{_FLEET}.doctor:doctor", "What this machine lacks, and how to get it."),

@@ -119,7 +119,7 @@ class Delivery:
     def send(self, act: Act, now_us: int, *, patient: bool = True) -> tuple[Act, Put]:
         """Return the numbered act and its first put. Raises ContentError when it cannot be encoded.
 
-        Its number is taken first: whoever is informed of acts that leave is sent another one while this one is encoded.
+        Its number is taken first: while it is encoded another act may be sent, to a subscriber of the message log.
         """
         receiver = act.receiver.unit
         acks = tuple(self._owed.get(receiver, (0, ()))[1])

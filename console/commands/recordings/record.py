@@ -1,0 +1,118 @@
+"""`dyknow record`: what a member of the federation sees of it, as an MCAP file."""
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from console.centre.client import connected
+from console.command import Call, command
+from console.errors import DONE, FAILED
+from console.options.arguments import Duration
+from console.output.output import counted
+from console.output.shown import line, styled
+from console.processes.supervision import interruptible
+from dyknow.model.errors import WrongCall
+from dyknow.model.instants import print_span
+from runtime.client import Client
+from runtime.configuration.instants import SHORTEST_US, duration_us
+from runtime.library.questions import check_streamed
+from runtime.recordings.recorder import Recorder
+from runtime.recordings.recording_file import ACT, ALARM, SAMPLE, RecordingFile
+from runtime.recordings.summary import about_of
+
+_SIZE = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*(kB|MB|GB)")
+_BYTES = {"kB": 1_000, "MB": 1_000_000, "GB": 1_000_000_000}
+_LEAST = 200_000
+
+
+@command(example="dyknow record flight.mcap --duration 10min")
+def record(
+    call: Call,
+    file: Annotated[Path, typer.Argument(metavar="FILE.mcap", help="A new file; it replaces nothing.")],
+    *,
+    label: Annotated[
+        list[str] | None, typer.Option(metavar="LABEL", help="Only streams of this label (repeatable).")
+    ] = None,
+    every: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Sample period of all streams. [default: as offered]")
+    ] = None,
+    most: Annotated[str, typer.Option(metavar="SIZE", help="The recording ends before the file is larger.")] = "100MB",
+    duration: Duration = None,
+) -> int:
+    """Record the federation until Ctrl-C: streams, alarms, monitors, speech acts, tasks and the directory."""
+    if file.suffix.lower() != ".mcap":
+        raise WrongCall(f"{file}: a recording is an MCAP file; write {file.with_suffix('.mcap')}.")
+    for each in label or ():
+        check_streamed(each)
+    every_us = duration_us(every, option="--every", least_us=SHORTEST_US) if every else None
+    lasts_us = duration_us(duration, option="--duration", least_us=SHORTEST_US) if duration else None
+    most_bytes = _bytes(most)
+    with connected(call) as client:
+        if not client.settle():
+            call.out.note("no platform is there yet; what comes is recorded.")
+        since_us = client.federation_us()
+        about = about_of(call.settings.federation, client.centre.clock, client.centre.unit, since_us)
+        with RecordingFile(file, about, client.now_us, most_bytes=most_bytes) as taken:
+            recorder = Recorder(client, taken, label or (), every_us, lambda text: call.out.note(text, style="yellow"))
+            _say_begun(call, file, client)
+            try:
+                with interruptible():
+                    _followed(client, recorder, taken, lasts_us)
+            except KeyboardInterrupt:
+                pass
+            recorder.close()
+    return _say_ended(call, recorder, taken, client.federation_us() - since_us)
+
+
+def _bytes(text: str) -> int:
+    found = _SIZE.fullmatch(text.strip())
+    size = round(float(found[1]) * _BYTES[found[2]]) if found else 0
+    if size < _LEAST:
+        raise WrongCall(f"--most: {text!r} is no size of at least 200kB; write 100MB.")
+    return size
+
+
+def _say_begun(call: Call, file: Path, client: Client) -> None:
+    units = [view.unit for view in client.centre.platforms()]
+    call.out.say(
+        line(styled("recording", "green"), f": {file}, platforms {', '.join(units) or 'as they come'}; Ctrl-C ends it"),
+        event="recording",
+        file=str(file),
+        units=units,
+    )
+
+
+def _followed(client: Client, recorder: Recorder, taken: RecordingFile, lasts_us: int | None) -> None:
+    """Record until the time is over, the file is as large as it may be, or nothing can be written."""
+    since_us = client.now_us()
+    while taken.ended is None and (lasts_us is None or client.now_us() - since_us < lasts_us):
+        recorder.step()
+
+
+def _say_ended(call: Call, recorder: Recorder, taken: RecordingFile, lasted_us: int) -> int:
+    counts = recorder.counts
+    size = taken.path.stat().st_size if taken.path.exists() else 0
+    if taken.ended not in {None, "closed"}:
+        call.out.note(f"{taken.ended}; it ends here.", style="red" if taken.has_failed else "yellow")
+    if taken.lost and not taken.has_failed:
+        call.out.note(f"{counted(taken.lost, 'message')} could not be kept.", style="yellow")
+    call.out.say(
+        line(
+            styled("recorded", "green"),
+            f": {print_span(lasted_us)} of {counted(len(recorder.units), 'platform')}, {counted(counts[SAMPLE], 'sample')}, "
+            f"{counted(counts[ALARM], 'edge')} of alarms, {counted(counts[ACT], 'act')}, {size / 1e6:.1f} MB",
+        ),
+        event="recorded",
+        file=str(taken.path),
+        lasted_us=lasted_us,
+        units=recorder.units,
+        samples=counts[SAMPLE],
+        alarms=counts[ALARM],
+        acts=counts[ACT],
+        bytes=size,
+        lost=taken.lost,
+        ended=None if taken.ended == "closed" else taken.ended,
+    )
+    return FAILED if taken.has_failed else DONE

@@ -1,0 +1,377 @@
+"""What a member of a federation keeps of it: streams, alarms, monitors, speech acts, tasks and the directory.
+
+The member is the one that every command is (`runtime.client`): it asks each platform for its streams and subscribes to
+the rest, again whenever a platform is back. What one platform sends may fill its own share of the file only.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from dyknow.model.errors import TextError
+from dyknow.model.values import NO_VALUE, as_json
+from federation.members.command_centre import PlatformView
+from federation.members.imports import ImportName
+from federation.members.liveness import PeerState
+from federation.messages.acts import Act, Performative, parse_act
+from federation.messages.codec import StreamSample
+from federation.messages.contents import (
+    ActLog,
+    Acts,
+    Alarm,
+    AlarmList,
+    Alarms,
+    Content,
+    CreateMulticast,
+    MonitorChange,
+    MonitorChanges,
+    MonitorEntry,
+    MonitorList,
+    Monitors,
+    TaskList,
+    Tasks,
+)
+from federation.messages.descriptions import DefinitionEntry
+from federation.messages.dialogue import Dialogue
+from runtime.client import Client
+from runtime.library.jobs import SET_UP_S, Subscriptions
+from runtime.library.meanings import meaning_to, record_of
+from runtime.recordings import foxglove
+from runtime.recordings.pictures import Pictures
+from runtime.recordings.recording_file import ACT, ALARM, LOST, MONITOR, PLATFORM, SAMPLE, TASK, RecordingFile
+
+P = Performative
+PERIOD_US: Final = 100_000
+"""Of streams that are offered without a period."""
+BYTES_PER_S, BYTES_AT_ONCE = 500_000, 4_000_000
+"""What one platform may add to a recording."""
+_DELAY_S = 1.0
+_AGAIN_US = 5_000_000
+_LIST_US = 10_000_000
+_STEP_S = 0.1
+_TOLD = {P.REQUEST, P.REQUEST_WHEN, P.AGREE, P.REFUSE, P.FAILURE, P.CANCEL}
+
+
+@dataclass(slots=True)
+class _Share:
+    """Of the file, of one platform: bytes that it may still add; `over` were not kept since that was reported."""
+
+    left: float = BYTES_AT_ONCE
+    at_us: int = 0
+    over: int = 0
+
+    def is_spent(self, now_us: int) -> bool:
+        self.left = min(BYTES_AT_ONCE, self.left + (now_us - self.at_us) * BYTES_PER_S / 1e6)
+        self.at_us = now_us
+        return self.left <= 0
+
+
+@dataclass(slots=True)
+class _Peer:
+    """One platform as it is recorded: its life, the version that was described, and the questions to it."""
+
+    boot: int = -1
+    version: int = -1
+    state: str = ""
+    streams: dict[str, Dialogue] = field(default_factory=dict)
+    again_us: dict[str, int] = field(default_factory=dict)
+    lists: list[Dialogue] = field(default_factory=list)
+    listed_us: int = 0
+    share: _Share = field(default_factory=_Share)
+
+
+class Recorder:
+    """Records until `close`. Step it; times are the node clock, in the file federation time.
+
+    Args:
+        client: a member.
+        file: takes what is recorded.
+        labels: the streams that are wanted; none: all that are offered.
+        every_us: their period; None: as they are offered.
+        note: takes words for users, such as that a platform refuses a stream.
+
+    Attributes:
+        counts: how many messages of each kind are in the file.
+    """
+
+    def __init__(
+        self,
+        client: Client,
+        file: RecordingFile,
+        labels: Iterable[str] = (),
+        every_us: int | None = None,
+        note: Callable[[str], None] = lambda _text: None,
+    ) -> None:
+        self._client, self._file, self._labels, self._every_us = client, file, frozenset(labels), every_us
+        self._note, self.counts = note, Counter[str]()
+        self._since_us = client.federation_us()
+        self._peers: dict[str, _Peer] = {}
+        self._noted, self._edges, self._listed = set[str](), dict[tuple[str, str], None](), dict[str, Any]()
+        self._news = [Subscriptions(client, content) for content in (Alarms(), MonitorChanges(), Acts())]
+        self._pictures = Pictures(self._picture)
+        client.centre.on_sample = self._on_sample
+
+    @property
+    def streams(self) -> int:
+        """How many streams come."""
+        return sum(
+            not asked.over and bool(asked.results) for peer in self._peers.values() for asked in peer.streams.values()
+        )
+
+    @property
+    def units(self) -> list[str]:
+        """The platforms that are recorded."""
+        return list(self._peers)
+
+    def step(self) -> None:
+        """Take what comes within a moment, and ask for what does not come yet."""
+        now_us = self._client.now_us()
+        for view in self._client.centre.platforms():
+            self._look_at(view, now_us)
+        for unit in self._peers.keys() - {view.unit for view in self._client.centre.platforms()}:
+            self._changed(unit, "gone")
+        for at, news in enumerate(self._news):
+            is_last = at == len(self._news) - 1
+            for unit, content in self._client.run(news.news(_STEP_S if is_last else 0)):
+                self._take(unit, content)
+        self._file.on_time()
+
+    def close(self) -> None:
+        """End what was asked for."""
+        for news in self._news:
+            news.cancel()
+        open_ones = [asked for peer in self._peers.values() for asked in peer.streams.values() if not asked.over]
+        ends = [self._client.cancel(asked.unit, asked.conversation) for asked in open_ones]
+        self._client.wait_for(lambda: all(end.over for end in ends), SET_UP_S)
+
+    # -- platforms ---------------------------------------------------------------------------------------------
+
+    def _look_at(self, view: PlatformView, now_us: int) -> None:
+        peer = self._peers.setdefault(view.unit, _Peer())
+        if view.entry is None or not view.entry.version:
+            return
+        self._changed(view.unit, view.state)
+        if view.state != PeerState.ALIVE.value:
+            return
+        if peer.boot != view.entry.boot:
+            peer.boot, peer.version, peer.listed_us = view.entry.boot, -1, 0
+            peer.lists.append(self._client.say(view.unit, P.QUERY_REF, AlarmList(), within_s=SET_UP_S))
+        if peer.version != view.entry.version:
+            peer.version = view.entry.version
+            self._describe(view)
+        if now_us >= peer.listed_us + _LIST_US:
+            peer.listed_us = now_us
+            peer.lists += [self._client.say(view.unit, P.QUERY_REF, content) for content in (Monitors(), Tasks())]
+        self._ask_for_streams(view, peer, now_us)
+        for asked in peer.lists[:]:
+            if asked.over:
+                peer.lists.remove(asked)
+                for content in asked.results:
+                    self._take(view.unit, content)
+
+    def _changed(self, unit: str, state: str) -> None:
+        peer = self._peers[unit]
+        if peer.state == state:
+            return
+        level = foxglove.INFO if state == PeerState.ALIVE.value else foxglove.WARNING
+        is_first, peer.state = not peer.state, state
+        self._say(level, f"platform {unit} is {'there' if is_first and level == foxglove.INFO else state}", unit)
+        self._keep(unit, "/directory", PLATFORM, {"unit": unit, "state": state})
+
+    def _describe(self, view: PlatformView) -> None:
+        entry = view.entry
+        assert entry is not None  # noqa: S101  (who calls has looked)
+        meanings = [meaning_to(self._client, view.unit, label.label) for label in entry.labels]
+        record = {
+            "unit": view.unit,
+            "state": view.state,
+            "kind": view.kind,
+            "boot": entry.boot,
+            "version": entry.version,
+            "labels": [label.model_dump(mode="json") for label in entry.labels],
+            "definitions": [DefinitionEntry.of(each).model_dump(mode="json") for each in meanings if each is not None],
+            "services": [service.service for service in entry.services],
+            "conditions": [each.text for each in entry.conditions],
+        }
+        self._keep(view.unit, "/directory", PLATFORM, record)
+
+    def _ask_for_streams(self, view: PlatformView, peer: _Peer, now_us: int) -> None:
+        assert view.entry is not None  # noqa: S101  (who calls has looked)
+        for offered in view.entry.labels:
+            label, asked = offered.label, peer.streams.get(offered.label)
+            if offered.cost is not None or (self._labels and label not in self._labels):
+                continue
+            if asked is not None and asked.trouble is not None:
+                self._note_once(f"platform {view.unit}: {label} is not recorded: {asked.trouble}")
+            if (asked is None or asked.over) and now_us >= peer.again_us.get(label, 0):
+                peer.again_us[label] = now_us + _AGAIN_US
+                period_us = self._every_us or offered.period_us or PERIOD_US
+                content = CreateMulticast(
+                    semantic_labels=(label,),
+                    sample_period_s=period_us / 1e6,
+                    delay_s=_DELAY_S,
+                    to_units=(self._client.centre.unit,),
+                )
+                peer.streams[label] = self._client.say(view.unit, P.REQUEST, content, within_s=SET_UP_S, standing=True)
+
+    def _note_once(self, text: str) -> None:
+        if text not in self._noted and len(self._noted) < BYTES_AT_ONCE // 1000:
+            self._noted.add(text)
+            self._note(text)
+            self._say(foxglove.WARNING, text, "recorder")
+
+    # -- what comes --------------------------------------------------------------------------------------------
+
+    def _on_sample(self, name: ImportName, sample: StreamSample, at_us: int) -> None:
+        unit, label, _ = name
+        value = None if sample.value is NO_VALUE else record_of(self._client, unit, label, sample.value)
+        record = {
+            "unit": unit,
+            "label": label,
+            "valid_us": sample.valid_us,
+            "available_us": self._client.centre.clock.federation_us(at_us),
+            "value": None if value is None else {field: as_json(part) for field, part in value.items()},
+        }
+        quality = sample.quality
+        if quality.certainty != 1.0:
+            record["certainty"] = quality.certainty
+        if quality.covariance:
+            record["covariance"] = quality.covariance
+        if quality.prediction is not None:
+            record["prediction"] = [*quality.prediction]
+        self._keep(unit, f"/{unit}/{label}", SAMPLE, record, sample.valid_us)
+        if value is not None:
+            self._pictures.on_sample(unit, label, value, sample)
+
+    def _take(self, unit: str, content: Content) -> None:
+        """What a platform says of itself: of others it is not believed."""
+        match content:
+            case Alarm() if content.by == unit:
+                self._on_alarm(content)
+            case AlarmList():
+                for alarm in content.alarms or ():
+                    if alarm.by == unit:
+                        self._on_remembered(alarm, content)
+            case MonitorChange() if content.by == unit:
+                self._keep(unit, "/monitors", MONITOR, {"change": content.event, **_monitor(content)})
+                self._say(foxglove.WARNING if content.event == "unknown" else foxglove.INFO, _in_words(content), unit)
+            case MonitorList():
+                for entry in content.monitors:
+                    if entry.by == unit:
+                        name = f"{unit} {entry.name} {entry.units}"
+                        self._keep_news(name, unit, "/monitors", MONITOR, _monitor(entry))
+            case TaskList():
+                for task in content.tasks:
+                    if (task.delegator or "").endswith(f"@{self._client.centre.unit}"):
+                        continue
+                    record = {"by": unit, **task.model_dump(mode="json", exclude_none=True)}
+                    self._keep_news(f"{unit} {task.conversation}", unit, "/tasks", TASK, record)
+            case ActLog():
+                self._on_act(unit, content)
+            case _:
+                pass
+
+    def _on_remembered(self, alarm: Alarm, known: AlarmList) -> None:
+        """An edge of before: kept if it is of this recording, or if the alarm is open still."""
+        is_open = alarm.event == "opened" and not any(
+            other.id == alarm.id and other.event != "opened" for other in known.alarms or ()
+        )
+        if is_open or alarm.detected_us >= self._since_us:
+            self._on_alarm(alarm)
+
+    def _on_alarm(self, alarm: Alarm) -> None:
+        if (alarm.id, alarm.event) in self._edges:
+            return
+        self._edges[alarm.id, alarm.event] = None
+        if len(self._edges) > MOST_EDGES:
+            del self._edges[next(iter(self._edges))]
+        self._keep(alarm.by, "/alarms", ALARM, alarm_json(alarm), alarm.valid_us)
+        level = foxglove.ERROR if alarm.event == "opened" else foxglove.INFO
+        self._say(level, f"{alarm.monitor} of {', '.join(alarm.units)} by {alarm.by} {alarm.event}", alarm.by)
+        self._pictures.on_alarm(alarm)
+
+    def _on_act(self, unit: str, log: ActLog) -> None:
+        if log.peer == self._client.centre.unit:
+            return
+        record = {"by": unit, **log.model_dump(mode="json", exclude_none=True)}
+        self._keep(unit, "/acts", ACT, record)
+        act = _act(log)
+        if act is not None and log.direction == "out" and act.performative in _TOLD:
+            head = "" if act.content is None else f" {act.content.head}"
+            self._say(foxglove.INFO, f"{unit} to {log.peer}: {act.performative.value}{head}", unit)
+
+    # -- into the file -----------------------------------------------------------------------------------------
+
+    def _keep_news(self, name: str, unit: str, topic: str, schema: str, record: Mapping[str, Any]) -> None:
+        """Keep what is listed again and again where it has changed."""
+        if self._listed.get(name) != record and len(self._listed) < MOST_EDGES:
+            self._listed[name] = record
+            self._keep(unit, topic, schema, record)
+
+    def _picture(self, unit: str, topic: str, schema: str, message: Mapping[str, Any], valid_us: int) -> None:
+        self._keep(unit, topic, schema, message, valid_us)
+
+    def _say(self, level: int, text: str, about: str) -> None:
+        now_us = self._client.federation_us()
+        self._keep(about, "/log", foxglove.LOG, foxglove.log_entry(now_us, level, text, about))
+
+    def _keep(
+        self, unit: str, topic: str, schema: str, message: Mapping[str, Any], valid_us: int | None = None
+    ) -> None:
+        share, now_us = self._peers.setdefault(unit, _Peer()).share, self._client.federation_us()
+        if share.is_spent(self._client.now_us()):
+            share.over += 1
+            return
+        if share.over:
+            over, share.over = share.over, 0
+            self._note_once(f"platform {unit} sends more than a recording takes of one; what is over is counted")
+            self._file.add("/lost", LOST, {"unit": unit, "messages": over, "why": "more than one may send"}, now_us)
+        size = self._file.add(topic, schema, message, now_us, valid_us)
+        share.left -= size
+        self.counts[schema if size else LOST] += 1
+
+
+MOST_EDGES: Final = 100_000
+"""Edges of alarms, monitors and tasks by which repetitions are known."""
+
+
+def alarm_json(alarm: Alarm) -> dict[str, Any]:
+    """An edge of an alarm as a recording has it."""
+    return {
+        "id": alarm.id,
+        "event": alarm.event,
+        "monitor": alarm.monitor,
+        "by": alarm.by,
+        "units": [*alarm.units],
+        "valid_us": alarm.valid_us,
+        "detected_us": alarm.detected_us,
+        "values": _scalars(alarm.values),
+        "samples": _scalars(alarm.samples),
+        "because": [f"{each.part} is {'true' if each.holds else 'false'}" for each in alarm.because],
+        **({} if alarm.made_us is None else {"made_us": alarm.made_us}),
+    }
+
+
+def _monitor(entry: MonitorEntry | MonitorChange) -> dict[str, Any]:
+    name = entry.name if isinstance(entry, MonitorEntry) else entry.monitor
+    record = {"by": entry.by, "monitor": name, "units": [*entry.units], "which": [*entry.which]}
+    if isinstance(entry, MonitorEntry):
+        record |= {"verdict": entry.verdict, "inputs": entry.inputs, "shows": entry.shows}
+    return record
+
+
+def _in_words(change: MonitorChange) -> str:
+    lacking = f": {', '.join(change.which)} missing" if change.which else ""
+    return f"{change.monitor} of {', '.join(change.units)} by {change.by} is {change.event}{lacking}"
+
+
+def _scalars(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if isinstance(value, bool | int | float | str)}
+
+
+def _act(log: ActLog) -> Act | None:
+    try:
+        return None if log.act is None else parse_act(log.act)
+    except TextError:
+        return None

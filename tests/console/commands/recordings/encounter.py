@@ -1,0 +1,53 @@
+"""Two UAVs that pass each other, monitored and recorded; `python -m tests.console.commands.recordings.encounter` makes
+the example of the documentation anew.
+"""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+from pytest import MonkeyPatch
+
+from console.centre import client
+from console.command import Call
+from console.commands.recordings.record import record
+from console.output.output import Output
+from federation.messages.contents import MonitorProximity
+from runtime.configuration.settings import Settings
+from tests.box import Box
+
+EXAMPLE = Path(__file__).parents[4] / "examples" / "recordings" / "encounter.mcap"
+LABELS = ["heli-position", "heli-altitude", "heli-velocity"]
+
+
+def encounter() -> Box:
+    """The world: they meet after 12.5 seconds, 3 m apart."""
+    world = Box()
+    world.fly("0", 0.0, 0.0, 4.0, avoidance=False)
+    world.fly("1", 100.0, 3.0, -4.0, avoidance=False)
+    world.run(2.0)
+    world.centre("cc-1")
+    world.run(1.0)
+    world.asked("cc-1", "0", MonitorProximity())
+    return world
+
+
+def in_world(monkeypatch: MonkeyPatch, world: Box) -> None:
+    """Have commands take part in this world."""
+    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+
+
+def main() -> None:
+    """Make the example."""
+    with MonkeyPatch.context() as monkeypatch:
+        world = encounter()
+        in_world(monkeypatch, world)
+        monkeypatch.setattr(client, "os", SimpleNamespace(getpid=lambda: 4711))
+        world.at(world.now_us + 8_000_000, lambda: world.cut(["1"], ["program 1"]))
+        world.at(world.now_us + 9_500_000, world.wire.mend_all)
+        EXAMPLE.unlink(missing_ok=True)
+        EXAMPLE.parent.mkdir(exist_ok=True)
+        record(Call(Settings(), Output(json_lines=False)), EXAMPLE, label=LABELS, every="200ms", duration="20s")
+
+
+if __name__ == "__main__":
+    main()
