@@ -155,6 +155,23 @@ class MountReport(NamedTuple):
     tilt_rad: float
 
 
+class WinchReport(NamedTuple):
+    """What a winch says of its line (WINCH_STATUS); None where it does not say.
+
+    Attributes:
+        line_m: how much of it is out.
+        speed_m_s: positive while it is let out.
+        load_kg: what hangs on it.
+    """
+
+    valid_us: int
+    line_m: float | None
+    speed_m_s: float | None
+    load_kg: float | None
+    is_healthy: bool
+    is_moving: bool
+
+
 class ImageDetection(NamedTuple):
     """Something that a detector found in an image: pixels from the left and from the top, and what else it found of it.
 
@@ -207,6 +224,7 @@ Report: TypeAlias = (
     | FenceReport
     | FixReport
     | MountReport
+    | WinchReport
     | ImageReport
     | LinkReport
     | CommandResult
@@ -279,6 +297,24 @@ class LookAtOrder(NamedTuple):
     altitude_m: float
 
 
+class GripOrder(NamedTuple):
+    """Have the gripper or the electromagnet hold what is there, or release it.
+
+    It is accepted also where there is nothing to hold; what hangs on the line shows that (`WinchReport.load_kg`).
+    """
+
+    holds: bool
+
+
+LONGEST_LINE_M = 50.0
+
+
+class LineOrder(NamedTuple):
+    """Have so much of the winch's line out."""
+
+    line_m: float
+
+
 MountOrder: TypeAlias = PointMountOrder | LookAtOrder
 """Orders that move the camera and not the vehicle: they are no concern of the pilot's."""
 
@@ -295,6 +331,8 @@ Order: TypeAlias = (
     | MissionItemOrder
     | PointMountOrder
     | LookAtOrder
+    | GripOrder
+    | LineOrder
 )
 
 

@@ -34,7 +34,14 @@ _MISSION = {"copter": 3, "plane": 10, "rover": 10}
 _PX4_AUTO, _PX4_LOITER, _PX4_MISSION = 4, 3, 4
 _CUSTOM = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
 _POSITION_ONLY = 0b110111111000
-_PURPOSES = {vehicle.Arm: "arming", vehicle.PointMountOrder: "mount", vehicle.LookAtOrder: "mount"}
+_GRIPPER = _WINCH = 1.0
+_PURPOSES = {
+    vehicle.Arm: "arming",
+    vehicle.PointMountOrder: "mount",
+    vehicle.LookAtOrder: "mount",
+    vehicle.GripOrder: "gripper",
+    vehicle.LineOrder: "winch",
+}
 """What an order moves: a newer one for the same takes the place of an older one."""
 _REFUSALS = {
     mavlink.MAV_RESULT_TEMPORARILY_REJECTED: "temporarily rejected",
@@ -122,6 +129,21 @@ def ways_of(order: vehicle.Order, known: VehicleReports, target: Target) -> list
             return _point(order, known, target, takes_mode=px4 or isinstance(order, vehicle.InterruptOrder))
         case vehicle.PointMountOrder() | vehicle.LookAtOrder():
             return _mount(order, known, target)
+        case vehicle.GripOrder(holds):
+            return [_said(long_command(target, mavlink.MAV_CMD_DO_GRIPPER, _GRIPPER, float(holds)))]
+        case vehicle.LineOrder(line_m):
+            by_length = float(mavlink.WINCH_RELATIVE_LENGTH_CONTROL)
+            more_m = _let_out_m(line_m, known)
+            return [_said(long_command(target, mavlink.MAV_CMD_DO_WINCH, _WINCH, by_length, more_m))]
+
+
+def _let_out_m(line_m: float, known: VehicleReports) -> float:
+    """How much more of the line is to be out than is; raises Refused."""
+    if not 0.0 <= line_m <= vehicle.LONGEST_LINE_M:
+        raise Refused(f"a line of {line_m:g} m cannot be out; 0 to {vehicle.LONGEST_LINE_M:g} m can")
+    if known.winch is None or known.winch.line_m is None:
+        raise Refused("the vehicle does not say how much of a winch's line is out; has it a winch, and is it enabled?")
+    return line_m - known.winch.line_m
 
 
 def _said(*messages: Any, changes_mode: bool = False) -> Way:
@@ -312,6 +334,8 @@ class Errands:
         messages = list(way.messages)
         if sending.sent and way.again is not None:
             messages[0] = way.again
+        if isinstance(sending.command.order, vehicle.LineOrder) and sending.known.winch is not None:
+            messages[0].param3 = _let_out_m(sending.command.order.line_m, sending.known)
         if sending.sent and hasattr(messages[0], "confirmation"):
             messages[0].confirmation = sending.sent
         outcome.send.extend(_with_escort(messages))

@@ -97,6 +97,7 @@ class VehicleReports:
         self.home: vehicle.HomeReport | None = None
         self.position: vehicle.PositionReport | None = None
         self.velocity: vehicle.VelocityReport | None = None
+        self.winch: vehicle.WinchReport | None = None
         self.mode, self.guided, self.heartbeats = "", False, 0
         self._parameters: dict[str, float] = {}
         self._airborne: bool | None = None
@@ -107,7 +108,7 @@ class VehicleReports:
 
     def on_reboot(self) -> None:
         """Forget what the vehicle itself forgot."""
-        self.home = self._airborne = self._satellite_altitude_m = self._has_fix = None
+        self.home = self.winch = self._airborne = self._satellite_altitude_m = self._has_fix = None
         self._parameters.clear()
 
     def reports(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
@@ -259,6 +260,19 @@ class VehicleReports:
         pan_rad, tilt_rad = math.radians(message.yaw), -math.radians(message.pitch)
         return (vehicle.MountReport(valid_us, "MOUNT_ORIENTATION", _half_turn(pan_rad), tilt_rad),)
 
+    def on_winch(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
+        """WINCH_STATUS: what is no number is not known; winches without a scale send no tension."""
+        status = message.status
+        self.winch = vehicle.WinchReport(
+            valid_us,
+            _known(message.line_length),
+            _known(message.speed),
+            _known(message.tension),
+            bool(status & mavlink.MAV_WINCH_STATUS_HEALTHY),
+            bool(status & mavlink.MAV_WINCH_STATUS_MOVING),
+        )
+        return (self.winch,)
+
     def on_parameter(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
         """PARAM_VALUE: only those of the fence are kept. PX4 sends integers as their bits, ArduPilot as a number."""
         names = FENCE_PARAMETERS.get(self.autopilot or 0, ())
@@ -321,6 +335,7 @@ DESCRIBING: dict[str, Callable[[VehicleReports, Any, int], tuple[vehicle.Report,
     "MISSION_CURRENT": VehicleReports.on_mission_current,
     "GIMBAL_DEVICE_ATTITUDE_STATUS": VehicleReports.on_gimbal,
     "MOUNT_ORIENTATION": VehicleReports.on_mount,
+    "WINCH_STATUS": VehicleReports.on_winch,
     "PARAM_VALUE": VehicleReports.on_parameter,
 }
 """What each message that describes a vehicle reports."""
@@ -331,6 +346,10 @@ def _turned_from_north(flags: int) -> bool:
     if flags & (mavlink.GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME | mavlink.GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME):
         return bool(flags & mavlink.GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME)
     return bool(flags & mavlink.GIMBAL_DEVICE_FLAGS_YAW_LOCK)
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _half_turn(angle_rad: float) -> float:

@@ -37,7 +37,7 @@ class Autopilot(SensedFlight):
         super().__init__(config, now_us, TICK_US, Mode.GUIDED if self._persona.names_take_off else None)
         self._now_us = now_us
         self._commands = Commands(
-            self.flight, self._frame, self._persona, lambda: self._disobeys(self._now_us), self.aim
+            self.flight, self._frame, self._persona, lambda: self._disobeys(self._now_us), self.aim, lambda: self.hoist
         )
         self._missions = Missions(self.flight, self._frame, self._persona)
         self._parameters = Parameters(self._persona, self.flight.settings, config.system_id)
@@ -141,6 +141,7 @@ class Autopilot(SensedFlight):
             self._imu,
             self._missions.count,
             None if self.mount is None else self.mount.reported(),
+            self.working_hoist,
         )
 
     def _telemetry(self, tick: int) -> Sent:

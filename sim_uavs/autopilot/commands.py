@@ -13,6 +13,7 @@ from sim_uavs.autopilot.personas import Persona
 from sim_uavs.autopilot.points import local_point
 from sim_uavs.dynamics.flight import Flight, FlightAnswer, Mode, Said
 from sim_uavs.dynamics.quadcopter import Vector
+from sim_uavs.dynamics.slung import Hoist
 
 LOOKING_DOWN = PointMountOrder(0.0, pi / 2.0)
 _FROM_HOME = frozenset({mavlink.MAV_CMD_DO_SET_ROI, mavlink.MAV_CMD_DO_SET_ROI_LOCATION})
@@ -62,9 +63,10 @@ class Commands:
         persona: Persona,
         disobeys: Callable[[], FlightAnswer | None],
         aim: Callable[[MountOrder], FlightAnswer],
+        hoist: Callable[[], Hoist | None],
     ) -> None:
         self._flight, self._frame, self._persona, self._disobeys = flight, frame, persona, disobeys
-        self._aim = aim
+        self._aim, self._hoist = aim, hoist
         self._known: dict[int, Callable[[FlightOrder], FlightAnswer]] = {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm,
             mavlink.MAV_CMD_DO_SET_MODE: self._set_mode,
@@ -82,6 +84,8 @@ class Commands:
             mavlink.MAV_CMD_DO_SET_ROI_LOCATION: self._look_at,
             mavlink.MAV_CMD_DO_SET_ROI: self._look_at,
             mavlink.MAV_CMD_DO_SET_ROI_NONE: lambda _: aim(LOOKING_DOWN),
+            mavlink.MAV_CMD_DO_GRIPPER: self._grip,
+            mavlink.MAV_CMD_DO_WINCH: self._wind,
         }
 
     def obey(self, order: FlightOrder) -> int:
@@ -207,6 +211,44 @@ class Commands:
         if order.altitude_m != mavlink.MAV_MOUNT_MODE_MAVLINK_TARGETING:
             return FlightAnswer.OUT_OF_RANGE
         return self._aim(PointMountOrder(radians(yaw_deg), -radians(pitch_deg)))
+
+    def _grip(self, order: FlightOrder) -> FlightAnswer:
+        """Accepted whatever is below the magnet, and whichever gripper is named."""
+        hoist, action = self._hoist(), order.params[1]
+        if hoist is None or not self._flight.settings.gripper_on or not isfinite(action):
+            return FlightAnswer.FAILED
+        if int(action) == mavlink.GRIPPER_ACTION_GRAB:
+            hoist.grip()
+            self._say("Gripper load grabbing")
+        elif int(action) == mavlink.GRIPPER_ACTION_RELEASE:
+            hoist.release(self._flight.at_us)
+            self._say("Gripper load releasing")
+        else:
+            return FlightAnswer.FAILED
+        return FlightAnswer.ACCEPTED
+
+    def _wind(self, order: FlightOrder) -> FlightAnswer:
+        """By length as fast as the winch is set to, whatever speed is asked for; three of its actions are known.
+
+        What is no number fails; ArduCopter falls over.
+        """
+        hoist, (_, action, length_m, speed_m_s) = self._hoist(), order.params
+        if hoist is None or not self._flight.settings.winch_type or not all(map(isfinite, order.params)):
+            return FlightAnswer.FAILED
+        if int(action) == mavlink.WINCH_RELAXED:
+            hoist.relax()
+        elif int(action) == mavlink.WINCH_RELATIVE_LENGTH_CONTROL:
+            wanted_m = hoist.let_out(length_m)
+            verb = "lowering" if length_m >= 0.0 else "raising"
+            self._say(f"Winch: {verb} {abs(length_m):4.1f}m to {wanted_m:4.1f}m")
+        elif int(action) == mavlink.WINCH_RATE_CONTROL:
+            hoist.let_out_at(speed_m_s)
+        else:
+            return FlightAnswer.FAILED
+        return FlightAnswer.ACCEPTED
+
+    def _say(self, text: str) -> None:
+        self._flight.events.append(Said(mavlink.MAV_SEVERITY_INFO, text))
 
     def _look_at(self, order: FlightOrder) -> FlightAnswer:
         """A place; without one ArduPilot stops looking at any."""

@@ -88,6 +88,8 @@ def _px4(main: int, sub: int = 0) -> int:
 
 
 _REAL, _INT = mavlink.MAV_PARAM_TYPE_REAL32, mavlink.MAV_PARAM_TYPE_INT32
+_HANDLING = frozenset({mavlink.MAV_CMD_DO_GRIPPER, mavlink.MAV_CMD_DO_WINCH})
+"""Only ArduCopter 4.7 was met with a winch and a gripper."""
 _STANDARD = {
     Mode.LOITER: mavlink.MAV_STANDARD_MODE_POSITION_HOLD,
     Mode.AUTO: mavlink.MAV_STANDARD_MODE_MISSION,
@@ -122,6 +124,9 @@ ARDUPILOT = Persona(
         ParameterKind("FENCE_ALT_MAX", "fence_highest_m", 1.0, _REAL, 10, 1000),
         ParameterKind("FENCE_ALT_MIN", "fence_lowest_m", 1.0, _REAL, -100, 100),
         ParameterKind("FENCE_RADIUS", "fence_radius_m", 1.0, _REAL, 30, 10_000),
+        ParameterKind("GRIP_ENABLE", "gripper_on", 1.0, _INT, 0, 1),
+        ParameterKind("WINCH_TYPE", "winch_type", 1.0, _INT, 0, 2),
+        ParameterKind("WINCH_RATE_MAX", "winch_m_s", 1.0, _REAL, 0, 10),
     ),
     bytewise=False,
     names_take_off=False,
@@ -145,6 +150,7 @@ ARDUPILOT_3_3 = replace(
             mavlink.MAV_CMD_GET_HOME_POSITION,
             mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW,
             mavlink.MAV_CMD_DO_SET_ROI_LOCATION,
+            *_HANDLING,
         }
     ),
     takes_command_int=False,
@@ -156,6 +162,7 @@ ARDUPILOT_3_3 = replace(
             mavlink.MAVLINK_MSG_ID_CURRENT_MODE,
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
             mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS,
+            mavlink.MAVLINK_MSG_ID_WINCH_STATUS,
         }
     ),
     on_request=True,
@@ -204,6 +211,8 @@ PX4 = Persona(
         Mode.LAND: "Land",
         Mode.OFFBOARD: "Offboard",
     },
+    not_understood=_HANDLING,
+    never_sent=frozenset({mavlink.MAVLINK_MSG_ID_WINCH_STATUS}),
 )
 
 PERSONAS: Mapping[PersonaName, Persona] = {"ardupilot": ARDUPILOT, "ardupilot-3.3": ARDUPILOT_3_3, "px4": PX4}

@@ -13,10 +13,12 @@ from sim_uavs.autopilot.personas import Persona
 from sim_uavs.dynamics.flight import GUIDED_MODES, Drifting, Flight, GoingTo, Mode
 from sim_uavs.dynamics.quadcopter import GRAVITY_M_S2, Vector
 from sim_uavs.dynamics.sensors import GpsReading, ImuReading
+from sim_uavs.dynamics.slung import Hoist
 
 _INT32_MIN, _INT32_MAX = -(2**31), 2**31 - 1
 _CELLS, _FULL_CELL_MV, _EMPTY_CELL_MV = 6, 4200, 3300
 _UNKNOWN_16 = 65535
+WINCH_WITH_SCALE = 2.0
 _LEVEL_GIMBAL = (
     mavlink.GIMBAL_DEVICE_FLAGS_ROLL_LOCK
     | mavlink.GIMBAL_DEVICE_FLAGS_PITCH_LOCK
@@ -42,7 +44,7 @@ _SENSORS = (
 class Snapshot(NamedTuple):
     """A vehicle at one instant: `boot_ms` and `utc_us` by its own clock, sensors as they read (`gps` None: no fix).
 
-    `mount` None: it carries no camera.
+    `mount` None: it carries no camera; `winch` None: no winch, or none that is switched on.
     """
 
     boot_ms: int
@@ -54,6 +56,7 @@ class Snapshot(NamedTuple):
     imu: ImuReading
     has_mission: int
     mount: PanTilt | None = None
+    winch: Hoist | None = None
 
 
 def _int32(value: float) -> int:
@@ -292,6 +295,22 @@ def gimbal_attitude(s: Snapshot) -> Message | None:
     )
 
 
+def winch_status(s: Snapshot) -> Message | None:
+    """WINCH_TYPE 2 has a scale and says whether it moves, but not which way; type 1 knows only what it was ordered."""
+    if s.winch is None:
+        return None
+    line_m, speed_m_s, flags = s.winch.line_m, s.winch.speed_m_s, int(mavlink.MAV_WINCH_STATUS_HEALTHY)
+    load_kg = voltage_v = current_a = nan
+    if s.flight.settings.winch_type == WINCH_WITH_SCALE:
+        load_kg, speed_m_s = s.winch.load_kg, abs(speed_m_s)
+        voltage_v, current_a = 24.0, 0.5 + 2.0 * speed_m_s
+        flags |= mavlink.MAV_WINCH_STATUS_MOVING * (speed_m_s > 0.01)
+        flags |= mavlink.MAV_WINCH_STATUS_FULLY_RETRACTED * (line_m < 0.01)
+    return mavlink.MAVLink_winch_status_message(
+        s.boot_ms * 1000, line_m, speed_m_s, load_kg, voltage_v, current_a, 32_767, flags
+    )
+
+
 Builder = Callable[[Snapshot], Message | None]
 
 _STREAMS: Mapping[int, tuple[Builder, int]] = {
@@ -313,6 +332,7 @@ _STREAMS: Mapping[int, tuple[Builder, int]] = {
     mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: (position_target, 5),
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: (global_origin, 0),
     mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS: (gimbal_attitude, 1),
+    mavlink.MAVLINK_MSG_ID_WINCH_STATUS: (winch_status, 2),
 }
 """What builds each message, and every how many ticks of 100 ms it is sent unasked (0: never)."""
 BUILDERS: Mapping[int, Builder] = {kind: build for kind, (build, _) in _STREAMS.items()}

@@ -8,6 +8,10 @@ How orders fare, as real autopilots showed it: `refuse=2` (MAV_RESULT: 1 tempora
 4 failed), `forget` (accepted, and not flown), `ack-delay=1` (seconds), `ack-loss=30` (per cent), `stream-target=1` (hertz
 at which a ground station repeats the target that the vehicle had), `takeover` (a pilot takes the vehicle, and gives it back),
 `killed` (the autopilot ends: it reports and obeys nothing from then on, and its motors stop).
+
+How work with boxes fails: `failed-take-off` (it stays on the ground), `failed-attach` (the magnet takes hold of nothing),
+`dropped-box` (what hangs on the line falls, at once), `misplaced-box=3` (what is let go comes down so many metres beside), `late=3` (it
+flies so many times slower).
 """
 
 from difflib import get_close_matches
@@ -46,6 +50,11 @@ _KINDS = {
     "stream-target": _Kind(1.0, 0.1, 10.0),
     "takeover": _Kind(None, 0, 0),
     "killed": _Kind(None, 0, 0),
+    "failed-take-off": _Kind(None, 0, 0),
+    "failed-attach": _Kind(None, 0, 0),
+    "dropped-box": _Kind(None, 0, 0),
+    "misplaced-box": _Kind(3.0, 0.0, 50.0),
+    "late": _Kind(3.0, 1.0, 100.0),
 }
 KINDS = tuple(_KINDS)
 

@@ -16,6 +16,7 @@ from sim_uavs.dynamics.guidance import Speeds, heading_to, velocity_to
 from sim_uavs.dynamics.missions import Item, MissionAction, MissionProgress
 from sim_uavs.dynamics.quadcopter import ZERO, Body, Vector
 from sim_uavs.dynamics.settings import VehicleConfig
+from sim_uavs.dynamics.slung import Hoist
 
 STEP_US = 20_000
 _LONGEST_CATCH_UP_US = 10_000_000  # a process that was stopped for longer resumes where it stood
@@ -100,6 +101,12 @@ class Flight:
 
     `rest_mode` is the mode in which it starts and to which it returns after a landing; None: STABILIZE, and it stays
     as it is.
+
+    Attributes:
+        at_us: how far it has flown.
+        slung: what hangs below it, if anything can.
+        is_stuck: it does not leave the ground, whatever it is ordered.
+        takes: how many times as long as usual it takes to get anywhere.
     """
 
     def __init__(self, config: VehicleConfig, now_us: int, rest_mode: Mode | None = None) -> None:
@@ -116,10 +123,12 @@ class Flight:
         self.speed_m_s: float | None = None
         self.events: list[Event] = []
         self.position_ok = True
+        self.slung: Hoist | None = None
+        self.is_stuck, self.takes = False, 1.0
         self._rest_mode = rest_mode
         self._wind, self._gust = config.wind, ZERO
         self._rng = np.random.default_rng((config.seed, config.system_id, 1))
-        self._at_us = now_us
+        self.at_us = now_us
         self._grounded_us = now_us
         self._flew = self.armed
         self._warned = False
@@ -147,7 +156,7 @@ class Flight:
             return FlightAnswer.NO_CHARGE
         if self.mode in {Mode.RTL, Mode.LAND, Mode.AUTO}:
             return FlightAnswer.MODE_NOT_ARMABLE
-        self.armed, self._flew, self._grounded_us = True, False, self._at_us
+        self.armed, self._flew, self._grounded_us = True, False, self.at_us
         return FlightAnswer.ACCEPTED
 
     def disarm(self, *, force: bool = False) -> FlightAnswer:
@@ -202,7 +211,7 @@ class Flight:
             return refused
         if not all(map(isfinite, velocity)):
             return FlightAnswer.OUT_OF_RANGE
-        self.target = Drifting(velocity, self._at_us + _VELOCITY_HOLDS_US)
+        self.target = Drifting(velocity, self.at_us + _VELOCITY_HOLDS_US)
         return FlightAnswer.ACCEPTED
 
     def change_speed(self, speed_m_s: float) -> FlightAnswer:
@@ -241,19 +250,22 @@ class Flight:
 
     def on_time(self, now_us: int) -> None:
         """Fly up to `now_us`, in whole steps counted from the epoch, so that it does not matter how often this runs."""
-        if now_us - self._at_us > _LONGEST_CATCH_UP_US:
-            self._at_us = now_us - STEP_US
-        while self._at_us // STEP_US < now_us // STEP_US:
-            self._at_us = (self._at_us // STEP_US + 1) * STEP_US
+        if now_us - self.at_us > _LONGEST_CATCH_UP_US:
+            self.at_us = now_us - STEP_US
+        while self.at_us // STEP_US < now_us // STEP_US:
+            self.at_us = (self.at_us // STEP_US + 1) * STEP_US
             self._step()
 
     def _step(self) -> None:
         demand, yaw_rad = self._demand()
         self._gust = self._wind.next_gust(self._gust, STEP_US / 1e6, self._rng)
-        motors = self.armed and self.body.charge > 0.0 and (self.airborne or demand.down < 0.0)
+        motors = self.armed and self.body.charge > 0.0 and (self.airborne or (demand.down < 0.0 and not self.is_stuck))
+        limits = self.limits if self.slung is None else dynamics.laden(self.limits, self.slung.load_kg)
         self.body = dynamics.step(
-            self.body, demand, yaw_rad, self._wind.with_gust(self._gust), STEP_US / 1e6, self.limits, motors=motors
+            self.body, demand, yaw_rad, self._wind.with_gust(self._gust), STEP_US / 1e6, limits, motors=motors
         )
+        if self.slung is not None:
+            self.slung.step(self.body, self.at_us)
         self._watch_ground()
         self._watch_battery()
 
@@ -266,7 +278,7 @@ class Flight:
         if self.mode is Mode.AUTO:
             return self._mission()
         if isinstance(self.target, Drifting):
-            if self._at_us < self.target.until_us:
+            if self.at_us < self.target.until_us:
                 return self.target.velocity, self.body.yaw_rad
             self.target = GoingTo(self._stop_point())
         return self._follow(self.target) if self.target is not None else (ZERO, self.body.yaw_rad)
@@ -281,7 +293,9 @@ class Flight:
 
     def _speeds(self) -> Speeds:
         s = self.settings
-        return Speeds(self.speed_m_s or s.cruise_m_s, s.climb_m_s, s.descent_m_s)
+        mass_kg, load_kg = self.limits.mass_kg, 0.0 if self.slung is None else self.slung.load_kg
+        climb_m_s = s.climb_m_s * mass_kg / (mass_kg + load_kg)
+        return Speeds((self.speed_m_s or s.cruise_m_s) / self.takes, climb_m_s, s.descent_m_s)
 
     def _come_down(self) -> tuple[Vector, float]:
         """Straight down, slowly near the ground, holding the place over which it began."""
@@ -327,10 +341,10 @@ class Flight:
             point = Vector(here.north, here.east, point.down)
         self.target = GoingTo(point)
         if self.progress.reached_us is None and here.is_close_to(point, item.within_m):
-            self.progress = MissionProgress(self.progress.item, self._at_us)
+            self.progress = MissionProgress(self.progress.item, self.at_us)
             self.events.append(Reached(self.progress.item))
         since_us = self.progress.reached_us
-        if since_us is not None and item.stay_us is not None and self._at_us - since_us >= item.stay_us:
+        if since_us is not None and item.stay_us is not None and self.at_us - since_us >= item.stay_us:
             return self._item_done()
         return self._follow(self.target)
 
@@ -353,10 +367,10 @@ class Flight:
 
     def _watch_ground(self) -> None:
         if self.airborne:
-            self._flew, self._grounded_us = True, self._at_us
+            self._flew, self._grounded_us = True, self.at_us
             return
         waits_us = _SETTLE_US if self._flew else round(self.settings.disarm_s * 1e6)
-        if self.armed and not self.taking_off and self._at_us - self._grounded_us >= waits_us:
+        if self.armed and not self.taking_off and self.at_us - self._grounded_us >= waits_us:
             self.armed, self.target = False, None
             self.mode = self._rest_mode or self.mode
             self.events.append(Said(6, "Landed, disarmed" if self._flew else "Disarmed: idle on the ground"))

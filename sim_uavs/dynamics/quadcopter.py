@@ -60,6 +60,18 @@ class AirframeLimits(NamedTuple):
     capacity_wh: float = 80.0
 
 
+def laden(limits: AirframeLimits, load_kg: float) -> AirframeLimits:
+    """What the airframe can do with a load on its line: the same thrust and power move more."""
+    share = limits.mass_kg / (limits.mass_kg + load_kg)
+    return limits._replace(
+        climb_m_s=limits.climb_m_s * share,
+        acceleration_m_s2=limits.acceleration_m_s2 * share,
+        vertical_acceleration_m_s2=limits.vertical_acceleration_m_s2 * share,
+        mass_kg=limits.mass_kg + load_kg,
+        hover_w=limits.hover_w / share**1.5,
+    )
+
+
 class Wind(NamedTuple):
     """A steady wind (the direction it blows to, m/s) with gusts of standard deviation `gust_sd_m_s`."""
 

@@ -38,6 +38,9 @@ class VehicleSettings:
     fence_highest_m: float = 100.0
     fence_lowest_m: float = -10.0
     fence_radius_m: float = 300.0
+    gripper_on: float = 0.0
+    winch_type: float = 0.0
+    winch_m_s: float = 1.0
 
     def is_fenced_off(self, away_m: float, height_m: float) -> bool:
         """Whether a point so far from home and so high above it lies outside of the fence, by the kinds that are on."""

@@ -17,9 +17,11 @@ from sim_uavs.dynamics.flight import GUIDED_MODES, Flight, FlightAnswer, GoingTo
 from sim_uavs.dynamics.quadcopter import ZERO, Vector
 from sim_uavs.dynamics.sensors import GpsReading, next_wander, read_gps
 from sim_uavs.dynamics.settings import VehicleConfig
+from sim_uavs.dynamics.slung import Hoist, HoistFaults
 
 REPORT_US = 100_000
 SELDOM = 10
+WINCH_EVERY = 2
 _SOURCE = "GLOBAL_POSITION_INT"
 _RETRY_US, _ATTEMPTS = 500_000, 4
 """How often an edge repeats an order that is not acknowledged (`proxies.mavlink.orders`)."""
@@ -66,6 +68,18 @@ class SensedFlight:
         self._mount_rng = np.random.default_rng((config.seed, config.system_id, 5))
         self.mount = Mount(MountLimits(), self._mount_rng) if config.has_mount else None
         self._mounted_us = now_us
+        self.hoist: Hoist | None = None
+
+    def carry(self, hoist: Hoist) -> None:
+        """Have a winch with a magnet, from now on."""
+        self.hoist = self.flight.slung = hoist
+        settings = self.flight.settings
+        settings.gripper_on, settings.winch_type = 1.0, 2.0
+
+    @property
+    def working_hoist(self) -> Hoist | None:
+        """The winch, if there is one and it is switched on."""
+        return self.hoist if self.flight.settings.winch_type else None
 
     def inject(self, fault: SimulatedFault, now_us: int, until_us: int | None = None) -> None:
         """Begin a fault, until `until_us` or for good. `battery-low` empties the battery once, `killed` is for good."""
@@ -75,6 +89,9 @@ class SensedFlight:
         elif fault.kind == "killed":
             self.flight.disarm(force=True)
             self._faults.inject(SimulatedFault("silence"), now_us)
+        elif fault.kind == "dropped-box":
+            if self.hoist is not None:
+                self.hoist.drop(now_us)
         else:
             self._faults.inject(fault, now_us, until_us)
 
@@ -115,6 +132,7 @@ class SensedFlight:
 
     def _suffer(self, now_us: int) -> None:
         """Have others command the vehicle, while that holds: a ground station, and a pilot at the sticks."""
+        self._fail(now_us)
         flight, hertz = self.flight, self._faults.amount("stream-target", now_us)
         if hertz is None:
             self._streamed = None
@@ -128,6 +146,15 @@ class SensedFlight:
         if taken is not self._is_taken:
             self._is_taken = taken
             flight.set_mode(Mode.LOITER if taken else Mode.GUIDED)
+
+    def _fail(self, now_us: int) -> None:
+        """What does not work while that holds."""
+        self.flight.is_stuck = self._faults.holds("failed-take-off", now_us)
+        self.flight.takes = self._faults.amount("late", now_us) or 1.0
+        if self.hoist is not None:
+            misplaced_m = self._faults.amount("misplaced-box", now_us) or 0.0
+            self.hoist.faults = HoistFaults(self._faults.holds("failed-attach", now_us), misplaced_m)
+            self.hoist.rate_m_s = self.flight.settings.winch_m_s
 
     def _disobeys(self, now_us: int) -> FlightAnswer | None:
         """What the autopilot answers without doing what it was ordered; None: it does it."""
@@ -185,7 +212,14 @@ class SimulatedVehicle(SensedFlight):
         loss = self._faults.amount("packet-loss", now_us)
         if self._gps is not None and (loss is None or self._rng.random() * 100.0 >= loss):
             reports += self._often(self._gps, stamp_us)
-        return reports + self._mounted(now_us, stamp_us)
+        return reports + self._mounted(now_us, stamp_us) + self._wound(stamp_us)
+
+    def _wound(self, stamp_us: int) -> list[vehicle.Report]:
+        hoist = self.working_hoist
+        if hoist is None or self._reports % WINCH_EVERY:
+            return []
+        is_moving = abs(hoist.speed_m_s) > 0.01
+        return [vehicle.WinchReport(stamp_us, hoist.line_m, abs(hoist.speed_m_s), hoist.load_kg, True, is_moving)]
 
     def _mounted(self, now_us: int, stamp_us: int) -> list[vehicle.Report]:
         """What the place of a camera's image follows from, next to the position."""
@@ -265,3 +299,20 @@ class SimulatedVehicle(SensedFlight):
                 return flight.set_item(order.item)
             case vehicle.PointMountOrder() | vehicle.LookAtOrder():
                 return self.aim(order)
+            case vehicle.GripOrder() | vehicle.LineOrder():
+                return self._handle(order)
+
+    def _handle(self, order: vehicle.GripOrder | vehicle.LineOrder) -> FlightAnswer:
+        """As the autopilot that speaks MAVLink does it."""
+        hoist, is_on = self.working_hoist, bool(self.flight.settings.gripper_on)
+        if hoist is None or (isinstance(order, vehicle.GripOrder) and not is_on):
+            return FlightAnswer.FAILED
+        if isinstance(order, vehicle.LineOrder):
+            if not 0.0 <= order.line_m <= vehicle.LONGEST_LINE_M:
+                return FlightAnswer.OUT_OF_RANGE
+            hoist.let_out(order.line_m - hoist.line_m)
+        elif order.holds:
+            hoist.grip()
+        else:
+            hoist.release(self.flight.at_us)
+        return FlightAnswer.ACCEPTED

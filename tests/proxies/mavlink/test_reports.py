@@ -18,6 +18,7 @@ from navigation.vehicle import (
     StatusReport,
     TargetReport,
     VelocityReport,
+    WinchReport,
 )
 from proxies.mavlink.frames import WANTED, decoded, frame_at
 from proxies.mavlink.reports import VehicleReports, device_us, flight_mode, is_autopilot
@@ -253,3 +254,14 @@ def test_which_parameters_are_still_to_be_told_is_known() -> None:
 def test_the_item_of_the_mission_is_reported() -> None:
     (told,) = VehicleReports().reports(mavlink.MAVLink_mission_current_message(4), 1)
     assert told == MissionReport(1, 4)
+
+
+def test_a_winch_without_a_scale_says_nothing_of_its_load() -> None:
+    known = VehicleReports()
+    nan = math.nan
+    (told,) = known.reports(mavlink.MAVLink_winch_status_message(7, 2.5, -0.5, nan, nan, nan, 32767, 1), 9)
+    assert told == WinchReport(9, 2.5, -0.5, None, is_healthy=True, is_moving=False)
+    (scaled,) = known.reports(mavlink.MAVLink_winch_status_message(7, 2.5, 0.5, 1.25, 24.0, 1.0, 30, 4), 10)
+    assert scaled == WinchReport(10, 2.5, 0.5, 1.25, is_healthy=False, is_moving=True)
+    known.on_reboot()
+    assert known.winch is None

@@ -1,0 +1,52 @@
+"""What can hang below a vehicle: a winch with a magnet, as the flight, the autopilot and faults see it."""
+
+from typing import NamedTuple, Protocol
+
+from sim_uavs.dynamics.quadcopter import Body
+
+
+class HoistFaults(NamedTuple):
+    """What is wrong with a hoist: the magnet does not take hold; how far from below it a thing comes down that is let go."""
+
+    grips_nothing: bool = False
+    misplaces_m: float = 0.0
+
+
+class Hoist(Protocol):
+    """A winch with a magnet at the end of its line.
+
+    Attributes:
+        line_m, speed_m_s: of the line that is out; positive: it is let out.
+        rate_m_s: the fastest that it moves.
+        faults: what is wrong with it.
+    """
+
+    line_m: float
+    speed_m_s: float
+    rate_m_s: float
+    faults: HoistFaults
+
+    @property
+    def load_kg(self) -> float:
+        """What hangs on the line; 0 while it is slack."""
+
+    def relax(self) -> None:
+        """Stop the motor."""
+
+    def let_out(self, length_m: float) -> float:
+        """Let out so much more than is out now; negative: wind in. The length that it will be."""
+
+    def let_out_at(self, speed_m_s: float) -> None:
+        """Let out at a speed; negative: wind in."""
+
+    def grip(self) -> None:
+        """Switch the magnet on."""
+
+    def release(self, now_us: int) -> None:
+        """Switch the magnet off: what it holds falls."""
+
+    def drop(self, now_us: int) -> None:
+        """Lose what is held."""
+
+    def step(self, body: Body, now_us: int) -> None:
+        """20 ms, the vehicle being where `body` is then."""
