@@ -10,8 +10,8 @@ at which a ground station repeats the target that the vehicle had), `takeover` (
 `killed` (the autopilot ends: it reports and obeys nothing from then on, and its motors stop).
 
 How work with boxes fails: `failed-take-off` (it stays on the ground), `failed-attach` (the magnet takes hold of nothing),
-`dropped-box` (what hangs on the line falls, at once), `misplaced-box=3` (what is let go comes down so many metres beside), `late=3` (it
-flies so many times slower).
+`dropped-box` (what hangs on the line falls, at once), `misplaced-box=3` (what is let go comes down 3 m from where it should),
+`late=3` (it flies at a third of its speed).
 """
 
 from difflib import get_close_matches
