@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from fnmatch import fnmatchcase
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -25,8 +26,9 @@ def numbered(sections: dict[str, int]) -> list[str]:
     return [f"{section}_{n}" for section, last in sections.items() for n in range(1, last + 1)]
 
 
+@cache
 def functions() -> dict[str, dict[str, ast.FunctionDef]]:
-    """The tests of each file, by its path below tests/."""
+    """The tests of each file, by its path below tests/; read by the tests, since all workers import this module."""
     found: dict[str, dict[str, ast.FunctionDef]] = {}
     for path in sorted(HERE.parent.rglob("test_*.py")):
         body = ast.parse(path.read_text(encoding="utf-8")).body
@@ -35,15 +37,20 @@ def functions() -> dict[str, dict[str, ast.FunctionDef]]:
     return found
 
 
-TESTS = functions()
-NAMES = [name for path, tests in TESTS.items() if path.startswith("thesis/") for name in tests]
-PROPERTIES = {
-    name
-    for tests in TESTS.values()
-    for name, node in tests.items()
-    if {"definition", "given"}
-    <= {part.id for each in node.decorator_list for part in ast.walk(each) if isinstance(part, ast.Name)}
-}
+@cache
+def names() -> list[str]:
+    return [name for path, tests in functions().items() if path.startswith("thesis/") for name in tests]
+
+
+@cache
+def properties() -> set[str]:
+    return {
+        name
+        for tests in functions().values()
+        for name, node in tests.items()
+        if {"definition", "given"}
+        <= {part.id for each in node.decorator_list for part in ast.walk(each) if isinstance(part, ast.Name)}
+    }
 
 
 def named(name: str) -> set[str]:
@@ -57,15 +64,15 @@ def named(name: str) -> set[str]:
 
 @pytest.mark.parametrize("number", numbered(EXAMPLES))
 def test_an_example_has_a_test_named_after_it(number: str) -> None:
-    assert any(re.match(rf"test_example_{number}(?!\d)", name) for name in NAMES)
+    assert any(re.match(rf"test_example_{number}(?!\d)", name) for name in names())
 
 
 @pytest.mark.parametrize("number", [each for each in numbered(DEFINITIONS) if each not in NOTATION])
 def test_a_definition_that_fixes_something_has_a_property_that_fails_without_it(number: str) -> None:
     keywords = ["4_4_2"]  # a finite set, gone through word by word
-    assert number in {*keywords, *(one for name in PROPERTIES for one in named(name))}
+    assert number in {*keywords, *(one for name in properties() for one in named(name))}
     proven = [each.test.partition("::")[2] for each in REMOVED if number.replace("_", ".") in each.of]
-    assert any(number in keywords or (name in PROPERTIES and number in named(name)) for name in proven)
+    assert any(number in keywords or (name in properties() and number in named(name)) for name in proven)
 
 
 def rows() -> list[tuple[str, str, str]]:
@@ -89,10 +96,10 @@ def test_a_row_of_the_map_names_tests_that_are_there(row: tuple[str, str, str]) 
             if not path.rpartition("/")[2].startswith("test_"):
                 assert any(HERE.parent.rglob(path.rpartition("/")[2])), path
                 continue
-            files = [each for each in TESTS if each == path.removeprefix("tests/") or each.endswith(f"/{path}")]
+            files = [each for each in functions() if each == path.removeprefix("tests/") or each.endswith(f"/{path}")]
             assert files, path
         if name:
-            wanted = [each for each in (files if path else TESTS) for each in TESTS[each]]
+            wanted = [each for each in (files if path else functions()) for each in functions()[each]]
             assert any(fnmatchcase(each, name) for each in wanted), name
 
 
@@ -100,7 +107,7 @@ def test_a_row_of_the_map_names_tests_that_are_there(row: tuple[str, str, str]) 
 def test_what_is_removed_is_there_once_and_its_test_too(one: Removed) -> None:
     path, _, name = one.test.partition("::")
     assert (ROOT / one.module).read_text(encoding="utf-8").count(one.text) == 1
-    assert name in TESTS[path]
+    assert name in functions()[path]
 
 
 def fails_without(at: int) -> bool:

@@ -14,7 +14,9 @@ from tests.sim_uavs.worlds import alarms, separations_m
 APART_M = 10.0
 SPEED_M_S = 5.0
 UP_M = 50.0
-PERSONAS = pytest.mark.parametrize("persona", ["ardupilot", "ardupilot-3.3", "px4"])
+PERSONAS = pytest.mark.parametrize(
+    "persona", ["ardupilot", pytest.param("ardupilot-3.3", marks=pytest.mark.full), "px4"]
+)
 
 
 def head_on(
