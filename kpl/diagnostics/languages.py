@@ -83,7 +83,7 @@ def language(name: str) -> Language:
     return Language(
         data["operators"],
         data["words"],
-        RESERVED if is_formula else CHRONICLE_RESERVED,
+        data.get("reserved", RESERVED if is_formula else CHRONICLE_RESERVED),
         tuple(data["keywords"]),
         (message, repair),
         tuple(TerminalGroup(frozenset(g["needed"]), g["word"], frozenset(g["others"])) for g in data["groups"]),

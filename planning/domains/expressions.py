@@ -1,7 +1,8 @@
 """Expressions of planning domains from text: the parse tree becomes nodes (grammar: domains.lark).
 
-A time stamp `[start]`, `[t]` or `[t + 1]` reaches right as far as it can, to the next stamp. In a global formula those of
-one time variable stand for `always` and `next`: `[t] A -> [t + 1] B` is `always (A -> next B)`.
+A time stamp `[start]`, `[t]` or `[t + 1]` is about all that stands to its right, inside the same parentheses, until the
+next stamp. In a global formula those of one time variable stand for `always` and `next`: `[t] A & B -> [t + 1] C` is
+`always (A & B -> next C)`.
 """
 
 from typing import Any, Final
@@ -19,6 +20,9 @@ _MS: Final = 1000
 
 class ExpressionReader(ErrorCollector):
     """Reads expressions; what is wrong with numbers, stamps and intervals is collected."""
+
+    _stamp: tuple[tuple[str, int], ...] | None = None
+    """The only one that may stand in what is read."""
 
     def read(self, node: Any) -> Expression:
         place, parts = place_of(node, self.text), node.children
@@ -46,7 +50,7 @@ class ExpressionReader(ErrorCollector):
             case "forall" | "exists":
                 return Quantified(node.data, self.variables(parts[0]), self.read(parts[1]), place=place)
             case "stamped":
-                self.error("a time stamp cannot stand here", place, "always A, next A; or [t] A -> [t + 1] B")
+                self._check_stamp(parts[0], place)
                 return self.read(parts[1])
         return self._value(node, place)
 
@@ -96,7 +100,7 @@ class ExpressionReader(ErrorCollector):
 
     def variables(self, node: Any) -> tuple[Parameter, ...]:
         """Variables with the types that are given."""
-        names = [[name_in(name) for name in each.children] for each in node.children]
+        names = [[name_in(name) for name in each.children if hasattr(name, "data")] for each in node.children]
         return tuple(Parameter(*each) for each in names)
 
     def _interval(self, parts: list[Any]) -> tuple[int, int | None]:
@@ -148,41 +152,62 @@ class ExpressionReader(ErrorCollector):
         self.error("a time point is wanted", place_of(node, self.text), "[start], [end], [start + 500], [t + 1]")
         return "", 0
 
+    def read_at(self, node: Any, wanted: tuple[tuple[str, int], ...]) -> Expression:
+        """An expression about one time: its stamps, if there are any, are this one."""
+        self._stamp, before = wanted, self._stamp
+        try:
+            return self.read(node)
+        finally:
+            self._stamp = before
+
+    def _check_stamp(self, node: Any, place: tree.Place) -> None:
+        if self._stamp is None:
+            self.error("a time stamp cannot stand here", place, "always A, next A; or [t] A -> [t + 1] B")
+        elif self.stamp_of(node) != self._stamp:
+            shown = ", ".join(name for name, _ in self._stamp)
+            self.error("this is about another time", place_of(node, self.text), f"[{shown}]")
+
     def over_states(self, node: Any) -> Expression:
         """A global formula; with time stamps `always` over all of it."""
-        if not _has_stamp(node):
+        if not has_stamp(node):
             return self.read(node)
         variables = {self.stamp_of(each.children[0])[0][0] for each in node.iter_subtrees() if each.data == "stamped"}
         if len(variables) > 1:
             self.error("time stamps of two variables", place_of(node, self.text), "[t] A -> [t + 1] B")
-        return tree.Always(self._stamped(node, 0, variables), place=place_of(node, self.text))
+        return tree.Always(self._timed(node, 0, variables)[0], place=place_of(node, self.text))
 
-    def _stamped(self, node: Any, later: int, times: set[str]) -> Expression:
+    def _timed(self, node: Any, later: int, times: set[str]) -> tuple[Expression, int]:
+        """A part of a formula with stamps, about the state that is `later`, and what follows is about."""
         place, parts = place_of(node, self.text), node.children
         if node.data == "stamped":
             points = self.stamp_of(parts[0])
             if len(points) > 1 or points[0][1] not in {0, 1}:
                 self.error("only [t] and [t + 1] can stand in a formula", place, "[t] A -> [t + 1] B")
-            return self._stamped(parts[1], points[0][1], times)
-        if not _has_stamp(node) or node.data not in _CONNECTIVES:
+            return self._timed(parts[1], points[0][1], times)
+        if not has_stamp(node) or node.data not in _CONNECTIVES:
             found = self.read(node)
-            return Next(found, place=place) if later else found
-        inside = [self._stamped(part, later, times) for part in parts if hasattr(part, "data")]
+            return (Next(found, place=place) if later else found), later
+        if node.data == "group":
+            return self._timed(parts[0], later, times)[0], later
+        if node.data in {"forall", "exists"}:
+            body, last = self._timed(parts[-1], later, times)
+            variables = tuple(one for one in self.variables(parts[0]) if one.name not in times)
+            return (Quantified(node.data, variables, body, place=place) if variables else body), last
+        inside, last = list[Expression](), later
+        for part in parts:
+            if hasattr(part, "data"):
+                found, last = self._timed(part, last, times)
+                inside.append(found)
         match node.data:
-            case "group":
-                return inside[0]
             case "negation":
-                return tree.Not(inside[0], place=place)
+                return tree.Not(inside[0], place=place), last
             case "expr":
-                return tree.Implies(inside[0], inside[1], place=place)
-            case "conjunction" | "disjunction":
-                return (tree.And if node.data == "conjunction" else tree.Or)(tuple(inside), place=place)
-        variables = tuple(one for one in self.variables(parts[0]) if one.name not in times)
-        body = self._stamped(parts[1], later, times)
-        return Quantified(node.data, variables, body, place=place) if variables else body
+                return tree.Implies(inside[0], inside[1], place=place), last
+        return (tree.And if node.data == "conjunction" else tree.Or)(tuple(inside), place=place), last
 
 
-def _has_stamp(node: Any) -> bool:
+def has_stamp(node: Any) -> bool:
+    """Whether a time stamp stands in it."""
     return any(each.data == "stamped" for each in node.iter_subtrees())
 
 

@@ -8,7 +8,7 @@ from kpl.syntax.grammar import parse_tree
 from kpl.syntax.parsing import place_of, raise_all
 from planning.domains import model
 from planning.domains.checking import check_declarations
-from planning.domains.expressions import ExpressionReader, name_in
+from planning.domains.expressions import ExpressionReader, has_stamp, name_in
 from planning.domains.model import Application, Declarations, Expression
 from reasoning.formulas import tree
 
@@ -298,13 +298,7 @@ class _Clauses:
 
     def _at(self, node: Any, wanted: tuple[tuple[str, int], ...]) -> Expression:
         """A formula with the stamp that its clause has, or none."""
-        reader = self._reader
-        if node.data != "stamped":
-            return reader.read(node)
-        if reader.stamp_of(node.children[0]) != wanted:
-            shown = ", ".join(name for name, _ in wanted)
-            reader.error("this clause is about another time", place_of(node.children[0], reader.text), f"[{shown}]")
-        return reader.read(node.children[1])
+        return self._reader.read_at(node, wanted)
 
     def _timing(self, node: Any, monitored: bool) -> model.TimeConstraint:
         """`lo <= end - start <= hi`, one side of it, or `end - start == d`."""
@@ -352,7 +346,8 @@ class _Clauses:
                 variables += reader.variables(left.children[0])
                 left = left.children[1]
             elif left.data == "expr":
-                condition, left = reader.read(left.children[0]), left.children[2]
+                condition, stamped = self._at(left.children[0], ((self._start, 0),)), has_stamp(left.children[0])
+                left, stamp = left.children[2], (self._start, 0) if stamped else stamp
             elif left.data == "group":
                 left = left.children[0]
             else:

@@ -61,9 +61,41 @@ def test_example_7_4_1_is_read_as_it_is_printed_and_quantified_universally() -> 
     (control,) = [one for one in domain().controls if one.name.startswith("move")]
     assert isinstance(control.formula, tree.Always)
     assert print_expression(control.formula) == (
-        "always (is-at(box, x, y) -> next is-at(box, x, y) | (!close-enough-to-goal(box) | need-to-move-temporarily(box)))"
+        "always (is-at(box, x, y) -> next is-at(box, x, y) | !close-enough-to-goal(box) | need-to-move-temporarily(box))"
     )
     assert [one.name for one in free_variables(control.formula, domain())] == ["box", "x", "y"]
+
+
+@pytest.mark.parametrize(
+    ("typed", "printed"),
+    [
+        ("[t] ok(uav) & [t + 1] !ok(uav) -> [t] ok(uav2)", "always (ok(uav) & next !ok(uav) -> ok(uav2))"),
+        ("forall t, uav. [t] ok(uav) -> [t + 1] ok(uav)", "always forall uav: ok(uav) -> next ok(uav)"),
+        ("[t] ok(uav) -> ([t + 1] ok(uav)) | !ok(uav2)", "always (ok(uav) -> next ok(uav) | !ok(uav2))"),
+        ("[t] ok(uav) -> [t + 1] ok(uav) & !ok(uav2)", "always (ok(uav) -> next ok(uav) & next !ok(uav2))"),
+    ],
+)
+def test_a_time_stamp_is_about_what_stands_right_of_it_until_the_next_one(typed: str, printed: str) -> None:
+    (control,) = parse_domain(f"{BEFORE}#control c: {typed}").controls
+    assert print_expression(control.formula) == printed
+
+
+def test_conditions_and_effects_may_repeat_their_stamps() -> None:
+    several, once = (
+        parse_domain(f"{BEFORE}#operator o(uav) :precond {condition} :effects {effect}").operators
+        for condition, effect in (
+            ("[start] ok(uav) & [start] xpos(uav) > 0", "[start] ok(uav) & xpos(uav) > 0 -> [end] ok(uav) := false"),
+            ("[start] ok(uav) & xpos(uav) > 0", "[start] (ok(uav) & xpos(uav) > 0) -> [end] !ok(uav)"),
+        )
+    )
+    assert several == once
+
+
+def test_words_of_formulas_are_refused_as_names_and_in_is_one() -> None:
+    assert parse_domain("#domain box #feature in(box, box) : boolean").features[0].name == "in"
+    with pytest.raises(TextError, match="`until` is a reserved word") as caught:
+        parse_domain("#domain box #feature until(box) : boolean")
+    assert "until_" in str(caught.value)
 
 
 def test_printing_gives_the_domain_and_the_problem_back() -> None:
