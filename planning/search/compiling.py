@@ -1,6 +1,9 @@
-"""Ground formulas that share parts: compiled once, walked once, and bounded as if they shared nothing."""
+"""Ground formulas that share parts: compiled once, walked once, and bounded as if they shared nothing.
 
-from collections.abc import Iterator
+What a part came to is remembered until a fluent in it changes: most of a state is as it was before.
+"""
+
+from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from dyknow.model.errors import TextError
@@ -11,11 +14,9 @@ BEFORE: Final = "before "
 """Begins the name of a fluent of the earlier one of two states."""
 LIMIT_PARTS: Final = 2_000_000
 """Most parts of one formula over the objects of a problem."""
-
-
-def labels_of(one: tree.Formula) -> frozenset[str]:
-    """The labels a ground formula reads, those of the earlier state without their tag."""
-    return frozenset(node.label.removeprefix(BEFORE) for node in _nodes(one) if isinstance(node, tree.Feature))
+REMEMBERED_FROM: Final = 8
+"""Parts that a formula has at least for its truth to be remembered."""
+_NO_LABELS: Final = frozenset[str]()
 
 
 def is_temporal(one: tree.Formula) -> bool:
@@ -36,10 +37,18 @@ def _nodes(one: tree.Formula) -> Iterator[Any]:
 
 
 class SharingCompiler(EvaluationCompiler):
-    """A compiler that compiles each node once, and counts it wherever it stands: that is what evaluating it may cost."""
+    """A compiler that compiles each node once, and counts it wherever it stands: that is what evaluating it may cost.
 
-    def __init__(self) -> None:
+    Attributes:
+        remembered: truths by the labels they depend on; whoever changes the value of a label empties them. They are of
+            one state: that which all tests are given.
+    """
+
+    def __init__(self, poll: Callable[[], None] = lambda: None) -> None:
         super().__init__()
+        self._poll = poll
+        self.remembered: dict[str, list[list[int | None]]] = {}
+        self._labels_of: dict[int, tuple[tree.Formula, frozenset[str]]] = {}
         self._tests_of: dict[int, tuple[tree.Formula, Test, int]] = {}
         self._terms_of: dict[int, tuple[tree.Formula, Term, int]] = {}
 
@@ -50,6 +59,20 @@ class SharingCompiler(EvaluationCompiler):
                 f"a formula expands to more than {LIMIT_PARTS} parts over the objects of the problem",
                 repair="quantify over fewer objects, or nest fewer quantifiers",
             )
+
+    def labels(self, formula: tree.Formula) -> frozenset[str]:
+        """The labels a ground formula reads, those of the earlier state without their tag."""
+        return frozenset([label.removeprefix(BEFORE) for label in self._labels(formula)])
+
+    def _labels(self, formula: Any) -> frozenset[str]:
+        if isinstance(formula, tree.Feature):
+            return frozenset((formula.label,))
+        if isinstance(formula, tree.Const):
+            return _NO_LABELS
+        known = self._labels_of.get(id(formula))
+        if known is None:
+            known = self._labels_of[id(formula)] = formula, _NO_LABELS.union(*map(self._labels, tree.children(formula)))
+        return known[1]
 
     def whole_test(self, formula: tree.Formula) -> Test:
         """The test of a formula that is not part of another one."""
@@ -64,12 +87,30 @@ class SharingCompiler(EvaluationCompiler):
     def test(self, formula: tree.Formula) -> Test:
         known = self._tests_of.get(id(formula))
         if known is None:
+            self._poll()
             before = self.nodes_left
             made = super().test(formula)
-            known = self._tests_of[id(formula)] = formula, made, before - self.nodes_left
+            parts = before - self.nodes_left
+            known = self._tests_of[id(formula)] = formula, self._remembering(formula, made, parts), parts
         else:
             self.count(known[2])
         return known[1]
+
+    def _remembering(self, formula: tree.Formula, test: Test, parts: int) -> Test:
+        labels = self._labels(formula) if parts >= REMEMBERED_FROM else _NO_LABELS
+        if not labels or any(label.startswith(BEFORE) for label in labels):
+            return test
+        cell: list[int | None] = [None]
+        for label in labels:
+            self.remembered.setdefault(label, []).append(cell)
+
+        def remembering(at_us: int, values: Any, domains: Any, events: Any, changed_us: Any) -> int:
+            digit = cell[0]
+            if digit is None:
+                digit = cell[0] = test(at_us, values, domains, events, changed_us)
+            return digit
+
+        return remembering
 
     def term(self, formula: tree.Formula) -> Term:
         known = self._terms_of.get(id(formula))

@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 from dyknow.model.sample import Value
 from planning.domains import model
 from planning.domains.model import Expression, Next, Quantified
-from planning.search.compiling import BEFORE, is_temporal, labels_of
+from planning.search.compiling import BEFORE, is_temporal
 from planning.search.grounding import TRUE, Environment, Grounder
 from reasoning.formulas import tree
 from reasoning.formulas.evaluation import EvaluationCompiler, Test
@@ -115,7 +115,7 @@ class ControlFormulas:
     def _constrain(self, name: str, ground: tree.Formula, is_pair: bool) -> None:
         number = len(self._constraints)
         self._constraints.append(_Constraint(name, self._grounder.compiler.whole_test(ground), is_pair))
-        for label in labels_of(ground):
+        for label in self._grounder.compiler.labels(ground):
             self._touching.setdefault(label, []).append(number)
             if is_pair:
                 self._pairs_touching.setdefault(label, []).append(number)

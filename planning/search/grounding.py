@@ -51,8 +51,9 @@ class Grounder:
     def __init__(self, task: PlanningTask, poll: Callable[[], None] = lambda: None) -> None:
         self.task, self.poll = task, poll
         self.goal: frozenset[tree.Formula] = frozenset()
-        self.compiler = SharingCompiler()
+        self.compiler = SharingCompiler(poll)
         self._known: dict[tuple[Any, ...], tuple[Any, tree.Formula]] = {}
+        self._names: dict[int, tuple[Expression, tuple[str, ...]]] = {}
         self._features: dict[tuple[str, ...], tree.Feature] = {}
         self._objects: dict[str, tree.Const] = {}
         self._cases: dict[tree.Formula, tree.Const] = {}
@@ -98,7 +99,33 @@ class Grounder:
                 raise TextError(f"{name} is a number that no equation binds", repair=f"xpos(box) == {name}")
         return env
 
+    def shared(self, expression: Expression, env: Environment, tag: str = "") -> tree.Formula:
+        """The same, one node for equal values of the variables in it, as for derived features."""
+        return self._shared(expression, env, tag, self.ground)
+
     def _quantified(self, one: Quantified, env: Environment, tag: str) -> tree.Formula:
+        return self._shared(one, env, tag, self._expanded)
+
+    def _shared(
+        self,
+        one: Expression,
+        env: Environment,
+        tag: str,
+        ground: Callable[[Any, Environment, str], tree.Formula],
+    ) -> tree.Formula:
+        if self._cases:
+            return ground(one, env, tag)
+        free = self._names.get(id(one))
+        if free is None:
+            free = self._names[id(one)] = one, tuple(sorted({each.name for each in model.calls(one) if not each.args}))
+        given = [env[name] for name in free[1] if name in env]
+        key = (id(one), tag, *[each.value if isinstance(each, tree.Const) else id(each) for each in given])
+        known = self._known.get(key)
+        if known is None:
+            known = self._known[key] = given, ground(one, env, tag)
+        return known[1]
+
+    def _expanded(self, one: Quantified, env: Environment, tag: str) -> tree.Formula:
         universal = one.kind == "forall"
         body = one.body.left if universal and isinstance(one.body, tree.Implies) else one.body
         settles = FALSE if universal else TRUE

@@ -4,7 +4,7 @@ A node holds what changed on the way to it. The state is moved from node to node
 nothing is copied; its digest is kept up with them.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from hashlib import blake2b
 from typing import NamedTuple
@@ -84,10 +84,12 @@ class SearchNode:
 
 
 class MovingState:
-    """The values at one node."""
+    """The values at one node, and the truths that are remembered of them."""
 
-    def __init__(self, values: dict[str, Value], root: SearchNode) -> None:
-        self.values, self.at = values, root
+    def __init__(
+        self, values: dict[str, Value], root: SearchNode, remembered: Mapping[str, list[list[int | None]]]
+    ) -> None:
+        self.values, self.at, self._remembered = values, root, remembered
         self._digests: dict[tuple[str, Value], int] = {}
 
     def digest(self, before: int, changes: Iterable[ValueChange]) -> int:
@@ -109,7 +111,7 @@ class MovingState:
         while here is not there:
             if here.depth >= there.depth:
                 for change in here.changes:
-                    self.values[change.label] = change.before
+                    self._set(change.label, change.before)
                 assert here.parent is not None  # noqa: S101 - all nodes have one root
                 here = here.parent
             else:
@@ -118,5 +120,10 @@ class MovingState:
                 there = there.parent
         for each in reversed(forward):
             for change in each.changes:
-                self.values[change.label] = change.after
+                self._set(change.label, change.after)
         self.at = node
+
+    def _set(self, label: str, value: Value) -> None:
+        self.values[label] = value
+        for cell in self._remembered.get(label, ()):
+            cell[0] = None

@@ -14,7 +14,6 @@ from dyknow.model.errors import TextError
 from dyknow.model.sample import Value
 from planning.domains import model
 from planning.domains.model import Application, Expression
-from planning.search.compiling import labels_of
 from planning.search.grounding import FALSE, TRUE, Grounder
 from reasoning.formulas import tree
 from reasoning.formulas.evaluation import Test
@@ -41,7 +40,7 @@ class OperatorInstance:
 
     Attributes:
         shown: as plans show it, `attach-box(uav1, b1)`.
-        reads: labels that its preconditions and prevail conditions read.
+        conditions: its preconditions and prevail conditions.
         values: of its parameters over numbers, by name.
     """
 
@@ -49,7 +48,7 @@ class OperatorInstance:
     objects: tuple[str, ...]
     shown: str
     unit: str
-    reads: frozenset[str]
+    conditions: tuple[tree.Formula, ...]
     effects: tuple[Write, ...]
     prevail: tuple[Test, ...]
     cost: Callable[..., Value]
@@ -110,7 +109,9 @@ class Schema:
         self._picks, self._first = self._order()
         self._cost = tree.Const(1) if operator.cost is None else operator.cost
         self._duration = _expected(operator)
+        self._grounds: dict[tuple[int, tuple[str, ...]], tree.Formula] = {}
         self._tests: dict[tuple[int, tuple[str, ...]], Test | bool] = {}
+        self._reads: dict[tuple[str, ...], frozenset[str]] = {}
         self._instances: dict[tuple[str, ...], OperatorInstance] = {}
         self._terms_known: dict[tuple[int, tuple[str, ...]], Any] = {}
 
@@ -200,7 +201,10 @@ class Schema:
             key = (at, tuple([objects[position] for position in part.positions]))
             test = known.get(key)
             if test is None:
-                test = known[key] = self._compiled(part, key[1])
+                found = self._ground(*key)
+                test = known[key] = (
+                    True if found == TRUE else False if found == FALSE else self._grounder.compiler.whole_test(found)
+                )
             if test is True:
                 continue
             if test is False or test(0, state, _NONE, (), _NONE) != 1:
@@ -209,10 +213,22 @@ class Schema:
                 return False
         return True
 
-    def _compiled(self, part: _Part, objects: tuple[str, ...]) -> Test | bool:
-        env = {self.names[at]: self._grounder.object(one) for at, one in zip(part.positions, objects, strict=True)}
-        found = self._grounder.ground(part.formula, env)
-        return True if found == TRUE else False if found == FALSE else self._grounder.compiler.whole_test(found)
+    def _ground(self, at: int, objects: tuple[str, ...]) -> tree.Formula:
+        """A part over the objects of its parameters."""
+        found = self._grounds.get((at, objects))
+        if found is None:
+            part = self._parts[at]
+            env = {self.names[at]: self._grounder.object(one) for at, one in zip(part.positions, objects, strict=True)}
+            found = self._grounds[at, objects] = self._grounder.ground(part.formula, env)
+        return found
+
+    def reads(self, instance: OperatorInstance) -> frozenset[str]:
+        """Labels that its preconditions and prevail conditions read."""
+        found = self._reads.get(instance.objects)
+        if found is None:
+            compiler = self._grounder.compiler
+            found = self._reads[instance.objects] = frozenset[str]().union(*map(compiler.labels, instance.conditions))
+        return found
 
     def _term(self, step: int, term: Expression, objects: list[str]) -> Any:
         key = (step, tuple(objects))
@@ -239,7 +255,13 @@ class Schema:
             return grounder.compiler.whole_term(grounder.term(self._put(expression), env))
 
         effects = tuple(self._effects(env))
-        conditions = [grounder.ground(part.formula, env) for part in self._parts if not part.control]
+        conditions = tuple(
+            [
+                self._ground(at, tuple([objects[position] for position in part.positions]))
+                for at, part in enumerate(self._parts)
+                if not part.control
+            ]
+        )
         prevail = [grounder.ground(self._put(one.formula), env) for one in operator.prevail]
         timing = operator.timeconstraint
         return OperatorInstance(
@@ -247,7 +269,7 @@ class Schema:
             objects,
             f"{operator.name}({', '.join(objects)})",
             objects[self.unit] if self.unit is not None else objects[0] if objects else "",
-            frozenset[str]().union(*map(labels_of, conditions)),
+            conditions,
             effects,
             tuple(grounder.compiler.whole_test(one) for one in prevail),
             term(self._cost),
@@ -261,7 +283,7 @@ class Schema:
         grounder = self._grounder
         for one in self.operator.effects:
             for bound in grounder.bindings(one.variables, env):
-                condition = TRUE if one.condition is None else grounder.ground(self._put(one.condition), bound)
+                condition = TRUE if one.condition is None else grounder.shared(self._put(one.condition), bound)
                 if condition == FALSE:
                     continue
                 target = grounder.term(self._put(one.target), bound)

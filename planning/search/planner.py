@@ -5,7 +5,9 @@ met before, no later and no dearer, is not looked at again. A plan has ended wel
 hold, and every control formula holds if the last state persists for ever.
 """
 
+import gc
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
 from heapq import heappop, heappush
@@ -104,13 +106,26 @@ def find_plan(
     while True:
         kept = [one for one in declared.goals if all(one is not each for each in dropped)]
         search = _Search(declared, kept, dropped, stop, progress, nodes)
-        best = search.run(strategy)
+        with _without_collector():
+            best = search.run(strategy)
         nodes = search.nodes
         soft = [one for one in kept if one.weight is not None]
         if isinstance(best, PlanFound) or not best.is_certain or not soft:
             return best
         lightest = min(soft, key=lambda one: one.weight or 0.0)
         dropped.append(lightest)
+
+
+@contextmanager
+def _without_collector() -> Iterator[None]:
+    """Nothing that a search makes is in a circle: looking for circles takes half of its time, and finds none."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
 
 
 class _Search:
@@ -157,7 +172,7 @@ class _Search:
         self._control = ControlFormulas(grounder)
         self._schemas: list[Schema] = []
         root = SearchNode(None)
-        self._state = MovingState(task.values, root)
+        self._state = MovingState(task.values, root, grounder.compiler.remembered)
         events = list(task.events)
         if not self._ground_goals(grounder, events):
             return None

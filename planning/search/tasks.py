@@ -37,6 +37,8 @@ class PlanningTask:
                 events.append((one.at_ms, label, self.constant(one.value)))
             else:
                 self.values[label] = self.constant(one.value)
+        for _, label, _ in events:
+            self.value_of(self.features[label.partition("[")[0]], label)
         self.events = tuple(sorted(events, key=lambda event: event[0]))
 
     def value_of(self, feature: model.FeatureDeclaration, label: str) -> Value | None:
