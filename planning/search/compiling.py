@@ -19,6 +19,11 @@ REMEMBERED_FROM: Final = 8
 _NO_LABELS: Final = frozenset[str]()
 
 
+def labels_of(one: tree.Formula) -> frozenset[str]:
+    """The labels a ground formula reads, those of the earlier state without their tag."""
+    return frozenset(node.label.removeprefix(BEFORE) for node in _nodes(one) if isinstance(node, tree.Feature))
+
+
 def is_temporal(one: tree.Formula) -> bool:
     """Whether a ground formula is about more than one state."""
     return any(isinstance(node, tree.TEMPORAL) for node in _nodes(one))

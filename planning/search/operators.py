@@ -42,6 +42,7 @@ class OperatorInstance:
         shown: as plans show it, `attach-box(uav1, b1)`.
         conditions: its preconditions and prevail conditions.
         values: of its parameters over numbers, by name.
+        labels: the labels that a formula reads.
     """
 
     operator: model.Operator
@@ -56,6 +57,15 @@ class OperatorInstance:
     shortest: Callable[..., Value] | None
     longest: Callable[..., Value] | None
     values: tuple[tuple[str, Callable[..., Value]], ...]
+    labels: Callable[[tree.Formula], frozenset[str]]
+    _reads: frozenset[str] | None = None
+
+    @property
+    def reads(self) -> frozenset[str]:
+        """Labels that its preconditions and prevail conditions read."""
+        if self._reads is None:
+            self._reads = frozenset[str]().union(*map(self.labels, self.conditions))
+        return self._reads
 
     def duration_ms(self, state: State) -> int | None:
         """How long it takes from this state; None if that is no time, or outside its time constraint."""
@@ -111,7 +121,6 @@ class Schema:
         self._duration = _expected(operator)
         self._grounds: dict[tuple[int, tuple[str, ...]], tree.Formula] = {}
         self._tests: dict[tuple[int, tuple[str, ...]], Test | bool] = {}
-        self._reads: dict[tuple[str, ...], frozenset[str]] = {}
         self._instances: dict[tuple[str, ...], OperatorInstance] = {}
         self._terms_known: dict[tuple[int, tuple[str, ...]], Any] = {}
 
@@ -222,14 +231,6 @@ class Schema:
             found = self._grounds[at, objects] = self._grounder.ground(part.formula, env)
         return found
 
-    def reads(self, instance: OperatorInstance) -> frozenset[str]:
-        """Labels that its preconditions and prevail conditions read."""
-        found = self._reads.get(instance.objects)
-        if found is None:
-            compiler = self._grounder.compiler
-            found = self._reads[instance.objects] = frozenset[str]().union(*map(compiler.labels, instance.conditions))
-        return found
-
     def _term(self, step: int, term: Expression, objects: list[str]) -> Any:
         key = (step, tuple(objects))
         found = self._terms_known.get(key)
@@ -277,6 +278,7 @@ class Schema:
             None if timing is None or timing.shortest is None else term(timing.shortest),
             None if timing is None or timing.longest is None else term(timing.longest),
             tuple((name, term(Application(name))) for name in self._numbers),
+            grounder.compiler.labels,
         )
 
     def _effects(self, env: dict[str, tree.Formula]) -> Iterator[Write]:

@@ -52,7 +52,7 @@ class Successors:
         for schema in self._schemas:
             self._state.go_to(node)
             found = list(schema.instances(unit, self._state.values))
-            started = [child for each in found if (child := self._started(node, unit, schema, each)) is not None]
+            started = [child for each in found if (child := self._started(node, unit, each)) is not None]
             started.sort(key=lambda child: child.cost)
             for child in started:
                 yield from self._settled(child)
@@ -79,9 +79,7 @@ class Successors:
             self._state.go_to(current)
             yield current
 
-    def _started(
-        self, node: SearchNode, unit: str | None, schema: Schema, instance: OperatorInstance
-    ) -> SearchNode | None:
+    def _started(self, node: SearchNode, unit: str | None, instance: OperatorInstance) -> SearchNode | None:
         """The node after an action has started; the state is at `node`."""
         values = self._state.values
         length_ms = instance.duration_ms(values)
@@ -97,7 +95,7 @@ class Successors:
             new.append(
                 Pending(min(max(at_ms, node.at_ms + 1), end_ms), one.label, one.value(0, values, _NONE, (), _NONE))
             )
-        if node.pending and not self._is_free(node, schema.reads(instance), instance, new):
+        if node.pending and not self._is_free(node, instance, new):
             return None
         cost = instance.cost_in(values)
         if not isfinite(cost):
@@ -123,13 +121,11 @@ class Successors:
             node.digest,
         )
 
-    def _is_free(
-        self, node: SearchNode, reads: frozenset[str], instance: OperatorInstance, new: list[Pending]
-    ) -> bool:
+    def _is_free(self, node: SearchNode, instance: OperatorInstance, new: list[Pending]) -> bool:
         """Whether no action under way changes what this one reads or writes."""
         writes = {one.label for one in new}
         for one in node.pending:
-            if one.label in reads or one.label in writes:
+            if one.label in instance.reads or one.label in writes:
                 self._count(f"{instance.operator.name} waits for another action to change {one.label}")
                 return False
         return True
