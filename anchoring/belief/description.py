@@ -74,7 +74,7 @@ class CategoricalAttribute:
     """A discrete attribute.
 
     Attributes:
-        prior: (K,) of something new; `has_prior` whether it was stated.
+        prior: (K,) of something new.
         ageing_s: time constant with which it becomes uniform.
         create, drop: it is created once one value is likelier than the one, dropped once none is as likely as the other.
     """
@@ -85,7 +85,6 @@ class CategoricalAttribute:
     ageing_s: float = inf
     create: float = 0.0
     drop: float = 0.0
-    has_prior: bool = False
 
     @cached_property
     def is_optional(self) -> bool:

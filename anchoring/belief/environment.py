@@ -7,16 +7,15 @@ predicts all instances, associates, updates, and decides what is created, confir
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from math import inf
+from math import inf, log, prod
 
 import numpy as np
 
 from anchoring.belief.arrays import Flags, Floats, Indices
-from anchoring.belief.association.pairs import NEGLIGIBLE, Pairs, all_pairs, gated_pairs
-from anchoring.belief.association.scans import EXACT_INSTANCES, associate
+from anchoring.belief.association.pairs import FAINTEST, Pairs, all_pairs, gated_pairs
+from anchoring.belief.association.scans import EXACT_INSTANCES, NEGLIGIBLE, associate
 from anchoring.belief.association.single import (
     MOST_DETECTION,
-    MOST_EXISTENCE,
     OtherSources,
     by_event,
     by_share,
@@ -39,10 +38,11 @@ from anchoring.belief.reports import (
 from anchoring.belief.sensing import detection, trusted
 from dyknow import US_PER_S
 
-_ACTIVE = 1e-6
+_ACTIVE = 1e-12
 """What was less probably observed of an instance does not change what is believed of its attributes."""
+_NEGLIGIBLE_EXACT = 1e-12
+"""Pairs so much less likely than both without it are left out where sums are exact otherwise."""
 _LEAST, _MOST = 1e-6, 1.0 - 1e-6
-_FAINTEST = 1e-100
 _NO_INDICES = np.zeros(0, dtype=np.intp)
 
 
@@ -51,8 +51,8 @@ class EnvironmentModel:
 
     Args:
         valid_us: when the initial beliefs hold; None: at the first step.
-        exact_instances: in scans, parts with cycles of up to this number of instances are summed exactly.
-        negligible: in scans, pairs that are so much less likely than both without it are left out.
+        exact_instances: in scans, parts with cycles of up to this number of instances, or of observations, are summed
+            exactly; 0: none, and pairs are left out sooner.
         prefix: of the names of new instances.
 
     Attributes:
@@ -67,12 +67,11 @@ class EnvironmentModel:
         valid_us: int | None = None,
         *,
         exact_instances: int = EXACT_INSTANCES,
-        negligible: float = NEGLIGIBLE,
         prefix: str = "i",
     ) -> None:
         self.model, self.valid_us = model, valid_us
         self.table, self.counts = InstanceTable(model, prefix), Counter[str]()
-        self._exact, self._negligible = exact_instances, negligible
+        self._exact, self._negligible = exact_instances, _NEGLIGIBLE_EXACT if exact_instances else NEGLIGIBLE
         self._relations = RelationBeliefs(model.relations)
         self._types = model.types.belief
         self._encoder = LookEncoder(
@@ -172,7 +171,7 @@ class EnvironmentModel:
         returned = np.where(before > 0.0, 0.0, prior)
         shares = beliefs.shares * (prior > 0.0) * (1.0 - returned.sum())
         remaining = shares.sum(axis=1, keepdims=True)
-        shares = np.where(remaining > 0.0, shares / np.maximum(remaining, _FAINTEST) * (1.0 - returned.sum()), prior)
+        shares = np.where(remaining > 0.0, shares / np.maximum(remaining, FAINTEST) * (1.0 - returned.sum()), prior)
         beliefs.shares = np.where(remaining > 0.0, shares + returned, prior)
         beliefs.attribute = replace(beliefs.attribute, prior=prior)
         self.model = replace(self.model, types=replace(types, belief=beliefs.attribute))
@@ -240,7 +239,10 @@ class EnvironmentModel:
         table, sensor = self.table, look.sensor
         pairs = all_pairs(table, look)
         likelihood = pairs.log_likelihood + self._of_relations(look, pairs.rows, pairs.cols)
-        others = OtherSources(sensor.births, float(look.log_birth[0]), sensor.clutter, float(look.log_clutter[0]))
+        log_other = float(self._prior_of_relations(look)[0])
+        others = OtherSources(
+            sensor.births, float(look.log_birth[0]) + log_other, sensor.clutter, float(look.log_clutter[0]) + log_other
+        )
         by = by_event if self.model.reading == EVENT else by_share
         found = by(table.existence, likelihood, *self._detection(sensor), others)
         if found is None:
@@ -265,22 +267,24 @@ class EnvironmentModel:
     def _scan(self, look: EncodedLook, events: list[LifeEvent]) -> UpdateReport:
         """With mutual exclusion."""
         table, sensor = self.table, look.sensor
-        births, clutter = sensor.births * np.exp(look.log_birth), sensor.clutter * np.exp(look.log_clutter)
+        log_other = self._prior_of_relations(look)
+        births = sensor.births * np.exp(look.log_birth + log_other)
+        clutter = sensor.clutter * np.exp(look.log_clutter + log_other)
         other = births + clutter
         hit, _ = self._detection(sensor)
-        seen = np.minimum(table.existence, MOST_EXISTENCE) * np.minimum(hit, MOST_DETECTION)
+        seen = table.existence * np.minimum(hit, MOST_DETECTION)
         odds, most = seen / (1.0 - seen), self.model.limits.pairs
-        pairs = gated_pairs(table, look, odds, float(other.min(initial=1.0)), most, self._negligible)
+        faintest = max(float(other.min(initial=1.0)), FAINTEST)
+        pairs = gated_pairs(table, look, odds, faintest, most, self._negligible)
         rows, cols = pairs.rows, pairs.cols
         if pairs.is_limited:
             events.append(self._told(look.valid_us, LIMITED, f"more than {most} pairs in a scan"))
-        likelihood = np.exp(pairs.log_likelihood + self._of_relations(look, rows, cols))
-        psi = odds[rows] * likelihood / np.maximum(other, _FAINTEST)[cols]
+        psi = _ratios(np.log(odds[rows]) + pairs.log_likelihood + self._of_relations(look, rows, cols), cols, other)
         found = associate(rows, cols, psi, len(table), look.size, exact_instances=self._exact)
         silent = np.maximum(table.existence - seen, 0.0) / (1.0 - seen)
         existence = np.bincount(rows, found.pairs, len(table)) + found.none * silent
         table.existence = np.minimum(existence, 1.0)
-        weights = found.pairs / np.maximum(existence, _FAINTEST)[rows]
+        weights = found.pairs / np.maximum(existence, FAINTEST)[rows]
         new = found.unclaimed * np.divide(births, other, out=np.zeros(look.size), where=other > 0.0)
         unexplained = (other <= 0.0) & (np.bincount(cols, found.pairs, look.size) <= 0.0)
         if unexplained.any():
@@ -310,8 +314,21 @@ class EnvironmentModel:
                 which = np.flatnonzero(cols == col)
                 for each in (one for one in reported if one.other in places):
                     likelihood = self._relations.likelihood(each, places, look.valid_us)
-                    found[which] += np.log(likelihood[rows[which]])
+                    with np.errstate(divide="ignore"):  # what cannot be reported of it
+                        found[which] += np.log(likelihood[rows[which]])
         return found
+
+    def _prior_of_relations(self, look: EncodedLook) -> Floats:
+        """(M,) log likelihood of the relations that were reported, of something of which nothing is known."""
+        if not any(look.relations):
+            return np.zeros(look.size)
+        known = set(self.table.names)
+        of_new = [
+            prod(self._relations.of_new(each) for each in reported if each.other in known)
+            for reported in look.relations
+        ]
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.log(np.array(of_new)), np.float64)
 
     def _learn(self, look: EncodedLook, pairs: Pairs, weights: Floats, new: Floats) -> list[LifeEvent]:
         """Update what was observed with these weights (E,), bear what is new (M,), and decide."""
@@ -327,35 +344,52 @@ class EnvironmentModel:
                 )
         for name, likely in look.categorical.items():
             table.categorical[name].update(rows, cols, weights, likely.likelihood)
-        events: list[LifeEvent] = []
+        known, before = set(table.names), len(table)
+        born, events = self._bear(look, new)
         if self.model.relations and any(look.relations):
-            known = set(table.names)
             unknown = {each.other for reported in look.relations for each in reported} - known
             events += [self._told(look.valid_us, UNKNOWN, f"no instance {each}") for each in sorted(unknown)]
-            for row, col, weight in zip(rows.tolist(), cols.tolist(), weights.tolist(), strict=True):
-                for each in (one for one in look.relations[col] if one.other in known):
-                    events += self._relations.update(each, {table.names[row]: weight}, look.valid_us)
-        events += self._bear(look, new)
+            of_born = zip(range(before, before + len(born)), born.tolist(), np.ones(len(born)).tolist(), strict=True)
+            of_known = zip(rows.tolist(), cols.tolist(), weights.tolist(), strict=True)
+            events += self._relations.update(
+                (
+                    (table.names[row], weight, each)
+                    for row, col, weight in (*of_known, *of_born)
+                    for each in look.relations[col]
+                    if each.other in known
+                ),
+                look.valid_us,
+            )
         events += table.decide(look.valid_us)
         ended = table.existence < self.model.thresholds.delete
         if ended.any():
             events += self._delete(ended, np.full(len(table), look.valid_us), table.existence)
         return events
 
-    def _bear(self, look: EncodedLook, new: Floats) -> list[LifeEvent]:
-        """Tentative instances of what is probably new."""
+    def _bear(self, look: EncodedLook, new: Floats) -> tuple[Indices, list[LifeEvent]]:
+        """Tentative instances of what is probably new; of which observations, and what has happened."""
         cols = np.flatnonzero(new > self.model.thresholds.create)
-        if not len(cols):
-            return []
-        events = []
+        events: list[LifeEvent] = []
         room = self.model.limits.instances - len(self.table)
         if len(cols) > room:
             cols = np.sort(cols[np.argsort(-new[cols], kind="stable")[: max(0, room)]])
             because = f"there are {self.model.limits.instances} instances, as many as are allowed"
             events.append(self._told(look.valid_us, LIMITED, because))
         if not len(cols):
-            return events
+            return cols, events
         first = len(self.table)
         names = self.table.bear(look, cols, np.clip(new[cols], _LEAST, _MOST))
         events += [self.table.event(look.valid_us, CREATED, first + place) for place in range(len(names))]
-        return events
+        return cols, events
+
+
+def _ratios(log_pairs: Floats, cols: Indices, other: Floats) -> Floats:
+    """(E,) weights of pairs next to those of births and clutter (M,); where these are 0, the likeliest pair has 1e100."""
+    with np.errstate(divide="ignore"):
+        log_other = np.log(other)
+    likeliest = np.full(len(other), -inf)
+    np.maximum.at(likeliest, cols, log_pairs)
+    log_other = np.where(
+        np.isfinite(log_other), log_other, np.where(np.isfinite(likeliest), likeliest, 0.0) + log(FAINTEST)
+    )
+    return np.exp(np.minimum(log_pairs - log_other[cols], -2.5 * log(FAINTEST)))

@@ -99,9 +99,7 @@ class LookEncoder:
             values = self._likelihoods(name, categorical, sensor, observations)
             if values is not None:
                 likely[name] = values
-                prior = categorical.attribute.prior
-                known = categorical.attribute.has_prior
-                log_new = _log(values.likelihood @ prior) if known else np.full(count, -log(len(prior)))
+                log_new = np.full(count, -log(len(categorical.attribute.values)))
                 _add(log_birth, log_new, values.among)
                 _add(log_clutter, log_new, values.among)
         if (types := self._of_type(sensor, observations)) is not None:

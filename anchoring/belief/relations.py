@@ -6,7 +6,7 @@ likelier than one threshold and dropped once it is less likely than another; the
 
 import heapq
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import ceil, exp, inf, log
 
 import numpy as np
@@ -17,8 +17,8 @@ from anchoring.belief.observations import ReportedRelation
 from anchoring.belief.reports import RELATION_CREATED, RELATION_DROPPED, LifeEvent
 from dyknow import US_PER_S
 
-_ACTIVE = 1e-3
-"""An observation that is less probably of an instance is irrelevant to its relations."""
+_LEAST, _ACTIVE, _FEW = 1e-12, 1e-3, 1_000
+"""An observation that is less probably of an instance is irrelevant to its relations; where there are many, sooner."""
 
 
 class _Belief:
@@ -69,24 +69,38 @@ class RelationBeliefs:
             found[rows[instance]] = _likelihood(kind, self._aged(kind.name, belief, now_us), holds=reported.holds)
         return found
 
-    def update(self, reported: ReportedRelation, weights: Mapping[str, float], now_us: int) -> Iterator[LifeEvent]:
-        """Take in a report that is about each instance with that probability, given that it exists."""
+    def of_new(self, reported: ReportedRelation) -> float:
+        """Likelihood of a report, for something of which nothing is known."""
         kind = self.kinds[reported.name]
-        for instance, weight in weights.items():
-            if weight < _ACTIVE or instance == reported.other:
-                continue
-            beliefs = self._to[reported.name, reported.other]
-            belief = beliefs.setdefault(instance, _Belief(kind.prior, now_us))
-            before = self._aged(kind.name, belief, now_us)
-            true = kind.right if reported.holds else 1.0 - kind.right
-            total = _likelihood(kind, before, holds=reported.holds)
-            after = before if total <= 0.0 else before * true / total
-            belief.probability, belief.at_us = (1.0 - weight) * before + weight * after, now_us
-            if not belief.present and belief.probability > kind.create:
-                belief.present = True
-                yield _event(now_us, RELATION_CREATED, kind.name, instance, reported.other)
-            if belief.present:
-                yield from self._watch(kind, instance, reported.other, now_us)
+        return _likelihood(kind, kind.prior, holds=reported.holds)
+
+    def update(self, reports: Iterable[tuple[str, float, ReportedRelation]], now_us: int) -> Iterator[LifeEvent]:
+        """Take in the reports of a look: about which instance each is with what probability, given that it exists."""
+        about = defaultdict[tuple[str, str, str], list[tuple[float, bool]]](list)
+        active = [each for each in reports if each[0] != each[2].other]
+        least = _LEAST if len(active) <= _FEW else _ACTIVE
+        for instance, weight, reported in active:
+            if weight >= least:
+                about[reported.name, instance, reported.other].append((weight, reported.holds))
+        for (name, instance, other), found in about.items():
+            yield from self._update(self.kinds[name], instance, other, found, now_us)
+
+    def _update(
+        self, kind: RelationKind, instance: str, other: str, found: Sequence[tuple[float, bool]], now_us: int
+    ) -> Iterator[LifeEvent]:
+        belief = self._to[kind.name, other].setdefault(instance, _Belief(kind.prior, now_us))
+        before = self._aged(kind.name, belief, now_us)
+        belief.at_us, belief.probability = now_us, before
+        for weight, holds in found:
+            total = _likelihood(kind, before, holds=holds)
+            if total > 0.0:
+                after = before * (kind.right if holds else 1.0 - kind.right) / total
+                belief.probability += weight * (after - before)
+        if not belief.present and belief.probability > kind.create:
+            belief.present = True
+            yield _event(now_us, RELATION_CREATED, kind.name, instance, other)
+        if belief.present:
+            yield from self._watch(kind, instance, other, now_us)
 
     def predict(self, now_us: int) -> Iterator[LifeEvent]:
         """What has become too old to be believed."""

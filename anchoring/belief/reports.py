@@ -11,7 +11,7 @@ RELATION_CREATED, RELATION_DROPPED = "relation-created", "relation-dropped"
 UNEXPLAINED, LATE, LIMITED, UNKNOWN = "unexplained", "late", "limited", "unknown-instance"
 TENTATIVE = "tentative"
 NEW, CLUTTER = "new", "clutter"
-_NEGLIGIBLE = 1e-6
+_NEGLIGIBLE = 1e-10
 
 
 class LifeEvent(NamedTuple):
@@ -86,7 +86,7 @@ class UpdateReport(NamedTuple):
 
     @property
     def associations(self) -> list[dict[str, float]]:
-        """Of each observation: which instance gave it, with what probability; what is below 1e-6 is left out."""
+        """Of each observation: which instance gave it, with what probability; what is below 1e-10 is left out."""
         found: list[dict[str, float]] = [{} for _ in self.births]
         for row, col, value in zip(self.rows.tolist(), self.cols.tolist(), self.pairs.tolist(), strict=True):
             if value >= _NEGLIGIBLE:

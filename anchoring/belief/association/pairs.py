@@ -12,8 +12,8 @@ from anchoring.belief.gaussians import Innovations, determinants
 from anchoring.belief.instances import InstanceTable
 from anchoring.belief.observations import EncodedLook
 
-NEGLIGIBLE: Final = 1e-5
-"""Pairs that are so much less likely than both without it are left out."""
+FAINTEST: Final = 1e-100
+"""Intensities of births and clutter that are less are none."""
 _WIDEST_GATE = 1e4
 
 
@@ -48,30 +48,34 @@ def all_pairs(table: InstanceTable, look: EncodedLook) -> Pairs:
 
 
 def gated_pairs(
-    table: InstanceTable, look: EncodedLook, odds: Floats, faintest: float, most: int, negligible: float = NEGLIGIBLE
+    table: InstanceTable, look: EncodedLook, odds: Floats, faintest: float, most: int, negligible: float
 ) -> Pairs:
-    """Those whose positions are near enough; where no position was observed, every instance with every observation.
+    """Those whose positions are near enough; where no position was observed, or only an instance can have given what was,
+    every instance with every observation.
 
     Args:
         table: the instances.
         look: what was observed.
         odds: (N,) that an instance exists and is detected.
         faintest: the least intensity of births and clutter at any observation: a pair has at most the weight
-            odds / (faintest sqrt(|2 pi S|)) exp(-v^T S^-1 v / 2), and is not negligible within a gate that follows from it.
+            odds / (faintest sqrt(|2 pi S|)) exp(-v^T S^-1 v / 2), times the densities of other attributes at their highest,
+            and is not negligible within a gate that follows from it.
         most: pairs.
         negligible: the least weight.
     """
     measured = look.gaussian.get(POSITION)
-    if measured is None or measured.among is not None:
-        allowed = most // max(1, len(table))
+    allowed = most // max(1, len(table))
+    if measured is None or measured.among is not None or (faintest <= FAINTEST and look.size <= allowed):
         if look.size <= allowed:
             return all_pairs(table, look)
         rows, cols = np.repeat(np.arange(len(table)), allowed), np.tile(np.arange(allowed), len(table))
         return _weighed(table, look, rows, cols, {})._replace(is_limited=True)
     beliefs = table.gaussian[POSITION]
     with np.errstate(divide="ignore"):
-        peak = odds / (max(faintest, 1e-300) * negligible * np.sqrt(determinants(2.0 * pi * beliefs.spread())))
-        gate = np.clip(2.0 * np.log(peak), 0.0, _WIDEST_GATE)
+        log_peak = (
+            np.log(odds) - np.log(faintest * negligible) - 0.5 * np.log(determinants(2.0 * pi * beliefs.spread()))
+        )
+    gate = np.clip(2.0 * (log_peak + _highest(look)), 0.0, _WIDEST_GATE)
     noise = measured.noise[:, 0, 0].max(initial=0.0)
     reach = np.sqrt(gate * (beliefs.covariance[:, 0, 0] + noise))
     rows, cols, is_limited = _near(beliefs.mean[:, 0], reach, measured.values[:, 0], most)
@@ -82,6 +86,12 @@ def gated_pairs(
         rows, cols = rows[inside], cols[inside]
         known[POSITION] = MeasuredPairs(None, innovations.chosen(inside))
     return _weighed(table, look, rows, cols, known)._replace(is_limited=is_limited)
+
+
+def _highest(look: EncodedLook) -> float:
+    """Log of the density that attributes other than the position have at most, if it is above 1."""
+    others = [each.noise for name, each in look.gaussian.items() if name != POSITION]
+    return sum(max(0.0, float((-0.5 * np.log(determinants(2.0 * pi * each))).max())) for each in others)
 
 
 def _near(mean: Floats, reach: Floats, places: Floats, most: int) -> tuple[Indices, Indices, bool]:

@@ -2,23 +2,28 @@
 
 Pairs within the gate are the edges of a bipartite graph, weighted by psi = r P_D L / ((1 - r P_D) lambda). Loopy belief
 propagation (Williams, Lau: "Approximate evaluation of marginal association probabilities") gives the marginals, which are
-exact for each connected part without a cycle. Of parts with cycles, all associations are summed where these are few.
+exact for each connected part without a cycle. Of parts with cycles, all associations are summed where these are few: side by
+side of the graph, sums are kept for each set of what the smaller side has given so far.
 """
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from anchoring.belief.arrays import Flags, Floats, Indices
 
-_CLOSE, _CONVERGED, _SWEEPS = 1e-5, 1e-13, 50
+_CLOSE, _CONVERGED, _SWEEPS, _TREE_SWEEPS = 1e-5, 1e-13, 50, 2_000
 _SAFE = 1e6
 """Below it differences of sums are exact to 1e-10."""
 EXACT_INSTANCES: Final = 8
-"""Parts with cycles and more instances than that are left to belief propagation."""
-EXACT_STEPS: Final = 2_000
-"""So are those that take more additions."""
+"""Parts with cycles are left to belief propagation if they have both more instances and more observations than that."""
+EXACT_CELLS: Final = 1 << 17
+"""So are those with more pairs times sets."""
+EXACT_PAIRS: Final = 5_000
+"""Pairs of a scan in parts that are summed."""
+NEGLIGIBLE: Final = 1e-5
+"""Pairs that are so much less likely than both without it are left out of parts that are too large."""
 
 
 class ScanAssociation(NamedTuple):
@@ -48,35 +53,66 @@ def associate(
         psi: (E,) how much likelier the pair is than both without it.
         count: number of instances.
         observed: number of observations.
-        exact_instances: the largest part with cycles whose associations are all summed.
+        exact_instances: parts with cycles of up to this number of instances, or of observations, are summed; 0: none.
     """
     into = ScanAssociation(np.zeros(len(psi)), np.ones(count), np.ones(observed), is_exact=True)
     core = _core(rows, cols, count, observed)
     if not core.any():
-        return _propagated(rows, cols, psi, into, _CONVERGED)
+        return _propagated(rows, cols, psi, into, _CONVERGED, _TREE_SWEEPS)
     if not exact_instances:
         return _propagated(rows, cols, psi, into, _CLOSE)._replace(is_exact=False)
-    trees, loops = np.ones(len(psi), dtype=np.bool_), []
+    left = EXACT_PAIRS
+    trees, loops = np.ones(len(psi), dtype=np.bool_), list[int]()
     for part in _parts(rows, cols, core):
         trees[part] = False
-        if not _sum(part, rows, cols, psi, into, exact_instances):
+        if len(part) <= left and _sum(part, rows, cols, psi, into, exact_instances):
+            left -= len(part)
+        else:
             loops += part
-    for chosen, close in ((np.flatnonzero(trees), _CONVERGED), (np.array(loops, dtype=np.intp), _CLOSE)):
-        if len(chosen):
-            row, col = rows[chosen], cols[chosen]
-            found = _propagated(row, col, psi[chosen], into, close)
-            into.pairs[chosen] = found.pairs
-            into.none[row], into.unclaimed[col] = found.none[row], found.unclaimed[col]
-    return into._replace(is_exact=not loops)
+    is_exact = _propagate_into(np.flatnonzero(trees), rows, cols, psi, into, _CONVERGED, _TREE_SWEEPS) and not loops
+    if loops:
+        chosen = np.array(loops, dtype=np.intp)
+        _approximate(chosen[psi[chosen] >= NEGLIGIBLE], rows, cols, psi, into, exact_instances, left)
+    return into._replace(is_exact=is_exact)
 
 
-def _propagated(rows: Indices, cols: Indices, psi: Floats, of: ScanAssociation, close: float) -> ScanAssociation:
-    """Belief propagation among some pairs of a scan until no message changes by more than `close`."""
+def _approximate(
+    chosen: Indices, rows: Indices, cols: Indices, psi: Floats, into: ScanAssociation, exact_instances: int, left: int
+) -> None:
+    """Of parts that are too large, without their negligible pairs: sums of those that fall apart, the others propagated."""
+    row, col = rows[chosen], cols[chosen]
+    loops = np.ones(len(chosen), dtype=np.bool_)
+    for part in _parts(row, col, _core(row, col, len(into.none), len(into.unclaimed))):
+        pairs = chosen[part].tolist()
+        if len(part) <= left and _sum(pairs, rows, cols, psi, into, exact_instances):
+            left -= len(part)
+            loops[part] = False
+    _propagate_into(chosen[loops], rows, cols, psi, into, _CLOSE, _SWEEPS)
+
+
+def _propagate_into(
+    chosen: Indices, rows: Indices, cols: Indices, psi: Floats, into: ScanAssociation, close: float, sweeps: int
+) -> bool:
+    """Replace the marginals of some pairs by propagation among them; whether it converged."""
+    if not len(chosen):
+        return True
+    row, col = rows[chosen], cols[chosen]
+    found = _propagated(row, col, psi[chosen], into, close, sweeps)
+    into.pairs[chosen] = found.pairs
+    into.none[row], into.unclaimed[col] = found.none[row], found.unclaimed[col]
+    return found.is_exact
+
+
+def _propagated(
+    rows: Indices, cols: Indices, psi: Floats, of: ScanAssociation, close: float, sweeps: int = _SWEEPS
+) -> ScanAssociation:
+    """Belief propagation among some pairs of a scan until no message changes by more than `close`; exact only if so."""
     if not len(psi):
         return of
     count, observed = len(of.none), len(of.unclaimed)
     back = np.ones(len(psi))
-    for _ in range(_SWEEPS):
+    change = 0.0
+    for _ in range(sweeps):
         along = psi * back
         there = psi / (1.0 + _others(along, rows, count))
         updated = 1.0 / (1.0 + _others(there, cols, observed))
@@ -87,7 +123,7 @@ def _propagated(rows: Indices, cols: Indices, psi: Floats, of: ScanAssociation, 
     along = psi * back
     none = np.asarray(1.0 / (1.0 + np.bincount(rows, along, count)), dtype=np.float64)
     unclaimed = np.asarray(1.0 / (1.0 + np.bincount(cols, there, observed)), dtype=np.float64)
-    return ScanAssociation(along * none[rows], none, unclaimed, is_exact=True)
+    return ScanAssociation(along * none[rows], none, unclaimed, is_exact=bool(change <= close))
 
 
 def _others(values: Floats, index: Indices, count: int) -> Floats:
@@ -123,33 +159,16 @@ def _parts(rows: Indices, cols: Indices, core: Flags) -> list[list[int]]:
         of_row[row[edge]].append(edge)
         of_col[col[edge]].append(edge)
     parts: list[list[int]] = []
-    seen = set[int]()
     for start in np.flatnonzero(core).tolist():
-        if start in seen:
+        if row[start] not in of_row:
             continue
-        part, ahead = [], [start]
-        seen.add(start)
+        part, ahead = list[int](), [row[start]]
         while ahead:
-            edge = ahead.pop()
-            part.append(edge)
-            for other in (*of_row[row[edge]], *of_col[col[edge]]):
-                if other not in seen:
-                    seen.add(other)
-                    ahead.append(other)
+            edges = of_row.pop(ahead.pop(), [])
+            part += edges
+            ahead += [row[other] for edge in edges for other in of_col.pop(col[edge], [])]
         parts.append(sorted(part))
     return parts
-
-
-class _Choices(NamedTuple):
-    """What one instance can give: nothing, with weight 1, or one of its pairs.
-
-    Attributes:
-        shared: (pair, bit of the observation) where also other instances can give that.
-        free: the other pairs.
-    """
-
-    shared: list[tuple[int, int]]
-    free: list[int]
 
 
 def _sum(
@@ -157,56 +176,38 @@ def _sum(
 ) -> bool:
     """Replace the marginals of a part by sums over its associations; whether these are few enough.
 
-    Instance by instance, sums are kept for each set of shared observations that were given so far, and then from the back.
+    Each of the larger side in turn takes none of the smaller side or one that is not taken: logarithms of sums are kept for
+    each set of those that are, from the front and then from the back.
     """
-    row_of, col_of, weights = rows[part].tolist(), cols[part].tolist(), dict(zip(part, psi[part].tolist(), strict=True))
-    shared = [col for col, number in Counter(col_of).items() if number > 1]
-    bits = {col: 1 << place for place, col in enumerate(shared)}
-    choices: dict[int, _Choices] = {}
-    for edge, row, col in zip(part, row_of, col_of, strict=True):
-        chosen = choices.setdefault(row, _Choices([], []))
-        chosen.shared.append((edge, bits[col])) if col in bits else chosen.free.append(edge)
-    if len(choices) > exact_instances:
+    one, other = rows[part], cols[part]
+    if len(np.unique(one)) < len(np.unique(other)):
+        one, other = other, one
+    bit_of = {each: 1 << place for place, each in enumerate(np.unique(other).tolist())}
+    if len(bit_of) > exact_instances or len(part) << len(bit_of) > EXACT_CELLS:
         return False
-    forward: list[dict[int, float]] = [{0: 1.0}]
-    alone: list[float] = []
-    steps = 0
+    sets = np.arange(1 << len(bit_of))
+    choices = defaultdict[int, list[tuple[int, Indices, int, float]]](list)
+    with np.errstate(divide="ignore"):
+        weights = np.log(psi[part]).tolist()
+    for edge, source, target, weight in zip(part, one.tolist(), other.tolist(), weights, strict=True):
+        bit = bit_of[target]
+        choices[source].append((edge, np.flatnonzero(sets & bit == 0), bit, weight))
+    forward = [np.where(sets == 0, 0.0, -np.inf)]
     for chosen in choices.values():
-        every = [*chosen.free, *(edge for edge, _ in chosen.shared)]
-        scale = max(1.0, *(weights[edge] for edge in every))
-        for edge in every:
-            weights[edge] /= scale
-        alone.append(1.0 / scale + sum(weights[edge] for edge in chosen.free))
-        taken = forward[-1]
-        after = {mask: value * alone[-1] for mask, value in taken.items()}
-        steps += len(taken) * (1 + len(chosen.shared))
-        if steps > EXACT_STEPS:
-            return False
-        for edge, bit in chosen.shared:
-            weight = weights[edge]
-            for mask, value in taken.items():
-                if not mask & bit:
-                    after[mask | bit] = after.get(mask | bit, 0.0) + value * weight
+        before = forward[-1]
+        after = before.copy()
+        for _, free, bit, weight in chosen:
+            after[free | bit] = np.logaddexp(after[free | bit], before[free] + weight)
         forward.append(after)
-    total = sum(forward[-1].values())
-    backward = dict.fromkeys(forward[-1], 1.0)
-    for chosen, before, rest in zip(reversed(choices.values()), reversed(forward[:-1]), reversed(alone), strict=True):
-        without = sum([value * backward[mask] for mask, value in before.items()]) / total
-        for edge in chosen.free:
-            into.pairs[edge] = without * weights[edge]
-        earlier = {mask: backward[mask] * rest for mask in before}
-        for edge, bit in chosen.shared:
-            weight, found = weights[edge] / total, 0.0
-            for mask, value in before.items():
-                if not mask & bit:
-                    after_it = weight * backward[mask | bit]
-                    found += value * after_it
-                    earlier[mask] += after_it * total
-            into.pairs[edge] = found
+    total = np.logaddexp.reduce(forward[-1])
+    backward = np.zeros(len(sets))
+    for chosen, before in zip(reversed(choices.values()), reversed(forward[:-1]), strict=True):
+        earlier = backward.copy()
+        for edge, free, bit, weight in chosen:
+            with_it = backward[free | bit] + weight
+            into.pairs[edge] = np.exp(before[free] + with_it - total).sum()
+            earlier[free] = np.logaddexp(earlier[free], with_it)
         backward = earlier
-    for edge, row, col in zip(part, row_of, col_of, strict=True):
-        into.none[row] -= into.pairs[edge]
-        into.unclaimed[col] -= into.pairs[edge]
-    for places, found_of in ((row_of, into.none), (col_of, into.unclaimed)):
-        found_of[places] = np.maximum(found_of[places], 0.0)
+    for index, found in ((rows[part], into.none), (cols[part], into.unclaimed)):
+        found[index] = np.maximum(1.0 - np.bincount(index, into.pairs[part], len(found))[index], 0.0)
     return True

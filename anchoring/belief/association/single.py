@@ -96,19 +96,17 @@ def by_share(
     integral is taken in log u by the trapezoid rule, which is exact to rounding for such an integrand.
     """
     r = np.minimum(existence, MOST_EXISTENCE)
-    peak = max(
-        log_likelihood.max(initial=-np.inf),
-        others.log_clutter if others.clutter > 0.0 or (false_alarm > 0.0).any() else -np.inf,
-        others.log_birth if others.births > 0.0 else -np.inf,
-    )
+    log_noise = others.log_clutter if others.clutter > 0.0 or (false_alarm > 0.0).any() else -np.inf
+    log_birth = others.log_birth if others.births > 0.0 else -np.inf
+    peak = max(log_likelihood.max(initial=-np.inf), log_noise, log_birth)
     other = others.births + others.clutter
     least = other + float(np.minimum(hit, false_alarm).sum())
     if not least > 0.0:
         least = float(hit.min(initial=1.0, where=hit > 0.0))
     if not np.isfinite(peak):
         return None
-    likely, noise = np.exp(log_likelihood - peak), float(np.exp(others.log_clutter - peak))
-    birth, clutter = others.births * float(np.exp(others.log_birth - peak)), others.clutter * noise
+    likely, noise = np.exp(log_likelihood - peak), float(np.exp(log_noise - peak))
+    birth, clutter = others.births * float(np.exp(log_birth - peak)), others.clutter * noise
     sums = _Sums(r, likely, hit, false_alarm, noise)
     for nodes in _chunks(_nodes(least), len(r)):
         sums.add(nodes, other, birth + clutter)

@@ -22,6 +22,13 @@ RESERVED: Final = frozenset(
     {"t_ms", "sensor", "type", "relations", "covariance_m2", "nothing", "new", "clutter", "attributes", "existence"}
 )
 _FARTHEST: Final = 1e7
+LEAST_SD, MOST_SD = 1e-6, 1e9
+"""Bounds of all standard deviations, and of the widths of regions: arithmetic would fail beyond."""
+
+
+def are_deviations(values: Floats | None) -> bool:
+    """Whether these can be standard deviations."""
+    return values is not None and bool(((values >= LEAST_SD) & (values <= MOST_SD)).all())
 
 
 def read_region(root: TomlTable) -> tuple[Floats, Floats] | None:
@@ -35,7 +42,7 @@ def read_region(root: TomlTable) -> tuple[Floats, Floats] | None:
     for key, span in zip(("x_m", "y_m"), spans, strict=True):
         if span is None and key not in region:
             region.wrong("", f"has no {key}", f"{key} = [-100.0, 100.0]")
-        elif span is not None and not -_FARTHEST <= span[0] < span[1] <= _FARTHEST:
+        elif span is not None and not (-_FARTHEST <= span[0] < span[1] <= _FARTHEST and span[1] - span[0] >= LEAST_SD):
             region.wrong(
                 key, f"goes from a lower to a higher number, within {_FARTHEST:g} m", f"{key} = [-100.0, 100.0]"
             )
@@ -72,19 +79,21 @@ def _gaussian(name: str, table: TomlTable, region: tuple[Floats, Floats] | None)
         low, high = region or (np.zeros(2), np.ones(2))
     axes = len(next((each for each in (low, mean) if each is not None), np.zeros(1)))
     sd = table.numbers("sd", axes)
-    if low is not None and (high is None or len(high) != len(low) or not (low < high).all()):
+    if low is not None and (high is None or len(high) != len(low) or not are_deviations(high - low)):
         table.wrong(
             "high" if "high" in table else "", "low and high are bounds of every axis", "low = [0.0], high = [1.0]"
         )
         low = None
-    if low is None and (mean is None or sd is None or not (sd > 0.0).all()):
+    if low is None and (mean is None or sd is None or not are_deviations(sd)):
         if mean is None or sd is not None or "sd" not in table:
-            table.wrong("", "has neither values, nor low and high, nor mean and sd above 0", "mean = 5.0 and sd = 2.0")
+            message = f"has neither values, nor low and high, nor mean and sd from {LEAST_SD:g} to {MOST_SD:g}"
+            table.wrong("", message, "mean = 5.0 and sd = 2.0")
         mean, sd = np.zeros(axes), np.ones(axes)
     rates = table.numbers("rate_sd", order - 1) if order > 1 else None
-    if order > 1 and (rates is None or not (rates > 0.0).all()):
+    if order > 1 and not are_deviations(rates):
         if rates is not None or "rate_sd" not in table:
-            table.wrong("rate_sd" if "rate_sd" in table else "", "needs rate_sd above 0", "rate_sd = [10.0]")
+            message = f"needs rate_sd from {LEAST_SD:g} to {MOST_SD:g}"
+            table.wrong("rate_sd" if "rate_sd" in table else "", message, "rate_sd = [10.0]")
         rates = np.ones(order - 1)
     is_angle = table.flag("angle")
     if is_angle and axes != 1:
@@ -137,7 +146,6 @@ def _categorical(name: str, table: TomlTable) -> CategoricalAttribute:
         table.number("ageing_s", inf, 0.0, above=True),
         table.number("create", 0.0, 0.0, 1.0),
         table.number("drop", 0.0, 0.0, 1.0),
-        has_prior=prior is not None,
     )
     if found.is_optional or found.drop > 0.0:
         _check_thresholds(table, found.create, found.drop, float(found.prior.max()), 1.0 / len(values), found.ageing_s)
@@ -215,5 +223,5 @@ def read_types(root: TomlTable, attributes: Mapping[str, object]) -> ObjectTypes
             if not table.entries.get("observed"):
                 message = f"other types say which attributes are observed, {name} does not"
                 table.wrong("", message, 'observed = [{attributes = ["position_m"], probability = 1.0}]')
-    belief = CategoricalAttribute("type", names, priors / priors.sum(), ageing_s, has_prior=True)
+    belief = CategoricalAttribute("type", names, priors / priors.sum(), ageing_s)
     return ObjectTypes(belief, observed, least)

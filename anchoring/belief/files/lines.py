@@ -24,8 +24,6 @@ from reasoning.monitoring.json_lines import JsonLine
 
 FARTHEST: Final = 1e7
 FAR_AHEAD_US: Final = US_PER_S
-LEAST_SD: Final = 1e-3
-"""No observation is more exact, whatever it says of itself."""
 MOST_AT_ONCE: Final = 100_000
 _MOST_RELATIONS: Final = 64
 _LONGEST: Final = 256
@@ -176,7 +174,7 @@ class _ObservationLine(JsonLine):
         matrix = np.array(given, dtype=np.float64)
         if not is_covariance(matrix):
             raise self.error(f"{_COVARIANCE} is symmetric and positive definite", example)
-        return matrix + max(0.0, LEAST_SD**2 - float(np.linalg.eigvalsh(matrix)[0])) * np.eye(size)
+        return matrix
 
     def _relations(self) -> Iterator[ReportedRelation]:
         given = self.record.get("relations", {})

@@ -21,8 +21,18 @@ from anchoring.belief.description import (
     WorldModel,
     WorldSensor,
 )
-from anchoring.belief.files.attributes import RESERVED, read_attributes, read_region, read_relations, read_types
+from anchoring.belief.files.attributes import (
+    LEAST_SD,
+    MOST_SD,
+    RESERVED,
+    are_deviations,
+    read_attributes,
+    read_region,
+    read_relations,
+    read_types,
+)
 from anchoring.belief.files.tables import TomlTable, TomlText
+from anchoring.belief.sensing import trusted
 
 EXAMPLE: Final = "[region], [types.car], [attributes.position_m] and [sensors.camera], one table each"
 _KEPT: Final = frozenset({"new", "clutter"})
@@ -145,12 +155,14 @@ def _check_sensor(table: TomlTable, sensor: WorldSensor, thresholds: LifeThresho
         table.wrong(
             "false_alarm" if "false_alarm" in table else "detects", message, "detects = 0.9, false_alarm = 0.01"
         )
-    if sensor.births > 0.0:
-        most = sensor.births / (sensor.births + sensor.clutter)
+    if sensor.births > 0.0 and sensor.trust > 0.0:
+        known = trusted(sensor, sensor.trust)
+        most = known.births / (known.births + known.clutter)
         if most <= thresholds.create:
+            so_far = "" if sensor.trust == 1.0 else " as far as it is trusted"
             message = (
-                f"what it observes is new with a probability of at most {most:.4g}, births / (births + clutter), which is not "
-                f"above the threshold create, {thresholds.create:g}: no instance could ever be created"
+                f"what it observes is new with a probability of at most {most:.4g}, births / (births + clutter){so_far}, which is "
+                f"not above the threshold create, {thresholds.create:g}: no instance could ever be created"
             )
             table.wrong("births" if "births" in table else "", message, f"create and delete below {most:.4g}")
 
@@ -164,8 +176,9 @@ def _noise(sensor: TomlTable, attributes: Mapping[str, GaussianAttribute | Categ
         sd = table.numbers(name)
         if not isinstance(attribute, GaussianAttribute):
             table.wrong(name, "is no continuous attribute", "one of [attributes] without values")
-        elif sd is not None and (len(sd) not in {1, attribute.axes} or not ((sd > 0.0) & (sd < 1e6)).all()):
-            table.wrong(name, "is a standard deviation above 0, or one for each axis", f"{name} = 0.5")
+        elif sd is not None and (len(sd) not in {1, attribute.axes} or not are_deviations(sd)):
+            message = f"is a standard deviation from {LEAST_SD:g} to {MOST_SD:g}, or one for each axis"
+            table.wrong(name, message, f"{name} = 0.5")
         elif sd is not None:
             found[name] = np.diag(np.broadcast_to(sd, attribute.axes) ** 2)
     return found
@@ -274,8 +287,9 @@ def _gaussian_belief(table: TomlTable, attribute: GaussianAttribute) -> tuple[Fl
             table.wrong("covariance", f"is a symmetric, positive definite {size} x {size} matrix", "sd = 1.0")
         else:
             covariance[:size, :size] = matrix
-    elif sd is None or len(sd) not in {1, size} or not (sd > 0.0).all():
-        table.wrong("sd" if "sd" in table else "", "sd is above 0, one number or one for each of mean", "sd = 1.0")
+    elif sd is None or len(sd) not in {1, size} or not are_deviations(sd):
+        message = f"sd is from {LEAST_SD:g} to {MOST_SD:g}, one number or one for each of mean"
+        table.wrong("sd" if "sd" in table else "", message, "sd = 1.0")
     else:
         covariance[:size, :size] = np.diag(np.broadcast_to(sd, size) ** 2)
     return mean, covariance
@@ -286,4 +300,4 @@ def is_covariance(matrix: Floats) -> bool:
     if not np.isfinite(matrix).all() or np.abs(matrix - matrix.T).max() > 1e-6 * np.abs(matrix).max():
         return False
     spread = np.linalg.eigvalsh(matrix)
-    return bool(spread[0] > 0.0 and spread[-1] < 1e12 and spread[-1] < 1e12 * spread[0])
+    return bool(spread[0] >= LEAST_SD**2 and spread[-1] <= MOST_SD**2 and spread[-1] < 1e12 * spread[0])

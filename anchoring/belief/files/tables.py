@@ -3,7 +3,7 @@
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from math import inf, isfinite
+from math import inf
 from typing import Any, Final
 
 import numpy as np
@@ -13,6 +13,7 @@ from dyknow.model.errors import TextError, TextErrors, did_you_mean
 
 MOST_CHARACTERS: Final = 4 * 2**20
 MOST_ERRORS: Final = 50
+_LARGEST: Final = 1e150
 _HEADER = re.compile(r"\s*\[{1,2}\s*(.+?)\s*\]{1,2}\s*(?:#.*)?$")
 _PART = re.compile(r"\"([^\"]*)\"|'([^']*)'|([^.\s\"']+)")
 
@@ -36,8 +37,9 @@ class TomlText:
             line, column = (int(place[1]), int(place[2])) if place else (self.text.count("\n") + 1, 1)
             message = re.sub(r" \(at .*\)", "", str(wrong))
             raise TextErrors((self._error(f"no TOML: {message}", example, line, column),)) from None
-        except RecursionError:
-            raise TextErrors((self._error("nested too deep", example),)) from None
+        except (RecursionError, ValueError) as error:
+            why = "nested too deep" if isinstance(error, RecursionError) else f"no TOML: {error}"
+            raise TextErrors((self._error(why, example),)) from None
 
     def wrong(self, path: Sequence[str], message: str, repair: str) -> None:
         """Note an error at a key."""
@@ -123,7 +125,7 @@ class TomlTable:
         if value is None and default is not None:
             return default
         example = f"{key} = {_example(low, high, above=above)}"
-        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        if not is_finite(value):
             self.wrong(key, "is missing" if value is None else f"is a number, got {_shown(value)}", example)
         elif not low <= value <= high or (above and value == low):
             bounds = f"{'above' if above else 'at least'} {low:g}" + (f" and at most {high:g}" if high < inf else "")
@@ -244,15 +246,17 @@ class TomlTable:
         return found / total
 
 
-def _array(value: Any, dimensions: int) -> Floats | None:
-    def is_number(each: Any) -> bool:
-        return isinstance(each, int | float) and not isinstance(each, bool) and isfinite(each)
+def is_finite(value: Any) -> bool:
+    """Whether it is a number, and no square of it is too large."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _LARGEST
 
+
+def _array(value: Any, dimensions: int) -> Floats | None:
     if not isinstance(value, list) or not value:
         return None
     if dimensions == 1:
-        return np.array(value, dtype=np.float64) if all(map(is_number, value)) else None
-    if any(not isinstance(row, list) or len(row) != len(value[0]) or not all(map(is_number, row)) for row in value):
+        return np.array(value, dtype=np.float64) if all(map(is_finite, value)) else None
+    if any(not isinstance(row, list) or len(row) != len(value[0]) or not all(map(is_finite, row)) for row in value):
         return None
     return np.array(value, dtype=np.float64)
 
@@ -264,5 +268,5 @@ def _example(low: float, high: float, *, above: bool) -> float:
 
 
 def _shown(value: Any) -> str:
-    text = repr(value)
+    text = repr(value) if not isinstance(value, int) or abs(value) <= _LARGEST else "a number beyond all bounds"
     return text if len(text) <= 40 else f"{text[:37]}..."

@@ -38,7 +38,7 @@ class WorldOutput:
             for event in report.events:
                 self._show(event)
             return
-        associations = [_rounded(each) for each in report.associations]
+        associations = [_shares(each) for each in report.associations]
         shown, more = self._instances()
         record: dict[str, Any] = {"t_ms": _ms(report.valid_us)}
         if associations or report.is_scan:
@@ -105,19 +105,19 @@ def _instance(each: "BelievedInstance") -> dict[str, Any]:
         name: {"mean": _numbers(belief.mean), "covariance": [_numbers(row) for row in belief.covariance]}
         for name, belief in each.gaussian.items()
     }
-    attributes |= {name: _rounded(shares) for name, shares in each.categorical.items()}
+    attributes |= {name: _shares(shares) for name, shares in each.categorical.items()}
     record: dict[str, Any] = {
         "id": each.name,
-        "existence": round(each.existence, 6),
+        "existence": _rounded(each.existence),
         "status": each.status,
-        "type": _rounded(each.type),
+        "type": _shares(each.type),
         "attributes": attributes,
     }
     if each.known:
         record["known"] = each.known
     if each.relations:
         record["relations"] = [
-            {"name": name, "to": other, "probability": round(value, 6)}
+            {"name": name, "to": other, "probability": _rounded(value)}
             for (name, other), value in each.relations.items()
         ]
     return record
@@ -126,7 +126,7 @@ def _instance(each: "BelievedInstance") -> dict[str, Any]:
 def _event(event: "LifeEvent") -> dict[str, Any]:
     record: dict[str, Any] = {"t_ms": _ms(event.valid_us), "event": event.kind}
     if event.instance:
-        record |= {"id": event.instance, "existence": round(event.existence, 6)}
+        record |= {"id": event.instance, "existence": _rounded(event.existence)}
     return record | {key: value for key, value in (("what", event.what), ("because", event.because)) if value}
 
 
@@ -147,7 +147,7 @@ def _together(associations: Iterable[Mapping[str, float]]) -> dict[str, float]:
     found = Counter[str]()
     for each in associations:
         found.update(each)
-    return _rounded(found)
+    return _shares(found)
 
 
 def _likeliest(shares: Mapping[str, float]) -> str:
@@ -165,12 +165,17 @@ def _attributes(each: "BelievedInstance") -> Iterable[str]:
         yield f"{name} {other} {value:.2f}"
 
 
-def _rounded(shares: Mapping[str, float]) -> dict[str, float]:
-    return {name: round(value, 6) for name, value in shares.items()}
+def _shares(shares: Mapping[str, float]) -> dict[str, float]:
+    return {name: _rounded(value) for name, value in shares.items()}
 
 
 def _numbers(values: Iterable[float]) -> list[float]:
-    return [round(float(value), 6) for value in values]
+    return [_rounded(float(value)) for value in values]
+
+
+def _rounded(value: float) -> float:
+    """To twelve significant digits: sums over all associations agree to nine."""
+    return float(f"{value:.12g}")
 
 
 def _ms(valid_us: int) -> float:

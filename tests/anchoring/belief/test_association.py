@@ -195,6 +195,32 @@ def test_a_part_with_cycles_that_is_too_large_is_left_to_propagation_and_called_
     assert found.pairs.sum() + found.none.sum() == pytest.approx(count, abs=1e-9)
 
 
+@pytest.mark.parametrize(("count", "observed"), [(8, 2), (2, 8), (8, 8), (3, 12), (12, 3)])
+def test_what_cannot_be_clutter_is_shared_out_among_all_that_may_have_given_it(count: int, observed: int) -> None:
+    """Weights far beyond what products of them can hold."""
+    rows, cols = (each.ravel() for each in np.indices((count, observed)))
+    found = associate(rows, cols, np.full(count * observed, 1e200), count, observed)
+    assert found.is_exact
+    assert found.pairs == pytest.approx(1.0 / max(count, observed), abs=1e-9)
+
+
+@given(
+    st.integers(1, 5).flatmap(
+        lambda count: st.tuples(st.just(count), st.integers(1, 2 if count > 3 else 5), st.integers(0, 2**32))
+    )
+)
+def test_sums_are_exact_whichever_side_is_the_smaller(case: tuple[int, int, int]) -> None:
+    count, observed, seed = case
+    rng = np.random.default_rng(seed)
+    psi = rng.exponential(2.0, (count, observed)) * (rng.random((count, observed)) < 0.7)
+    rows, cols = np.nonzero(psi)
+    found = associate(rows, cols, psi[rows, cols], count, observed)
+    r, detection = np.full(count, 0.5), np.full(count, 0.5)
+    pairs, _, _ = enumeration.scan(r, detection, psi * 3.0, np.zeros(observed), np.ones(observed))
+    assert found.is_exact
+    assert found.pairs == pytest.approx(pairs[rows, cols], abs=1e-9)
+
+
 @given(r=st.floats(0.05, 0.95), p_d=st.floats(0.05, 0.95), log_l=LIKELIHOOD, odds=st.floats(0.01, 2.0))
 @example(r=0.5, p_d=0.9, log_l=0.0, odds=1.0)
 def test_a_scan_of_one_observation_is_the_event_reading_without_false_alarms(

@@ -99,11 +99,12 @@ def test_time_that_goes_backwards_is_left_out_and_one_line_far_ahead_does_not_lo
     assert ["8998.9 s ahead" in each.message for each in errors] == [True]
 
 
-def test_an_observation_is_never_more_exact_than_a_millimetre() -> None:
-    looks, _ = read(at(0, covariance_m2=[[1e-20, 0.0], [0.0, 1e-20]]))
-    covariance = looks[0].observations[0].covariance
-    assert covariance is not None
-    assert np.linalg.eigvalsh(covariance).min() >= 1e-6
+def test_an_observation_that_calls_itself_exact_to_less_than_a_micrometre_is_left_out() -> None:
+    looks, errors = read(
+        at(0, covariance_m2=[[1e-20, 0.0], [0.0, 1e-20]]), at(1, covariance_m2=[[1e-12, 0], [0, 1e-12]])
+    )
+    assert [each.line for each in errors] == [1]
+    assert len(looks) == 1
 
 
 @given(
