@@ -1,7 +1,7 @@
 """Where something may be by now that travels along roads: a weighted set of route hypotheses.
 
-A hypothesis that comes to the end of its link splits into one for each link that follows, without U-turns except at dead
-ends. The weight is split by a prior over turns. Weights sum to 1; light hypotheses are pruned, those that meet are one.
+A hypothesis that comes to the crossing at the end of its link splits into one for each link that follows, without U-turns
+except at dead ends, and takes the curve that leads there. The weight is split by a prior over turns. Weights sum to 1; light hypotheses are pruned, those that meet are one.
 """
 
 import math
@@ -13,6 +13,7 @@ from typing import Final, NamedTuple, Protocol
 from anchoring.roads.elements import DirectedLink
 from anchoring.roads.geometry import wrapped
 from anchoring.roads.network import RoadNetwork
+from anchoring.roads.turns import CrossingPath
 
 MOST_STEPS: Final = 2000
 """Most ends of links that one call passes: what would come farther stops there."""
@@ -27,7 +28,8 @@ class RouteHypothesis(NamedTuple):
 
     Attributes:
         way: the link and the direction of travel.
-        travelled_m: along the link from where it was entered; negative where that is still ahead, on `via`.
+        travelled_m: along the link from the middle of the crossing where it begins; negative where that is still ahead. On
+            the curve through the crossing it goes from minus what this stands for of `via` to what it stands for of the link.
         lane: index into the link's lanes.
         via: the link before; None if not known.
     """
@@ -45,8 +47,12 @@ class RouteHypothesis(NamedTuple):
         return min(max(offset_m, 0.0), length_m)
 
     def at(self, network: RoadNetwork) -> tuple[float, float, float]:
-        """(x_m, y_m, heading_rad): the centre of the lane, the direction of travel."""
+        """(x_m, y_m, heading_rad): the centre of the lane or of the way through the crossing, the direction of travel."""
         way, travelled_m, lane = self.way, self.travelled_m, self.lane
+        path = self.path(network)
+        if path is not None and travelled_m >= -path.before_m:
+            x_m, y_m, heading_rad = path.at(travelled_m)
+            return x_m, y_m, wrapped(heading_rad)
         if travelled_m < 0.0 and self.via is not None:
             before = network.links[self.via.link]
             lane = before.lane_near(network.links[way.link].lanes[lane].offset_m, self.via.direction)
@@ -55,6 +61,11 @@ class RouteHypothesis(NamedTuple):
         offset_m = travelled_m if way.direction > 0 else link.length_m - travelled_m
         x_m, y_m, line_rad = link.line.at(offset_m, link.lanes[lane].offset_m)
         return x_m, y_m, wrapped(line_rad + (0.0 if way.direction > 0 else math.pi))
+
+    def path(self, network: RoadNetwork) -> CrossingPath | None:
+        """The curve on which it is, or which is ahead."""
+        path = network.paths.through(self.via, self.way, self.lane)
+        return path if path is not None and self.travelled_m < path.after_m else None
 
 
 class TurnPrior(Protocol):
@@ -110,36 +121,48 @@ def advance(
 ) -> tuple[RouteHypothesis, ...]:
     """All hypotheses, a distance farther along their roads; the heaviest first."""
     arrived: list[RouteHypothesis] = []
-    ahead = [one._replace(travelled_m=one.travelled_m + distance_m) for one in hypotheses]
+    ahead = [(one, distance_m) for one in hypotheses]
     steps = 0
     while ahead:
-        one = ahead.pop()
-        link = network.links[one.way.link]
-        if one.travelled_m <= link.length_m:
+        one, left_m = _onward(network, *ahead.pop())
+        if not left_m > 0.0:
             arrived.append(one)
             continue
         steps += 1
         exits = network.turns.exits(one.way)
         if not exits or steps > MOST_STEPS:
-            arrived.append(one._replace(travelled_m=link.length_m))
+            length_m = network.links[one.way.link].length_m
+            arrived.append(one._replace(travelled_m=min(one.travelled_m + left_m, length_m)))
             continue
-        split = _split(network, one, one.travelled_m - link.length_m, prior)
-        ahead += [each for each in split if each.weight >= pruning.least_weight / _MEETING] or split[:1]
+        split = _split(network, one, prior)
+        kept = [each for each in split if each.weight >= pruning.least_weight / _MEETING] or split[:1]
+        ahead += [(each, left_m) for each in kept]
     return pruned(arrived, pruning)
 
 
-def _split(network: RoadNetwork, one: RouteHypothesis, beyond_m: float, prior: TurnPrior) -> list[RouteHypothesis]:
+def _onward(network: RoadNetwork, one: RouteHypothesis, distance_m: float) -> tuple[RouteHypothesis, float]:
+    """Through the crossing in which it is, and along its link to where the next begins; what is left of the distance."""
+    path = one.path(network)
+    if path is not None:
+        there_m = one.travelled_m + distance_m * path.per_m
+        if there_m <= path.after_m:
+            return one._replace(travelled_m=there_m), 0.0
+        distance_m -= (path.after_m - one.travelled_m) / path.per_m
+        one = one._replace(travelled_m=path.after_m)
+    room_m = max(0.0, network.links[one.way.link].length_m - network.paths.begins_m(one.way) - one.travelled_m)
+    return one._replace(travelled_m=one.travelled_m + min(room_m, distance_m)), distance_m - room_m
+
+
+def _split(network: RoadNetwork, one: RouteHypothesis, prior: TurnPrior) -> list[RouteHypothesis]:
     """One hypothesis for each link that follows, the heaviest first."""
     link = network.links[one.way.link]
-    exits = network.turns.exits(one.way)
+    exits, ahead_m = network.turns.exits(one.way), one.travelled_m - link.length_m
     weights = prior(link.crossing_at(one.way.direction), exits)
     total = sum(weights.values())
     if not total > 0.0:
         weights, total = dict.fromkeys(exits, 1.0), float(len(exits))
     split = [
-        RouteHypothesis(
-            way, beyond_m, lane_after(network, one.way, one.lane, way), one.weight * weight / total, one.way
-        )
+        RouteHypothesis(way, ahead_m, lane_after(network, one.way, one.lane, way), one.weight * weight / total, one.way)
         for way, weight in weights.items()
         if weight > 0.0
     ]
@@ -163,8 +186,7 @@ def pruned(hypotheses: Iterable[RouteHypothesis], pruning: Pruning = USUAL_PRUNI
     merged: list[RouteHypothesis] = []
     for one in sorted(hypotheses, key=lambda each: (each.way, each.lane, each.travelled_m)):
         last = merged[-1] if merged else None
-        meets = last is not None and (last.way, last.lane) == (one.way, one.lane)
-        if last is not None and meets and one.travelled_m - last.travelled_m <= _SAME_M:
+        if last is not None and _meet(last, one):
             heavier = last if last.weight >= one.weight else one
             merged[-1] = heavier._replace(weight=last.weight + one.weight)
         else:
@@ -174,3 +196,9 @@ def pruned(hypotheses: Iterable[RouteHypothesis], pruning: Pruning = USUAL_PRUNI
     kept = [each for each in merged[: pruning.most] if each.weight >= pruning.least_weight * total] or merged[:1]
     total = sum(each.weight for each in kept)
     return tuple(each._replace(weight=each.weight / total) for each in kept)
+
+
+def _meet(one: RouteHypothesis, other: RouteHypothesis) -> bool:
+    """Whether two hypotheses are one; before the middle of a crossing those from different links are not."""
+    near = abs(one.travelled_m - other.travelled_m) <= _SAME_M and (one.way, one.lane) == (other.way, other.lane)
+    return near and (one.via == other.via or min(one.travelled_m, other.travelled_m) >= 0.0)

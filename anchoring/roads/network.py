@@ -8,7 +8,7 @@ from typing import Any
 from anchoring.roads.elements import CROSSING, ROAD, Crossing, DirectedLink, RoadArea, RoadLink
 from anchoring.roads.geometry import Point2
 from anchoring.roads.index import RoadIndex
-from anchoring.roads.turns import RoadTurns
+from anchoring.roads.turns import CrossingPaths, RoadTurns
 from navigation.geodesy import LocalFrame
 
 
@@ -51,6 +51,11 @@ class RoadNetwork:
     def turns(self) -> RoadTurns:
         """The ways from link to link."""
         return RoadTurns(self.links, self.crossings, self.arms)
+
+    @cached_property
+    def paths(self) -> CrossingPaths:
+        """The curves through crossings."""
+        return CrossingPaths(self.links, self.crossings, self.turns)
 
     @cached_property
     def departures(self) -> Mapping[str, tuple[DirectedLink, ...]]:

@@ -30,6 +30,9 @@ _WRONG_WAY_M_S: Final = 3.0
 """What is so fast against a one-way street continues that way."""
 _TURNED_SD_RAD: Final = 0.5
 _STRAYED_SD_M: Final = 3.0
+_SPEED_SD_M_S: Final = 3.0
+_MOST_SLOWED: Final = 4.0
+"""A speed that fits no better than by two standard deviations has another cause than the way."""
 
 
 class AlongRoads:
@@ -69,7 +72,7 @@ class AlongRoads:
         history = tuple(history)
         last, individual = history[-1], individual if self._has_habits else None
         if before is None:
-            routes, from_us = self._start(history), last.valid_us
+            routes, from_us = self._start(history, individual), last.valid_us
         else:
             routes = tuple(route for each in before.hypotheses if (route := _route_of(each)) is not None)
             from_us = before.likely.valid_us
@@ -88,7 +91,7 @@ class AlongRoads:
             tuple(Hypothesis(self._state(one, to_us, now_m_s, grown, kept), one.weight) for one in moved)
         )
 
-    def _start(self, history: Sequence[ObjectState]) -> tuple[RouteHypothesis, ...]:
+    def _start(self, history: Sequence[ObjectState], individual: Individual | None) -> tuple[RouteHypothesis, ...]:
         """Where it is when it is seen last; off the roads there is nothing."""
         last = history[-1]
         place = place_of(last)
@@ -99,7 +102,8 @@ class AlongRoads:
             return ()
         if place.link is not None:
             return self._on_link(place, place.link, velocity)
-        return self._in_crossing(place, velocity)
+        usual_m_s = individual.speed.mean if individual is not None and individual.is_known else None
+        return self._in_crossing(place, velocity, usual_m_s)
 
     def _on_link(self, place: RoadPlace, link: str, velocity: tuple[float, float]) -> tuple[RouteHypothesis, ...]:
         """One hypothesis, or one for each direction if that is not known; none against a one-way street."""
@@ -122,8 +126,10 @@ class AlongRoads:
             for each in directions
         )  # fmt: skip
 
-    def _in_crossing(self, place: RoadPlace, velocity: tuple[float, float]) -> tuple[RouteHypothesis, ...]:
-        """One hypothesis for each way through, weighted by how well position and heading fit it."""
+    def _in_crossing(
+        self, place: RoadPlace, velocity: tuple[float, float], usual_m_s: float | None
+    ) -> tuple[RouteHypothesis, ...]:
+        """One hypothesis for each way through, weighted by how well position, heading and speed fit it."""
         network, crossing = self._network, place.crossing or ""
         via = place.via if place.via is not None and place.via.link in network.links else None
         if via is not None and network.links[via.link].crossing_at(via.direction) != crossing:
@@ -133,32 +139,34 @@ class AlongRoads:
             return ()
         priors = self._prior(crossing, exits)
         found = [self._through(place, velocity, via, way, priors.get(way, 0.0)) for way in exits]
+        if usual_m_s is not None:
+            speed_m_s = math.hypot(*velocity)
+            found = [one._replace(weight=one.weight * self._as_fast(one, speed_m_s, usual_m_s)) for one in found]
         return pruned(found, self._pruning)
+
+    def _as_fast(self, route: RouteHypothesis, speed_m_s: float, usual_m_s: float) -> float:
+        """How well a speed fits a way through a crossing: who turns has slowed down, who goes straight on has not."""
+        path = self._network.paths.through(route.via, route.way, route.lane)
+        expected_m_s = usual_m_s if path is None else min(usual_m_s, path.comfortable_m_s)
+        return math.exp(-min(((speed_m_s - expected_m_s) / _SPEED_SD_M_S) ** 2, _MOST_SLOWED) / 2.0)
 
     def _through(
         self, place: RoadPlace, velocity: tuple[float, float], via: DirectedLink | None, way: DirectedLink, prior: float
     ) -> RouteHypothesis:
-        """The nearest place on one way through a crossing: still on the link before, or on the one that follows.
-
-        The heading changes over the crossing from that of the one to that of the other.
-        """
+        """The nearest place on one way through a crossing: on its curve, the link before or the one that follows."""
         network = self._network
-        link = network.links[way.link]
-        lane = link.lanes_of(way.direction)[0]
-        radius_m = network.crossings[place.crossing or ""].radius_m
-        choices = []
+        lane = network.links[way.link].lanes_of(way.direction)[0]
+        path = network.paths.through(via, way, lane)
+        begins_m, ends_m = (0.0, 0.0) if path is None else (-path.before_m, path.after_m)
+        choices = [] if path is None else [path.nearest(place.x_m, place.y_m)]
         for step in (way,) if via is None else (via, way):
             on = network.links[step.link]
             at = on.line.project(place.x_m, place.y_m)
             travelled_m = at.offset_m if step.direction > 0 else on.length_m - at.offset_m
             ahead_m = travelled_m if step is way else travelled_m - on.length_m
-            choices.append((abs(at.across_m), ahead_m))
-        strayed_m, ahead_m = min(choices)
-        share = min(1.0, max(0.0, 0.5 + ahead_m / (2.0 * radius_m)))
-        way_rad = network.links[way.link].line.at(0.0 if way.direction > 0 else link.length_m)[2]
-        heading_rad = way_rad + (0.0 if way.direction > 0 else math.pi)
-        if via is not None:
-            heading_rad -= (1.0 - share) * network.turns.angle_rad(place.crossing or "", via, way)
+            if path is None or ahead_m < begins_m or ahead_m > ends_m:
+                choices.append((ahead_m, abs(at.across_m), at.heading_rad + (0.0 if step.direction > 0 else math.pi)))
+        ahead_m, strayed_m, heading_rad = min(choices, key=lambda each: each[1])
         cost = (strayed_m / _STRAYED_SD_M) ** 2
         if math.hypot(*velocity) >= self._settings.least_speed_m_s:
             turned = math.remainder(math.atan2(velocity[1], velocity[0]) - heading_rad, math.tau)
@@ -181,7 +189,7 @@ class AlongRoads:
         x_m, y_m, heading_rad = route.at(network)
         crossing = self._around(x_m, y_m, route)
         arrives = crossing is None or network.links[way.link].crossing_at(way.direction) == crossing
-        via = way if arrives else route.via
+        via = route.via if route.path(network) is not None else way if arrives else route.via
         place = RoadPlace(
             x_m, y_m, None if crossing else way.link, crossing, way.direction, route.lane, route.offset_m(network),
             network.links[way.link].lanes[route.lane].offset_m, heading_rad, speed_m_s, via,
@@ -194,7 +202,9 @@ class AlongRoads:
         )  # fmt: skip
 
     def _around(self, x_m: float, y_m: float, route: RouteHypothesis) -> str | None:
-        """The crossing at either end of the link that holds a position."""
+        """The crossing through which it goes, or the one at either end of the link that holds a position."""
+        if route.via is not None and route.path(self._network) is not None:
+            return self._network.links[route.via.link].crossing_at(route.via.direction)
         link, crossings = self._network.links[route.way.link], self._network.crossings
         for name in (link.start, link.end):
             if name is not None:

@@ -1,17 +1,23 @@
-"""The way from one link to another at a crossing: left, right, straight, uturn (thesis 8.7.4).
+"""The way from one link to another at a crossing: left, right, straight, uturn (thesis 8.7.4), and the curve that is driven.
 
 The turn from arm a to arm b is the angle by which the heading changes, left positive, so that the turn back is its
 negative: a left turn one way is a right turn the other way. Straight is what changes the heading by 15 degrees at most, or by less
 than 45 where every other way into and out of the two arms turns by 10 degrees more. Back on the same link, or by 165
 degrees and more, is a U-turn.
+
+The curve leaves the lane of the one link where the crossing begins, and reaches that of the next where it ends, along their
+headings: a cubic Bezier curve that is a quarter of a circle where the way turns by a right angle. It is shorter than the two
+links to the middle of the crossing, so that who turns is through it sooner.
 """
 
 import math
 from collections.abc import Mapping
-from typing import Final
+from typing import Final, NamedTuple, TypeAlias
+
+import numpy as np
 
 from anchoring.roads.elements import Crossing, DirectedLink, RoadLink
-from anchoring.roads.geometry import wrapped
+from anchoring.roads.geometry import Polyline, wrapped
 
 LEFT, RIGHT, STRAIGHT, UTURN = "left", "right", "straight", "uturn"
 TURNS: Final = (LEFT, RIGHT, STRAIGHT, UTURN)
@@ -22,6 +28,11 @@ _CLEARLY_RAD: Final = math.radians(10.0)
 _BACK_RAD: Final = math.radians(165.0)
 _CHORD_M: Final = 15.0
 """The heading of an arm is that of this much of it, outside the crossing."""
+COMFORT_M_S2: Final = 3.0
+_PIECES: Final = 12
+_LEAST_M: Final = 0.5
+"""A curve between ends that are nearer is none."""
+_Pose: TypeAlias = tuple[float, float, float]
 
 
 class RoadTurns:
@@ -135,3 +146,97 @@ def _turn(one_rad: float, other_rad: float) -> float:
     """From the arm with the first heading to that with the other; an odd function of their difference."""
     apart = other_rad - one_rad
     return wrapped(apart - math.pi if apart > 0.0 else apart + math.pi)
+
+
+class CrossingPath(NamedTuple):
+    """The way from one lane to another.
+
+    Attributes:
+        before_m, after_m: how much of the link before it, and of the one after it, it stands for.
+    """
+
+    line: Polyline
+    before_m: float
+    after_m: float
+
+    @property
+    def per_m(self) -> float:
+        """How much of the two links a metre of the curve stands for."""
+        return (self.before_m + self.after_m) / self.line.length_m
+
+    @property
+    def comfortable_m_s(self) -> float:
+        """The speed at which one is pushed aside by `COMFORT_M_S2`, as if it were an arc; endless where it is straight."""
+        turned_rad = abs(wrapped(self.line.at(self.line.length_m)[2] - self.line.at(0.0)[2]))
+        return math.sqrt(COMFORT_M_S2 * self.line.length_m / turned_rad) if turned_rad > 0.0 else math.inf
+
+    def at(self, travelled_m: float) -> _Pose:
+        """(x_m, y_m, heading_rad) where so much of the link after it is travelled; before it that is negative."""
+        return self.line.at((travelled_m + self.before_m) / self.per_m)
+
+    def nearest(self, x_m: float, y_m: float) -> tuple[float, float, float]:
+        """What is travelled at the nearest place of the curve, how far away that is, and its heading."""
+        found = self.line.project(x_m, y_m)
+        return found.offset_m * self.per_m - self.before_m, abs(found.across_m), found.heading_rad
+
+
+class CrossingPaths:
+    """The curves of a network; each is made when it is first wanted."""
+
+    def __init__(self, links: Mapping[str, RoadLink], crossings: Mapping[str, Crossing], turns: RoadTurns) -> None:
+        self._links, self._crossings, self._turns = links, crossings, turns
+        self._known: dict[tuple[DirectedLink, DirectedLink, int], CrossingPath | None] = {}
+        self._begins: dict[DirectedLink, float] = {}
+
+    def begins_m(self, way: DirectedLink) -> float:
+        """How far before the end of a link the crossing begins that it leads into; 0 where it leads back."""
+        known = self._begins.get(way)
+        if known is None:
+            turns = self._turns.exits(way).values()
+            leads_on = any(turn != UTURN for turn in turns)
+            known = self._begins[way] = self._reach_m(way, way.direction) if leads_on else 0.0
+        return known
+
+    def through(self, via: DirectedLink | None, way: DirectedLink, lane: int) -> CrossingPath | None:
+        """From the link before to a lane of the next one; None where they do not follow each other, or lead back."""
+        if via is None:
+            return None
+        key = via, way, lane
+        if key not in self._known:
+            self._known[key] = self._made(via, way, lane)
+        return self._known[key]
+
+    def _made(self, via: DirectedLink, way: DirectedLink, lane: int) -> CrossingPath | None:
+        if self._turns.exits(via).get(way, UTURN) == UTURN:
+            return None
+        before, after = self._links[via.link], self._links[way.link]
+        before_m, after_m = self.begins_m(via), self._reach_m(way, -way.direction)
+        aside_m = after.lanes[lane].offset_m
+        lane_before = before.lane_near(aside_m if via.direction == way.direction else -aside_m, via.direction)
+        start = _pose(before, via.direction, before.length_m - before_m, before.lanes[lane_before].offset_m)
+        end = _pose(after, way.direction, after_m, aside_m)
+        if math.dist(start[:2], end[:2]) < _LEAST_M:
+            return None
+        return CrossingPath(_curve(start, end), before_m, after_m)
+
+    def _reach_m(self, way: DirectedLink, direction: int) -> float:
+        """How much of a link is in the crossing to which one direction leads."""
+        link = self._links[way.link]
+        name = link.crossing_at(direction)
+        return 0.0 if name is None else min(self._crossings[name].radius_m, link.length_m / 2.0)
+
+
+def _pose(link: RoadLink, direction: int, travelled_m: float, aside_m: float) -> _Pose:
+    x_m, y_m, line_rad = link.line.at(travelled_m if direction > 0 else link.length_m - travelled_m, aside_m)
+    return x_m, y_m, line_rad + (0.0 if direction > 0 else math.pi)
+
+
+def _curve(start: _Pose, end: _Pose) -> Polyline:
+    """A cubic Bezier curve whose handles are those of a circle for the angle between the headings."""
+    turned_rad = wrapped(end[2] - start[2])
+    reach_m = math.dist(start[:2], end[:2]) / (3.0 * math.cos(turned_rad / 4.0) ** 2)
+    xs = np.array([start[0], start[0] + reach_m * math.cos(start[2]), end[0] - reach_m * math.cos(end[2]), end[0]])
+    ys = np.array([start[1], start[1] + reach_m * math.sin(start[2]), end[1] - reach_m * math.sin(end[2]), end[1]])
+    shares = np.linspace(0.0, 1.0, _PIECES + 1)
+    weights = np.array([(1 - shares) ** 3, 3 * shares * (1 - shares) ** 2, 3 * shares**2 * (1 - shares), shares**3])
+    return Polyline(list(zip((xs @ weights).tolist(), (ys @ weights).tolist(), strict=True)))
