@@ -141,7 +141,7 @@ def advance(
 
 
 def _onward(network: RoadNetwork, one: RouteHypothesis, distance_m: float) -> tuple[RouteHypothesis, float]:
-    """Through the crossing in which it is, and along its link to where the next begins; what is left of the distance."""
+    """Through the crossing in which it is, and along its link to where the next begins; and the rest of the distance."""
     path = one.path(network)
     if path is not None:
         there_m = one.travelled_m + distance_m * path.per_m

@@ -145,7 +145,7 @@ class AlongRoads:
         return pruned(found, self._pruning)
 
     def _as_fast(self, route: RouteHypothesis, speed_m_s: float, usual_m_s: float) -> float:
-        """How well a speed fits a way through a crossing: who turns has slowed down, who goes straight on has not."""
+        """How well a speed fits a way through a crossing: vehicles that turn have slowed down."""
         path = self._network.paths.through(route.via, route.way, route.lane)
         expected_m_s = usual_m_s if path is None else min(usual_m_s, path.comfortable_m_s)
         return math.exp(-min(((speed_m_s - expected_m_s) / _SPEED_SD_M_S) ** 2, _MOST_SLOWED) / 2.0)

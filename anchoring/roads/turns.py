@@ -7,7 +7,7 @@ degrees and more, is a U-turn.
 
 The curve leaves the lane of the one link where the crossing begins, and reaches that of the next where it ends, along their
 headings: a cubic Bezier curve that is a quarter of a circle where the way turns by a right angle. It is shorter than the two
-links to the middle of the crossing, so that who turns is through it sooner.
+links to the middle of the crossing, so that a vehicle that turns is through it sooner.
 """
 
 import math
