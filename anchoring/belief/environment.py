@@ -319,7 +319,7 @@ class EnvironmentModel:
         return found
 
     def _prior_of_relations(self, look: EncodedLook) -> Floats:
-        """(M,) log likelihood of the relations that were reported, of something of which nothing is known."""
+        """(M,) log likelihood of the relations that were reported, of something that is not known yet."""
         if not any(look.relations):
             return np.zeros(look.size)
         known = set(self.table.names)
@@ -367,7 +367,7 @@ class EnvironmentModel:
         return events
 
     def _bear(self, look: EncodedLook, new: Floats) -> tuple[Indices, list[LifeEvent]]:
-        """Tentative instances of what is probably new; of which observations, and what has happened."""
+        """Tentative instances of what is probably new; their observations, and what has happened."""
         cols = np.flatnonzero(new > self.model.thresholds.create)
         events: list[LifeEvent] = []
         room = self.model.limits.instances - len(self.table)

@@ -70,7 +70,7 @@ class RelationBeliefs:
         return found
 
     def of_new(self, reported: ReportedRelation) -> float:
-        """Likelihood of a report, for something of which nothing is known."""
+        """Likelihood of a report about something that is not known yet."""
         kind = self.kinds[reported.name]
         return _likelihood(kind, kind.prior, holds=reported.holds)
 
