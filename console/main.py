@@ -54,6 +54,7 @@ COMMANDS: CommandTable = {
     "demo": (f"{_FLEET}.demo:demo", "The main job end to end, in under a minute; exit 0 only if every step happened."),
     "doctor": (f"{_FLEET}.doctor:doctor", "What this machine lacks, and how to get it."),
     "plan": (f"{_TEXTS}.plan:plan", "A plan for a problem of a domain, with times; or the reason why there is none."),
+    "recover": (f"{_OBJECTS}.recover:recover", "A plan that looks again from elsewhere until an object is identified."),
     "kpl": ("", "Specifications of knowledge processing, in KPL."),
     "kpl check": (f"{_TEXTS}.specifications:check", "Every error of a specification with its place and repair."),
     "kpl show": (f"{_TEXTS}.specifications:show", "A specification as it is understood, one declaration a line."),

@@ -1,0 +1,63 @@
+"""`dyknow recover`: a conditional plan that finds out which object it is, or where, or the reason why there is none."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from console.command import Call, command
+from console.commands.objects.documents import read_document
+from console.errors import DONE, NO
+from dyknow.model.instants import print_span
+from runtime.configuration.instants import duration_us
+
+if TYPE_CHECKING:
+    from planning.contingent.conditional_plans import ConditionalPlan
+
+SHORTEST_TIMEOUT_US = 10_000
+
+
+@command(example="dyknow recover examples/matching/mark.json --draw plan")
+def recover(
+    call: Call,
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE.json", help="Hypotheses, places and what is visible; - for standard input.")
+    ],
+    *,
+    draw: Annotated[
+        Literal["plan", "tree", "dot", "json"] | None,
+        typer.Option(help="Only the plan: as text, as a tree, for Graphviz, or nested."),
+    ] = None,
+    timeout: Annotated[str, typer.Option(metavar="TIME", help="How long to search.")] = "10s",
+) -> int:
+    """A plan that looks again from elsewhere until it is certain which object it is; exit 1 with the reason if none is."""
+    from planning.contingent.files import read_recovery, recovery_record
+    from planning.contingent.recovery_planning import NoRecoveryPlan, plan_recovery
+
+    limit_us = duration_us(timeout, option="--timeout", least_us=SHORTEST_TIMEOUT_US)
+    case = read_recovery(*read_document(file))
+    end_s = time.monotonic() + limit_us / 1e6
+
+    def stop() -> str:
+        return f"gave up after {print_span(limit_us)}" if time.monotonic() > end_s else ""
+
+    found = plan_recovery(case.problem, case.value, case.least_possibility, stop)
+    record = recovery_record(found)
+    for sentence in (*case.notes, *record.get("notes", ())):
+        call.out.note(sentence, style="yellow")
+    if draw is None or isinstance(found, NoRecoveryPlan):
+        call.out.line(record)
+    else:
+        _draw(call, found.plan, draw)
+    return DONE if record["solvable"] else NO
+
+
+def _draw(call: Call, plan: "ConditionalPlan", kind: str) -> None:
+    from planning.contingent.conditional_plans import dot_lines, lines, plan_record, tree_lines
+
+    if kind == "json" or call.out.json_lines:
+        call.out.line(plan_record(plan))
+        return
+    drawn = {"plan": lines, "tree": tree_lines, "dot": dot_lines}[kind](plan)
+    call.out.plain("".join(f"{line}\n" for line in drawn), folds=True)
