@@ -179,14 +179,16 @@ class RecoveryOperator(tree.Node):
         act: what units do at once.
         assumptions: by clause; each clause changes all its features at once, from the values before it.
         located: features of objects that are to be found by sight.
+        without: units that take no part in new plans.
         times: so often the fault is recovered from; the next time `then` is done.
     """
 
     name: str
     parameters: tuple[Parameter, ...] = ()
-    act: str = "loiter"
+    act: Literal["loiter", "brake", "land"] = "loiter"
     assumptions: tuple[tuple[Effect, ...], ...] = ()
     located: tuple[Application, ...] = ()
+    without: tuple[Application, ...] = ()
     times: int = 3
     then: str = "ask"
 

@@ -57,6 +57,7 @@ def _recovery(one: model.RecoveryOperator) -> str:
     lines = [f"#recovery {one.name}{_params(one.parameters)}", f"  :act {one.act}"]
     lines += [f"  :assume {', '.join(map(_assumption, each))}" for each in one.assumptions]
     lines += [f"  :locate {', '.join(map(print_expression, one.located))}"] if one.located else []
+    lines += [f"  :without {', '.join(map(print_expression, one.without))}"] if one.without else []
     return "\n".join([*lines, f"  :times {one.times} {one.then}"])
 
 

@@ -29,6 +29,12 @@ def check_recoveries(
             sorts.sort(term, bound)
             if not isinstance(term, model.Application) or term.name not in sorts.features:
                 errors.error("what is located is a feature of an object", term.place, ":locate xpos(box), ypos(box)")
+        for unit in one.without:
+            sort = sorts.sort(unit, bound)
+            if sort is not None and not set(declared.units) & set(sorts.types.above(sort)):
+                errors.error(
+                    "what a plan is made without is a unit", unit.place, f":without {next(iter(bound), 'uav')}"
+                )
         if one.name == model.REPLANNING and one.parameters:
             errors.error(
                 f"{one.name} is done before every new plan: it is about no action", one.place, "forall box: ..."

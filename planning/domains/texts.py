@@ -200,7 +200,7 @@ class _StatementReader(ExpressionReader):
     def _recovery(self, node: Any) -> list[Any]:
         name, *rest = [one for one in node.children if hasattr(one, "data")]
         params = self._params(rest.pop(0)) if rest and rest[0].data == "params" else ()
-        found: dict[str, Any] = {"assumptions": (), "located": ()}
+        found: dict[str, Any] = {"assumptions": (), "located": (), "without": ()}
         for clause in rest:
             parts = [one for one in clause.children if hasattr(one, "data")]
             match clause.data:
@@ -211,6 +211,8 @@ class _StatementReader(ExpressionReader):
                     found["assumptions"] = (*found["assumptions"], changes)
                 case "locate":
                     found["located"] = (*found["located"], *self._each(parts))
+                case "without":
+                    found["without"] = (*found["without"], *self._each(parts))
                 case "times":
                     text = str(clause.children[1])
                     if not text.isdecimal() or not 0 < int(text[:9]) <= LIMIT_TIMES:

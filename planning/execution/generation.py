@@ -123,10 +123,10 @@ def _link(writer: ConditionWriter, link: CausalLink) -> PlanMonitor:
         return PlanMonitor(0, "link", about, until_used)
     operator = link.producer.action.operator
     formula = tree.Until(link.producer_flag, until_used)
-    return PlanMonitor(link.producer.number, "link", about, formula, operator.recovery, _bound(link.producer))
+    return PlanMonitor(link.producer.number, "link", about, formula, operator.recovery, parameters_of(link.producer))
 
 
-def _bound(one: ExpectedAction) -> dict[str, Value]:
+def parameters_of(one: ExpectedAction) -> dict[str, Value]:
     """The parameters of an action by name."""
     numbers = dict(one.action.values)
     objects = iter(one.action.objects)
@@ -143,7 +143,7 @@ class _Generation:
         self._writer, self._action = writer, action
         self._operator = action.action.operator
         self._numbers = dict(action.action.values)
-        self._bound = _bound(action)
+        self._bound = parameters_of(action)
         objects = {name: value for name, value in self._bound.items() if name not in self._numbers}
         self._env = {name: writer.grounder.object(str(value)) for name, value in objects.items()}
         self._exec = executing(self._operator, action.action.objects)

@@ -18,11 +18,12 @@ _NONE: Final[dict[str, Any]] = {}
 
 
 class ExpectedChange(NamedTuple):
-    """A label gets a value, at milliseconds after the start of the plan."""
+    """A label gets a value, at milliseconds after the start of the plan; `at_end` if that counts from the action's end."""
 
     at_ms: int
     label: str
     value: Value
+    at_end: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +65,7 @@ class Schemas:
 def changes_of(instance: OperatorInstance, state: State, start_ms: int, end_ms: int) -> tuple[ExpectedChange, ...]:
     """What an action changes that starts in this state."""
     return tuple(
-        ExpectedChange(_time(one, start_ms, end_ms), one.label, one.value(0, state, _NONE, (), _NONE))
+        ExpectedChange(_time(one, start_ms, end_ms), one.label, one.value(0, state, _NONE, (), _NONE), one.from_end)
         for one in instance.effects
         if one.when is None or one.when(0, state, _NONE, (), _NONE) == 1
     )

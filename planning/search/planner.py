@@ -6,7 +6,7 @@ hold, and every control formula holds if the last state persists for ever.
 """
 
 import gc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -87,6 +87,7 @@ def find_plan(
     strategy: Strategy = Strategy.DEPTH_FIRST,
     stop: Callable[[], str] = lambda: "",
     progress: Callable[[int], None] = lambda _nodes: None,
+    units: Collection[str] | None = None,
 ) -> PlanFound | NoPlan:
     """Search for a plan.
 
@@ -96,6 +97,7 @@ def find_plan(
         strategy: branch-and-bound and best-first give the cheapest plan, if they are given the time.
         stop: called every now and then; a reason that is not empty ends the search.
         progress: called every now and then with the number of nodes.
+        units: those that act; None for all of them.
 
     Raises:
         TextError: a formula grows beyond all limits over the objects of the problem.
@@ -105,7 +107,7 @@ def find_plan(
     nodes = 0
     while True:
         kept = [one for one in declared.goals if all(one is not each for each in dropped)]
-        search = _Search(declared, kept, dropped, stop, progress, nodes)
+        search = _Search(declared, kept, dropped, stop, progress, nodes, units)
         with _without_collector():
             best = search.run(strategy)
         nodes = search.nodes
@@ -137,8 +139,9 @@ class _Search:
         stop: Callable[[], str],
         progress: Callable[[int], None],
         nodes: int,
+        units: Collection[str] | None,
     ) -> None:
-        self._declared, self._statements = declared, goals
+        self._declared, self._statements, self._units = declared, goals, units
         self._dropped, self._stop, self._progress = dropped, stop, progress
         self.nodes, self._polls = nodes, 0
         self._seen: dict[tuple[object, ...], list[tuple[int, float]]] = {}
@@ -176,7 +179,11 @@ class _Search:
         events = list(task.events)
         if not self._ground_goals(grounder, events):
             return None
-        units = tuple(one for sort in declared.units for one in task.types.members[sort]) or (None,)
+        all_units = tuple(one for sort in declared.units for one in task.types.members[sort])
+        units = tuple(one for one in all_units if self._units is None or one in self._units) or (None,)
+        if all_units and units == (None,):
+            self._impossible = "no unit can act"
+            return None
         self._schemas = [Schema(one, grounder, frozenset(declared.units)) for one in declared.operators]
         for one in declared.controls:
             self._control.add(one.name, closed(one.formula, free_variables(one.formula, declared)))

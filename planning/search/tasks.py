@@ -3,6 +3,7 @@
 from typing import Any
 
 from dyknow.model.sample import Value
+from dyknow.model.values import NO_VALUE
 from planning.domains import model
 from planning.domains.model import Application, Declarations, Expression
 from planning.domains.types import Types
@@ -50,6 +51,15 @@ class PlanningTask:
             elif feature.sort == model.BOOLEAN:
                 value = self.values[label] = False
         return value
+
+    def default_of(self, label: str) -> Value:
+        """What a label is that nothing is said of: its default; false if a boolean that operators change; else no value."""
+        name = label.partition("[")[0]
+        feature = self.features.get(name)
+        if feature is None or (feature.default is None and name not in self.fluents):
+            return NO_VALUE
+        value = self.value_of(feature, label)
+        return NO_VALUE if value is None else value
 
     def constant(self, expression: Expression) -> Any:
         """The value of an expression of constants, numbers and objects; None if it is none."""

@@ -1,0 +1,55 @@
+"""The units of a mission: which of them plans can count on, which hold, which are flown by their pilots."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from planning.execution.events import HoldUnit, HoldWay
+
+
+@dataclass(slots=True)
+class MissionUnits:
+    """Units by name.
+
+    Attributes:
+        everyone: those of the problem.
+        pilots: flown by hand: they are sent nothing.
+        lost: gone; `left_out`: a recovery operator does without them.
+    """
+
+    everyone: tuple[str, ...]
+    pilots: set[str] = field(default_factory=set)
+    lost: set[str] = field(default_factory=set)
+    left_out: set[str] = field(default_factory=set)
+    _held: dict[str, HoldWay] = field(default_factory=dict)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Those that take no part in new plans."""
+        return tuple(sorted(self.lost | self.left_out))
+
+    @property
+    def acting(self) -> tuple[str, ...] | None:
+        """Those that do; None if all of them do."""
+        missing = self.missing
+        return tuple(one for one in self.everyone if one not in missing) if missing else None
+
+    @property
+    def flown_by_hand(self) -> str:
+        return ", ".join(sorted(self.pilots))
+
+    def leave_out(self, unit: str) -> bool:
+        """Do without a unit from now on, unless no other one is left; return whether that is done."""
+        others = set(self.everyone) - self.lost - self.left_out - {unit}
+        if others:
+            self.left_out.add(unit)
+        return bool(others)
+
+    def hold(self, units: Iterable[str], how: HoldWay, why: str) -> list[HoldUnit]:
+        """Have units hold that do not yet, those of pilots left alone."""
+        told = [one for one in sorted(units) if self._held.get(one) != how and not {one} & (self.pilots | self.lost)]
+        self._held |= dict.fromkeys(told, how)
+        return [HoldUnit(one, how, why) for one in told]
+
+    def release(self) -> None:
+        """A plan has begun: no unit holds."""
+        self._held.clear()
