@@ -20,7 +20,7 @@ NUMBERS: Final = (NUMBER, "number", "integer")
 """Names of the sort of numbers; the thesis' fixed-point numbers are floating-point numbers here."""
 CONSTANTS: Final = {"UNITS_PER_SECOND": 1000}
 ACTS: Final = ("loiter", "brake", "land")
-"""What units can be told to do when a plan is left."""
+"""What units can do when a plan is left."""
 LAST_RESORTS: Final = ("ask", "drop-goal", "give-up")
 REPLANNING: Final = "replan"
 """The name of the recovery operator that is run before every new plan."""

@@ -1,4 +1,4 @@
-"""Recovery operators checked: what they change, and that whoever names one has its parameters."""
+"""Recovery operators checked: what they change, and that operators and monitors that name one have its parameters."""
 
 from collections.abc import Callable, Iterator
 

@@ -20,7 +20,7 @@ class Beliefs:
         initial: values of the problem.
         now_us: when the mission begins.
         fresh_us: a label that was in a state before counts for so long as it is.
-        default: the value of a label that nothing is said of.
+        default: the value of a label without an initial value.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Beliefs:
         return {label: value for label, value in found.items() if not is_missing(value)}
 
     def forget(self, labels: Iterable[str]) -> None:
-        """These are to be seen anew."""
+        """Forget the values of labels that are to be seen again."""
         for label in labels:
             self._believed.pop(label, None)
             self._sensed.pop(label, None)

@@ -1,4 +1,4 @@
-"""Events and effects of a mission: what it is told, and what it wants done. Times are federation time in microseconds."""
+"""Events that a mission takes, and effects that it returns. Times are federation time in microseconds."""
 
 from collections.abc import Mapping
 from typing import Literal, NamedTuple, TypeAlias
@@ -151,7 +151,7 @@ class AskHuman(NamedTuple):
 
 
 class MissionNote(NamedTuple):
-    """One line for people and for the log; `step` is the action it is about, if it is about one."""
+    """One line for users and for the log; `step` is the action it is about, if it is about one."""
 
     kind: str
     text: str

@@ -88,7 +88,7 @@ class PlanExecutor:
         patience_us: how long an action may wait for states that show its conditions.
 
     Raises:
-        TextError: a condition that is monitored cannot be said as a formula.
+        TextError: a condition that is monitored has no formula.
     """
 
     def __init__(
@@ -191,7 +191,7 @@ class PlanExecutor:
         return effects + self.on_time(now_us)
 
     def on_ended(self, event: ActionEnded, now_us: int) -> list[MissionEffect]:
-        """The unit has ended an action; what is said of others is ignored."""
+        """The unit has ended an action; events about others are ignored."""
         one = self.steps.get(event.step)
         if self.fault is not None or one is None or one.phase is not StepPhase.RUNNING:
             return []

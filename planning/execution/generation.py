@@ -80,7 +80,7 @@ def plan_monitors(declared: Declarations, plan: MissionPlan) -> tuple[PlanMonito
         plan: a plan for it.
 
     Raises:
-        TextError: a condition cannot be said as a formula.
+        TextError: a condition has no formula.
     """
     return monitors_of(declared, expected_actions(Schemas(declared), plan))
 

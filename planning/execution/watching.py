@@ -100,7 +100,7 @@ class MonitorSet:
         return tuple(sorted(label for label in lacking if not is_flag(label)))
 
     def unsettled(self, step: int) -> tuple[str, ...]:
-        """Labels for the lack of which monitors that end with a step are undecided after it."""
+        """Labels whose missing values leave monitors of a step undecided after its end."""
         lacking = {
             label
             for one in self._active

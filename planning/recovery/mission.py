@@ -33,7 +33,7 @@ class Mission:
     """The goals of a problem pursued.
 
     Args:
-        name: of the mission, for people.
+        name: of the mission, for users.
         domain: checked, as `parse_domain` gives it.
         problem: checked against it; its times count from the start of the mission.
         options: limits.
@@ -138,7 +138,7 @@ class Mission:
                 return self._on_searched(event, now_us)
             case events.QuestionAnswered(question, answer, by):
                 is_open = self._asked is not None and self._asked.question == question
-                return self._on_answer(answer, f"{by or 'somebody'} says", now_us) if is_open else []
+                return self._on_answer(answer, f"{by or 'a user'}:", now_us) if is_open else []
             case events.PilotTookOver(unit, reason):
                 return self._on_pilot(unit, reason, now_us)
             case events.PilotGaveBack(unit, reason):
@@ -150,13 +150,13 @@ class Mission:
                 return [MissionNote("unit back", f"{unit} can act again")]
             case events.MissionSuspended(reason):
                 found = self._leave(reason or "the mission is suspended", "loiter", now_us)
-                return [*found, *self._wait(MissionPhase.SUSPENDED, reason or "somebody asked for it", now_us)]
+                return [*found, *self._wait(MissionPhase.SUSPENDED, reason or "a user asked for it", now_us)]
             case events.MissionResumed():
                 is_waiting = self._phase is MissionPhase.SUSPENDED
                 return self._replan("the mission is resumed", now_us) if is_waiting else []
             case events.MissionAborted(reason):
                 found = self._leave(reason or "the mission is aborted", "loiter", now_us)
-                return [*found, *self._end("aborted", reason or "somebody asked for it", now_us)]
+                return [*found, *self._end("aborted", reason or "a user asked for it", now_us)]
 
     def on_time(self, now_us: int) -> list[MissionEffect]:
         """Let time pass."""

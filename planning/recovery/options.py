@@ -23,7 +23,7 @@ class MissionOptions:
         default_answer: what an unanswered question counts as.
         locate_us: how long objects are looked for.
         patience_us: how long an action waits for states that show its conditions, and values may be missing unnoticed.
-        most_replans: so many new plans are made in all.
+        most_replans: how many new plans are made in all.
     """
 
     period_us: int = 200_000

@@ -53,7 +53,7 @@ class PlanningTask:
         return value
 
     def default_of(self, label: str) -> Value:
-        """What a label is that nothing is said of: its default; false if a boolean that operators change; else no value."""
+        """The value of a label without an initial one: its default, false of a boolean that operators change, or no value."""
         name = label.partition("[")[0]
         feature = self.features.get(name)
         if feature is None or (feature.default is None and name not in self.fluents):
