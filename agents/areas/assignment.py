@@ -1,5 +1,9 @@
 """The piece of a divided area that this platform is to watch, as a stream under `assigned-area` (thesis 9.2.3).
 
+A division is led by the platform that it was delegated to, which is in the name of its task, and while that is gone by a
+successor: the first of the platforms with a piece, by unit. A successor that is not known yet is followed if the leader
+is not there; of two the one that sorts first is, and the platform that the task was delegated to always.
+
 Times are the node clock, but for valid times.
 """
 
@@ -13,7 +17,8 @@ from agents.part import Part, PeerChange
 from dyknow import US_PER_S, Network
 from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
-from federation.members.liveness import Departure, PlatformAppeared, PlatformGone
+from federation.members.directory import DirectoryFacilitator, unit_order
+from federation.members.liveness import PlatformAppeared, PlatformGone
 from federation.messages.acts import Act
 from federation.messages.contents import AssignArea
 from federation.messages.descriptions import ConditionEntry, LabelEntry
@@ -27,11 +32,15 @@ MAX_BORDER: Final = 1000
 
 @dataclass(slots=True)
 class AssignedPiece:
-    """The newest assignment of one task, by which life of its leader; `gone_us`: since when the leader is gone."""
+    """The newest assignment of one task, by which life of its leader; `gone_us`: since when the leader is gone.
+
+    `delegate_boot` is the life of the platform that the task was delegated to.
+    """
 
     leader: str
     boot: int
     content: AssignArea
+    delegate_boot: int
     gone_us: int | None = None
 
 
@@ -41,6 +50,7 @@ class AreaAssignment(Part):
     Attributes:
         pieces: by task.
         refused: assignments that were not taken, by reason.
+        on_led: takes a task that another platform leads from now on.
     """
 
     offers = (Offer(COORDINATION, (Action(AssignArea, "on_assign", INFORMED),)),)
@@ -48,17 +58,27 @@ class AreaAssignment(Part):
     def __init__(
         self,
         unit: str,
+        boot: int,
         clock: FederationClock,
+        directory: DirectoryFacilitator,
         network: Network,
         translation: Translation,
         offer: Callable[[int], None],
         note: Callable[[str], None],
     ) -> None:
-        self._unit, self._clock, self._network, self._offer, self._note = unit, clock, network, offer, note
-        self._translation, self._local = translation, translation.local_label(LABEL, unit)
+        self._unit, self._boot, self._clock, self._network, self._offer, self._note = (
+            unit,
+            boot,
+            clock,
+            network,
+            offer,
+            note,
+        )
+        self._directory, self._translation, self._local = directory, translation, translation.local_label(LABEL, unit)
+        self.on_led: Callable[[str], None] = lambda _task: None
         self.pieces: dict[str, AssignedPiece] = {}
         self.refused: Counter[str] = Counter()
-        self._generations: dict[str, int] = {}
+        self._generations: dict[tuple[str, str], int] = {}
         self._due_us: int | None = None
 
     def labels(self) -> Iterable[LabelEntry]:
@@ -69,7 +89,7 @@ class AreaAssignment(Part):
         return (LabelEntry(label=LABEL, sort=known.sort.name, type_hash=known.type_hash, period_us=PERIOD_US),)
 
     def conditions(self) -> Iterable[ConditionEntry]:
-        """The leader of a division is gone: it would not be renewed."""
+        """The leader of a division is gone, and no other has taken over yet."""
         return tuple(
             ConditionEntry(text=f"area of {task}: its leader {piece.leader} is gone"[:200], since_us=piece.gone_us)
             for task, piece in self.pieces.items()
@@ -77,29 +97,47 @@ class AreaAssignment(Part):
         )[:2]
 
     def on_assign(self, act: Act, content: AssignArea, now_us: int) -> None:
-        """`(assign-area ...)`: of the platform that the task was delegated to, which is in the task's name.
+        """`(assign-area ...)`: of the leader of the task.
 
         Raises:
             Refused: another sends it.
         """
         sender = act.sender.unit
-        if not content.task.endswith(f".{sender}"):
+        if not self._may_lead(sender, content):
             self.refused["not its task"] += 1
             raise Refused(f"{sender} does not lead {content.task}", "not-its-task")
+        self.on_led(content.task)
         self.assign(sender, act.boot, content, now_us)
 
+    def _may_lead(self, sender: str, content: AssignArea) -> bool:
+        delegate = content.task.rpartition(".")[2]
+        if sender == delegate:
+            return True
+        piece = self.pieces.get(content.task)
+        if piece is None or piece.gone_us is not None:
+            return not self._is_there(delegate, content.delegate_boot if piece is None else piece.delegate_boot)
+        is_before = piece.leader != delegate and unit_order(sender) < unit_order(piece.leader)
+        return sender == piece.leader or is_before
+
+    def _is_there(self, delegate: str, boot: int) -> bool:
+        """Whether the life of a platform to which a task was delegated leads it."""
+        if delegate == self._unit:
+            return boot == self._boot
+        entry = self._directory.entry(delegate)
+        return self._directory.is_present(delegate) and entry is not None and entry.boot == boot
+
     def assign(self, leader: str, boot: int, content: AssignArea, now_us: int) -> None:
-        """Take what the leader of a task assigns, unless a later division is known."""
+        """Take what the leader of a task assigns, unless a later division by it is known."""
         task, has_been = content.task, bool(self.pieces)
-        if content.generation < self._generations.get(task, 0):
+        if content.generation < self._generations.get((task, leader), 0):
             self.refused["superseded"] += 1
             return
-        self._generations[task] = content.generation
+        self._generations[task, leader] = content.generation
         while len(self._generations) > 256:
             del self._generations[next(iter(self._generations))]
         had = self.pieces.pop(task, None)
         if content.rings:
-            self.pieces[task] = AssignedPiece(leader, boot, content)
+            self.pieces[task] = AssignedPiece(leader, boot, content, content.delegate_boot)
             self._note(
                 f"area: {content.area_m2:.0f} m2 around {content.middle}, {content.share:.0%} of the whole, by {leader}"
             )
@@ -117,15 +155,11 @@ class AreaAssignment(Part):
     def on_peer(self, change: PeerChange, now_us: int) -> None:
         """A leader that is gone cannot renew its division, and one that was restarted knows nothing of it."""
         if isinstance(change, PlatformGone | PlatformAppeared):
-            has_been = bool(self.pieces)
-            for task, piece in list(self.pieces.items()):
-                if piece.leader != change.unit:
-                    continue
-                piece.gone_us = now_us if isinstance(change, PlatformGone) else None
-                if change.why is Departure.LEFT if isinstance(change, PlatformGone) else change.boot != piece.boot:
-                    del self.pieces[task]
-                self._offer(now_us)
-            self._changed(has_been, now_us)
+            for piece in self.pieces.values():
+                if piece.leader == change.unit:
+                    is_gone = isinstance(change, PlatformGone) or change.boot != piece.boot
+                    piece.gone_us = now_us if is_gone else None
+                    self._offer(now_us)
 
     @property
     def deadline_us(self) -> int | None:

@@ -1,11 +1,12 @@
 """An area divided among the platforms that are there, by ask and tell: this platform is the leader (thesis 9.2.3).
 
 It asks each for its maximum speed, battery and position by semantic label, divides the area in proportion to speed and battery, in
-the order in which the platforms lie along it, and informs each of its piece; again whenever one comes or goes. Times are
-the node clock.
+the order in which the platforms lie along it, and informs each of its piece; again whenever one comes or goes. When the
+leader is gone, the first of the platforms with a piece, by unit, takes over, and the next a second later if it does not.
+It leads until the leader is back in the same life, and divides again. Times are the node clock.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Final
@@ -41,6 +42,8 @@ BATTERY: Final = 0.5
 """What is assumed where a platform does not say, and the most that is believed of a speed."""
 BATTERY_LEAST: Final = 0.1
 """With less a platform gets no piece."""
+SUCCESSOR_STEP_US: Final = 1_000_000
+"""How much later each next platform takes over a division whose leader is gone."""
 MOST: Final = 8
 """Divisions that one platform leads."""
 
@@ -80,8 +83,10 @@ class DividedArea:
 
     task: str
     delegator: str
+    whole: tuple[str, ...]
     area: Area
     sensor: str | None
+    delegate_boot: int
     generation: int = 0
     pieces: dict[str, Piece] = field(default_factory=dict)
     asked: dict[str, PlatformAbility] = field(default_factory=dict)
@@ -99,6 +104,7 @@ class AreaDivision(Part):
 
     Attributes:
         areas: what this platform divides, by task.
+        succeeds_us: when it takes over the divisions of leaders that are gone, by task.
     """
 
     offers = (Offer(COORDINATION, (DIVIDE_AREA,)),)
@@ -106,6 +112,7 @@ class AreaDivision(Part):
     def __init__(
         self,
         unit: str,
+        boot: int,
         agent: InterfaceAgent,
         directory: DirectoryFacilitator,
         gateway: Gateway,
@@ -113,9 +120,11 @@ class AreaDivision(Part):
         own: AreaAssignment,
         note: Callable[[str], None],
     ) -> None:
-        self._unit, self._agent, self._directory, self._gateway = unit, agent, directory, gateway
+        self._unit, self._boot, self._agent, self._directory, self._gateway = unit, boot, agent, directory, gateway
         self._tasks, self._own, self._note = tasks, own, note
         self.areas: dict[str, DividedArea] = {}
+        self.succeeds_us: dict[str, int] = {}
+        own.on_led = self._on_led
 
     def on_divide(self, act: Act, content: DivideArea, now_us: int) -> None:
         """`(divide-area ...)`: until it is cancelled.
@@ -128,8 +137,7 @@ class AreaDivision(Part):
             raise Refused(f"this platform divides {MOST} areas already")
         if not task.endswith(f".{self._unit}"):
             raise Refused(f"{task} does not name {self._unit} as the platform that it was delegated to")
-        corners = [(float(latitude), float(longitude)) for latitude, longitude in map(str.split, content.area)]
-        divided = DividedArea(task, act.sender.unit, Area(corners), content.sensor)
+        divided = DividedArea(task, act.sender.unit, content.area, _area(content.area), content.sensor, self._boot)
         self.areas[task] = divided
         self._tasks.add(Task(task, act.sender.unit, DivideArea.head, partial(self._end, task), since_us=now_us))
         self._agent.answer(act, P.AGREE, None, now_us)
@@ -232,9 +240,14 @@ class AreaDivision(Part):
             area_m2=piece.area_m2,
             share=min(1.0, share),
             middle=_text(piece.middle),
+            whole=divided.whole,
+            sensor=divided.sensor,
+            delegator=divided.delegator,
+            units=tuple(divided.pieces),
+            delegate_boot=divided.delegate_boot,
         )
         if unit == self._unit:
-            self._own.assign(unit, 0, content, now_us)
+            self._own.assign(unit, self._boot, content, now_us)
         elif self._directory.is_present(unit):
             self._agent.tell(unit, content, now_us)
 
@@ -254,7 +267,9 @@ class AreaDivision(Part):
     # -- again -------------------------------------------------------------------------------------------------
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
-        """A platform came or went, or what it can do: divide again soon."""
+        """A platform came or went, or what it can do: divide again soon, or take over what it led."""
+        if isinstance(change, PlatformGone | PlatformAppeared):
+            self._see_to_succession(now_us)
         for divided in self.areas.values():
             match change:
                 case PlatformGone(unit=unit):
@@ -270,15 +285,68 @@ class AreaDivision(Part):
 
     @property
     def deadline_us(self) -> int | None:
-        return min((each.due_us for each in self.areas.values() if each.due_us is not None), default=None)
+        due_us = [each.due_us for each in self.areas.values() if each.due_us is not None]
+        return min((*due_us, *self.succeeds_us.values()), default=None)
 
     def on_time(self, now_us: int) -> None:
+        for task in [task for task, due_us in self.succeeds_us.items() if now_us >= due_us]:
+            del self.succeeds_us[task]
+            self._take_over(task, now_us)
         for divided in list(self.areas.values()):
             if divided.due_us is not None and now_us >= divided.due_us:
                 if divided.is_asking:
                     self._divide(divided, now_us)  # with what was answered
                 else:
                     self._ask(divided, now_us)
+
+    # -- succession --------------------------------------------------------------------------------------------
+
+    def _see_to_succession(self, now_us: int) -> None:
+        """Of divisions whose leaders are gone: take over in the order of units."""
+        for task, piece in self._own.pieces.items():
+            if piece.gone_us is None:
+                self.succeeds_us.pop(task, None)
+            elif task not in self.succeeds_us:
+                there = [
+                    unit for unit in piece.content.units if self._directory.is_present(unit) and unit != piece.leader
+                ]
+                rank = sorted(there, key=unit_order).index(self._unit) if self._unit in there else len(there)
+                self.succeeds_us[task] = now_us + AFTER_US + rank * SUCCESSOR_STEP_US
+
+    def _take_over(self, task: str, now_us: int) -> None:
+        piece = self._own.pieces.get(task)
+        if piece is None or piece.gone_us is None or task in self.areas:
+            return
+        content = piece.content
+        if len(self.areas) >= MOST or self._tasks.get(task) is not None or not content.whole:
+            self._note(f"area: {piece.leader}, which led {task}, is gone, and this platform cannot take over")
+            return
+        delegator = content.delegator or task.partition("-")[0]
+        divided = DividedArea(
+            task,
+            delegator,
+            content.whole,
+            _area(content.whole),
+            content.sensor,
+            piece.delegate_boot,
+            content.generation,
+        )
+        divided.pieces = dict.fromkeys(content.units, Piece((), 0.0, (0.0, 0.0)))
+        self.areas[task] = divided
+        self._tasks.add(Task(task, delegator, DivideArea.head, partial(self._end, task), since_us=now_us))
+        self._note(f"area: leads {task} from now on, since {piece.leader} is gone")
+        self._ask(divided, now_us)
+
+    def _on_led(self, task: str) -> None:
+        """Another platform leads it, and may: this one does no longer."""
+        self.succeeds_us.pop(task, None)
+        if self.areas.pop(task, None) is not None:
+            self._tasks.forget(task)
+            self._note(f"area: no longer leads {task}")
+
+
+def _area(corners: Sequence[str]) -> Area:
+    return Area([(float(latitude), float(longitude)) for latitude, longitude in map(str.split, corners)])
 
 
 def _text(place: tuple[float, float]) -> str:

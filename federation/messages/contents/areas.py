@@ -41,7 +41,9 @@ class AreaRing(parts.ContentPart):
 class AssignArea(parts.Content):
     """The piece of the receiver in a division: its borders, none if it has no part in it (any longer).
 
-    `generation` counts the divisions of one task; the latest holds.
+    `generation` counts the divisions of one task; the latest holds. The rest is what a successor of the leader needs:
+    the area as it was to be divided, for whom and by which sensor; the platforms that have a piece; which life of the
+    platform that the task was delegated to led it.
     """
 
     task: parts.Conversation
@@ -50,3 +52,8 @@ class AssignArea(parts.Content):
     area_m2: Annotated[float, Field(ge=0)] = Field(default=0.0, alias="area_m2")
     share: Annotated[float, Field(ge=0, le=1)] = 0.0
     middle: Corner = "0 0"
+    whole: Annotated[tuple[Corner, ...], Field(max_length=MAX_CORNERS)] = ()
+    sensor: SemanticLabel | None = None
+    delegator: parts.Unit | None = None
+    units: parts.Units = ()
+    delegate_boot: Count = 0

@@ -145,23 +145,87 @@ def test_neighbours_lie_in_the_order_in_which_the_platforms_do(wire):
     assert east["1"] < east["2"] < east["0"]
 
 
-def test_the_loss_of_the_leader_is_a_condition_and_its_restart_ends_the_division(wire):
-    fleet(wire, 0.8, 0.8)
+def leaders(wire: Box) -> set[str]:
+    """Who leads a division, of the platforms that run."""
+    return {unit for unit, platform in wire.platforms.items() if platform.part(AreaDivision).areas}
+
+
+@pytest.mark.parametrize("way", ["kill", "end"])
+def test_when_the_leader_is_gone_the_next_tells_so_within_two_seconds_and_has_divided_again_within_five(wire, way):
+    fleet(wire, 0.8, 0.8, 0.8)
+    wire.run(2)
+    getattr(wire, way)("0")
+    wire.run(2)
+    assert any("leads" in note and "since 0 is gone" in note for note in wire.nodes["1"].notes)
+    wire.run(3)
+    assert leaders(wire) == {"1"}
+    assigned = pieces(wire)
+    assert {unit: round(each.share, 4) for unit, each in assigned.items()} == {"1": 0.5, "2": 0.5}
+    check_complete(assigned)
+    assert any("1 50%, 2 50%" in note for note in wire.nodes["1"].notes)
+    assert not wire.platform("2").part(AreaAssignment).conditions()
+    wire.kill("1")
+    wire.run(5)
+    assert {unit: each.share for unit, each in pieces(wire).items()} == {"2": 1.0}, "and so on, to the last"
+
+
+def test_a_successor_is_ended_as_its_leader_was(wire):
+    asked = fleet(wire, 0.8, 0.8, 0.8)
     wire.run(2)
     wire.kill("0")
     wire.run(4)
-    [condition] = wire.platform("1").part(AreaAssignment).conditions()
-    assert "its leader 0 is gone" in condition.text
-    wire.restart("0")
-    wire.run(4)
+    assert wire.cancel_task("cc", "1", asked.conversation).trouble is None
+    wire.run(1)
     assert pieces(wire) == {}
+    assert leaders(wire) == set()
+
+
+def test_a_leader_that_is_restarted_and_one_that_comes_are_given_pieces_by_the_successor(wire):
+    fleet(wire, 0.8, 0.8, 0.8)
+    wire.run(2)
+    wire.kill("0")
+    wire.run(4)
+    wire.restart("0")
+    wire.fly("3", 0.0, 2000.0)
+    wire.run(6)
+    assert leaders(wire) == {"1"}
+    assert set(pieces(wire)) == {"0", "1", "2", "3"}
+    check_complete(pieces(wire))
+
+
+def test_a_leader_that_was_cut_off_leads_again_when_it_is_back(wire):
+    fleet(wire, 0.8, 0.8, 0.8)
+    wire.run(2)
+    wire.cut(["0"], ["1", "2", "cc"])
+    wire.run(6)
+    assert leaders(wire) == {"0", "1"}
+    check_complete({unit: each for unit, each in pieces(wire).items() if unit != "0"})
+    check_complete({"0": pieces(wire)["0"]})
+    wire.wire.mend_all()
+    wire.run(12)
+    assert leaders(wire) == {"0"}
+    check_complete(pieces(wire))
+
+
+def test_of_two_successors_the_one_that_sorts_first_stays(wire):
+    fleet(wire, 0.8, 0.8, 0.8)
+    wire.run(2)
+    wire.cut(["0"], ["1", "2", "cc"])
+    wire.cut(["1"], ["2", "cc"])
+    wire.run(8)
+    assert leaders(wire) == {"0", "1", "2"}
+    wire.kill("0")
+    wire.wire.mend_all()
+    wire.run(14)
+    assert leaders(wire) == {"1"}
+    check_complete(pieces(wire))
 
 
 # Hostile
 
 
 def test_an_assignment_by_another_than_the_leader_is_refused_and_counted(wire):
-    asked = fleet(wire, 0.8, 0.8)
+    asked = fleet(wire, 0.8, 0.8, 0.8)
     wire.run(2)
     before = pieces(wire)
     forged = AssignArea(
@@ -171,6 +235,9 @@ def test_an_assignment_by_another_than_the_leader_is_refused_and_counted(wire):
     wire.run(0.5)
     assert pieces(wire) == before
     assert wire.platform("1").part(AreaAssignment).refused == {"not its task": 1}
+    wire.speak("2", lambda member, now_us: member.acts.tell("1", forged, now_us))
+    wire.run(0.5)
+    assert pieces(wire) == before, "nor by one that would be its successor, while it is there"
 
 
 def test_an_earlier_division_does_not_take_the_place_of_a_later_one(wire):
