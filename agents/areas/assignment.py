@@ -1,7 +1,7 @@
 """The piece of a divided area that this platform is to watch, as a stream under `assigned-area` (thesis 9.2.3).
 
-A division is led by the platform that it was delegated to, which is in the name of its task, and while that is gone by a
-successor: the first of the platforms with a piece, by unit. A successor that is not known yet is followed if the leader
+The leader of a division is the platform that it was delegated to, which is in the name of its task, and while that is gone
+a successor: the first of the platforms with a piece, by unit. A successor that is not known yet is followed if the leader
 is not there; of two the one that sorts first is, and the platform that the task was delegated to always.
 
 Times are the node clock, but for valid times.

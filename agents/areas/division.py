@@ -267,7 +267,7 @@ class AreaDivision(Part):
     # -- again -------------------------------------------------------------------------------------------------
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
-        """A platform came or went, or what it can do: divide again soon, or take over what it led."""
+        """A platform came or went, or what it can do: divide again soon, or take over its divisions."""
         if isinstance(change, PlatformGone | PlatformAppeared):
             self._see_to_succession(now_us)
         for divided in self.areas.values():
@@ -319,7 +319,7 @@ class AreaDivision(Part):
             return
         content = piece.content
         if len(self.areas) >= MOST or self._tasks.get(task) is not None or not content.whole:
-            self._note(f"area: {piece.leader}, which led {task}, is gone, and this platform cannot take over")
+            self._note(f"area: {piece.leader}, the leader of {task}, is gone, and this platform cannot take over")
             return
         delegator = content.delegator or task.partition("-")[0]
         divided = DividedArea(

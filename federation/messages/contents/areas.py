@@ -42,8 +42,8 @@ class AssignArea(parts.Content):
     """The piece of the receiver in a division: its borders, none if it has no part in it (any longer).
 
     `generation` counts the divisions of one task; the latest holds. The rest is what a successor of the leader needs:
-    the area as it was to be divided, for whom and by which sensor; the platforms that have a piece; which life of the
-    platform that the task was delegated to led it.
+    the whole area, its delegator and sensor; the platforms that have a piece; which life of the
+    platform that the task was delegated to is its leader.
     """
 
     task: parts.Conversation
