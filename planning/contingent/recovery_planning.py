@@ -83,6 +83,8 @@ def plan_recovery(
     notes = list[str]()
     if least_possibility > 0.0 and (left := len(problem.hypotheses) - compiled.counted.bit_count()):
         notes.append(f"{left} hypotheses are no more possible than {least_possibility:g}, and are left out")
+    if not compiled.classes:
+        return NoRecoveryPlan("no hypothesis remains", ())
     if compiled.conflicts:
         return _indistinguishable(compiled)
     search = OptimalSearch(compiled, value, stop, most_steps)
