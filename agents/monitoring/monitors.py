@@ -5,7 +5,7 @@ a state stream of its own: a silent platform makes its own instance stale and no
 all of them is synchronised once. Federation time.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,6 +18,8 @@ from federation.sharing.translation import Convert
 from reasoning import AlarmEvent, Monitor
 
 MAX_INSTANCES = 4096
+MAX_PREDICTIONS = 1024
+"""Predicted samples of one stream whose making is remembered."""
 
 
 @dataclass(slots=True)
@@ -67,14 +69,24 @@ Feed = Callable[[Sample], None]
 
 
 class Tap:
-    """One subscription that feeds many synchronisers: every pair needs the platform's own position."""
+    """One subscription that feeds many synchronisers: every pair needs the platform's own position.
+
+    Attributes:
+        made_us: of the newest samples that were predicted, by valid time: when that was.
+    """
 
     def __init__(self, to_semantic: Convert) -> None:
         self.feeds: tuple[Feed, ...] = ()
         self.subscription: Subscription | None = None
+        self.made_us: dict[int, int] = {}
         self._to_semantic = to_semantic
 
     def on_sample(self, sample: Sample) -> None:
+        prediction = sample.quality.prediction
+        if prediction is not None:
+            self.made_us[sample.valid_us] = prediction.made_us
+            if len(self.made_us) > MAX_PREDICTIONS:
+                del self.made_us[next(iter(self.made_us))]
         value = self._to_semantic(sample.value)
         if value is not sample.value:
             sample = sample._replace(value=value)
@@ -388,6 +400,12 @@ class UnitMonitors:
             monitor, maker = instance.monitor, instance.maker
             if not (maker.is_clear(state) and monitor.on_clear(valid_us, now_us)):
                 for event in monitor.on_state(valid_us, now_us, maker.values(state), lacks=maker.lacks(state)):
-                    self._on_alarm(event)
+                    self._on_alarm(_marked(event, (*named.taps, *instance.taps)))
             if named.wake(monitor):
                 self._hasten()
+
+
+def _marked(event: AlarmEvent, taps: Iterable[tuple[Tap, Feed]]) -> AlarmEvent:
+    """The event; of a state that rests on predictions with when the oldest of them was made."""
+    made_us = [tap.made_us[event.valid_us] for tap, _ in taps if event.valid_us in tap.made_us]
+    return event._replace(made_us=min(made_us)) if made_us else event

@@ -9,7 +9,21 @@ from hypothesis import strategies as st
 
 from agents.monitoring.monitor_plans import MonitorPlan, PlanBook
 from agents.monitoring.monitors import UnitMonitors
-from dyknow import NO_VALUE, Label, Network, Policy, Sample, State, StateInput, StatePolicy, Synchronizer, Value
+from dyknow import (
+    NO_VALUE,
+    SURE,
+    Label,
+    Network,
+    Policy,
+    Predicted,
+    Quality,
+    Sample,
+    State,
+    StateInput,
+    StatePolicy,
+    Synchronizer,
+    Value,
+)
 from federation.sharing.ontology import default_ontology
 from reasoning import AlarmEvent, Monitor, builtin_profiles, closest_approach, instantiate, offset_m
 
@@ -148,3 +162,28 @@ def test_an_alarm_names_the_valid_time_of_every_sample_of_its_state() -> None:
     ]
     assert told[0].units == (UNIT, "1")
     assert set(told[0].values) == {f"xy_dist[{UNIT}, 1]", f"z_dist[{UNIT}, 1]"}
+
+
+def test_an_alarm_of_a_pair_that_rests_on_predicted_samples_is_marked_with_when_these_were_made() -> None:
+    network, ontology, told = Network(history=64), default_ontology(), list[AlarmEvent]()
+    for name in LABELS:
+        for unit in (UNIT, "1"):
+            network.add_source(Label(name, (unit,)), ontology[name].sort, 64)
+    ours = UnitMonitors(UNIT, network, lambda name, of: (Label(name, (of,)), lambda value: value), told.append)
+    ours.create(PlanBook(UNIT, builtin_profiles()).named("closest-approach"), "task", 0)
+    ours.join("1", 0)
+
+    def fly(t_us: int, *, other: Quality) -> None:
+        """Towards each other at 20 m/s, 29 s apart at first."""
+        for unit, longitude_deg, east_m_s, quality in ((UNIT, 15.0, 10.0, SURE), ("1", 15.01, -10.0, other)):
+            for name, value in zip(LABELS, ((58.4, longitude_deg), (100.0,), (0.0, east_m_s, 0.0)), strict=True):
+                network.push(Label(name, (unit,)), t_us, value, t_us, quality=quality)
+        ours.on_time(t_us)
+
+    fly(PERIOD_US, other=Quality(prediction=Predicted(made_us=-4_900_000)))
+    [event] = told
+    assert (event.event, event.monitor, event.made_us) == ("opened", "closest-approach", -4_900_000)
+    ours.remove("closest-approach", "task")
+    ours.create(PlanBook(UNIT, builtin_profiles()).named("closest-approach"), "task", 0)
+    fly(3 * PERIOD_US, other=SURE)
+    assert [each.made_us for each in told if each.event == "opened"] == [-4_900_000, None]
