@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from lark import Lark, Token, Tree
 
 LIMIT_CHARACTERS: Final = 64 * 1024
+LIMIT_PROBLEM: Final = 1024 * 1024
+"""Characters of a planning domain or problem, which lists what is initially so."""
 LIMIT_NESTING: Final = 200
 _OPENING, _CLOSING = "([{", ")]}"
 _CHAINS = ("sum", "product", "time_term", "time_product", "combined", "intersection", "shifted")
@@ -41,13 +43,16 @@ class Text(NamedTuple):
     begin: str
     language: str
     inner: str = "define the inner parts as features of their own"
+    characters: int = LIMIT_CHARACTERS
 
 
 TEXTS: Final[Mapping[str, Text]] = {
     "formula_only": Text("kpl.lark", "formula_only", "formulas"),
     "start": Text("kpl.lark", "start", "statements"),
     "chronicles": Text("chronicles.lark", "start", "chronicles", "name the inner parts: domain D = ..."),
-    "domains": Text("domains.lark", "start", "domains", "define the inner parts: #define name(...) := ..."),
+    "domains": Text(
+        "domains.lark", "start", "domains", "define the inner parts: #define name(...) := ...", LIMIT_PROBLEM
+    ),
 }
 
 
@@ -125,7 +130,7 @@ def parse_tree(text: str, kind: str) -> "Tree[Token]":
     from lark.exceptions import UnexpectedInput
 
     known = TEXTS[kind]
-    _check_length(text)
+    _check_length(text, known.characters)
     _check_brackets(text, known.inner)
     try:
         tree = parser(known.grammar).parse(text, start=known.begin)
@@ -135,10 +140,10 @@ def parse_tree(text: str, kind: str) -> "Tree[Token]":
     return tree
 
 
-def _check_length(text: str) -> None:
-    if len(text) > LIMIT_CHARACTERS:
+def _check_length(text: str, limit: int) -> None:
+    if len(text) > limit:
         raise TextError(
-            f"the text has {len(text)} characters, {LIMIT_CHARACTERS} are allowed",
+            f"the text has {len(text)} characters, {limit} are allowed",
             file=file_of(text),
             repair="split it, or define its parts as features of their own",
         )

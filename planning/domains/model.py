@@ -277,7 +277,10 @@ def conjuncts(expression: Expression) -> Iterator[Expression]:
 
 
 def substitute(expression: Expression, given: Mapping[str, Expression]) -> Expression:
-    """The expression with those in place of names; quantifiers keep the names that they bind."""
+    """The expression with those in place of names; a quantifier keeps its variables, renamed where one would be another's.
+
+    A variable is renamed by a prime, so that its type stays in its name.
+    """
     if not given:
         return expression
     if isinstance(expression, Application):
@@ -287,7 +290,10 @@ def substitute(expression: Expression, given: Mapping[str, Expression]) -> Expre
     if isinstance(expression, Quantified):
         bound = {one.name for one in expression.variables}
         inside = {name: one for name, one in given.items() if name not in bound}
-        return replace(expression, body=substitute(expression.body, inside))
+        met = {each.name for one in inside.values() for each in calls(one)}
+        if met.isdisjoint(bound):
+            return replace(expression, body=substitute(expression.body, inside))
+        return substitute(_renamed(expression, met | {each.name for each in calls(expression.body)}), given)
     changed = {}
     for name in expression.__dataclass_fields__:
         inner = getattr(expression, name)
@@ -296,6 +302,19 @@ def substitute(expression: Expression, given: Mapping[str, Expression]) -> Expre
         elif isinstance(inner, tuple) and name == "parts":
             changed[name] = tuple([substitute(one, given) for one in inner])
     return replace(expression, **changed) if changed else expression
+
+
+def _renamed(one: Quantified, taken: set[str]) -> Quantified:
+    """With variables of other names."""
+    variables, names = list[Parameter](), dict[str, Expression]()
+    for each in one.variables:
+        name = each.name
+        while name in taken:
+            name += "'"
+        taken.add(name)
+        variables.append(Parameter(name, each.sort))
+        names[each.name] = Application(name)
+    return replace(one, variables=tuple(variables), body=substitute(one.body, names))
 
 
 def definition(expression: Expression, variable: str, derived: Mapping[str, Derived]) -> Expression | None:

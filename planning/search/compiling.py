@@ -45,7 +45,7 @@ class SharingCompiler(EvaluationCompiler):
     """A compiler that compiles each node once, and counts it wherever it stands: that is what evaluating it may cost.
 
     Attributes:
-        remembered: truths by the labels they depend on; whoever changes the value of a label empties them. They are of
+        remembered: truths by the labels they depend on; a change of a label's value empties them. They are of
             one state: that which all tests are given.
     """
 

@@ -1,4 +1,4 @@
-"""`dyknow plan`: a plan for a problem of a domain, with times, or the reason why there is none."""
+"""`dyknow plan`: a plan for a problem of a domain, with times, or the reason why there is none; both to and from PDDL."""
 
 import time
 from pathlib import Path
@@ -9,6 +9,7 @@ import typer
 from console.command import Call, command
 from console.commands.texts.specification_files import read_text
 from console.errors import DONE, NO
+from dyknow.model.errors import WrongCall
 from dyknow.model.instants import print_span
 from runtime.configuration.instants import duration_us
 
@@ -31,13 +32,18 @@ def plan(
         typer.Option(help="The first plan that is found, or the cheapest."),
     ] = "depth-first",
     monitors: Annotated[bool, typer.Option("--monitors", help="What is monitored while it is executed.")] = False,
+    pddl: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Write domain.pddl and problem.pddl there, and do not search."),
+    ] = None,
 ) -> int:
     """A plan for a problem: its actions with times and its cost; exit 1 with the reason if there is none."""
-    from planning import PlanFound, Strategy, find_plan, parse_domain, parse_problem
+    from planning import PlanFound, Strategy, find_plan
 
     limit_us = duration_us(timeout, option="--timeout", least_us=SHORTEST_TIMEOUT_US)
-    declared = parse_domain(read_text(domain))
-    asked = parse_problem(read_text(problem), declared)
+    declared, asked = _read(domain, problem)
+    if pddl is not None:
+        return _written(call, declared, asked, pddl)
     begun_s = time.monotonic()
     end_s = begun_s + limit_us / 1e6
 
@@ -63,6 +69,35 @@ def _monitors(
         where = f"{file}:{hint.place.line}:{hint.place.column}"
         call.out.note(f"hint: {where}: {hint.message}\n    write: {hint.repair}")
     return plan_monitors(domain.joined(problem), found.plan)
+
+
+def _read(domain: Path, problem: Path) -> "tuple[Declarations, Declarations]":
+    """Both texts, of PDDL if they are named so."""
+    from planning import parse_domain, parse_problem
+
+    if domain.suffix == problem.suffix == ".pddl":
+        from planning.symbolic.importing import read_pddl
+
+        return read_pddl(read_text(domain), read_text(problem))
+    declared = parse_domain(read_text(domain))
+    return declared, parse_problem(read_text(problem), declared)
+
+
+def _written(call: Call, domain: "Declarations", problem: "Declarations", folder: Path) -> int:
+    from planning.symbolic.exporting import to_unified
+
+    found = to_unified(domain, problem)
+    try:
+        paths = found.write_pddl(folder)
+    except OSError as error:
+        raise WrongCall(f"--pddl {folder}: PDDL cannot be written there ({error}).") from None
+    if call.out.json_lines:
+        call.out.line({"files": [str(path) for path in paths], "left_out": list(found.left_out)})
+        return DONE
+    if found.left_out:
+        call.out.note(f"note: PDDL has no place for {', '.join(found.left_out)}.")
+    call.out.show(f"written: {paths[0]}, {paths[1]}")
+    return DONE
 
 
 def _shown(call: Call, found: "PlanFound", search_ms: float, monitors: "tuple[PlanMonitor, ...] | None") -> int:
