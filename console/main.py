@@ -49,6 +49,10 @@ COMMANDS: CommandTable = {
         "The message log: speech acts of the interface agents, and the outcome of each.",
     ),
     "record": (f"{_RECORDINGS}.record:record", "Record the federation as an MCAP file that Foxglove opens."),
+    "replay": (
+        f"{_RECORDINGS}.replay:replay",
+        "Bring a recorded federation back, at any speed: its platforms, their streams and alarms.",
+    ),
     "info": (f"{_RECORDINGS}.info:info", "What is in a recording: platforms, streams, gaps, alarms, acts."),
     "fault": (f"{_MEMBERS}.delegate:fault", "A fault in a simulated UAV."),
     "demo": (f"{_FLEET}.demo:demo", "The main job end to end, in under a minute; exit 0 only if every step happened."),

@@ -137,7 +137,9 @@ class PlatformProcess:
             self._adopt_epoch()
         self._specified = self._specification()
         self._vehicle = self._make_vehicle(
-            VehiclePorts(self.config, self._federation_clock, self.clock, self._reported, self.stop)
+            VehiclePorts(
+                self.config, self._federation_clock, self.clock, self._reported, self.stop, happen=self.mailbox.post
+            )
         )
         self._join()
 

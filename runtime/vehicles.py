@@ -82,7 +82,8 @@ class SharedPorts:
 class VehiclePorts(NamedTuple):
     """What a vehicle is built from: configuration, clocks, where its reports go, what to call when it has ended.
 
-    `shared` has what it may share with vehicles of other platforms of this process.
+    `shared` has what it may share with vehicles of other platforms of this process; `happen` takes events that are no
+    reports.
     """
 
     config: NodeConfig
@@ -91,6 +92,7 @@ class VehiclePorts(NamedTuple):
     post: Callable[[Report], None]
     ended: Callable[[], None]
     shared: "SharedPorts | None" = None
+    happen: Callable[[Any], None] = lambda _event: None
 
     @property
     def limits(self) -> FlightLimits:
@@ -170,3 +172,16 @@ def _replay(table: Any, ports: VehiclePorts) -> Vehicle:
         on_end=lambda _problem: ports.ended(),
     )
     return Vehicle((replay,))
+
+
+@vehicle_kind("recorded")
+def _recorded(table: Any, ports: VehiclePorts) -> Vehicle:
+    """A platform of a recorded federation: it has streams and alarms, and no vehicle."""
+    from agents.playback.recorded_platform import RecordedPlatform
+    from runtime.recordings.playback import Playback
+
+    playback = Playback(
+        table, ports.config.unit, ports.happen, ports.now_us, ports.node_clock.now_us,
+        speed=ports.clock.speed, on_end=(lambda: None) if table.stays else ports.ended,
+    )  # fmt: skip
+    return Vehicle((playback,), {"vehicle": False, "extensions": (RecordedPlatform,)})

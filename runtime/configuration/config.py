@@ -79,13 +79,33 @@ class ReplayedVehicle(Strict):
     """Federation time at which the recording's first position plus `from_us` is played; None: when the process starts."""
 
 
+class RecordedVehicle(Strict):
+    """A platform of a recorded federation (`dyknow record`)."""
+
+    kind: Literal["recorded"] = "recorded"
+    file: Path
+    first_us: int
+    """When the recording begins, in its own time."""
+    from_us: int = 0
+    begin_us: int
+    """Federation time at which `from_us` after that is played."""
+    labels: tuple[str, ...] = ()
+    """The streams of this platform that were recorded."""
+    alarms: bool = True
+    """Whether recorded alarms are raised again."""
+    stays: bool = False
+    """Whether the platform stays when all is played."""
+
+
 class NoVehicle(Strict):
     """A platform without a vehicle: an observer."""
 
     kind: Literal["none"] = "none"
 
 
-Vehicle = Annotated[SimulatedVehicleConfig | MavlinkVehicle | ReplayedVehicle | NoVehicle, Field(discriminator="kind")]
+Vehicle = Annotated[
+    SimulatedVehicleConfig | MavlinkVehicle | ReplayedVehicle | RecordedVehicle | NoVehicle, Field(discriminator="kind")
+]
 
 
 class TrustConfig(Strict):

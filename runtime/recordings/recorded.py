@@ -5,7 +5,7 @@ A file may come from anyone: what is too long, too deep or of another form ends 
 
 import json
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, Final, NamedTuple
 
@@ -61,8 +61,8 @@ class FederationRecording:
             "recording", f"{self.path} is no recording of a federation; dyknow record FILE.mcap makes one"
         )
 
-    def messages(self) -> Iterator[RecordedMessage]:
-        """Every message in the order of the file."""
+    def messages(self, wanted: Callable[[str], bool] = lambda _topic: True) -> Iterator[RecordedMessage]:
+        """Every message of the topics that are wanted, in the order of the file."""
         schemas: dict[int, str] = {}
         topics: dict[int, tuple[str, str]] = {}
         self.skipped = 0
@@ -72,11 +72,14 @@ class FederationRecording:
             elif isinstance(record, Channel):
                 topics[record.id] = record.topic, schemas.get(record.schema_id, "")
             elif isinstance(record, Message):
+                topic, schema = topics.get(record.channel_id, ("", ""))
+                if not wanted(topic):
+                    continue
                 message = _parsed(record.data)
-                if message is None or record.channel_id not in topics:
+                if message is None or not topic:
                     self.skipped += 1
                 else:
-                    yield RecordedMessage(record.log_time // 1000, *topics[record.channel_id], message)
+                    yield RecordedMessage(record.log_time // 1000, topic, schema, message)
 
     def _records(self) -> Iterator[McapRecord]:
         """The records before the index at the end."""

@@ -114,7 +114,7 @@ def join(
         )
         configs.append(config)
     together(configs)
-    _fits_in(call, configs)
+    fits_in(call, configs)
     return _run(call, configs)
 
 
@@ -208,7 +208,7 @@ def _check_sources(own: UnitFile) -> None:
     check_specified(own)
 
 
-def _fits_in(call: Call, configs: list[NodeConfig]) -> None:
+def fits_in(call: Call, configs: list[NodeConfig]) -> None:
     """Two platforms of one name would be taken for one, and two clocks are two federations; raises WrongCall."""
     speed = configs[0].clock.speed
     with connected(call) as client:

@@ -1,6 +1,8 @@
 """`dyknow record`: what a member of the federation sees of it, as an MCAP file."""
 
 import re
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +10,7 @@ import typer
 
 from console.centre.client import connected
 from console.command import Call, command
-from console.errors import DONE, FAILED
+from console.errors import DONE, FAILED, INTERRUPTED
 from console.options.arguments import Duration
 from console.output.output import counted
 from console.output.shown import line, styled
@@ -18,13 +20,14 @@ from dyknow.model.instants import print_span
 from runtime.client import Client
 from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.library.questions import check_streamed
-from runtime.recordings.recorder import Recorder
+from runtime.recorder.recorder import Recorder
 from runtime.recordings.recording_file import ACT, ALARM, SAMPLE, RecordingFile
 from runtime.recordings.summary import about_of
 
 _SIZE = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*(kB|MB|GB)")
 _BYTES = {"kB": 1_000, "MB": 1_000_000, "GB": 1_000_000_000}
 _LEAST = 200_000
+_STEP_S = 0.1
 
 
 @command(example="dyknow record flight.mcap --duration 10min")
@@ -49,21 +52,39 @@ def record(
     every_us = duration_us(every, option="--every", least_us=SHORTEST_US) if every else None
     lasts_us = duration_us(duration, option="--duration", least_us=SHORTEST_US) if duration else None
     most_bytes = _bytes(most)
+    if file.exists() or not file.parent.is_dir():
+        raise WrongCall(f"{file} is there already, or its folder is not; a recording is a new file.")
     with connected(call) as client:
-        if not client.settle():
-            call.out.note("no platform is there yet; what comes is recorded.")
-        since_us = client.federation_us()
-        about = about_of(call.settings.federation, client.centre.clock, client.centre.unit, since_us)
-        with RecordingFile(file, about, client.now_us, most_bytes=most_bytes) as taken:
-            recorder = Recorder(client, taken, label or (), every_us, lambda text: call.out.note(text, style="yellow"))
-            _say_begun(call, file, client)
-            try:
-                with interruptible():
-                    _followed(client, recorder, taken, lasts_us)
-            except KeyboardInterrupt:
-                pass
-            recorder.close()
+        try:
+            with interruptible():
+                return _recorded(call, client, file, label or (), every_us, lasts_us, most_bytes)
+        except KeyboardInterrupt:
+            return INTERRUPTED
+
+
+def _recorded(
+    call: Call, client: Client, file: Path, labels: Iterable[str], every_us: int | None, lasts_us: int | None, most: int
+) -> int:
+    """Record from when a platform is there, whose clock is the federation's, until the time is over or Ctrl-C."""
+    begun_us = client.now_us()
+    if not client.settle():
+        call.out.note("no platform is there yet; the recording begins with the first.")
+    while not client.centre.platforms() and not _is_over(client, begun_us, lasts_us):
+        client.step(_STEP_S)
+    since_us = client.federation_us()
+    about = about_of(call.settings.federation, client.centre.clock, client.centre.unit, since_us)
+    with RecordingFile(file, about, client.now_us, most_bytes=most) as taken:
+        recorder = Recorder(client, taken, labels, every_us, lambda text: call.out.note(text, style="yellow"))
+        _say_begun(call, file, client)
+        with suppress(KeyboardInterrupt):
+            while taken.ended is None and not _is_over(client, begun_us, lasts_us):
+                recorder.step()
+        recorder.close()
     return _say_ended(call, recorder, taken, client.federation_us() - since_us)
+
+
+def _is_over(client: Client, begun_us: int, lasts_us: int | None) -> bool:
+    return lasts_us is not None and client.now_us() - begun_us >= lasts_us
 
 
 def _bytes(text: str) -> int:
@@ -82,13 +103,6 @@ def _say_begun(call: Call, file: Path, client: Client) -> None:
         file=str(file),
         units=units,
     )
-
-
-def _followed(client: Client, recorder: Recorder, taken: RecordingFile, lasts_us: int | None) -> None:
-    """Record until the time is over, the file is as large as it may be, or nothing can be written."""
-    since_us = client.now_us()
-    while taken.ended is None and (lasts_us is None or client.now_us() - since_us < lasts_us):
-        recorder.step()
 
 
 def _say_ended(call: Call, recorder: Recorder, taken: RecordingFile, lasted_us: int) -> int:

@@ -16,7 +16,7 @@ from console.output.output import Output
 from dyknow.model.errors import WrongCall
 from federation.messages.contents import Acts, Alarm, MonitorChange
 from runtime.configuration.settings import Settings
-from runtime.recordings import recorder
+from runtime.recorder import recorder
 from runtime.recordings.recorded import FederationRecording
 from runtime.recordings.recording_file import ABOUT, PROFILE, RecordingFile
 from runtime.recordings.summary import summary_of

@@ -37,8 +37,8 @@ from federation.messages.dialogue import Dialogue
 from runtime.client import Client
 from runtime.library.jobs import SET_UP_S, Subscriptions
 from runtime.library.meanings import meaning_to, record_of
+from runtime.recorder.pictures import Pictures
 from runtime.recordings import foxglove
-from runtime.recordings.pictures import Pictures
 from runtime.recordings.recording_file import ACT, ALARM, LOST, MONITOR, PLATFORM, SAMPLE, TASK, RecordingFile
 
 P = Performative

@@ -1,0 +1,128 @@
+"""The part of a platform that is played back: recorded samples become streams, recorded alarms are raised again.
+
+Everything else, from queries to monitors of its own, is what every platform has. Times of samples and alarms are
+federation time, moved by the recording's reader to when they are played.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+from agents.exchange.label_agreements import LabelAgreements
+from agents.exchange.local_instance import LocalInstance
+from agents.part import Followed, Part
+from dyknow import NO_VALUE, SURE, Network, Quality, Value
+from dyknow.model.errors import Refused, SortError
+from dyknow.model.semantic_labels import SemanticLabel
+from federation.members.clock import FederationClock
+from federation.messages.descriptions import LabelEntry
+from federation.sharing.translation import Translation
+from reasoning import AlarmEvent
+
+
+class PlayedSample(NamedTuple):
+    """A recorded sample, its value as the semantic label has it."""
+
+    label: str
+    valid_us: int
+    value: Value
+    quality: Quality = SURE
+
+
+class OffersPlayed(NamedTuple):
+    """From now on the platform offers these labels, with the period of each, 0 for none."""
+
+    at_us: int
+    labels: tuple[tuple[SemanticLabel, int], ...]
+
+
+class Played(NamedTuple):
+    """What the recording has of one moment, in its order."""
+
+    at_us: int
+    happened: tuple[PlayedSample | AlarmEvent, ...]
+
+
+class RecordedPlatform(Part):
+    """See the module.
+
+    Args:
+        local: the part whose deadline samples may move.
+        on_alarm: takes the alarms, as of monitors of this platform.
+        offer: tells the directory that labels have changed, at a time.
+        refuse: counts samples that are of another sort than their label.
+    """
+
+    takes = {OffersPlayed: "on_offers", Played: "on_played"}  # noqa: RUF012  (a declaration)
+
+    def __init__(
+        self,
+        unit: str,
+        network: Network,
+        clock: FederationClock,
+        translation: Translation,
+        agreements: LabelAgreements,
+        local: LocalInstance,
+        on_alarm: Callable[[AlarmEvent], None],
+        offer: Callable[[int], None],
+        note: Callable[[str], None],
+        refuse: Callable[[str], None],
+    ) -> None:
+        self._unit, self._network, self._clock, self._translation = unit, network, clock, translation
+        self._agreements, self._on_alarm, self._offer = agreements, on_alarm, offer
+        self._note, self._refuse = note, refuse
+        self._followed: Followed = (local,)
+        self._entries: dict[str, LabelEntry] = {}
+
+    def labels(self) -> Iterable[LabelEntry]:
+        return tuple(self._entries.values())
+
+    def on_offers(self, event: OffersPlayed, now_us: int) -> None:
+        """Offer what was offered; a label that means something else here is left out, and noted. Node clock."""
+        for label, period_us in event.labels:
+            try:
+                self._declare(label, period_us, now_us)
+            except Refused as why:
+                self._note(f"{label.name} is not played: {why}")
+        self._offer(now_us)
+
+    def _declare(self, label: SemanticLabel, period_us: int, now_us: int) -> None:
+        ontology = self._translation.ontology
+        known = ontology.get(label.name)
+        if known is None:
+            self._agreements.define(label, now_us)
+        elif known.sort != label.sort:
+            raise Refused(f"recorded it is of the sort {label.sort.name}, here {known}")
+        local = self._translation.local_label(label.name, self._unit)
+        if not self._network.has(local):
+            self._network.add_source(local, self._translation.local_sort(label.name))
+        type_hash = ontology[label.name].type_hash
+        self._entries[label.name] = LabelEntry(
+            label=label.name, sort=label.sort.name, type_hash=type_hash, period_us=period_us
+        )
+
+    def on_played(self, event: Played, now_us: int) -> Followed:
+        """Samples reach the streams, alarms those that subscribed to them. Node clock."""
+        has_alarms = False
+        for each in event.happened:
+            if isinstance(each, PlayedSample):
+                self._push(each, self._clock.federation_us(now_us))
+            else:
+                self._on_alarm(each)
+                has_alarms = True
+        return None if has_alarms else self._followed
+
+    def _push(self, sample: PlayedSample, federation_us: int) -> None:
+        if sample.label not in self._entries:
+            self._refuse("recorded label")
+            return
+        translation = self._translation
+        try:
+            if sample.value is not NO_VALUE:
+                translation.ontology[sample.label].sort.check(sample.value)
+        except SortError:
+            self._refuse("recorded value")
+            return
+        to_local: Any = translation.to_local(sample.label)
+        local = translation.local_label(sample.label, self._unit)
+        quality = to_local.quality(sample.quality)
+        self._network.push(local, sample.valid_us, to_local(sample.value), federation_us, quality)

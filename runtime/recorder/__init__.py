@@ -1,0 +1,4 @@
+"""The member that records a federation: it asks for every stream and subscribes to all that is reported.
+
+Positions are drawn for Foxglove on the way.
+"""
