@@ -1,7 +1,7 @@
 """`dyknow match`: which percepts could be a described object, and what is to be done if that is ambiguous."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -16,6 +16,8 @@ def match(
     file: Annotated[
         Path, typer.Argument(metavar="FILE.json", help="A description and percepts; - for standard input.")
     ],
+    *,
+    draw: Annotated[Literal["svg"] | None, typer.Option(help="Only a picture: percepts by properties.")] = None,
 ) -> int:
     """Which percepts match a description: one of the five anchoring cases, the anchors, the recovery, and reasons."""
     from anchoring.matching.files import read_matching, situation_json
@@ -24,5 +26,11 @@ def match(
     given = read_matching(*read_document(file))
     for sentence in given.ignored:
         call.out.note(sentence, style="yellow")
-    call.out.line(situation_json(classify(given.description, given.percepts, given.options)))
+    situation = classify(given.description, given.percepts, given.options)
+    if draw is None or call.out.json_lines:
+        call.out.line(situation_json(situation))
+    else:
+        from console.output.drawings import situation_svg
+
+        call.out.plain("".join(f"{line}\n" for line in situation_svg(situation)))
     return DONE

@@ -26,8 +26,8 @@ def recover(
     ],
     *,
     draw: Annotated[
-        Literal["plan", "tree", "dot", "json"] | None,
-        typer.Option(help="Only the plan: as text, as a tree, for Graphviz, or nested."),
+        Literal["plan", "tree", "dot", "svg", "json"] | None,
+        typer.Option(help="Only the plan: as text, a tree, for Graphviz, SVG, or its nodes."),
     ] = None,
     timeout: Annotated[str, typer.Option(metavar="TIME", help="How long to search.")] = "10s",
 ) -> int:
@@ -58,6 +58,11 @@ def _draw(call: Call, plan: "ConditionalPlan", kind: str) -> None:
 
     if kind == "json" or call.out.json_lines:
         call.out.line(plan_record(plan))
+        return
+    if kind == "svg":
+        from console.output.drawings import plan_svg
+
+        call.out.plain("".join(f"{line}\n" for line in plan_svg(plan)))
         return
     drawn = {"plan": lines, "tree": tree_lines, "dot": dot_lines}[kind](plan)
     call.out.plain("".join(f"{line}\n" for line in drawn), folds=True)
