@@ -56,12 +56,12 @@ class CompositeSpecification:
 
 
 def check_ends(specifications: Iterable[LinkSpecification | CompositeSpecification]) -> None:
-    """Composites are made of their parts alone, and are linked to nothing; raises ValueError."""
+    """Composites are made of their parts alone: no link leads to them; raises ValueError."""
     every = list(specifications)
     composites = {each.target for each in every if isinstance(each, CompositeSpecification)}
     for each in every:
-        if isinstance(each, LinkSpecification) and {each.source, each.target} & composites:
-            raise ValueError(f"{each.name}: composites are made of their parts, and are linked to nothing else")
+        if isinstance(each, LinkSpecification) and each.target in composites:
+            raise ValueError(f"{each.name}: composites are made of their parts, and no link leads to them")
 
 
 class CompositeSurroundings(Protocol):
@@ -185,6 +185,19 @@ class CompositeObjects:
         """Why it belongs to another."""
         why = next((found for pair, found in self._because.items() if part in pair), ())
         return LinkReason("establish", self._together.formula, why)
+
+    def rename(self, before: str, after: str, composites: Iterable[LinkObject]) -> None:
+        """A part has another symbol."""
+
+        def renamed(pair: tuple[str, str]) -> tuple[str, str]:
+            one, other = (after if symbol == before else symbol for symbol in pair)
+            return _ordered(one, other)
+
+        self._evaluations = {renamed(pair): each for pair, each in self._evaluations.items()}
+        self._bonds = {renamed(pair): each for pair, each in self._bonds.items()}
+        self._because = {renamed(pair): each for pair, each in self._because.items()}
+        for one in composites:
+            one.incoming = {after if name == before else name: link for name, link in one.incoming.items()}
 
     def unlink(self, valid_us: int, link: ObjectLink, reason: LinkReason) -> None:
         """A part belongs to a composite no longer."""

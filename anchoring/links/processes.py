@@ -6,21 +6,19 @@ one assignment, then establish. An evaluation starts at the first state in which
 maintain condition failed, at the next one. Pairs that a gate keeps apart cost nothing until they come near.
 """
 
-from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import Final, NamedTuple, Protocol
+from typing import Protocol
 
-from anchoring.links.assignment import assigned, natural
-from anchoring.links.deciding.candidates import LinkCandidate, LinkCandidates
+from anchoring.links.assignment import natural
+from anchoring.links.deciding.candidates import LinkCandidate, LinkCandidates, OpenLink, assigned_with, reassigned
 from anchoring.links.deciding.conditions import PairCondition
 from anchoring.links.deciding.nearness import NearObjects
-from anchoring.links.objects import EventKind, LinkObject, LinkReason, ObjectLink
+from anchoring.links.deciding.waiting import ReestablishPair, Unlinked
+from anchoring.links.objects import EventKind, LastSeen, LinkObject, LinkReason, ObjectLink
 from anchoring.links.prediction import ObjectPrediction, certain
 from anchoring.links.specification import LinkSpecification, filtered
 from anchoring.links.states import ObjectState, intersected, moved, weighed
 from reasoning import Progressing
-
-_MOST_TIMES: Final = 1024
 
 
 class LinkSurroundings(Protocol):
@@ -39,47 +37,6 @@ class LinkSurroundings(Protocol):
 
     def on_unlinked(self, valid_us: int, link: ObjectLink, reason: LinkReason) -> None:
         """A link was removed."""
-
-
-class ReestablishPair(NamedTuple):
-    """A reestablish condition for one object of B that became available at `available_us`; None: it has ended."""
-
-    available_us: int
-    evaluation: Progressing | None
-
-
-class Unlinked:
-    """The evaluations of one object of A.
-
-    Attributes:
-        from_us: no state before takes part.
-        establish: None once it has ended.
-        pairs: by the symbol of the object of B; those never near are not in it.
-        estimate: the latest state of the object of B that it would be; None: it is not asked for.
-    """
-
-    def __init__(self, from_us: int, establish: Progressing) -> None:
-        self.from_us = from_us
-        self.establish: Progressing | None = establish
-        self.pairs: dict[str, ReestablishPair] = {}
-        self.estimate: ObjectState | None = None
-        self._times: list[int] = []
-        self._dropped_us = -1
-
-    def on_state(self, valid_us: int, window_us: int | None) -> None:
-        """Note a state; those before the window of a condition are dropped."""
-        self._times.append(valid_us)
-        least_us = valid_us - window_us if window_us is not None else self._times[0]
-        count = max(bisect_left(self._times, least_us), len(self._times) - _MOST_TIMES)
-        if count:
-            self._dropped_us = self._times[count - 1]
-            del self._times[:count]
-
-    def start_us(self, available_us: int) -> int | None:
-        """The first state in which an object was available; None: so long ago that its window is over."""
-        if max(available_us, self.from_us) <= self._dropped_us:
-            return None
-        return self._times[bisect_left(self._times, available_us)]
 
 
 class LinkProcess:
@@ -137,11 +94,12 @@ class LinkProcess:
 
     # What happens at a tick
 
-    def update(self, valid_us: int, sources: Iterable[LinkObject]) -> None:
+    def update(self, valid_us: int, sources: Collection[LinkObject]) -> None:
         """Take the states of all objects of A that have one at `valid_us` and are linked."""
         self.evaluations = 0
+        moved_over = self._weigh(valid_us, sources) if self.candidates else ()
         for one in sources:
-            if (link := one.outgoing.get(self.name)) is not None:
+            if (link := one.outgoing.get(self.name)) is not None and one.symbol not in moved_over:
                 self._update(valid_us, link)
 
     def decide(self, valid_us: int, sources: Iterable[LinkObject]) -> None:
@@ -172,8 +130,6 @@ class LinkProcess:
         if source.prediction is not None:
             self._expect(valid_us, source, target)
             state = target.state
-        elif not self._weigh(valid_us, link):
-            return
         else:
             state = self._computed(valid_us, link)
         if link.maintain is not None:
@@ -192,33 +148,38 @@ class LinkProcess:
         if source.prediction is None:
             target.observe(state, is_sure=source.symbol not in self.candidates)
 
-    def _weigh(self, valid_us: int, link: ObjectLink) -> bool:
-        """Weigh the candidates of a link; False: another has taken its place."""
-        candidates = self.candidates.get(link.source.symbol)
-        if candidates is None:
-            return True
-        for symbol in candidates.others():
-            if symbol not in self.available:
-                candidates.drop(symbol)
-        candidates.on_state(valid_us, link.source.state, self.specification.noise)
-        if candidates.likeliest.target is not link.target:
-            self._go_over(valid_us, link, candidates)
-            return False
-        if candidates.is_decided:
-            del self.candidates[link.source.symbol]
-        link.weight = candidates.weight
-        return True
+    def _weigh(self, valid_us: int, sources: Iterable[LinkObject]) -> Collection[str]:
+        """Weigh the candidates of all links that are not certain, and assign them anew; the objects of A that go over."""
+        held = {each.chosen for each in self.candidates.values()}
+        shown = {one.symbol: one for one in sources if one.prediction is None and one.symbol in self.candidates}
+        for symbol, one in shown.items():
+            candidates = self.candidates[symbol]
+            for other in candidates.others():
+                if other not in self.available and other not in held:
+                    candidates.drop(other)
+            candidates.on_state(valid_us, one.state, self.specification.noise)
+        moving = reassigned(self.candidates, shown)
+        self._go_over(valid_us, moving)
+        for symbol, one in shown.items():
+            one.outgoing[self.name].weight = self.candidates[symbol].weight
+            if self.candidates[symbol].is_decided:
+                del self.candidates[symbol]
+        return moving
 
-    def _go_over(self, valid_us: int, link: ObjectLink, candidates: LinkCandidates) -> None:
-        """Link a percept to another of its candidates; the object before is as if it had never been it."""
-        chosen, before = candidates.go_over()
-        self.unlink(valid_us, link, LinkReason("weighed"))
-        link.target.go_back(before)
-        self._link(
-            valid_us, "reestablished", link.source, chosen.target, LinkReason("weighed"), chosen.weight, candidates
-        )
-        if self.specification.is_recursive:
-            chosen.target.state = chosen.target.observed[-1] = chosen.state
+    def _go_over(self, valid_us: int, moving: Mapping[str, str]) -> None:
+        """Link percepts to others of their candidates; the objects before are as if they had never been it."""
+        left: list[tuple[LinkObject, LinkCandidates, LinkCandidate]] = []
+        for symbol, target in moving.items():
+            candidates = self.candidates[symbol]
+            before, to = candidates.of(candidates.chosen), candidates.of(target)
+            left.append((before.target.incoming[self.name].source, candidates, to))
+            self.unlink(valid_us, before.target.incoming[self.name], LinkReason("weighed"))
+            before.target.go_back(before.before)
+        for source, candidates, to in left:
+            candidates.go_over(to)
+            self._link(valid_us, "reestablished", source, to.target, LinkReason("weighed"), to.weight, candidates)
+            if self.specification.is_recursive:
+                to.target.state = to.target.observed[-1] = to.state
 
     def _expect(self, valid_us: int, source: LinkObject, target: LinkObject) -> None:
         """What is above a predicted object is predicted with it."""
@@ -258,7 +219,8 @@ class LinkProcess:
         known: dict[str, dict[str, ObjectPrediction]] = {}
         sources: dict[str, LinkObject] = {}
         new: list[tuple[LinkObject, Progressing]] = []
-        near = self._near(valid_us, len(unlinked))
+        open_links = self._open_links()
+        near = self._near(valid_us, open_links)
         gate = self._reestablish.gate
         for one, waiting in unlinked:
             if gate is not None:
@@ -271,18 +233,21 @@ class LinkProcess:
                 elif establish.verdict == "false":
                     waiting.establish = None
             for target, whereabouts in near.of(one.state, waiting.pairs):
-                evaluation = self._progressed(valid_us, one, waiting, target, whereabouts)
+                since_us = open_links[target].link.since_us if target in open_links else self.available[target][1]
+                evaluation = self._progressed(valid_us, one, waiting, target, whereabouts, since_us)
                 if evaluation is not None and evaluation.verdict == "true":
                     scores[one.symbol, target] = self.specification.score(one.state, whereabouts)
                     held[one.symbol, target] = evaluation
                     known.setdefault(one.symbol, {})[target] = whereabouts
                     sources[one.symbol] = one
-        chosen = dict(assigned(scores))
-        for source, target in chosen.items():
+        chosen = assigned_with(scores, open_links.values())
+        before = self._before(open_links, {target for _, target in scores})
+        moving = {name: target for name, target in chosen.items() if name not in sources}
+        self._go_over(valid_us, {name: to for name, to in moving.items() if to != self.candidates[name].chosen})
+        for source, target in ((name, to) for name, to in chosen.items() if name in sources):
             reason = LinkReason("reestablish", self._reestablish.formula, held[source, target].explain())
             weights = self.specification.weigh(sources[source].state, known[source])
-            free = {other: known[source][other] for other in known[source].keys() - chosen.values()}
-            candidates = self._candidates(sources[source], target, known[source][target], free, weights)
+            candidates = self._candidates(sources[source], target, known[source], before, weights)
             one, weight = self.available[target][0], weights.get(target, 0.0)
             self._link(valid_us, "reestablished", sources[source], one, reason, weight, candidates)
         for one, establish in new:
@@ -291,22 +256,34 @@ class LinkProcess:
                 created = self._around.create(valid_us, self.specification.target, self._first(one))
                 self._link(valid_us, "established", one, created, reason)
 
+    def _open_links(self) -> dict[str, OpenLink]:
+        """Links that are not certain, by the symbol of the object of B that may be claimed."""
+        found = (each.open_link(self.name) for each in self.candidates.values())
+        return {each.link.target.symbol: each for each in found if each is not None}
+
+    def _before(
+        self, open_links: Mapping[str, OpenLink], targets: Iterable[str]
+    ) -> dict[str, tuple[LinkObject, LastSeen]]:
+        """Objects of B, and how they are known without what is linked at this tick, or may be."""
+        found = {name: (each.link.target, each.expected.last_seen) for name, each in open_links.items()}
+        free = {name: self.available[name][0] for name in targets if name not in found}
+        return found | {name: (one, one.last_seen) for name, one in free.items()}
+
     def _candidates(
         self,
         source: LinkObject,
         target: str,
-        expected: ObjectPrediction,
-        others: Mapping[str, ObjectPrediction],
+        known: Mapping[str, ObjectPrediction],
+        before: Mapping[str, tuple[LinkObject, LastSeen]],
         weights: Mapping[str, float],
     ) -> LinkCandidates | None:
         """What a percept may be as well, besides the object that it was assigned; None: it is taken for that."""
-        free = sorted(others, key=lambda symbol: (-weights.get(symbol, 0.0), natural(symbol)))
+        others = sorted(known.keys() - {target}, key=lambda symbol: (-weights.get(symbol, 0.0), natural(symbol)))
         made: dict[str, LinkCandidate] = {}
-        for symbol in (target, *free[: self.specification.candidates - 1]):
-            weight, state = weights.get(symbol, 0.0), source.state
-            track = filtered(state, (expected if symbol == target else others[symbol]).nearest(state))
-            one = self.available[symbol][0]
-            made[symbol] = LinkCandidate(one, weight, track, one.last_seen)
+        for symbol in (target, *others[: self.specification.candidates - 1]):
+            track = filtered(source.state, known[symbol].nearest(source.state))
+            one, last_seen = before[symbol]
+            made[symbol] = LinkCandidate(one, weights.get(symbol, 0.0), track, last_seen)
         found = LinkCandidates(target, made)
         return None if found.is_decided else found
 
@@ -321,25 +298,30 @@ class LinkProcess:
             state = unit(each, moved(state, each.valid_us, noise))
         return state
 
-    def _near(self, valid_us: int, count: int) -> NearObjects:
-        """The available objects where they are expected now."""
+    def _near(self, valid_us: int, open_links: Mapping[str, OpenLink]) -> NearObjects:
+        """The objects that are available, or may be claimed, where they are expected now."""
         gate = self._reestablish.gate
         return NearObjects(
-            self._expected(valid_us) if count else (),
+            self._expected(valid_us, open_links),
             None if gate is None else gate.bound_m,
             gate is not None and gate.keeps_all,
         )
 
-    def _expected(self, valid_us: int) -> Iterator[tuple[str, ObjectPrediction]]:
-        for symbol in sorted(self.available, key=natural):
-            one, _ = self.available[symbol]
+    def _expected(self, valid_us: int, open_links: Mapping[str, OpenLink]) -> Iterator[tuple[str, ObjectPrediction]]:
+        for symbol in sorted((*self.available, *open_links), key=natural):
+            one = open_links[symbol].expected if symbol in open_links else self.available[symbol][0]
             yield symbol, self._around.expected(one, valid_us)
 
     def _progressed(
-        self, valid_us: int, one: LinkObject, waiting: Unlinked, target: str, whereabouts: ObjectPrediction
+        self,
+        valid_us: int,
+        one: LinkObject,
+        waiting: Unlinked,
+        target: str,
+        whereabouts: ObjectPrediction,
+        available_us: int,
     ) -> Progressing | None:
         """One reestablish condition after this state; None if it has ended."""
-        _, available_us = self.available[target]
         pair = waiting.pairs.get(target)
         if pair is None or pair.available_us != available_us:
             pair = waiting.pairs[target] = ReestablishPair(available_us, self._begun(valid_us, waiting, available_us))

@@ -110,7 +110,7 @@ class ObjectLinkage:
         self._numbers = {prefix: count(1) for prefix in set(self._types.values())}
         self._latest_us: int | None = None
         self._events: list[LinkEvent] = []
-        self._top_down = TopDown(self, self._objects, self.into, self._from)
+        self._top_down = TopDown(self, self._objects, self.into, self._from, self.composites)
         self._forgotten: deque[LinkObject] = deque(maxlen=_FORGOTTEN_KEPT)
         self.recent: deque[LinkEvent] = deque(maxlen=_FORGOTTEN_KEPT)
 
@@ -173,6 +173,7 @@ class ObjectLinkage:
             objects = self._objects[type_]
             if (composites := self.composites.get(type_)) is not None:
                 composites.step(valid_us, self._objects[composites.specification.source], objects)
+                self._top_down.seek_composites(valid_us, composites, updated(objects.values(), valid_us))
             fresh[type_] = updated(objects.values(), valid_us)
             self._forget(valid_us, type_)
             outcome.states.extend(_record(one) for one in fresh[type_] if one.symbol in objects)
@@ -209,12 +210,12 @@ class ObjectLinkage:
         if period_us is None:
             return
         shown = set[LinkObject]()
-        for type_ in self.into:
+        for type_ in self._order:
             for one in self._objects[type_].values():
                 sources = [link.source for link in one.incoming.values()]
                 if any(each in shown or self._is_shown(each, valid_us) for each in sources):
                     shown.add(one)
-                elif valid_us - one.state.valid_us >= _NEARLY * period_us:
+                elif type_ in self.into and valid_us - one.state.valid_us >= _NEARLY * period_us:
                     owner, prediction = self._predicted(one, valid_us)
                     owner.expect(prediction)
                     if one is not owner:
@@ -313,6 +314,8 @@ class ObjectLinkage:
             self._top_down.drop(process.name, one.symbol)
         for process in self.into.get(one.type, ()):
             process.drop_target(one.symbol)
+        if (composites := self.composites.get(one.type)) is not None:
+            self._top_down.drop(composites.name, one.symbol)
 
     def _forget(self, valid_us: int, type_: str) -> None:
         """Remove objects of a type that were not anchored for too long."""

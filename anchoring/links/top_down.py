@@ -1,9 +1,10 @@
 """Wanted objects in a linkage: they are looked for, found, tracked, lost and found again, under the symbol they are wanted by."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Protocol
 
+from anchoring.links.composites import CompositeObjects
 from anchoring.links.deciding.wanted import WantedObject, described
 from anchoring.links.objects import EventKind, LinkEvent, LinkObject, LinkReason
 from anchoring.links.processes import LinkProcess
@@ -60,6 +61,7 @@ class TopDown:
     Args:
         objects: by type and symbol.
         into, out_of: the processes that lead to a type, and from it.
+        composites: what makes those of a type.
     """
 
     def __init__(
@@ -68,8 +70,10 @@ class TopDown:
         objects: Mapping[str, dict[str, LinkObject]],
         into: Mapping[str, Sequence[LinkProcess]],
         out_of: Mapping[str, Sequence[LinkProcess]],
+        composites: Mapping[str, CompositeObjects],
     ) -> None:
         self._among, self._objects, self._into, self._out_of = among, objects, into, out_of
+        self._composites = composites
         self._wants: dict[str, _Want] = {}
         self._sought: dict[str, list[WantedObject]] = {}
         self._found: dict[str, _FoundObject] = {}
@@ -89,7 +93,7 @@ class TopDown:
 
         Args:
             symbol: of no other object.
-            type_: of objects that are linked.
+            type_: of objects that are linked, or composites.
             description: a formula over the symbol or `from`, and over `to` if a place is given, which may become true at
                 any time; or values of attributes.
             place: where it is thought to be.
@@ -97,8 +101,9 @@ class TopDown:
         Raises:
             ValueError: there is no link into the type, or the symbol is taken.
         """
-        if type_ not in self._into:
-            raise ValueError(f"no link leads to the type {type_!r}; there are {', '.join(self._into)}")
+        types = (*self._into, *self._composites)
+        if type_ not in types:
+            raise ValueError(f"no link leads to the type {type_!r}; there are {', '.join(types)}")
         if symbol in self._wants or (self._among.find(symbol) is not None and symbol not in self._released):
             raise ValueError(f"the symbol {symbol!r} is taken; give the wanted object another")
         formula = described(description) if isinstance(description, Mapping) else description
@@ -114,9 +119,12 @@ class TopDown:
 
     def _seek(self, symbol: str) -> None:
         want = self._wants[symbol]
-        for process in self._into[want.type]:
+        for process in (*self._into.get(want.type, ()), *self._of_parts(want.type)):
             wanted = WantedObject(symbol, process.specification, want.description, want.place)
             self._sought.setdefault(process.name, []).append(wanted)
+
+    def _of_parts(self, type_: str) -> tuple[CompositeObjects, ...]:
+        return (self._composites[type_],) if type_ in self._composites else ()
 
     def _end_search(self, symbol: str) -> None:
         for some in self._sought.values():
@@ -144,6 +152,18 @@ class TopDown:
             if sighting is not None:
                 self._on_found(valid_us, process, wanted.symbol, *sighting)
 
+    def seek_composites(self, valid_us: int, composites: CompositeObjects, objects: Iterable[LinkObject]) -> None:
+        """Find wanted objects among composites, whose own states are described."""
+        for wanted in tuple(self._sought.get(composites.name, ())):
+            may_be = (one for one in objects if one.prediction is None and one.symbol not in self._found)
+            sighting = wanted.step(valid_us, ((one, one.state) for one in may_be))
+            if sighting is not None:
+                one, reason = sighting
+                self._end_search(wanted.symbol)
+                self._rename(valid_us, one, wanted.symbol, reason)
+                self._found[wanted.symbol] = _FoundObject(one, valid_us)
+                self._tell(valid_us, "find", one, reason)
+
     def _on_found(
         self, valid_us: int, process: LinkProcess, symbol: str, source: LinkObject, reason: LinkReason
     ) -> None:
@@ -159,22 +179,36 @@ class TopDown:
     def _rename(self, valid_us: int, one: LinkObject, symbol: str, reason: LinkReason) -> None:
         """What was known under another symbol is known by this one."""
         self._among.tell(LinkEvent(valid_us, "forgotten", "", "", one.symbol, one.type, reason), one)
-        tables: list[dict[str, Any]] = [self._objects[one.type]]
-        for process in self._out_of.get(one.type, ()):
-            tables += [process.unlinked, process.candidates]
-        tables += [process.available for process in self._into[one.type]]
+        before, tables = one.symbol, [self._objects[one.type], *self._tables_of(one.type)]
         for table in tables:
-            if one.symbol in table:
-                table[symbol] = table.pop(one.symbol)
+            if before in table:
+                table[symbol] = table.pop(before)
+        for process in self._into.get(one.type, ()):
+            for candidates in process.candidates.values():
+                candidates.rename(before, symbol)
+        for composites in self._composites.values():
+            if composites.specification.source == one.type:
+                composites.rename(before, symbol, self._objects[composites.specification.target].values())
         one.symbol = symbol
         for link in one.incoming.values():
             self._tell(valid_us, "reestablished", one, reason, link.source)
+
+    def _tables_of(self, type_: str) -> Iterator[dict[str, Any]]:
+        """What processes keep of objects of a type by their symbols."""
+        for process in self._out_of.get(type_, ()):
+            yield process.unlinked
+            yield process.candidates
+        for process in self._into.get(type_, ()):
+            yield process.available
+            yield from (waiting.pairs for waiting in process.unlinked.values())
 
     def observe(self, valid_us: int) -> None:
         """Tell what became of those that are found: at the end of a tick."""
         for symbol, found in tuple(self._found.items()):
             one = found.one
             if self._objects[one.type].get(symbol) is not one:
+                if found.since_us is not None:
+                    self._tell(valid_us, "lost", one, one.history[-1].reason)
                 del self._found[symbol]
                 self._seek(symbol)
             elif not self._among.anchored(symbol):

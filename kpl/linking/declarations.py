@@ -246,8 +246,8 @@ def _check_types(links: LinkDeclarations) -> None:
             raise TextError.at(made.place, f"objects of {label} are linked to themselves", repair="a chain")
     composites = {label for label, made in links if isinstance(made, spec.Composite)}
     for label, made in links:
-        if isinstance(made, spec.Link) and {label, made.source} & composites:
-            said = f"{label if label in composites else made.source} are composites, made of their parts and linked to nothing"
+        if isinstance(made, spec.Link) and label in composites:
+            said = f"{label} are composites, made of their parts: no link leads to them"
             raise TextError.at(made.place, said, repair="another name, or a link of the parts")
 
 

@@ -62,7 +62,7 @@ class SharedLinkage:
         self._readers = [PerceptRecords(str(each.taken.label), each.sort, frame) for each in inputs]
         self.streams: list[LinkStream] = []
         self._wants, self._declared = wants, declared
-        self._types = {each.target for each in self.specifications if isinstance(each, LinkSpecification)}
+        self._types = {each.target for each in self.specifications}
         self._restart()
 
     def _restart(self) -> None:

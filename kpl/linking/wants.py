@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from typing import Final, NamedTuple
 
+from anchoring.links.composites import COUNT, PARTS
 from anchoring.links.objects import LinkEvent
 from anchoring.percepts.records import ROAD_FIELDS
 from dyknow.model.errors import Refused, TextError
@@ -104,7 +105,8 @@ def check_want(want: spec.WantDeclaration, symbols: SymbolTable, text: str = "")
 
 def _check(want: spec.WantDeclaration, streams: Streams, errors: DeclarationErrors) -> None:
     chain = list(_chain(want.stream, streams))
-    if not chain:
+    is_composite = any(isinstance(one.made, spec.Composite) for one in streams.symbols.makers(want.stream))
+    if not chain and not is_composite:
         if not streams.has(want.stream):
             return
         linked = [each.label for each in streams.symbols.symbols() if isinstance(each.made, spec.Link)]
@@ -112,7 +114,7 @@ def _check(want: spec.WantDeclaration, streams: Streams, errors: DeclarationErro
         nearest = errors.closest(str(want.stream), linked) or next(map(str, linked), "")
         errors.wrong(said, want, f"want {want.symbol} in {nearest or 'cars, and strmgen cars = link(...)'}")
         return
-    known = _features(chain, streams)
+    known = {*OF_STATES, PARTS, COUNT} if is_composite else _features(chain, streams)
     if isinstance(want.description, tree.Feature) and want.description.name in OF_STATES:
         errors.wrong(f"{want.description.name} is a number: a description is true or false", want, _example(want))
     for node in tree.walk(want.description):

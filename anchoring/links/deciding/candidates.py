@@ -2,20 +2,29 @@
 
 Each candidate has a track of its own, as the states of the percept make it if it is this one. At each state the weights are
 multiplied by how likely each track makes it, and normalised; those below `LEAST_WEIGHT` are dropped. Which is linked
-changes when another has become the likelier one. A condition that fails lowers a weight instead of ending the link.
+changes when another has become the likelier one: all links that are not certain are assigned anew, so that two percepts may
+change their objects. A condition that fails lowers a weight instead of ending the link.
+
+The object of a link that is not certain may be claimed by another percept: which of both gets it is part of the one
+assignment of a tick, where each candidate costs the first -2 ln of its weight.
 """
 
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
-from math import exp
-from typing import Final
+from math import exp, log
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.links.objects import LastSeen, LinkObject
+from anchoring.links.assignment import assigned
+from anchoring.links.objects import LastSeen, LinkObject, ObjectLink
 from anchoring.links.specification import filtered
 from anchoring.links.states import ObjectState, moved
 
 LEAST_WEIGHT: Final = 0.02
+OPEN_WEIGHT: Final = 0.1
+"""What is less probable is no reason to leave an object to another percept."""
+_NO_WEIGHT, _PREFERRED = 1e-12, 1e-9
 _LOWERED: Final = 0.1
 """What remains of a weight when the maintain condition fails."""
 
@@ -33,6 +42,19 @@ class LinkCandidate:
     weight: float
     state: ObjectState
     before: LastSeen
+
+
+class OpenLink(NamedTuple):
+    """A link whose object another percept may claim.
+
+    Attributes:
+        expected: the object as if it had not been linked.
+        costs: of each candidate, by symbol.
+    """
+
+    link: ObjectLink
+    expected: LinkObject
+    costs: Mapping[str, float]
 
 
 class LinkCandidates:
@@ -56,17 +78,35 @@ class LinkCandidates:
         """Whether no other is left."""
         return len(self._candidates) == 1
 
-    @property
-    def likeliest(self) -> LinkCandidate:
-        """The most probable; of several that are, the one that is linked."""
-        return max(self._candidates.values(), key=lambda each: (each.weight, each is self._candidates[self.chosen]))
+    def go_over(self, to: LinkCandidate) -> None:
+        """Another takes the place of the one that is linked; what it was taken for before is as known as it is now."""
+        to.before = to.target.last_seen
+        self.chosen = to.target.symbol
 
-    def go_over(self) -> tuple[LinkCandidate, LastSeen]:
-        """The likeliest takes the place of the one that is linked: it, and how the one before was known before."""
-        before, likeliest = self._candidates[self.chosen].before, self.likeliest
-        likeliest.before = likeliest.target.last_seen
-        self.chosen = likeliest.target.symbol
-        return likeliest, before
+    def of(self, symbol: str) -> LinkCandidate:
+        """One candidate."""
+        return self._candidates[symbol]
+
+    def costs(self, least: float = 0.0) -> dict[str, float]:
+        """-2 ln of the weights, by symbol, of those with this weight at least; of equal ones the one that is linked."""
+        costs = {
+            name: -2.0 * log(max(each.weight, _NO_WEIGHT))
+            for name, each in self._candidates.items()
+            if each.weight >= least
+        }
+        if self.chosen in costs:
+            costs[self.chosen] -= _PREFERRED
+        return costs
+
+    def open_link(self, process: str) -> OpenLink | None:
+        """The link, if it may be another that is linked."""
+        costs = self.costs(OPEN_WEIGHT)
+        if self.chosen not in costs or len(costs) < 2:
+            return None
+        one, before = self._candidates[self.chosen].target, self._candidates[self.chosen].before
+        expected = LinkObject(one.symbol, one.type, one.created_us, one.state, individual=one.individual)
+        expected.go_back(before)
+        return OpenLink(one.incoming[process], expected, costs)
 
     def others(self) -> tuple[str, ...]:
         """The symbols of those that are not linked."""
@@ -88,6 +128,13 @@ class LinkCandidates:
         """The condition under which the one that is linked stays so has failed."""
         self._candidates[self.chosen].weight *= _LOWERED
         self._normalise()
+
+    def rename(self, before: str, after: str) -> None:
+        """An object has another symbol."""
+        if before in self._candidates:
+            self._candidates[after] = self._candidates.pop(before)
+        if self.chosen == before:
+            self.chosen = after
 
     def drop(self, symbol: str) -> None:
         """An object is shown by another percept, or gone."""
@@ -115,3 +162,30 @@ def _unlikely(state: ObjectState, expected: ObjectState) -> float:
     both = state.covariance + expected.covariance
     apart = np.array(state[1:5]) - np.array(expected[1:5])
     return float(apart @ np.linalg.solve(both, apart) + np.linalg.slogdet(both)[1])
+
+
+def assigned_with(scores: Mapping[tuple[str, str], float], open_links: Iterable[OpenLink]) -> dict[str, str]:
+    """Who gets which object; those with links that are not certain take part where another claims their object.
+
+    If one of these were left without an object, all keep theirs.
+    """
+    claimed = {target for _, target in scores}
+    contested = {each.link.source.symbol: each for each in open_links if each.link.target.symbol in claimed}
+    costs = {(name, target): cost for name, each in contested.items() for target, cost in each.costs.items()}
+    chosen = dict(assigned({**scores, **costs}))
+    if contested.keys() <= chosen.keys():
+        return chosen
+    kept = {name: each.link.target.symbol for name, each in contested.items()}
+    free = {pair: score for pair, score in scores.items() if pair[1] not in kept.values()}
+    return {**dict(assigned(free)), **kept}
+
+
+def reassigned(candidates: Mapping[str, LinkCandidates], shown: Collection[str]) -> dict[str, str]:
+    """Who goes over to which object when all that are shown are assigned anew; the others keep theirs."""
+    costs = {
+        (name, target): cost
+        for name, each in candidates.items()
+        for target, cost in each.costs().items()
+        if name in shown or target == each.chosen
+    }
+    return {name: target for name, target in assigned(costs) if target != candidates[name].chosen}

@@ -3,7 +3,7 @@
 import pytest
 
 from anchoring.links.composites import CompositeSpecification
-from anchoring.links.objects import LinkObject
+from anchoring.links.objects import LinkEvent, LinkObject
 from anchoring.links.specification import LinkSpecification
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import ObjectLinkage, Percept
@@ -20,9 +20,10 @@ CONVOY = CompositeSpecification(
 class Road:
     """Cars on one line, by their position at a time, and the convoys among them."""
 
-    def __init__(self, *more: CompositeSpecification) -> None:
+    def __init__(self, *more: CompositeSpecification | LinkSpecification) -> None:
         self.linkage = ObjectLinkage([*ready_specification(), *(more or (CONVOY,))])
         self.events: list[tuple[str, str, str]] = []
+        self.all_events: list[LinkEvent] = []
 
     def drive(self, from_s: int, to_s: int, **cars: tuple[float, float]) -> None:
         """Each with where it is at second 0, and its speed."""
@@ -32,6 +33,7 @@ class Road:
                 for name, (x, speed) in cars.items()
             ]
             outcome = self.linkage.on_percepts(t_us, percepts)
+            self.all_events += outcome.events
             self.events += [(one.kind, one.source, one.target) for one in outcome.events if one.target_type == "convoy"]
 
     def convoy(self) -> LinkObject:
@@ -82,10 +84,69 @@ def test_a_part_that_is_given_another_symbol_stays_one() -> None:
     road.linkage.want("mine", WORLD, parse_formula("x[from] < 70"))
     road.drive(6, 12, a=(0.0, 10.0), b=(20.0, 10.0))
     assert set(road.convoy().incoming) == {"mine", "wo2"}
+    assert not [each for each in road.events if each[0] == "unlinked"]
+
+
+COLUMN = LinkSpecification(
+    "convoy", "column", parse_formula("eventually[1000, oo] true"),
+    parse_formula("eventually[0, 2000] xy_dist[from, to] < 60"), unit=lambda state, _before: state,
+)  # fmt: skip
+
+
+def test_a_composite_is_linked_to_an_object_that_outlives_it() -> None:
+    road = Road(CONVOY, COLUMN)
+    cars = {"a": (0.0, 10.0), "b": (20.0, 10.0)}
+    road.drive(0, 6, **cars)
+    (column,) = road.linkage.objects("column").values()
+    assert column.state.attributes["parts"] == "wo1 wo2"
+    assert road.linkage.anchored(column.symbol)
+    road.drive(6, 20, **{**cars, "a": (36.0, 4.0)})
+    assert not road.linkage.objects("convoy")
+    assert not road.linkage.anchored(column.symbol)
+    assert column.prediction is not None, "it is predicted as any object is"
+    road.drive(20, 27, a=(-96.0, 10.0 + 0.6), b=(20.0 - 100.0, 10.0))
+    (again,) = road.linkage.objects("convoy")
+    assert again == "convoy2"
+    made = [each for each in road.all_events if each.target_type == "column"]
+    assert [each.kind for each in made][:2] == ["established", "unlinked"]
+    road.drive(27, 75, other=(-9000.0, 0.0))
+    assert not road.linkage.objects("column"), "forgotten as any object is"
+
+
+def test_a_convoy_is_looked_for_by_what_it_is_and_has_the_symbol_while_it_lasts() -> None:
+    road = Road(CONVOY, COLUMN)
+    road.linkage.want("presidents", "convoy", parse_formula("count[from] >= 3 and speed[from] < 20"))
+    cars = {"a": (0.0, 10.0), "b": (20.0, 10.0)}
+    road.drive(0, 6, **cars)
+    assert road.linkage.wanted == ("presidents",)
+    road.drive(6, 12, **cars, c=(40.0, 10.0))
+    assert road.convoy().symbol == "presidents"
+    (found,) = (each for each in road.all_events if each.kind == "find")
+    assert (found.source, found.target, found.target_type) == ("", "presidents", "convoy")
+    (column,) = road.linkage.objects("column").values()
+    assert {link.source.symbol for link in column.incoming.values()} == {"presidents"}
+    road.drive(12, 40, a=(0.0, 10.0), b=(-400.0, 10.0), c=(900.0, 10.0))
+    kinds = [each.kind for each in road.all_events if each.target == "presidents"]
+    assert kinds[kinds.index("find") :][:2] == ["find", "track"]
+    assert kinds[-1] == "lost"
+    assert road.linkage.wanted == ("presidents",), "and is looked for again"
+    road.linkage.unwant("presidents")
+    with pytest.raises(ValueError, match="no link leads to the type 'fleet'; there are world, column, convoy"):
+        road.linkage.want("it", "fleet", parse_formula("count[from] > 1"))
+
+
+def test_a_wanted_convoy_that_is_wanted_no_more_has_a_symbol_of_its_own() -> None:
+    road = Road()
+    road.linkage.want("mine", "convoy", parse_formula("count[from] = 2"))
+    road.drive(0, 6, a=(0.0, 10.0), b=(20.0, 10.0))
+    assert road.convoy().symbol == "mine"
+    road.linkage.unwant("mine")
+    road.drive(6, 8, a=(0.0, 10.0), b=(20.0, 10.0))
+    assert road.convoy().symbol == "convoy2"
 
 
 def test_composites_whose_parts_may_be_anywhere_or_that_are_linked_are_refused() -> None:
     with pytest.raises(ValueError, match="near each other"):
         Road(CompositeSpecification(WORLD, "convoy", parse_formula("speed[from] < 3")))
-    with pytest.raises(ValueError, match="linked to nothing else"):
-        ObjectLinkage([*ready_specification(), CONVOY, LinkSpecification("convoy", "column", NEW, NEAR)])
+    with pytest.raises(ValueError, match="no link leads to them"):
+        ObjectLinkage([*ready_specification(), CONVOY, LinkSpecification(VISION, "convoy", NEW, NEAR)])

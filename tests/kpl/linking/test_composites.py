@@ -57,6 +57,21 @@ def test_a_convoy_is_a_stream_of_objects_that_formulas_range_over() -> None:
     assert not road.faults
 
 
+def test_a_convoy_is_linked_on_and_looked_for() -> None:
+    more = f"""strmgen columns = link(convoys, SameState, {NEW}, {NEAR}, true)
+want guests in convoys = count[guests] = 3
+stream there = columns
+stream named = convoys.objects
+"""
+    road = Road(PERCEPTS + CARS + CONVOYS + more)
+    road.drive(0, 8000, a=(0.0, 10.0), b=(20.0, 10.0), c=(40.0, 10.0))
+    names = [field.name for field in road.network.generator(Label("columns")).sort.fields]
+    last = dict(zip(names, road.values("there")[-1], strict=True))
+    assert (last["parts"], last["count"], last["anchored"]) == ("cars_1 cars_2 cars_3", 3, True)
+    assert list(road.network.process(Label("convoys")).linkage.objects("convoys")) == ["guests"]
+    assert not road.faults
+
+
 def test_least_parts() -> None:
     road = Road(PERCEPTS + CARS + CONVOYS.rstrip() + " with least 3\nstream there = convoys\n")
     road.drive(0, 6000, a=(0.0, 10.0), b=(20.0, 10.0))
@@ -69,7 +84,7 @@ def test_least_parts() -> None:
     ("text", "message"),
     [
         ("strmgen convoys = composite(cars, speed[from] < 3, true)\n", "implies no distance"),
-        (CONVOYS + f"strmgen columns = link(convoys, SameState, {NEW}, {NEAR}, true)\n", "linked to nothing"),
+        (CONVOYS + "want mine in convoys = colour[mine] = 3\n", "objects of convoys have no colour; they have .*count"),
         (CONVOYS + f"strmgen convoys = link(cars, SameState, {NEW}, {NEAR}, true)\n", "convoys is a generator already"),
         ("strmgen convoys = composite(convoys, xy_dist[from, to] < 3, true)\n", "a cycle: convoys <- convoys"),
         (CONVOYS.rstrip() + " with least 1\n", "least is a number from 2"),
