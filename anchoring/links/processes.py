@@ -149,7 +149,7 @@ class LinkProcess:
             target.observe(state, is_sure=source.symbol not in self.candidates)
 
     def _weigh(self, valid_us: int, sources: Iterable[LinkObject]) -> Collection[str]:
-        """Weigh the candidates of all links that are not certain, and assign them anew; the objects of A that go over."""
+        """Weigh the candidates of all links that are not certain, and assign them again; the objects of A that go over."""
         held = {each.chosen for each in self.candidates.values()}
         shown = {one.symbol: one for one in sources if one.prediction is None and one.symbol in self.candidates}
         for symbol, one in shown.items():

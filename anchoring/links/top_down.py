@@ -119,12 +119,12 @@ class TopDown:
 
     def _seek(self, symbol: str) -> None:
         want = self._wants[symbol]
-        for process in (*self._into.get(want.type, ()), *self._of_parts(want.type)):
+        makers: list[LinkProcess | CompositeObjects] = [*self._into.get(want.type, ())]
+        if want.type in self._composites:
+            makers.append(self._composites[want.type])
+        for process in makers:
             wanted = WantedObject(symbol, process.specification, want.description, want.place)
             self._sought.setdefault(process.name, []).append(wanted)
-
-    def _of_parts(self, type_: str) -> tuple[CompositeObjects, ...]:
-        return (self._composites[type_],) if type_ in self._composites else ()
 
     def _end_search(self, symbol: str) -> None:
         for some in self._sought.values():

@@ -2,7 +2,7 @@
 
 Each candidate has a track of its own, as the states of the percept make it if it is this one. At each state the weights are
 multiplied by how likely each track makes it, and normalised; those below `LEAST_WEIGHT` are dropped. Which is linked
-changes when another has become the likelier one: all links that are not certain are assigned anew, so that two percepts may
+changes when another has become the likelier one: all links that are not certain are assigned again, so that two percepts may
 change their objects. A condition that fails lowers a weight instead of ending the link.
 
 The object of a link that is not certain may be claimed by another percept: which of both gets it is part of the one
@@ -165,7 +165,7 @@ def _unlikely(state: ObjectState, expected: ObjectState) -> float:
 
 
 def assigned_with(scores: Mapping[tuple[str, str], float], open_links: Iterable[OpenLink]) -> dict[str, str]:
-    """Who gets which object; those with links that are not certain take part where another claims their object.
+    """Which percept gets which object; those with links that are not certain take part where another claims their object.
 
     If one of these were left without an object, all keep theirs.
     """
@@ -181,7 +181,7 @@ def assigned_with(scores: Mapping[tuple[str, str], float], open_links: Iterable[
 
 
 def reassigned(candidates: Mapping[str, LinkCandidates], shown: Collection[str]) -> dict[str, str]:
-    """Who goes over to which object when all that are shown are assigned anew; the others keep theirs."""
+    """Which percepts go over to which object when all that are shown are assigned again; the others keep theirs."""
     costs = {
         (name, target): cost
         for name, each in candidates.items()
