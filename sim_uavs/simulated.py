@@ -29,9 +29,9 @@ def simulated(table: SimulatedVehicleConfig, ports: VehiclePorts) -> Vehicle:
     origin = ORIGIN if table.origin is None else HomePlace(*table.origin)
     situation = scenario(table.scenario, table.count, table.seed, origin)
     unit = situation.units[table.index]
-    flown = unit.vehicle(table.index % 254 + 1, persona=table.persona, airborne=True)
+    flown = unit.vehicle(table.index % 254 + 1, persona=table.persona, airborne=situation.depot is None)
     settings: dict[str, Any] = {}
-    carried = None
+    carried, hoist = None, None
     if situation.streets is not None:
         from sim_uavs.roads.layouts import network_of
         from sim_uavs.streets import carried_over, roads_of
@@ -40,10 +40,15 @@ def simulated(table: SimulatedVehicleConfig, ports: VehiclePorts) -> Vehicle:
         flown = replace(flown, has_mount=True)
         if ports.config.roads is None:
             settings["roads"] = network_of(roads_of(situation))
+    if situation.depot is not None:
+        from sim_uavs.depot import at_work, loader
+
+        carried, settings["cameras"], hoist = at_work(situation, unit, table.seed, ports.config.hosts)
+        flown = loader(flown, situation.depot)
     if table.gcs is not None:
         flown = replace(flown, peers=(*flown.peers, _address(table.gcs)))
     server = AutopilotServer(
-        flown, clock=ports.clock, wall_us=ports.node_clock.now_us, carried=carried, on_image=ports.post
+        flown, clock=ports.clock, wall_us=ports.node_clock.now_us, carried=carried, on_image=ports.post, hoist=hoist
     )
     feed = MavlinkFeed(f"udpout:127.0.0.1:{server.port}", flown.system_id, ports.post, ports.now_us, driven=True)
     start_us = ports.now_us() + SETTLE_US if table.start_us is None else table.start_us
@@ -53,7 +58,9 @@ def simulated(table: SimulatedVehicleConfig, ports: VehiclePorts) -> Vehicle:
         text = fault.kind if fault.value is None else f"{fault.kind}={fault.value}"
         server.inject(parse_fault(text), duration_us)
 
-    settings |= {"control": True, "simulated": True, "limits": ports.limits, "plan": plan_of(unit.route, start_us)}
+    settings |= {"control": True, "simulated": True, "limits": ports.limits}
+    if situation.depot is None:
+        settings["plan"] = plan_of(unit.route, start_us)
     return Vehicle((server, feed), settings, feed.command, inject)
 
 

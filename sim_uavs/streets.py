@@ -9,7 +9,7 @@ from navigation.cameras.pinhole import Intrinsics
 from navigation.cameras.rig import CameraRig
 from navigation.geodesy import LocalFrame
 from sim_uavs.cameras.detectors import COLOUR, COLOUR_CAMERA, THERMAL, THERMAL_CAMERA, Obstacle
-from sim_uavs.cameras.onboard import OnboardCameras
+from sim_uavs.cameras.onboard import OnboardCameras, Scene
 from sim_uavs.dynamics.scenarios import Scenario, Unit
 from sim_uavs.roads.layouts import RoadsJson, blocks
 from sim_uavs.roads.shared import SharedTraffic
@@ -48,12 +48,18 @@ def traffic_of(situation: Scenario, seed: int) -> SharedTraffic:
 
 def carried_over(situation: Scenario, unit: Unit, seed: int) -> tuple[OnboardCameras, CameraRig]:
     """What a vehicle of a scenario with streets carries, and what its platform knows of that."""
+    return watching(situation, unit, seed, traffic_of(situation, seed), trees_of(situation))
+
+
+def watching(
+    situation: Scenario, unit: Unit, seed: int, scene: Scene, obstacles: tuple[Obstacle, ...] = ()
+) -> tuple[OnboardCameras, CameraRig]:
+    """Cameras of a vehicle that watch a scene from above, and what its platform knows of them."""
     cameras = {
         name: camera._replace(intrinsics=Intrinsics.of_view(*camera.intrinsics[:2], ACROSS_RAD))
         for name, camera in ((COLOUR, COLOUR_CAMERA), (THERMAL, THERMAL_CAMERA))
     }
     frame = LocalFrame(*situation.origin)
     rng = np.random.default_rng((seed, unit.number, _IMAGES_RNG))
-    home_m = np.array(frame.to_ned(*unit.home))
-    onboard = OnboardCameras(traffic_of(situation, seed), cameras, home_m, rng, trees_of(situation))
+    onboard = OnboardCameras(scene, cameras, np.array(frame.to_ned(*unit.home)), rng, obstacles)
     return onboard, CameraRig({name: camera.intrinsics for name, camera in cameras.items()}, frame)

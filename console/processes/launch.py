@@ -187,7 +187,8 @@ def fleet_of(call: Call, plan: FleetPlan, now_us: int) -> list[config.NodeConfig
 def specified(own: UnitFile, each: UnitFile) -> UnitFile:
     """A platform with what each has to run, unless the file says what it runs."""
     names = ("spec", "modules", "feed", "roads", "govern", "admit")
-    return own.model_copy(update={name: getattr(own, name) or getattr(each, name) for name in names})
+    found = {name: getattr(own, name) or getattr(each, name) for name in names}
+    return own.model_copy(update=found | {"floor_m": each.floor_m if own.floor_m is None else own.floor_m})
 
 
 def hosts_of(call: Call, unit: str) -> Path:

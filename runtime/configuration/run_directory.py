@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from psutil import Process
 
 STATE_FILE = "state.json"
+HANDLINGS_FILE = "boxes.jsonl"
+"""What simulated UAVs did with boxes; a federation begins without."""
 JOINED = "joined"
 """The folder with a state file for each `dyknow join`."""
 

@@ -14,6 +14,7 @@ from sim_uavs.autopilot.autopilot import Autopilot, Sent
 from sim_uavs.dynamics.faults import SimulatedFault
 from sim_uavs.dynamics.flight import STEP_US
 from sim_uavs.dynamics.settings import VehicleConfig
+from sim_uavs.dynamics.slung import Hoist
 
 if TYPE_CHECKING:
     from sim_uavs.cameras.onboard import OnboardCameras
@@ -36,6 +37,7 @@ class AutopilotServer:
 
     Attributes:
         carried: cameras on its mount; what they find goes to `on_image`, which must not block.
+        hoist: a winch with a magnet.
         clock: how the vehicle's time follows `wall_us`; at speed 10 it flies ten times as fast.
 
     Raises:
@@ -52,6 +54,7 @@ class AutopilotServer:
         wall_us: Callable[[], int] | None = None,
         carried: "OnboardCameras | None" = None,
         on_image: Callable[[ImageReport], None] = lambda _report: None,
+        hoist: Hoist | None = None,
     ) -> None:
         peers = tuple((socket.gethostbyname(name), number) for name, number in config.peers)
         self.config, self.clock = replace(config, peers=peers), clock or FederationClock()
@@ -60,6 +63,8 @@ class AutopilotServer:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((host or ("0.0.0.0" if self._elsewhere else "127.0.0.1"), port))  # noqa: S104  asked for
         self._autopilot = Autopilot(self.config, self.now_us())
+        if hoist is not None:
+            self._autopilot.carry(hoist)
         self._carried, self._on_image, self._image_us = carried, on_image, self.now_us()
         self._lock, self._stopping = threading.Lock(), threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"autopilot-{config.system_id}", daemon=True)

@@ -7,32 +7,18 @@ same world: the first that takes a thing has it, and what is let go falls for ea
 from collections.abc import Iterable, Sequence
 from itertools import starmap
 from math import hypot, isfinite
-from typing import Final, Literal, NamedTuple, TypeAlias
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
 from dyknow import US_PER_S
 from sim_uavs.boxes.bodies import BUILDS, STEP_US, Air, BodyBuild, Place, Surface, fall
+from sim_uavs.dynamics.slung import Thing
 
 SILENT_US: Final = 3 * US_PER_S
 """A UAV that carries a thing notes where, now and then; one that has not done so for that long has lost it."""
 _SLOTS: Final = ((-0.6, -0.6), (0.6, -0.6), (-0.6, 0.6), (0.6, 0.6))
 _FALLS_RNG: Final = 41  # keeps the generators of falls apart from others of the same seed
-
-ThingKind: TypeAlias = Literal["box", "carrier"]
-
-
-class Thing(NamedTuple):
-    name: str
-    kind: ThingKind
-    colour: str
-    x_m: float
-    y_m: float
-
-    @property
-    def build_top_m(self) -> float:
-        """How high above its lower side the magnet takes hold of it."""
-        return BUILDS[self.kind].top_m
 
 
 class Handling(NamedTuple):
@@ -59,6 +45,17 @@ class Handling(NamedTuple):
         return all(isfinite(each) and abs(each) < 1e6 for each in (*self.place, *self.velocity))
 
 
+class SeenThing(NamedTuple):
+    """A thing as a camera sees it."""
+
+    x_m: float
+    y_m: float
+    bottom_m: float
+    length_m: float
+    height_m: float
+    colour: str
+
+
 class Placed(NamedTuple):
     """A thing where it is at an instant: `holder` is the UAV it hangs from, `on` the carrier it stands on."""
 
@@ -76,6 +73,11 @@ class Placed(NamedTuple):
     def top_m(self) -> float:
         """How high above the ground the magnet takes hold of it."""
         return self.place[2] + self.build.top_m
+
+    @property
+    def seen(self) -> SeenThing:
+        x, y, up = self.place
+        return SeenThing(x, y, up, self.build.side_m, self.build.height_m, self.thing.colour)
 
 
 class _State(NamedTuple):

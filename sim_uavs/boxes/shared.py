@@ -6,10 +6,11 @@ process that dies carried falls.
 
 import json
 import os
+import threading
 from pathlib import Path
 from typing import Protocol
 
-from sim_uavs.boxes.handled import BoxWorld, Handling, Placed
+from sim_uavs.boxes.handled import BoxWorld, Handling, Placed, SeenThing
 
 _LONGEST_LINE = 1000
 
@@ -83,22 +84,34 @@ class HandlingFile:
 
 
 class SharedBoxes:
-    """The things of a scenario as one process sees and handles them."""
+    """The things of a scenario as one process sees and handles them, from any thread."""
 
     def __init__(self, world: BoxWorld, log: HandlingLog) -> None:
-        self.world, self._log = world, log
+        self.world, self._log, self._lock = world, log, threading.Lock()
 
     def at(self, now_us: int) -> list[Placed]:
         """All things at a time (federation time)."""
-        self._catch_up()
-        return self.world.at(now_us)
+        with self._lock:
+            self._catch_up()
+            return self.world.at(now_us)
 
     def do(self, handling: Handling) -> bool:
         """Handle a thing; whether this UAV has it then."""
-        self._log.append(handling)
-        self._catch_up()
-        return self.world.holder(handling.thing) == handling.by
+        with self._lock:
+            self._log.append(handling)
+            self._catch_up()
+            return self.world.holder(handling.thing) == handling.by
 
     def _catch_up(self) -> None:
         for handling in self._log.news():
             self.world.on_handling(handling)
+
+
+class BoxesOnGround:
+    """The things that cameras see: what hangs from a line is too near below to be in an image."""
+
+    def __init__(self, boxes: SharedBoxes) -> None:
+        self._boxes = boxes
+
+    def at(self, now_us: int) -> list[SeenThing]:
+        return [each.seen for each in self._boxes.at(now_us) if each.holder is None]

@@ -135,7 +135,7 @@ class MagnetHoist:
         if held is None:
             return
         x, y, up = self._hook(body)
-        hangs_m = up - self._boxes.world.things[held].build_top_m
+        hangs_m = up - BUILDS[self._boxes.world.things[held].kind].top_m
         stands_m = self._support_m(held, now_us)
         was_slack, self._is_slack = self._is_slack, hangs_m <= stands_m
         if self._is_slack:

@@ -2,16 +2,36 @@
 
 from collections.abc import Iterable, Sequence
 from math import exp, radians
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.random import Generator
 
 from navigation.cameras.channels import Detection
 from navigation.cameras.pinhole import CameraPose, FloatArray, Intrinsics, Pixel
-from sim_uavs.roads.drivers import BUILDS, COLOURS, RoadState
+from sim_uavs.roads.drivers import COLOURS
 
 COLOUR, THERMAL = "colour", "thermal"
+
+
+class Visible(Protocol):
+    """Something on the ground, or above it: metres east and north, of its middle, and upwards."""
+
+    @property
+    def x_m(self) -> float: ...
+    @property
+    def y_m(self) -> float: ...
+    @property
+    def bottom_m(self) -> float: ...
+    @property
+    def length_m(self) -> float: ...
+    @property
+    def height_m(self) -> float: ...
+    @property
+    def colour(self) -> str: ...
+
+
+SeenT = TypeVar("SeenT", bound=Visible)
 
 
 class DetectorNoise(NamedTuple):
@@ -69,21 +89,20 @@ class Obstacle(NamedTuple):
 
 
 def in_view(
-    camera: Intrinsics, pose: CameraPose, states: Iterable[RoadState], obstacles: Sequence[Obstacle]
-) -> list[tuple[RoadState, Pixel, float]]:
-    """Vehicles that the camera sees: the pixel of the middle on the ground, and the length in the image, pixels."""
+    camera: Intrinsics, pose: CameraPose, states: Iterable[SeenT], obstacles: Sequence[Obstacle]
+) -> list[tuple[SeenT, Pixel, float]]:
+    """What the camera sees: the pixel of the middle of the lower side, and the length in the image, pixels."""
     seen = []
     for state in states:
-        place = np.array([state.y_m, state.x_m, 0.0])
+        place = np.array([state.y_m, state.x_m, -state.bottom_m])
         pixel = pose.pixel(camera, place)
         if pixel is None:
             continue
-        build = BUILDS[state.kind]
-        middle = place - np.array([0.0, 0.0, build.height_m / 2.0])
+        middle = place - np.array([0.0, 0.0, state.height_m / 2.0])
         if any(each.hides(pose.position_m, middle) for each in obstacles):
             continue
         range_m = float(np.linalg.norm(place - pose.position_m))
-        seen.append((state, pixel, build.length_m * camera.focal_px / range_m))
+        seen.append((state, pixel, state.length_m * camera.focal_px / range_m))
     return seen
 
 
@@ -91,7 +110,7 @@ def detect(
     channel: str,
     camera: CameraModel,
     pose: CameraPose,
-    states: Iterable[RoadState],
+    states: Iterable[Visible],
     obstacles: Sequence[Obstacle],
     rng: Generator,
 ) -> list[Detection]:

@@ -1,38 +1,46 @@
 """The cameras of a simulated UAV in flight: what their detectors find in the images of the instant, 25 times a second. Pure."""
 
 from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.random import Generator
 
 from navigation.cameras.pinhole import Attitude, CameraPose, FloatArray, PanTilt
 from navigation.vehicle import ImageDetection, ImageReport
-from sim_uavs.cameras.detectors import CameraModel, Obstacle, detect
-from sim_uavs.roads.shared import SharedTraffic
+from sim_uavs.cameras.detectors import CameraModel, Obstacle, Visible, detect
+
+
+class Scene(Protocol):
+    """What is on the ground."""
+
+    def at(self, now_us: int) -> Sequence[Visible] | None:
+        """At a time (federation time); None: it is not known yet."""
 
 
 class OnboardCameras:
     """Cameras on one mount.
 
     Args:
-        offset_m: (3,), the vehicle's home from the origin of the roads, NED.
-        obstacles: what hides cars.
+        scene: what there is to be seen.
+        offset_m: (3,), the vehicle's home from the origin of the scene, NED.
+        obstacles: what hides it.
     """
 
     def __init__(
         self,
-        traffic: SharedTraffic,
+        scene: Scene,
         cameras: Mapping[str, CameraModel],
         offset_m: FloatArray,
         rng: Generator,
         obstacles: Sequence[Obstacle] = (),
     ) -> None:
-        self._traffic, self._cameras, self._offset_m = traffic, dict(cameras), offset_m
+        self._scene, self._cameras, self._offset_m = scene, dict(cameras), offset_m
         self._rng, self._obstacles = rng, obstacles
 
     def image(self, now_us: int, position: Sequence[float], heading: Attitude, mount: PanTilt) -> ImageReport | None:
-        """What is found, the vehicle being there (NED of its home); None: there is no traffic yet at that time."""
-        states = self._traffic.at(now_us)
+        """What is found, the vehicle being there (NED of its home); None: the scene is not known yet at that time."""
+        states = self._scene.at(now_us)
         if states is None:
             return None
         pose = CameraPose(now_us, np.array(position) + self._offset_m, heading, mount)

@@ -10,9 +10,10 @@ import numpy as np
 
 from dyknow.model.errors import TextError
 from navigation.geodesy import LocalFrame
-from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector
+from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector, Wind
 from sim_uavs.dynamics.routes import Route, circle, hover, patrol, through
 from sim_uavs.dynamics.settings import HomePlace, PersonaName, VehicleConfig
+from sim_uavs.dynamics.slung import Thing
 
 ORIGIN = HomePlace(55.7240, 13.4600, 20.0)  # a training area in southern Sweden, flat enough
 HEIGHT_M = 40.0
@@ -61,18 +62,33 @@ class Streets(NamedTuple):
     under_trees: tuple[tuple[int, int], ...] = ()
 
 
+class Depot(NamedTuple):
+    """Boxes and carriers, and the wind that blows over them; vehicles have a winch, and stand on the ground at first."""
+
+    things: tuple[Thing, ...]
+    wind: Wind
+
+
 class Scenario(NamedTuple):
-    """`streets`: what the vehicles' cameras see; without them they carry none."""
+    """`streets`, `depot`: what the vehicles' cameras see; without either they carry none."""
 
     name: str
     units: tuple[Unit, ...]
     meetings: tuple[Meeting, ...] = ()
     streets: Streets | None = None
+    depot: Depot | None = None
     origin: HomePlace = ORIGIN
 
 
 _Legs = list[Vector]
 _STREETS = Streets(4, 3, 18, under_trees=((2, 1),))
+_THINGS = (
+    Thing("b1", "box", "red", 0.0, 0.0),
+    Thing("b2", "box", "blue", 4.0, 0.0),
+    Thing("b3", "box", "yellow", 8.0, 0.0),
+    Thing("b4", "box", "green", 12.0, 0.0),
+    Thing("c1", "carrier", "white", 0.0, 40.0),
+)
 _FRAME = LocalFrame(*ORIGIN)
 _UP = Vector(0.0, 0.0, -HEIGHT_M)
 
@@ -172,6 +188,16 @@ def _watching(name: str, count: int, seed: int) -> Scenario:
     return Scenario(name, units, (), _STREETS)
 
 
+def _delivering(name: str, count: int, seed: int) -> Scenario:
+    """In a row to the west of boxes and carriers, 30 m apart; the seed draws the wind."""
+    rng = np.random.default_rng((seed, _BETWEEN_RNG))
+    angle, speed = rng.uniform(0.0, 6.283), rng.uniform(1.0, 4.0)
+    wind = Wind(float(speed * np.cos(angle)), float(speed * np.sin(angle)), 0.4)
+    places = [Vector(-10.0, -20.0 - index * 30.0, 0.0) for index in range(count)]
+    units = tuple(_unit(index, hover(_FRAME, place), seed) for index, place in enumerate(places))
+    return Scenario(name, units, depot=Depot(_THINGS, wind))
+
+
 def _leg_us(distance_m: float, speed_m_s: float) -> int:
     """How long the beginning of a leg takes from a hover: s / v, and v / 2a + a tau^2 / 2v lost in speeding up."""
     limits = AirframeLimits()
@@ -198,6 +224,7 @@ _SCENARIOS: dict[str, tuple[Callable[[str, int, int], Scenario], int, int]] = {
     "crossing": (_crossing, 2, 3),
     "encounter": (_encountering, 2, 3),
     "hover": (_hovering, 1, 3),
+    "logistics": (_delivering, 1, 2),
     "patrol": (_patrolling, 1, 3),
     "swarm": (_swarming, 1, 8),
     "traffic": (_watching, 1, 2),

@@ -1,8 +1,20 @@
-"""What can hang below a vehicle: a winch with a magnet, as the flight, the autopilot and faults see it."""
+"""What can hang below a vehicle: things, and a winch with a magnet as the flight, the autopilot and faults see it."""
 
-from typing import NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 from sim_uavs.dynamics.quadcopter import Body
+
+ThingKind: TypeAlias = Literal["box", "carrier"]
+
+
+class Thing(NamedTuple):
+    """What can be lifted, and where it stands at first: metres east and north of the scenario's origin."""
+
+    name: str
+    kind: ThingKind
+    colour: str
+    x_m: float
+    y_m: float
 
 
 class HoistFaults(NamedTuple):

@@ -1,4 +1,4 @@
-"""What platforms of the scenario `traffic` derive from their cameras unless they are given another specification.
+"""What platforms of the scenarios `traffic` and `logistics` derive from their cameras unless they are given another specification.
 
-The specification links percepts to cars and recognises how they go through crossings (thesis, 8.7.4); its units have the map.
+Of traffic they link percepts to cars and recognise how they go through crossings (thesis, 8.7.4); of boxes, to boxes.
 """

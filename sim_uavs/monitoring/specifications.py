@@ -12,5 +12,6 @@ class ReadySpecification(NamedTuple):
 
 
 READY: Final = {
+    "logistics": ReadySpecification(Path(__file__).with_name("logistics.kpl"), ()),
     "traffic": ReadySpecification(Path(__file__).with_name("traffic.kpl"), ("sim_uavs.monitoring.units",)),
 }

@@ -68,6 +68,19 @@ class RoadState(NamedTuple):
     crossing: str | None
     passing: str | None
 
+    @property
+    def bottom_m(self) -> float:
+        """Above the ground."""
+        return 0.0
+
+    @property
+    def length_m(self) -> float:
+        return BUILDS[self.kind].length_m
+
+    @property
+    def height_m(self) -> float:
+        return BUILDS[self.kind].height_m
+
 
 def drawn(name: str, route: tuple[str, ...], rng: Generator, *, start_m: float = 5.0, enters_us: int = 0) -> Driver:
     """A driver by chance: eight cars to one truck and one motorcycle, at a speed usual with it."""

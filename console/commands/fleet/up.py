@@ -28,6 +28,8 @@ from runtime.configuration.settings import Persona, UnitFile
 READY_S = 60.0
 _LEAD_US = 3_000_000
 _LEAD_PER_UNIT_US = 200_000
+_FLOORS_M = {"logistics": 2.0}
+"""Where work is done lower than platforms usually fly."""
 
 
 class FleetStart:
@@ -88,7 +90,9 @@ def up(
     scenario: Annotated[
         str,
         typer.Option(
-            metavar="NAME", help="crossing, encounter, hover, patrol, swarm or traffic.", autocompletion=_scenarios
+            metavar="NAME",
+            help="crossing, encounter, hover, logistics, patrol, swarm or traffic.",
+            autocompletion=_scenarios,
         ),
     ] = "patrol",
     seed: Annotated[int, typer.Option(metavar="K", min=0, help="Wind, noise and routes follow from it.")] = 1,
@@ -128,6 +132,7 @@ def up(
         roads=roads,
         govern=govern,
         admit=admit,
+        floor_m=_FLOORS_M.get(scenario),
     )
     for own in (each, *call.settings.by_unit.values()):
         check_specified(specified(own, each))
@@ -135,6 +140,8 @@ def up(
     directory = run_directory.run_directory(call.settings.federation)
     present = sorted(running_units(directory), key=unit_order)
     configs = missing(directory, planned(call, plan, duration))
+    if not present:
+        (directory / run_directory.HANDLINGS_FILE).unlink(missing_ok=True)
     if not configs:
         _say_present(call, present)
         return DONE

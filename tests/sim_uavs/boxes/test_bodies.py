@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_uavs.boxes.bodies import BOX, Air, Surface, fall
-from sim_uavs.boxes.handled import BoxWorld, Handling, Thing
+from sim_uavs.boxes.handled import BoxWorld, Handling
 from sim_uavs.boxes.shared import HandlingFile, SharedBoxes
 from sim_uavs.dynamics.quadcopter import GRAVITY_M_S2
+from sim_uavs.dynamics.slung import Thing
 from tests.strategies import examples
 
 heights = st.floats(0.1, 60.0)

@@ -6,7 +6,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from navigation.vehicle import GripOrder, LineOrder, WinchReport
+from sim_uavs.autopilot.commands import FlightOrder
+from sim_uavs.boxes.handled import BoxWorld, Handling
 from sim_uavs.dynamics.settings import PersonaName
+from sim_uavs.dynamics.slung import Thing
 from tests.sim_uavs.boxes.flown import FlownBoxes
 
 
@@ -51,8 +54,6 @@ def test_what_is_released_falls_and_stays_near_and_an_empty_line_tells_of_it() -
 
 
 def test_a_carrier_holds_four_boxes_goes_with_them_and_sheds_a_fifth() -> None:
-    from sim_uavs.boxes.handled import BoxWorld, Handling, Thing
-
     boxes = [Thing(f"b{number}", "box", "red", 50.0, 50.0) for number in range(5)]
     world = BoxWorld([Thing("c1", "carrier", "grey", 0.0, 0.0), *boxes], 3)
     at_us = 0
@@ -155,8 +156,6 @@ def test_a_late_vehicle_flies_more_slowly_and_a_stuck_one_does_not_rise() -> Non
 
 
 def test_actions_of_a_winch_that_arducopter_does_not_have_fail_and_instances_are_ignored() -> None:
-    from sim_uavs.autopilot.commands import FlightOrder
-
     commands = FlownBoxes().vehicle.autopilot._commands
 
     def obeyed(command: int, *params: float) -> int:
