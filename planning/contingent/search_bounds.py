@@ -2,8 +2,9 @@
 
 Let each look have an outcome that it keeps: that of most hypotheses at the start. On the branch of kept outcomes a look removes at
 most `_most_removed` hypotheses, and all looks from one place together only those of `_removed_at`. The branch ends when one answer
-remains, so that all hypotheses but those of the commonest answer have to be removed on it; how many looks there are, and how many
-places are visited, follows. With looks of more than two outcomes the branch may not exist, and one look is the bound.
+remains, so that all hypotheses have to be removed on it but those of the commonest answer, or, where some are removed by no look,
+but those of their answer. How many looks there are follows; and which places are visited, since some hypotheses are removed from
+one place only. With looks of more than two outcomes the branch may not exist, and one look is the bound.
 """
 
 from functools import reduce
@@ -11,17 +12,27 @@ from operator import or_
 from typing import Final, NamedTuple
 
 from planning.contingent.sensing_problems import CompiledSensing, bits_of
+from planning.contingent.walks import ShortestWalks
 
 _MOST_COMPARED: Final = 40
 
 
 class _Remaining(NamedTuple):
-    """Of one belief: weight, number of answers, hypotheses to be removed, and the weights, greatest first."""
+    """Of one belief.
+
+    Attributes:
+        removed: how many hypotheses have to be removed.
+        weights: of the hypotheses, greatest first.
+        visited: places that have to be visited, a bit each; 0 where it is not known which hypotheses have to be removed.
+        is_exact: each hypothesis that has to be removed is so from one place only.
+    """
 
     weight: int
     answers: int
     removed: int
     weights: tuple[int, ...]
+    visited: int
+    is_exact: bool
 
 
 class SearchBounds:
@@ -43,8 +54,18 @@ class SearchBounds:
             removed = [min(look.masks, key=int.bit_count) for look in looks]
             self._most_removed = max(self._most_removed, *(each.bit_count() for each in removed))
             self._removed_at[place] = reduce(or_, removed)
+        self._removable = reduce(or_, self._removed_at.values(), 0) if self._is_binary else -1
         self._most_removed_at = max((each.bit_count() for each in self._removed_at.values()), default=1)
         self._step = _nearest(compiled)
+        self._walks = ShortestWalks(compiled)
+        self._longest = problem.costs.move * max(
+            (way for each in problem.ways.values() for way in each.values()), default=1
+        )
+        self._bit = places = {place: 1 << number for number, place in enumerate(self._walks.places)}
+        self._from = [
+            sum(bit for place, bit in places.items() if self._removed_at[place] >> number & 1)
+            for number in range(len(compiled.classes))
+        ]
         self._most_outcomes = max((len(look.masks) for found in compiled.looks.values() for look in found), default=2)
         self._remaining: dict[int, _Remaining] = {}
 
@@ -52,11 +73,21 @@ class SearchBounds:
         """The figures of a belief, computed once."""
         found = self._remaining.get(belief)
         if found is None:
-            weights = tuple(sorted((self._weights[number] for number in bits_of(belief)), reverse=True))
-            sizes = [size for mask in self._answers if (size := (belief & mask).bit_count())]
-            found = _Remaining(sum(weights), len(sizes), len(weights) - max(sizes), weights)
-            self._remaining[belief] = found
+            found = self._remaining[belief] = self._figures(belief)
         return found
+
+    def _figures(self, belief: int) -> _Remaining:
+        weights = tuple(sorted((self._weights[number] for number in bits_of(belief)), reverse=True))
+        parts = [part for mask in self._answers if (part := belief & mask)]
+        always = belief & ~self._removable
+        kept = max((part for part in parts if not always & ~part), key=int.bit_count, default=0)
+        removed = len(weights) - kept.bit_count()
+        if not always:
+            return _Remaining(sum(weights), len(parts), removed, weights, 0, False)
+        places = [self._from[number] for number in bits_of(belief & ~kept)]
+        single = [each for each in places if each & (each - 1) == 0]
+        visited = reduce(or_, single, 0)
+        return _Remaining(sum(weights), len(parts), removed, weights, visited, len(single) == len(places))
 
     def end(self, belief: int) -> tuple[int, int, int] | None:
         """The exact worth where one answer remains, else None."""
@@ -73,18 +104,24 @@ class SearchBounds:
         looks = -(-found.removed // self._most_removed) if self._is_binary else 1
         is_one_by_one = self._is_binary and self._most_removed == 1
         here = (self._removed_at.get(place, 0) & belief).bit_count()
-        moves = self._moves(found.removed, here) if self._is_binary else 0
+        hops = self._moves(found.removed, here) if self._is_binary else 0
+        visited = found.visited & ~self._bit.get(place, 0)
+        walk = self._walks.cost(place, visited, visited.bit_count())
+        moves = max(hops * self._step, walk)
         leaves = max(found.answers, looks + 1)
-        actions = self._ends * leaves + -(-(leaves - 1) // (self._most_outcomes - 1)) + moves
+        actions = (
+            self._ends * leaves + -(-(leaves - 1) // (self._most_outcomes - 1)) + max(hops, -(-walk // self._longest))
+        )
         if self._is_worst:
-            return looks * self._look + moves * self._step + self._end, leaves, actions
+            return looks * self._look + moves + self._end, leaves, actions
         if not is_one_by_one:
             return found.weight * (self._look + self._end), leaves, actions
-        cost, total = 0, found.weight * self._end
-        for number in range(1, looks + 1):
-            cost = number * self._look + self._moves(number, here) * self._step
-            total += found.weights[number - 1] * cost
-        return total + sum(found.weights[looks:]) * cost, leaves, actions
+        total = found.weight * self._end
+        for number in range(1, looks):
+            hops = self._moves(number, here)
+            moved = self._walks.cost(place, visited, hops) if found.is_exact else hops * self._step
+            total += found.weights[number - 1] * (number * self._look + moved)
+        return total + sum(found.weights[looks - 1 :]) * (looks * self._look + moves), leaves, actions
 
     def _moves(self, removed: int, here: int) -> int:
         """Places that have to be visited to remove a number of hypotheses; `here` of them are removed without a move."""

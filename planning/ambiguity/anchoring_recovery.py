@@ -18,9 +18,8 @@ from anchoring.matching.candidates import PerceptProperties
 from anchoring.matching.descriptions import ObjectDescription
 from anchoring.matching.situations import AnchoringSituation, MatchingOptions, classify
 from dyknow import US_PER_S
-from planning.contingent.conditional_plans import NONE, ConditionalPlan, SensingAction
-from planning.contingent.hypotheses import LookingKnowledge, identification_problem, search_problem
-from planning.contingent.recovery_messages import (
+from planning.ambiguity.hypotheses import LookingKnowledge, identification_problem, search_problem
+from planning.ambiguity.recovery_messages import (
     DelegatorAsked,
     FeatureObserved,
     FindRequested,
@@ -35,8 +34,9 @@ from planning.contingent.recovery_messages import (
     TopPlanHalted,
     TopPlanResumed,
 )
+from planning.ambiguity.remaining import RemainingProblem
+from planning.contingent.conditional_plans import NONE, ConditionalPlan, SensingAction
 from planning.contingent.recovery_planning import NoRecoveryPlan, plan_recovery
-from planning.contingent.remaining import RemainingProblem
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,9 @@ from random import Random
 from anchoring.matching.candidates import ObservedProperty, PerceptProperties
 from anchoring.matching.descriptions import AllowedPlace, AllowedValues, ObjectDescription
 from anchoring.matching.situations import MatchingOptions
-from planning.contingent.anchoring_recovery import AnchoringRecovery, RecoveryLimits, RecoveryPhase
-from planning.contingent.conditional_plans import figures_of, print_plan
-from planning.contingent.hypotheses import LookingKnowledge
-from planning.contingent.recovery_messages import (
+from planning.ambiguity.anchoring_recovery import AnchoringRecovery, RecoveryLimits, RecoveryPhase
+from planning.ambiguity.hypotheses import LookingKnowledge
+from planning.ambiguity.recovery_messages import (
     DelegatorAsked,
     FeatureObserved,
     FindRequested,
@@ -28,6 +27,7 @@ from planning.contingent.recovery_messages import (
     TopPlanHalted,
     TopPlanResumed,
 )
+from planning.contingent.conditional_plans import figures_of, print_plan
 
 ROOM = ("r1_1", "r1_2", "r1_3", "r1_4")
 WAYS = {place: [to for to in ROOM if to != place] for place in ROOM}

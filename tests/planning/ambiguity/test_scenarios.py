@@ -8,9 +8,9 @@ from anchoring.matching.candidates import CandidateMatch
 from anchoring.matching.descriptions import AllowedPlace
 from anchoring.matching.situations import MatchingOptions
 from kpl.syntax.grammar import parse_tree
-from planning.contingent.anchoring_recovery import AnchoringRecovery, RecoveryLimits
-from planning.contingent.hypotheses import LookingKnowledge
-from planning.contingent.recovery_messages import (
+from planning.ambiguity.anchoring_recovery import AnchoringRecovery, RecoveryLimits
+from planning.ambiguity.hypotheses import LookingKnowledge
+from planning.ambiguity.recovery_messages import (
     FeatureObserved,
     FindRequested,
     PerceptsSeen,
@@ -20,7 +20,7 @@ from planning.contingent.recovery_messages import (
     TopPlanHalted,
     TopPlanResumed,
 )
-from tests.planning.contingent.robot import MARK_FROM, ROOM, WAYS, Bottle, Robot, described
+from tests.planning.ambiguity.robot import MARK_FROM, ROOM, WAYS, Bottle, Robot, described
 
 FIND, REACQUIRE = MatchingOptions(), MatchingOptions("reacquire")
 RED_MARKED = described(colour="red", mark=True)
