@@ -8,7 +8,7 @@ after that settles its monitors, and what depends on it may begin. Nothing begin
 A fault ends the execution: the caller reads `fault` after every call, and aborts.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -86,6 +86,7 @@ class PlanExecutor:
         flags: execution flags.
         first: the number of the first step.
         patience_us: how long an action may wait for states that show its conditions.
+        missing: units that take no part: global formulas are not monitored for them.
 
     Raises:
         TextError: a condition that is monitored has no formula.
@@ -100,6 +101,7 @@ class PlanExecutor:
         flags: ExecutionFlags,
         first: int,
         patience_us: int,
+        missing: Collection[str] = (),
     ) -> None:
         self._schemas = Schemas(declared)
         actions = expected_actions(self._schemas, plan, first)
@@ -112,7 +114,8 @@ class PlanExecutor:
         self._patience_us = patience_us
         self._state_us: int | None = None
         self._watched = MonitorSet(flags, beliefs)
-        self._watched.add((one for one in monitors if one.step == 0), begun_us)
+        whole = [one for one in monitors if one.step == 0 and not set(missing) & set(map(str, one.bound.values()))]
+        self._watched.add(whole, begun_us)
 
     @property
     def labels(self) -> frozenset[str]:
@@ -196,6 +199,7 @@ class PlanExecutor:
         if self.fault is not None or one is None or one.phase is not StepPhase.RUNNING:
             return []
         self._flags.end(one.number, now_us)
+        self._take_effect(one, now_us, ended=False)
         if not event.succeeded:
             text = f"{one.shown} failed: {event.reason or 'no reason is given'}"
             self.fault = self._fault("failed", one, text, now_us)
@@ -210,6 +214,7 @@ class PlanExecutor:
         effects: list[MissionEffect] = []
         for one in self.steps.values():
             if one.phase is StepPhase.RUNNING:
+                self._take_effect(one, now_us, ended=False)
                 effects.append(AbortAction(one.number, one.unit, reason))
             if one.phase is not StepPhase.DONE:
                 self._flags.end(one.number, now_us)

@@ -1,8 +1,8 @@
 """Conditions of a domain as formulas of `reasoning` that can be printed and read back: what monitors progress.
 
-Features that neither an operator nor a problem says anything of are read from states, as all fluents are. The flag of an
-operator is a fluent of its objects, `executing-attach-box[uav1, b1]`; given fewer of them it is about any action that
-begins with those (thesis 7.6.2). Distances are compared by their squares, since formulas have no `hypot`.
+A feature that a problem gives and nothing changes, a goal's coordinates for one, is a constant; all others are read from
+states. The flag of an operator is a fluent of its objects, `executing-attach-box[uav1, b1]`; given fewer of them it is
+about any action that begins with those (thesis 7.6.2). Distances are compared by their squares, since formulas have no `hypot`.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -41,8 +41,9 @@ class ConditionWriter:
         self._operators = {f"{EXECUTING}{one.name}": one for one in declared.operators}
         given = {one.target.name for one in declared.init}
         for one in declared.features:
-            if one.name not in given and one.default is None:
+            if one.name not in given:
                 task.fluents.add(one.name)
+        task.fluents |= {one.target.name for each in declared.recoveries for those in each.assumptions for one in those}
         self.sensed = frozenset(task.fluents)
         for name in self._operators:
             task.features[name] = model.FeatureDeclaration(name, (), model.BOOLEAN)

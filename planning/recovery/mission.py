@@ -18,7 +18,7 @@ from planning.execution.executor import ExecutionFault, PlanExecutor
 from planning.execution.flags import ExecutionFlags
 from planning.execution.generation import PlanMonitor
 from planning.recovery.goals import MissionGoals, name_of
-from planning.recovery.options import AGAIN, DROP, GIVE_UP, MissionOptions, MissionPhase, MissionStatus
+from planning.recovery.options import DROP, GIVE_UP, MissionOptions, MissionPhase, MissionStatus
 from planning.recovery.situation import assume, bound_terms, objects_of, past_events, problem_now
 from planning.recovery.units import MissionUnits
 from planning.search.plans import MissionPlan
@@ -213,9 +213,11 @@ class Mission:
 
     def _execute(self, plan: MissionPlan, now_us: int) -> list[MissionEffect]:
         declared = self._domain.joined(self._problem_now)
-        patience_us = self.options.patience_us
         try:
-            executor = PlanExecutor(declared, plan, now_us, self._beliefs, self._flags, self._next_step, patience_us)
+            executor = PlanExecutor(
+                *(declared, plan, now_us, self._beliefs, self._flags, self._next_step, self.options.patience_us),
+                missing=self._units.missing,
+            )
         except TextError as error:
             return self._end("gave up", f"the plan cannot be monitored: {error}", now_us)
         self._executor, self._goals.unreached = executor, plan.unreached
@@ -290,11 +292,8 @@ class Mission:
         return [note, *self._replan(why, now_us)]
 
     def _ask(self, why: str, now_us: int) -> list[MissionEffect]:
-        options = (AGAIN, *(f"{DROP}{name}" for name in self._goals.droppable), GIVE_UP)
-        default = self.options.default_answer
         self._question += 1
-        until_us = now_us + self.options.question_us
-        self._asked = AskHuman(self._question, why, options, default if default in options else GIVE_UP, until_us)
+        self._asked = self.options.question(self._question, why, self._goals.droppable, now_us)
         self._turn(MissionPhase.ASKING, why, now_us, self.options.question_us)
         return [self._asked]
 
