@@ -54,6 +54,7 @@ COMMANDS: CommandTable = {
         "Bring a recorded federation back, at any speed: its platforms, their streams and alarms.",
     ),
     "info": (f"{_RECORDINGS}.info:info", "What is in a recording: platforms, streams, gaps, alarms, acts."),
+    "plot": (f"{_RECORDINGS}.plot:plot", "Values of streams over time as a picture, from platforms or a recording."),
     "fault": (f"{_MEMBERS}.delegate:fault", "A fault in a simulated UAV."),
     "demo": (f"{_FLEET}.demo:demo", "The main job end to end, in under a minute; exit 0 only if every step happened."),
     "doctor": (f"{_FLEET}.doctor:doctor", "What this machine lacks, and how to get it."),

@@ -1,9 +1,11 @@
 """What is in a recording of a federation: platforms, streams and their gaps, alarms, acts, and what is missing."""
 
+from array import array
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from statistics import median
+from itertools import pairwise
+from statistics import median_low
 from typing import Any, Final, TypeVar
 
 from runtime.recordings.recorded import FederationRecording, RecordedMessage
@@ -13,9 +15,20 @@ K = TypeVar("K")
 T = TypeVar("T")
 GAP_PERIODS: Final = 3
 """A gap is where the next sample is valid this number of periods later, or more."""
-MOST_GAPS, MOST_PERIODS, MOST_CHANGES = 1000, 64, 10_000
+MOST_GAPS, MOST_CHANGES = 1000, 10_000
 LATEST_US: Final = 253_402_300_799_000_000
 """The end of the year 9999: later instants are of no clock."""
+
+
+def period_and_gaps(valid_us: Sequence[int]) -> tuple[int, list[tuple[int, int]]]:
+    """The period that most samples have, 0 for none, and the valid times in order between which samples lack."""
+    times = sorted(valid_us)
+    steps = [after - before for before, after in pairwise(times) if after > before]
+    if not steps:
+        return 0, []
+    period_us = round(median_low(steps))
+    gaps = [(before, after) for before, after in pairwise(times) if after - before >= GAP_PERIODS * period_us]
+    return period_us, gaps[:MOST_GAPS]
 
 
 @dataclass(slots=True)
@@ -23,39 +36,31 @@ class StreamSummary:
     """One stream of one platform.
 
     Attributes:
-        period_us: the median of the differences of its first valid times; 0: fewer than two samples.
-        gaps: valid times between which samples lack, the first thousand.
+        period_us: the median of the differences of its valid times; 0: fewer than two samples.
+        gaps: valid times between which samples lack, the first thousand. What came late is no gap.
     """
 
     unit: str
     label: str
-    samples: int = 0
-    first_us: int = 0
-    last_us: int = 0
+    valid_us: "array[int]" = field(default_factory=lambda: array("q"))
+    period_us: int = 0
     gaps: list[tuple[int, int]] = field(default_factory=list)
-    _steps: list[int] = field(default_factory=list)
-    _late: list[tuple[int, int]] = field(default_factory=list)
 
     @property
-    def period_us(self) -> int:
-        return round(median(self._steps)) if self._steps else 0
+    def samples(self) -> int:
+        return len(self.valid_us)
 
-    def take(self, valid_us: int) -> None:
-        if self.samples and valid_us > self.last_us:
-            step_us = valid_us - self.last_us
-            if len(self._steps) < MOST_PERIODS:
-                self._steps.append(step_us)
-            if step_us >= GAP_PERIODS * min(self._steps) and len(self._late) < MOST_GAPS:
-                self._late.append((self.last_us, valid_us))
-        self.first_us = valid_us if not self.samples else min(self.first_us, valid_us)
-        self.last_us = max(self.last_us, valid_us)
-        self.samples += 1
+    @property
+    def first_us(self) -> int:
+        return min(self.valid_us)
+
+    @property
+    def last_us(self) -> int:
+        return max(self.valid_us)
 
     def close(self) -> None:
-        """No more comes: what is late by its period are gaps."""
-        self.gaps = [
-            (from_us, to_us) for from_us, to_us in self._late if to_us - from_us >= GAP_PERIODS * self.period_us
-        ]
+        """No more comes."""
+        self.period_us, self.gaps = period_and_gaps(self.valid_us)
 
 
 @dataclass(slots=True)
@@ -140,7 +145,12 @@ def _took(found: RecordingSummary, each: RecordedMessage) -> bool:
 def _on_sample(found: RecordingSummary, each: RecordedMessage) -> bool:
     match each.message:
         case {"unit": str(unit), "label": str(label), "valid_us": int(valid_us)}:
-            return _in(found.streams, (unit, label), lambda: StreamSummary(unit, label), lambda one: one.take(valid_us))
+            return _in(
+                found.streams,
+                (unit, label),
+                lambda: StreamSummary(unit, label),
+                lambda one: one.valid_us.append(valid_us),
+            )
     return False
 
 

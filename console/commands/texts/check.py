@@ -45,16 +45,25 @@ def check(
     trace: Annotated[Path | None, typer.Option(metavar="FILE", help="Recorded states, JSON lines.")] = None,
     unit: Unit = None,
     timeout: Annotated[str, typer.Option(metavar="TIME", help="How long to watch live states.")] = "10s",
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the trace and the verdicts: .png, .svg or .pdf.")
+    ] = None,
 ) -> int:
     """A formula over a recorded trace, or over a platform's live states; exit 1 if it is violated."""
+    if plot is not None:
+        from console.plots.plot import check_file
+
+        check_file(plot)
+        if trace is None:
+            raise WrongCall("--plot draws a recorded trace: give --trace FILE; dyknow plot draws what platforms have.")
     if (trace is None) == (unit is None):
         raise WrongCall("give --trace FILE for recorded states, or --unit U for the live states of a platform.")
     if trace is not None:
-        return _over_trace(call, formula, trace)
+        return _over_trace(call, formula, trace, plot)
     return _live(call, formula, str(unit), duration_us(timeout, option="--timeout", least_us=SHORTEST_US) / 1e6)
 
 
-def _over_trace(call: Call, text: str, path: Path) -> int:
+def _over_trace(call: Call, text: str, path: Path, plot: Path | None = None) -> int:
     from kpl import Vocabulary, print_formula, read_formula, remarks
     from kpl import check as resolve
     from reasoning import follow_trace, read_trace, remaining, required_labels, trace_domains
@@ -74,6 +83,12 @@ def _over_trace(call: Call, text: str, path: Path) -> int:
         if label not in known:
             call.out.note(f"note: {label} has no value anywhere in {path}.{did_you_mean(label, labels)}")
     (verdict, t_ms, index), progression = follow_trace(formula, trace.states, domains)
+    if plot is not None:
+        from console.plots.plot import draw
+        from console.plots.traces import trace_plot
+
+        named = {str(label) for label in required_labels(formula, domains)} & known
+        draw(trace_plot(text, formula, trace, domains, named, (verdict, t_ms, index)), plot)
     rest = remaining(progression) if verdict == "undecided" and progression.kept <= MOST_LEFT else None
     left = None if rest is None else print_formula(rest)
     reasons = [
