@@ -46,6 +46,7 @@ from runtime.accepted_acts import AcceptedActs
 from runtime.clock import NodeClock, Stopwatch
 from runtime.configuration.config import NodeConfig
 from runtime.configuration.resolved import platform_config
+from runtime.configuration.road_files import check_place
 from runtime.configuration.session import reaches_beyond, unprotected, wire_options
 from runtime.journal.journal import Journal
 from runtime.journal.recorded_runs import about, journalled
@@ -145,15 +146,14 @@ class PlatformProcess:
 
     def _join(self) -> None:
         started_us = self.clock.now_us()
-        platform = self._platform = Platform(
-            replace(
-                platform_config(self.config, self._federation_clock, started_us, self._edge.zid),
-                stopwatch=self._stopwatch.now_us,
-                monotonic_offset_us=self.clock.monotonic_offset_us,
-                **self._vehicle.settings,
-            ),
-            started_us,
+        config = replace(
+            platform_config(self.config, self._federation_clock, started_us, self._edge.zid),
+            stopwatch=self._stopwatch.now_us,
+            monotonic_offset_us=self.clock.monotonic_offset_us,
+            **self._vehicle.settings,
         )
+        check_place(self.config.roads, config.roads, config.cameras)
+        platform = self._platform = Platform(config, started_us)
         self._perform_all(platform.start(self.clock.now_us()))
         self._let_hosts_in()
         labels = [entry.label for part in _flights(platform) for entry in part.labels()]

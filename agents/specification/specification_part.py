@@ -139,6 +139,7 @@ class SpecificationPart(Part):
             features=units,
             is_unit=units.is_unit,
             roads=config.roads,
+            frame=None if config.cameras is None else config.rig.frame,
         )
         agreements.sources = self.instance.parts.objects.sources
         network.on_fault, network.on_producer = self._faults.on_fault, self._on_producer

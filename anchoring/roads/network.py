@@ -96,6 +96,10 @@ class RoadNetwork:
         north_m, east_m, _ = self.frame.to_ned(latitude_deg, longitude_deg, 0.0)
         return east_m, north_m
 
+    def apart_m(self, latitude_deg: float, longitude_deg: float) -> float:
+        """How far a point on earth is from where x = y = 0 is; 0 if that is not known."""
+        return 0.0 if self.frame is None else math.hypot(*self.to_local(latitude_deg, longitude_deg))
+
     def __repr__(self) -> str:
         return f"RoadNetwork({len(self.crossings)} crossings, {len(self.links)} links, {len(self.areas)} areas)"
 

@@ -16,6 +16,7 @@ from reasoning.formulas import tree
 
 if TYPE_CHECKING:
     from anchoring.roads.network import RoadNetwork
+    from navigation.geodesy import LocalFrame
 
 SELF = "self"
 LINK_UNITS: Final = frozenset({"WorldObject", "OnRoad", "SameState"})
@@ -48,6 +49,7 @@ class Known(NamedTuple):
         figures: features of one object that an instance says of itself.
         values: what the values of sorts are; those of others are unchecked.
         roads: those on which objects are unless others are declared.
+        frame: of x_m and y_m of what the platform's cameras see, if it has some.
         offered: names of what else sources and units can be made from.
         unread: words of statements that could not be read: nothing called so is missing.
     """
@@ -61,6 +63,7 @@ class Known(NamedTuple):
     figures: Collection[str] = ()
     values: Mapping[str, Sort] = {}
     roads: "RoadNetwork | None" = None
+    frame: "LocalFrame | None" = None
     offered: Collection[str] = ()
     unread: Collection[str] = ()
 

@@ -28,7 +28,7 @@ from dyknow.model.errors import TextError, did_you_mean
 from kpl.checking.definitions import Definitions
 from kpl.checking.streams import origin_of
 from kpl.checking.symbols import GENERATOR, SELF, SymbolTable
-from kpl.linking.roads import ON_ROADS, check_origin
+from kpl.linking.roads import ON_ROADS, check_cameras, check_origin
 from kpl.syntax import specification as spec
 from kpl.syntax.link_options import LinkOptions, print_options
 from reasoning.formulas.tree import Formula, instantiate
@@ -104,6 +104,7 @@ def linkage_key(links: LinkDeclarations, symbols: SymbolTable) -> LinkageKey:
     roads, origin = symbols.roads(), origin_of(symbols)
     for _, made in links[:1]:
         check_origin(made, roads, origin)
+        check_cameras(made, origin, symbols.known.frame)
     return LinkageKey(whole, roads, origin, tuple(_beliefs(links, symbols)))
 
 

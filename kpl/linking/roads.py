@@ -11,6 +11,7 @@ from dyknow.model.errors import TextError
 from kpl.checking.streams import ORIGIN
 from kpl.checking.symbols import LINK_UNITS
 from kpl.syntax import specification as spec
+from navigation.geodesy import LocalFrame
 from reasoning.formulas.tree import Feature, Node, Object, Variable, walk
 
 ON_ROADS: Final = "on_road"
@@ -22,12 +23,22 @@ def check_origin(place: Node, roads: RoadNetwork | None, origin: tuple[float, fl
     """Roads and objects have one frame: raises TextError if x = y = 0 of the roads is somewhere else than is defined."""
     if roads is None or roads.frame is None or origin is None:
         return
-    north_m, east_m, _ = roads.frame.to_ned(*origin, 0.0)
-    apart_m = hypot(north_m, east_m)
+    apart_m = roads.apart_m(*origin)
     if apart_m > APART_M:
         latitude_deg, longitude_deg = roads.frame.latitude_deg, roads.frame.longitude_deg
         said = f"{' and '.join(ORIGIN)} are {apart_m:.0f} m from the place where x_m and y_m of the roads are 0"
         repair = f"define {ORIGIN[0]} = {latitude_deg:.7f} and define {ORIGIN[1]} = {longitude_deg:.7f}, or neither"
+        raise TextError.at(place.place, said, repair=repair)
+
+
+def check_cameras(place: Node, origin: tuple[float, float] | None, cameras: LocalFrame | None) -> None:
+    """Objects have the frame of the platform's cameras: raises TextError if their x = y = 0 is somewhere else."""
+    if origin is None or cameras is None:
+        return
+    north_m, east_m, _ = cameras.to_ned(*origin, 0.0)
+    if (apart_m := hypot(north_m, east_m)) > APART_M:
+        said = f"x_m and y_m of the roads are 0 at {origin[0]:.7f}, {origin[1]:.7f}, {apart_m:.0f} m from those of the cameras"
+        repair = f'"origin": [{cameras.longitude_deg:.7f}, {cameras.latitude_deg:.7f}] in the file of roads'
         raise TextError.at(place.place, said, repair=repair)
 
 

@@ -33,6 +33,7 @@ from kpl.running.parts import Families, Features, HeldGenerator, Parts, inputs_t
 from kpl.running.ports import Admission, Federation, Hooks, LoadGovernor, Undo, nothing
 from kpl.syntax import specification as spec
 from kpl.syntax.parsing import raise_all
+from navigation.geodesy import LocalFrame
 from reasoning.features.derived_streams import derived_stream
 
 MAX_CONFIGURATIONS = 256
@@ -49,16 +50,13 @@ class Instance:
     """The specification of one network, as it is now.
 
     Args:
-        network: may hold generators of its own, which declarations then use.
-        unit: what `self` means.
+        network, unit: may hold generators of its own, which declarations then use; what `self` means.
         sorts: sorts whose values are checked; any other name is a sort of unchecked values.
         semantic: the semantic labels there are without a declaration; None: any.
-        prototypes: what sources and units can be made from.
-        catalogue, offered: asked for others by name, None: there is none; and the names that it has.
+        prototypes, catalogue, offered: what sources and units are made from; asked for others; the names that it has.
         admission: of declarations while a governor sees no time for more: refused, or sampled at a longer period.
-        features: sort and process of a stream that is there while it is wanted; None: there is no such stream.
-        is_unit: whether a name is that of a unit, and of no object that is seen.
-        roads: those on which linked objects are, unless the specification declares others.
+        features, is_unit: sort and process of a stream while it is wanted, or None; whether a name is that of a unit.
+        roads, frame: those on which objects are unless others are declared; that of what the platform's cameras see.
     """
 
     def __init__(
@@ -77,6 +75,7 @@ class Instance:
         features: Features = derived_stream,
         is_unit: Callable[[str], bool] | None = None,
         roads: RoadNetwork | None = None,
+        frame: LocalFrame | None = None,
     ) -> None:
         self.governor: LoadGovernor | None = None
         self.network, self.unit, self.hooks = network, unit, hooks or Hooks()
@@ -86,7 +85,7 @@ class Instance:
         self.streams: dict[str, StreamProxy] = {}
         self.monitors: dict[str, FormulaMonitor] = {}
         self.chronicles: dict[str, ChronicleStreams] = {}
-        self._catalogue, self._offered, self._roads = catalogue, offered, roads
+        self._catalogue, self._offered, self._roads, self._frame = catalogue, offered, roads, frame
         self._sorts, self._semantic, self._federation = sorts or {}, semantic, federation
         self._undo: dict[spec.Declaration, Undo] = {}
         self._backlog: list[tuple[str, Sample]] = []
@@ -213,6 +212,7 @@ class Instance:
             figures=MEANINGS,
             values={**{shape.name: shape for each in prototypes for shape in each.checked_sorts}, **self._sorts},
             roads=self._roads,
+            frame=self._frame,
             offered=self._offered,
             unread=unread,
         )

@@ -4,6 +4,8 @@ from pathlib import Path
 
 from anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import WrongCall
+from kpl.linking.roads import APART_M
+from navigation.cameras.rig import CameraRig
 
 
 def read_bytes(file: Path, option: str) -> bytes:
@@ -24,3 +26,18 @@ def read_roads(file: Path) -> RoadNetwork:
     from anchoring.roads.files.formats import survey_any
 
     return survey_any(read_bytes(file, "--roads")).required(str(file))
+
+
+def check_place(file: Path | None, roads: RoadNetwork | None, cameras: CameraRig | None) -> None:
+    """Roads and what the cameras of a platform see are metres from one place; raises WrongCall.
+
+    A local map does not say where it is.
+    """
+    if roads is None or cameras is None:
+        return
+    at = cameras.frame
+    if (apart_m := roads.apart_m(at.latitude_deg, at.longitude_deg)) > APART_M:
+        raise WrongCall(
+            f"--roads: x and y of {file or 'the roads'} are 0 at a place {apart_m:.0f} m from that of the cameras; give the file "
+            f'"origin": [{at.longitude_deg:.7f}, {at.latitude_deg:.7f}], longitude and latitude.'
+        )

@@ -26,6 +26,17 @@ def test_roads_with_the_same_origin_or_none_are_taken(frame: LocalFrame | None) 
     assert specifications(HERE + WORLD, RoadNetwork((), (), frame=frame))
 
 
+def test_roads_are_about_the_origin_of_the_cameras() -> None:
+    text = PERCEPTS + WORLD + "stream found = world\n"
+    there = RoadNetwork((), (), frame=LocalFrame(58.4, 15.6, 0.0))
+    with pytest.raises((TextError, TextErrors), match="1114 m from those of the cameras") as wrong:
+        Camera(text, roads=there, frame=LocalFrame(58.41, 15.6, 0.0))
+    assert "a.kpl:" in str(wrong.value)
+    assert '"origin": [15.6000000, 58.4100000] in the file of roads' in str(wrong.value)
+    assert Camera(text, roads=there, frame=LocalFrame(58.4, 15.6, 90.0))
+    assert Camera(text, roads=RoadNetwork((), ()), frame=LocalFrame(58.41, 15.6, 0.0)), "a local map says no place"
+
+
 def test_a_condition_on_roads_is_refused_where_there_are_none() -> None:
     same = "compunit world-object SameState(world-object)\n"
     with pytest.raises((TextError, TextErrors), match="on_road is never true"):
