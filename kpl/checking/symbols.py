@@ -45,11 +45,9 @@ class Known(NamedTuple):
         units: sort and input sorts of computational units that need no declaration, by name.
         labels: sorts of generators that are there already.
         semantic: the ontology's semantic labels, by name; None: any name is one.
-        running: declarations that a running instance holds already.
-        figures: features of one object that an instance says of itself.
+        running, figures: declarations that an instance holds already; features of one object that it says of itself.
         values: what the values of sorts are; those of others are unchecked.
-        roads: those on which objects are unless others are declared.
-        frame: of x_m and y_m of what the platform's cameras see, if it has some.
+        roads, frame: those on which objects are unless others are declared; of x_m and y_m of what cameras see here.
         offered: names of what else sources and units can be made from.
         unread: words of statements that could not be read: nothing called so is missing.
     """
