@@ -37,6 +37,7 @@ class _Checks:
         for kind in ("constants", "features", "derived"):
             self._once((*before.constants, *before.features, *before.derived), getattr(found, kind), "name")
         self._once((), (*found.constants, *found.features, *found.derived), "name")
+        self._once(before.sensed, found.sensed, "sensed feature")
         self._once(before.operators, found.operators, "operator")
         self._once((*before.controls, *before.monitors), (*found.controls, *found.monitors), "formula")
         self._once(before.recoveries, found.recoveries, "recovery")
@@ -99,6 +100,8 @@ class _Checks:
                 sorts.sort(one.value, {})
         for feature in found.features:
             self._feature(feature)
+        for sensed in found.sensed:
+            self._sensed(sensed)
         for derived in found.derived:
             self._derived(derived)
         for operator in found.operators:
@@ -129,6 +132,16 @@ class _Checks:
         wanted = NUMBER if feature.sort in model.NUMBERS else feature.sort
         if sort is not None and sort != wanted and wanted not in self._sorts.types.above(sort):
             self._errors.error(f"{feature.name} is a {wanted}, this is a {sort}", value.place)
+
+    def _sensed(self, one: model.SensedFeature) -> None:
+        feature = self._sorts.features.get(one.name)
+        if one.sensor not in model.SENSORS:
+            self._errors.error(f"there is no sensor {one.sensor}", one.place, nearest(one.sensor, [*model.SENSORS]))
+        if feature is None:
+            known = [*self._sorts.features]
+            self._errors.error(f"there is no feature {one.name}", one.place, nearest(one.name, known))
+        elif len(feature.sorts) != (2 if one.sensor == "attached" else 1):
+            self._errors.error(f"{one.sensor} is not sensed of that", one.place, "#sensed xpos: east")
 
     def _derived(self, one: model.Derived) -> None:
         circle = self._circle(one.name)
@@ -194,7 +207,18 @@ class _Checks:
             sorts.formula(monitor.formula, bound, temporal=True, monitor=True)
         for effect in one.effects:
             self._effect(effect, bound)
+        for command in one.commands:
+            self._command(command, bound)
         self._contradictions(one)
+
+    def _command(self, one: Application, bound: dict[str, str | None]) -> None:
+        wanted = model.COMMANDS.get(one.name)
+        if wanted is None:
+            self._errors.error(f"there is no command {one.name}", one.place, nearest(one.name, [*model.COMMANDS]))
+        elif wanted != len(one.args):
+            self._errors.error(f"{one.name} takes {wanted} numbers, not {len(one.args)}", one.place, "goto(x, y, 20)")
+        for arg in one.args:
+            self._sorts.number(arg, bound)
 
     def _bounds(self, timing: model.TimeConstraint | None) -> tuple[Any, ...]:
         return () if timing is None else (timing.shortest, timing.longest)

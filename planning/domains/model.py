@@ -26,6 +26,12 @@ REPLANNING: Final = "replan"
 """The name of the recovery operator that is run before every new plan."""
 FUNCTIONS: Final = {"abs": 1, "hypot": 2, "min": 2, "max": 2}
 """Functions of numbers by name, and how many numbers they take."""
+COMMANDS: Final = {
+    "take-off": 1, "goto": 3, "climb": 1, "land": 0, "return-home": 0, "hold": 0, "wait": 1, "winch": 1, "magnet": 1,
+}  # fmt: skip
+"""Commands to a vehicle, and how many numbers they take: metres east, north and above the origin of the mission, or seconds."""
+SENSORS: Final = ("east", "north", "height", "airborne", "attached")
+"""What is sensed of an object: metres from the origin of the mission, whether it flies, whether one unit carries another object."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +104,14 @@ class FeatureDeclaration(tree.Node):
 
 
 @dataclass(frozen=True, slots=True)
+class SensedFeature(tree.Node):
+    """A feature whose values are those of a sensor; others are what the effects of actions make them."""
+
+    name: str
+    sensor: str
+
+
+@dataclass(frozen=True, slots=True)
 class Derived(tree.Node):
     """A feature that is defined by an expression (a feature macro, thesis 7.4.1)."""
 
@@ -155,6 +169,7 @@ class Operator(tree.Node):
     """An operator in the order of its clauses; `duration` is the expected one, else the middle of `timeconstraint`.
 
     `recovery` is run if an action fails, or violates what its conditions, effects and durations are monitored by.
+    `commands` are what the unit's vehicle is to do, one after another.
     """
 
     name: str
@@ -168,6 +183,7 @@ class Operator(tree.Node):
     controls: tuple[OperatorCondition, ...] = ()
     monitors: tuple[MonitorFormula, ...] = ()
     recovery: str | None = None
+    commands: tuple[Application, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,6 +250,7 @@ class Declarations:
     units: tuple[str, ...] = ()
     constants: tuple[Constant, ...] = ()
     features: tuple[FeatureDeclaration, ...] = ()
+    sensed: tuple[SensedFeature, ...] = ()
     derived: tuple[Derived, ...] = ()
     operators: tuple[Operator, ...] = ()
     controls: tuple[Control, ...] = ()

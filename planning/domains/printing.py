@@ -27,6 +27,7 @@ def print_declarations(found: Declarations) -> str:
         lines.append(f"#units {', '.join(found.units)}")
     lines += [f"#constant {one.name} = {print_expression(one.value)}" for one in found.constants]
     lines += [_feature(one) for one in found.features]
+    lines += [f"#sensed {one.name}: {one.sensor}" for one in found.sensed]
     lines += [f"#define {one.name}{_params(one.parameters)} := {print_expression(one.body)}" for one in found.derived]
     lines += [_operator(one) for one in found.operators]
     lines += [f"#control {_label(one.name)} {print_expression(one.formula)}" for one in found.controls]
@@ -101,6 +102,7 @@ def _operator(one: model.Operator) -> str:
     lines += [_condition(":control", "[start] ", each) for each in one.controls]
     lines += [f"  :recovery {one.recovery}"] if one.recovery else []
     lines += [f"  :monitor {_monitor(each)}" for each in one.monitors]
+    lines += [f"  :commands {', '.join(map(print_expression, one.commands))}" for _ in one.commands[:1]]
     return "\n".join(lines)
 
 

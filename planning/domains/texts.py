@@ -63,6 +63,7 @@ class _StatementReader(ExpressionReader):
             "units": ("units", lambda node: [name_in(one) for one in node.children]),
             "constant": ("constants", self._constant),
             "feature": ("features", self._feature),
+            "sensed": ("sensed", self._sensed),
             "define": ("derived", self._derived),
             "operator": ("operators", self._operator),
             "control": ("controls", self._control),
@@ -111,6 +112,10 @@ class _StatementReader(ExpressionReader):
         if not value >= 0:
             self.error(f"{what} is a number that is not negative", place_of(node, self.text), repair)
         return value
+
+    def _sensed(self, node: Any) -> list[Any]:
+        name, sensor = map(name_in, node.children)
+        return [model.SensedFeature(name, sensor, place=place_of(node.children[0], self.text))]
 
     def _derived(self, node: Any) -> list[Any]:
         name, *rest = [one for one in node.children if hasattr(one, "data")]
@@ -249,6 +254,7 @@ class _Clauses:
             "effects": [],
             "controls": [],
             "monitors": [],
+            "commands": [],
         }
 
     def made(self, name: str, params: tuple[model.Parameter, ...], place: tree.Place) -> model.Operator:
@@ -287,6 +293,8 @@ class _Clauses:
                 self._several["monitors"].append(model.MonitorFormula(reader.read(parts[0]), recovery, place=place))
             case "operator_recovery":
                 self._once("recovery", name_in(parts[0]), place)
+            case "commands":
+                self._several["commands"] += [reader.read(each) for each in parts]
             case "effects":
                 self._effects(parts, monitored)
 
