@@ -96,6 +96,26 @@ class Computed(NamedTuple):
     took_us: int
 
 
+class SearchNews(NamedTuple):
+    """A search for a plan that `RunSearch` began has looked at this number of nodes."""
+
+    at_us: int
+    number: int
+    nodes: int
+
+
+class SearchOver(NamedTuple):
+    """What a search came to: a plan as `MissionPlan.as_record` has it, or None and why; it took so long (node clock)."""
+
+    at_us: int
+    number: int
+    plan: Mapping[str, Any] | None
+    reason: str
+    is_certain: bool
+    nodes: int
+    took_us: int
+
+
 class Impaired(NamedTuple):
     """Something of this process no longer works, such as its journal; the platform continues without it."""
 
@@ -114,6 +134,8 @@ Event: TypeAlias = (
     | Waited
     | Pressed
     | Computed
+    | SearchNews
+    | SearchOver
     | Impaired
     | HostEvent
 )
@@ -124,6 +146,25 @@ class Compute(NamedTuple):
 
     number: int
     work: Work
+
+
+class RunSearch(NamedTuple):
+    """Search for a plan in a process of its own, at most for `limit_us`; `SearchNews` and `SearchOver` tell what comes of it.
+
+    `units`: those that may act; None: all.
+    """
+
+    number: int
+    domain: str
+    problem: str
+    units: tuple[str, ...] | None
+    limit_us: int
+
+
+class EndSearch(NamedTuple):
+    """A search is no longer wanted; nothing more is heard of it."""
+
+    number: int
 
 
 class InjectFault(NamedTuple):
@@ -175,4 +216,6 @@ class Halt(NamedTuple):
     reason: str
 
 
-Effect: TypeAlias = WireEffect | Command | Compute | InjectFault | Note | Tell | Halt | HostEffect
+Effect: TypeAlias = (
+    WireEffect | Command | Compute | RunSearch | EndSearch | InjectFault | Note | Tell | Halt | HostEffect
+)

@@ -22,7 +22,7 @@ from functools import partial
 from queue import SimpleQueue
 from typing import Any, NamedTuple
 
-from agents.effects import Computed, HostEvent, Reported
+from agents.effects import Computed, HostEvent, Reported, SearchOver
 from federation.transport import Answered, Arrived, Asked, AskEnded, Conflated, HandlerFailed, TokenChanged
 
 LIMIT = 50_000
@@ -165,8 +165,8 @@ def _place(event: Any) -> tuple[Hashable, str, Rule]:
             return AskEnded, AskEnded.__name__, ENDS
         case Reported(report=report):
             return (Reported, type(report)), type(report).__name__, REPORTS
-        case Computed():  # each unit is called once at a time
-            return Computed, Computed.__name__, ENDS
+        case Computed() | SearchOver():  # each unit is called once at a time, each search ends once
+            return type(event), type(event).__name__, ENDS
         case _ if isinstance(event, HostEvent):  # the door lets so many of each host in
             return HostEvent, "hosts", ENDS
         case HandlerFailed(where=where):

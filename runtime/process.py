@@ -18,6 +18,7 @@ from typing import Any
 from agents.directory.directory import DirectoryAgent
 from agents.effects import (
     Compute,
+    EndSearch,
     Event,
     Halt,
     HostEffect,
@@ -27,6 +28,7 @@ from agents.effects import (
     Note,
     Pressed,
     Reported,
+    RunSearch,
     Tell,
     Waited,
 )
@@ -53,6 +55,7 @@ from runtime.journal.recorded_runs import about, journalled
 from runtime.loop import Pressure, SteppedNode, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
 from runtime.records import NoteLimit, Records
+from runtime.searches.workers import SearchWorkers
 from runtime.specified import Specified
 from runtime.vehicles import Vehicle, VehiclePorts
 from runtime.workers import WorkerThreads
@@ -101,6 +104,7 @@ class PlatformProcess:
         self._door = None if config.hosts is None else HostDoor(config.hosts, self.mailbox.post, self.clock.now_us)
         self._stopwatch = Stopwatch(self.federation_us, keeps=config.journal is not None)
         self._workers = WorkerThreads(self.mailbox.post, self.clock.now_us, self._note)
+        self._searches = SearchWorkers(self.mailbox.post, self.clock.now_us)
         self._told: tuple[str, ...] = ()
         self._weighed_us = 0
         self._pressure = Pressure()
@@ -213,6 +217,7 @@ class PlatformProcess:
             self._door.close()
         self._edge.close()
         self._workers.close()
+        self._searches.close()
         if self._journal is not None:
             self._journal.close()
         if self._accepted is not None:
@@ -297,6 +302,8 @@ class PlatformProcess:
             self._note(effect.text)
         elif kind is Compute:
             self._workers.perform(effect)
+        elif isinstance(effect, RunSearch | EndSearch):
+            self._searches.perform(effect)
         elif isinstance(effect, HostEffect):
             if self._door is not None:
                 self._door.perform(effect)

@@ -1,6 +1,6 @@
 """Plans: actions with times, what they cost, and how they are shown."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,6 +55,36 @@ class MissionPlan:
         found: dict[str, Any] = {"plan": [one.as_json() for one in self.actions], "cost": self.cost}
         return found | {"unreached": list(self.unreached)} if self.unreached else found
 
+    def as_record(self) -> dict[str, Any]:
+        """All of it as plain values, for `plan_of`."""
+        rows = [
+            [
+                one.start_ms, one.end_ms, one.unit, one.shown, one.operator.name, list(one.objects),
+                [list(pair) for pair in one.values], one.cost,
+            ]
+            for one in self.actions
+        ]  # fmt: skip
+        return {"actions": rows, "cost": self.cost, "unreached": list(self.unreached)}
+
     def lines(self) -> tuple[str, ...]:
         """One line for each action: start, end, action."""
         return tuple(f"{one.start_ms / 1000:9.1f} s {one.end_ms / 1000:9.1f} s  {one.shown}" for one in self.actions)
+
+
+def plan_of(record: Mapping[str, Any], operators: Iterable[Operator]) -> MissionPlan:
+    """The plan of which `as_record` made the record."""
+    named = {one.name: one for one in operators}
+    actions = tuple(
+        PlannedAction(
+            start_ms,
+            end_ms,
+            unit,
+            shown,
+            named[name],
+            tuple(objects),
+            tuple((each, value) for each, value in values),
+            cost,
+        )
+        for start_ms, end_ms, unit, shown, name, objects, values, cost in record["actions"]
+    )
+    return MissionPlan(actions, record["cost"], tuple(record["unreached"]))

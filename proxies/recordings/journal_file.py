@@ -30,6 +30,8 @@ from agents.effects import (
     LeaveRequested,
     Pressed,
     Reported,
+    SearchNews,
+    SearchOver,
     Specify,
     Waited,
 )
@@ -62,6 +64,8 @@ _KINDS: dict[str, type[Any]] = {
         Pressed,
         Impaired,
         Computed,
+        SearchNews,
+        SearchOver,
         Outcome,
         Sample,
         Quality,

@@ -1,0 +1,303 @@
+"""The platform's own vehicle in a mission that this platform, or another one, leads.
+
+`(join-mission ...)` gives the vehicle to a mission, if its leader is permitted to command it; `(perform-commands ...)` has it do
+something, which is answered when the vehicle shows that it is done, or why not. While the vehicle is in its pilot's hands
+nothing is sent, and the leader is informed that it waits. A vehicle whose leader is gone holds. Times are the node clock.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from agents.actions import Action, Offer, Role
+from agents.flight.arbiter import Commander
+from agents.flight.flight import FLIGHT, FlightAgent
+from agents.flight.pilot import Pilot
+from agents.interface import InterfaceAgent
+from agents.missions.command_run import CommandRun, VehicleCommand
+from agents.missions.permits import Permits
+from agents.part import Part
+from agents.tasks.life import TaskLife
+from agents.tasks.task import Task
+from dyknow.model.errors import Refused
+from federation.members.clock import FederationClock
+from federation.messages.acts import Act, Performative
+from federation.messages.contents import (
+    CommandEntry,
+    Done,
+    JoinMission,
+    PerformCommands,
+    PermitMission,
+    Reason,
+    VehicleNews,
+)
+from federation.messages.descriptions import ConditionEntry
+from navigation.vehicle import Command, HoldOrder
+
+P = Performative
+PERIOD_US: Final = 200_000
+COMMANDS: Final = {
+    "take-off": 1, "goto": 3, "climb": 1, "land": 0, "return-home": 0, "hold": 0, "wait": 1,
+}  # fmt: skip
+LONGEST_WAIT_S: Final = 3600.0
+Answer = Callable[[str, int], None]
+"""Takes why commands failed (empty: they are done), and when."""
+
+
+@dataclass(slots=True)
+class _Joined:
+    """The mission that has the vehicle: for whom, and what is told to it."""
+
+    mission: str
+    leader: str
+    conversation: str
+    tell: Callable[[str, int], None]
+    waits: str = ""
+    run: CommandRun | None = None
+    action: str = ""
+    act: Act | None = None
+    answer: Answer | None = None
+
+
+class Performing(Part):
+    """See the module.
+
+    Args:
+        flight: awaits the outcome of single orders.
+        role_of: what a unit may ask for.
+        emit: takes commands to the vehicle.
+        offer: called when its condition changes.
+    """
+
+    offers = (
+        Offer(
+            FLIGHT,
+            (
+                Action(PermitMission, "on_permit", role=Role.COMMAND_CENTRE),
+                Action(JoinMission, "on_join", lasting=True),
+                Action(PerformCommands, "on_perform"),
+            ),
+        ),
+    )
+    answers = (VehicleNews,)
+
+    def __init__(
+        self,
+        unit: str,
+        agent: InterfaceAgent,
+        clock: FederationClock,
+        flight: FlightAgent,
+        pilot: Pilot,
+        tasks: TaskLife,
+        role_of: Callable[[str], Role],
+        emit: Callable[[Command], None],
+        note: Callable[[str], None],
+        offer: Callable[[int], None],
+    ) -> None:
+        self._unit, self._agent, self._clock, self._flight, self._pilot = unit, agent, clock, flight, pilot
+        self._tasks, self._emit, self._note, self._offer = tasks, emit, note, offer
+        self.permits = Permits(unit, role_of)
+        self._joined: _Joined | None = None
+        self._due_us = 0
+        self._shown: ConditionEntry | None = None
+
+    def conditions(self) -> Iterable[ConditionEntry]:
+        return () if self._shown is None else (self._shown,)
+
+    # -- joined ------------------------------------------------------------------------------------------------
+
+    def on_permit(self, act: Act, content: PermitMission, now_us: int) -> None:
+        """`(permit-mission ...)`: let platforms lead a mission with this vehicle."""
+        self.permits.permit(content.mission, frozenset(content.leaders), now_us)
+        self._agent.done(act, now_us)
+
+    def on_join(self, act: Act, content: JoinMission, now_us: int) -> None:
+        """`(join-mission ...)`: until it is cancelled.
+
+        Raises:
+            Refused: the sender may not command the vehicle, another mission has it, or its pilot does.
+        """
+        sender, conversation = act.sender.unit, self._tasks.check_free(act.conversation_id)
+        self.permits.check(content.mission, sender, now_us)
+        self.permits.check_chain(content.chain, sender)
+
+        def tell(waits: str, at_us: int) -> None:
+            self._agent.tell(sender, VehicleNews(waits=waits), at_us, conversation=conversation)
+
+        self.join(content.mission, sender, tell, now_us, conversation)
+        task = Task(conversation, sender, JoinMission.head, self._left, since_us=now_us, is_part=True)
+        self._tasks.add(task)
+        self._agent.answer(act, P.AGREE, None, now_us)
+
+    def join(
+        self, mission: str, leader: str, tell: Callable[[str, int], None], now_us: int, conversation: str = ""
+    ) -> None:
+        """Give the vehicle to a mission; `tell` takes why it waits.
+
+        Raises:
+            Refused: another mission has it, it may not be commanded, or its pilot has it.
+        """
+        if self._joined is not None:
+            raise Refused(f"the vehicle takes part in mission {self._joined.mission}", "mission")
+        self._pilot.begin_mission(mission)
+        self._flight.supersede(now_us)
+        self._joined = _Joined(mission, leader, conversation, tell)
+        self._show(now_us)
+
+    def leave(self, now_us: int) -> None:
+        """The mission needs the vehicle no more: one that flies for it holds."""
+        joined, self._joined = self._joined, None
+        if joined is None:
+            return
+        if joined.run is not None and not joined.run.is_over:
+            self.stop("loiter")
+        self._pilot.end_mission()
+        self.permits.end(joined.mission)
+        self._show(now_us)
+
+    def _left(self, now_us: int) -> tuple[str, ...]:
+        self.leave(now_us)
+        return ()
+
+    def on_lost(self, act: Act, now_us: int) -> bool:
+        """The leader is gone: the vehicle holds, and is free."""
+        joined = self._joined
+        if joined is None or not joined.conversation or joined.conversation != act.conversation_id:
+            return False
+        self._note(f"mission {joined.mission}: its leader {joined.leader} is gone; the vehicle holds")
+        self._tasks.cancel(joined.conversation, now_us)
+        return True
+
+    # -- performed ---------------------------------------------------------------------------------------------
+
+    def on_perform(self, act: Act, content: PerformCommands, now_us: int) -> None:
+        """`(perform-commands ...)`: informs when they are done.
+
+        Raises:
+            Refused: the vehicle does not take part in that mission of the sender's, or does not know a command.
+        """
+        joined = self._joined
+        if (
+            joined is None
+            or not joined.conversation
+            or (joined.mission, joined.leader)
+            != (
+                content.mission,
+                act.sender.unit,
+            )
+        ):
+            raise Refused(f"the vehicle takes no part in mission {content.mission} of {act.sender.unit}", "mission")
+        commands = checked(content.commands)
+
+        def answer(why: str, at_us: int) -> None:
+            if why:
+                self._agent.answer(act, P.FAILURE, Reason(text=why[:1000]), at_us)
+            else:
+                self._agent.answer(act, P.INFORM, Done(), at_us)
+
+        self._agent.answer(act, P.AGREE, None, now_us)
+        self.perform(content.action, commands, answer, now_us, act)
+
+    def perform(
+        self, action: str, commands: tuple[VehicleCommand, ...], answer: Answer, now_us: int, act: Act | None = None
+    ) -> None:
+        """Do these, for the mission that has the vehicle; what was under way is overtaken."""
+        joined = self._joined
+        if joined is None:
+            answer("the vehicle takes no part in the mission", now_us)
+            return
+        self._end(joined, "overtaken by other commands", now_us)
+        joined.run, joined.action, joined.act, joined.answer = CommandRun(commands), action, act, answer
+        self._due_us = now_us
+        self._show(now_us)
+
+    def on_cancel(self, act: Act, now_us: int) -> bool:
+        """What is performed is wanted no more: the vehicle holds."""
+        joined = self._joined
+        if joined is None or joined.act is None or joined.act.conversation_id != act.conversation_id:
+            return False
+        if joined.act.sender.unit != act.sender.unit:
+            raise Refused(f"only {joined.act.sender.unit} may cancel that", "role")
+        self.stop("loiter")
+        self._end(joined, "aborted", now_us)
+        return True
+
+    def stop(self, how: str) -> None:
+        """Brake, loiter or land, if the mission commands the vehicle and it flies."""
+        joined, status = self._joined, self._pilot.status
+        if joined is not None and joined.run is not None and not joined.run.is_over:
+            joined.run.failure = "aborted"
+        if status is None or not status.airborne:
+            return
+        if how == "land" and joined is not None:
+            joined.run, joined.answer = CommandRun((VehicleCommand("land"),)), None
+            return
+        try:
+            self._send(self._pilot.order(HoldOrder(), Commander.MISSION))
+        except Refused as refused:
+            self._note(f"the vehicle does not hold: {refused.reason}")
+
+    def _end(self, joined: _Joined, why: str, now_us: int) -> None:
+        answer, joined.answer = joined.answer, None
+        joined.run = joined.act = None
+        if answer is not None:
+            answer(why, now_us)
+
+    # -- time --------------------------------------------------------------------------------------------------
+
+    @property
+    def deadline_us(self) -> int | None:
+        return None if self._joined is None else self._due_us
+
+    def on_time(self, now_us: int) -> None:
+        joined = self._joined
+        if joined is None or now_us < self._due_us:
+            return
+        self._due_us = now_us + PERIOD_US
+        self._look(joined, now_us)
+        run = joined.run
+        if run is None:
+            return
+        self._send(run.step(self._pilot, self._clock.federation_us(now_us)))
+        if run.is_over:
+            self._end(joined, run.failure, now_us)
+            self._show(now_us)
+
+    def _look(self, joined: _Joined, now_us: int) -> None:
+        """Tell the leader when the vehicle begins to wait, and when it takes commands again."""
+        waits = self._pilot.mission.waits
+        if waits != joined.waits:
+            joined.waits = waits
+            self._note(f"mission {joined.mission} {f'waits: {waits}' if waits else 'continues'}")
+            joined.tell(waits, now_us)
+            self._show(now_us)
+
+    def _show(self, now_us: int) -> None:
+        joined, text = self._joined, ""
+        if joined is not None:
+            doing = f"waits: {joined.waits}" if joined.waits else joined.action if joined.run else "is idle"
+            text = f"mission {joined.mission}, led by {joined.leader}: {doing}"[:200]
+        if text != (self._shown.text if self._shown else ""):
+            self._shown = ConditionEntry(text=text, since_us=now_us) if text else None
+            self._offer(now_us)
+
+    def _send(self, commands: Iterable[Command]) -> None:
+        for command in commands:
+            self._emit(command)
+
+
+def checked(entries: Iterable[CommandEntry]) -> tuple[VehicleCommand, ...]:
+    """Commands that came in an act; raises Refused: one is unknown, or its numbers are none of such a command."""
+    found = []
+    for one in entries:
+        if COMMANDS.get(one.name) != len(one.numbers):
+            known = ", ".join(f"{name}/{count}" for name, count in COMMANDS.items())
+            raise Refused(
+                f"no command {one.name} with {len(one.numbers)} numbers; there are {known}", "unknown-command"
+            )
+        if one.name == "goto" and not (abs(one.numbers[0]) <= 90 and abs(one.numbers[1]) <= 180):
+            raise Refused("goto: there is no such place", "unknown-command")
+        if one.name == "wait" and not 0 <= one.numbers[0] <= LONGEST_WAIT_S:
+            raise Refused(f"wait: a vehicle waits at most {LONGEST_WAIT_S:g} s", "unknown-command")
+        found.append(VehicleCommand(one.name, tuple(one.numbers)))
+    return tuple(found)
