@@ -45,6 +45,8 @@ from agents.flight.giving_way import GivingWay
 from agents.flight.pilot import Pilot
 from agents.flight.vehicle_streams import VehicleStreams
 from agents.interface import InterfaceAgent
+from agents.missions.leading import MissionLeading
+from agents.missions.performing import Performing
 from agents.monitoring.alarm_log import AlarmLog
 from agents.monitoring.checks import Checks
 from agents.monitoring.coordination import Coordination
@@ -73,12 +75,13 @@ from federation.sharing.exports import Exports
 from federation.sharing.translation import Convert, Translation
 from federation.transport import Reopen, WireEffect
 from kpl import Instance
+from navigation.geodesy import LocalFrame
 from reasoning import AlarmEvent
 
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    Cameras, CameraAttention, FlightAgent, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision,
+    Cameras, CameraAttention, FlightAgent, Performing, MissionLeading, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision,
     Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Wanting, Cooperation, Handover, MessageLog, DirectoryAgent,
@@ -130,7 +133,7 @@ class Ports:
         attends = config.cameras is not None and config.vehicle
         wanted = (
             (Cameras, config.cameras), (CameraAttention, attends), (FlightAgent, config.vehicle), (Following, attends),
-            (Faults, config.simulated),
+            (Performing, config.vehicle), (MissionLeading, config.vehicle), (Faults, config.simulated),
         )  # fmt: skip
         missing = {kind for kind, has in wanted if not has}
         return [kind for kind in (*PARTS[:-1], *config.extensions, PARTS[-1]) if kind not in missing]
@@ -261,6 +264,18 @@ class Ports:
 
         config = self.config
         return Pilot(config.control, config.plan, config.limits, config.missions, clock, self.note)
+
+    @property
+    def origin(self) -> Callable[[], LocalFrame | None]:
+        """Of places on the ground: that of cameras, or the home of the vehicle, once it is known."""
+
+        def found() -> LocalFrame | None:
+            home, rig = self.pilot.bounds.home, self.config.cameras
+            if rig is not None:
+                return rig.frame
+            return None if home is None else LocalFrame(home.latitude_deg, home.longitude_deg, home.altitude_m)
+
+        return found
 
     @cached_property
     def monitors(self) -> UnitMonitors:

@@ -10,8 +10,8 @@ import typer
 
 from console.command import USAGE, CommandGroup, CommandTable
 
-_FLEET, _MEMBERS, _OBJECTS, _RECORDINGS, _TEXTS = (
-    f"console.commands.{each}" for each in ("fleet", "members", "objects", "recordings", "texts")
+_FLEET, _MEMBERS, _MISSIONS, _OBJECTS, _RECORDINGS, _TEXTS = (
+    f"console.commands.{each}" for each in ("fleet", "members", "missions", "objects", "recordings", "texts")
 )
 
 COMMANDS: CommandTable = {
@@ -60,6 +60,13 @@ COMMANDS: CommandTable = {
     "doctor": (f"{_FLEET}.doctor:doctor", "What this machine lacks, and how to get it."),
     "plan": (f"{_TEXTS}.plan:plan", "A plan for a problem of a domain, with times; or the reason why there is none."),
     "recover": (f"{_OBJECTS}.recover:recover", "A plan that looks again from elsewhere until an object is identified."),
+    "mission": ("", "Goals that platforms reach together, by plans that are flown and watched."),
+    "mission start": (f"{_MISSIONS}.mission:start", "Have platforms reach the goals of a problem."),
+    "mission status": (f"{_MISSIONS}.mission:status", "How far each mission is, and what it asks."),
+    "mission answer": (f"{_MISSIONS}.mission:answer", "The answer to what a mission asks."),
+    "mission suspend": (f"{_MISSIONS}.mission:suspend", "Have a mission wait."),
+    "mission resume": (f"{_MISSIONS}.mission:resume", "Have a mission continue that was suspended."),
+    "mission abort": (f"{_MISSIONS}.mission:abort", "End a mission: its vehicles hold."),
     "kpl": ("", "Specifications of knowledge processing, in KPL."),
     "kpl check": (f"{_TEXTS}.specifications:check", "Every error of a specification with its place and repair."),
     "kpl show": (f"{_TEXTS}.specifications:show", "A specification as it is understood, one declaration a line."),

@@ -166,7 +166,8 @@ def _place(event: Any) -> tuple[Hashable, str, Rule]:
         case Reported(report=report):
             return (Reported, type(report)), type(report).__name__, REPORTS
         case Computed() | SearchOver():  # each unit is called once at a time, each search ends once
-            return type(event), type(event).__name__, ENDS
+            ended: type[Any] = type(event)
+            return ended, ended.__name__, ENDS
         case _ if isinstance(event, HostEvent):  # the door lets so many of each host in
             return HostEvent, "hosts", ENDS
         case HandlerFailed(where=where):

@@ -1,7 +1,7 @@
 """The platform's own vehicle in a mission that this platform, or another one, leads.
 
 `(join-mission ...)` gives the vehicle to a mission, if its leader is permitted to command it; `(perform-commands ...)` has it do
-something, which is answered when the vehicle shows that it is done, or why not. While the vehicle is in its pilot's hands
+something, and `(performed ...)` tells when the vehicle shows that it is done, or why not. While the vehicle is in its pilot's hands
 nothing is sent, and the leader is informed that it waits. A vehicle whose leader is gone holds. Times are the node clock.
 """
 
@@ -21,20 +21,18 @@ from agents.tasks.life import TaskLife
 from agents.tasks.task import Task
 from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
-from federation.messages.acts import Act, Performative
+from federation.messages.acts import Act
 from federation.messages.contents import (
     CommandEntry,
-    Done,
     JoinMission,
     PerformCommands,
+    Performed,
     PermitMission,
-    Reason,
     VehicleNews,
 )
 from federation.messages.descriptions import ConditionEntry
 from navigation.vehicle import Command, HoldOrder
 
-P = Performative
 PERIOD_US: Final = 200_000
 COMMANDS: Final = {
     "take-off": 1, "goto": 3, "climb": 1, "land": 0, "return-home": 0, "hold": 0, "wait": 1,
@@ -55,7 +53,6 @@ class _Joined:
     waits: str = ""
     run: CommandRun | None = None
     action: str = ""
-    act: Act | None = None
     answer: Answer | None = None
 
 
@@ -79,7 +76,7 @@ class Performing(Part):
             ),
         ),
     )
-    answers = (VehicleNews,)
+    answers = (VehicleNews, Performed)
 
     def __init__(
         self,
@@ -104,6 +101,11 @@ class Performing(Part):
     def conditions(self) -> Iterable[ConditionEntry]:
         return () if self._shown is None else (self._shown,)
 
+    def is_airborne(self) -> bool | None:
+        """Whether the vehicle says that it flies."""
+        status = self._pilot.status
+        return None if status is None else status.airborne
+
     # -- joined ------------------------------------------------------------------------------------------------
 
     def on_permit(self, act: Act, content: PermitMission, now_us: int) -> None:
@@ -127,7 +129,7 @@ class Performing(Part):
         self.join(content.mission, sender, tell, now_us, conversation)
         task = Task(conversation, sender, JoinMission.head, self._left, since_us=now_us, is_part=True)
         self._tasks.add(task)
-        self._agent.answer(act, P.AGREE, None, now_us)
+        self._agent.done(act, now_us)
 
     def join(
         self, mission: str, leader: str, tell: Callable[[str, int], None], now_us: int, conversation: str = ""
@@ -171,7 +173,7 @@ class Performing(Part):
     # -- performed ---------------------------------------------------------------------------------------------
 
     def on_perform(self, act: Act, content: PerformCommands, now_us: int) -> None:
-        """`(perform-commands ...)`: informs when they are done.
+        """`(perform-commands ...)`: tells when they are done.
 
         Raises:
             Refused: the vehicle does not take part in that mission of the sender's, or does not know a command.
@@ -190,37 +192,22 @@ class Performing(Part):
         commands = checked(content.commands)
 
         def answer(why: str, at_us: int) -> None:
-            if why:
-                self._agent.answer(act, P.FAILURE, Reason(text=why[:1000]), at_us)
-            else:
-                self._agent.answer(act, P.INFORM, Done(), at_us)
+            told = Performed(step=content.step, failure=why[:1000])
+            self._agent.tell(act.sender.unit, told, at_us, conversation=joined.conversation)
 
-        self._agent.answer(act, P.AGREE, None, now_us)
-        self.perform(content.action, commands, answer, now_us, act)
+        self._agent.done(act, now_us)
+        self.perform(content.action, commands, answer, now_us)
 
-    def perform(
-        self, action: str, commands: tuple[VehicleCommand, ...], answer: Answer, now_us: int, act: Act | None = None
-    ) -> None:
+    def perform(self, action: str, commands: tuple[VehicleCommand, ...], answer: Answer, now_us: int) -> None:
         """Do these, for the mission that has the vehicle; what was under way is overtaken."""
         joined = self._joined
         if joined is None:
             answer("the vehicle takes no part in the mission", now_us)
             return
         self._end(joined, "overtaken by other commands", now_us)
-        joined.run, joined.action, joined.act, joined.answer = CommandRun(commands), action, act, answer
+        joined.run, joined.action, joined.answer = CommandRun(commands), action, answer
         self._due_us = now_us
         self._show(now_us)
-
-    def on_cancel(self, act: Act, now_us: int) -> bool:
-        """What is performed is wanted no more: the vehicle holds."""
-        joined = self._joined
-        if joined is None or joined.act is None or joined.act.conversation_id != act.conversation_id:
-            return False
-        if joined.act.sender.unit != act.sender.unit:
-            raise Refused(f"only {joined.act.sender.unit} may cancel that", "role")
-        self.stop("loiter")
-        self._end(joined, "aborted", now_us)
-        return True
 
     def stop(self, how: str) -> None:
         """Brake, loiter or land, if the mission commands the vehicle and it flies."""
@@ -239,7 +226,7 @@ class Performing(Part):
 
     def _end(self, joined: _Joined, why: str, now_us: int) -> None:
         answer, joined.answer = joined.answer, None
-        joined.run = joined.act = None
+        joined.run = None
         if answer is not None:
             answer(why, now_us)
 

@@ -9,6 +9,7 @@ import os
 import resource
 import sys
 import time
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from dyknow.model.errors import DyknowError
@@ -20,20 +21,14 @@ MEMORY_BYTES: Final = 2 << 30
 NICENESS: Final = 5
 
 
-def search(request: dict[str, Any], write: Any) -> dict[str, Any]:
-    """Do it: what the last line says."""
-    parent, limit_us = os.getppid(), request["limit_us"]
-    end_s = time.monotonic() + limit_us / 1e6
-
-    def stop() -> str:
-        if os.getppid() != parent:
-            sys.exit()
-        return f"gave up after {print_span(limit_us)}" if time.monotonic() > end_s else ""
-
+def found_record(
+    request: Mapping[str, Any], stop: Callable[[], str], progress: Callable[[int], None] = lambda _nodes: None
+) -> dict[str, Any]:
+    """Search: what the last line has; `stop` gives a reason to end, or nothing."""
     try:
         domain = parse_domain(request["domain"])
         problem = parse_problem(request["problem"], domain)
-        found = find_plan(domain, problem, stop=stop, progress=lambda nodes: write({"nodes": nodes}))
+        found = find_plan(domain, problem, stop=stop, progress=progress, units=request["units"])
     except DyknowError as wrong:
         return {"plan": None, "reason": str(wrong), "is_certain": True, "nodes": 0}
     except MemoryError:
@@ -49,12 +44,20 @@ def main() -> None:
     """See the module."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     os.nice(NICENESS)
+    request, parent = json.loads(sys.stdin.readline()), os.getppid()
+    limit_us = int(request["limit_us"])
+    end_s = time.monotonic() + limit_us / 1e6
+
+    def stop() -> str:
+        if os.getppid() != parent:
+            sys.exit()
+        return f"gave up after {print_span(limit_us)}" if time.monotonic() > end_s else ""
 
     def write(record: dict[str, Any]) -> None:
         sys.stdout.write(f"{json.dumps(record)}\n")
         sys.stdout.flush()
 
-    write(search(json.loads(sys.stdin.readline()), write))
+    write(found_record(request, stop, lambda nodes: write({"nodes": nodes})))
 
 
 if __name__ == "__main__":

@@ -5,9 +5,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import Final
+from typing import Any, Final
 
 from agents.effects import EndSearch, RunSearch, SearchNews, SearchOver
 
@@ -85,10 +85,9 @@ class SearchWorkers:
             is_wanted = self._running.pop(search.number, None) is not None
         if is_wanted:
             took_us = round((time.monotonic() - began_s) * 1e6)
-            found = (last.get("plan"), last["reason"], last["is_certain"], last["nodes"])
-            self._post(SearchOver(self._now_us(), search.number, *found, took_us))
+            self._post(search_over(self._now_us(), search.number, last, took_us))
 
-    def _read(self, search: RunSearch, process: "subprocess.Popen[str]") -> dict[str, object]:
+    def _read(self, search: RunSearch, process: "subprocess.Popen[str]") -> dict[str, Any]:
         """What its lines come to."""
         assert process.stdin is not None  # noqa: S101  (it has both pipes)
         assert process.stdout is not None  # noqa: S101
@@ -101,3 +100,8 @@ class SearchWorkers:
                 return dict(said)
             self._post(SearchNews(self._now_us(), search.number, said["nodes"]))
         return {"plan": None, "reason": "the search has ended without an answer", "is_certain": False, "nodes": 0}
+
+
+def search_over(at_us: int, number: int, last: Mapping[str, Any], took_us: int) -> SearchOver:
+    """The event of a search's last line."""
+    return SearchOver(at_us, number, last["plan"], last["reason"], last["is_certain"], last["nodes"], took_us)

@@ -20,12 +20,14 @@ from agents.effects import (
     Compute,
     DropHost,
     Effect,
+    EndSearch,
     Event,
     Halt,
     InjectFault,
     LeaveRequested,
     Note,
     Reported,
+    RunSearch,
     Specify,
     TakeHost,
     Tell,
@@ -46,6 +48,7 @@ from navigation.vehicle import Command, Report
 from runtime.mailbox import Mailbox
 from sim_uavs.dynamics.faults import SimulatedFault, parse_fault
 from sim_uavs.world.agenda import Agenda
+from sim_uavs.world.searches import SEARCH_US, searched
 from sim_uavs.world.sessions import SessionLink
 from sim_uavs.world.units import DriftingClock, WorldNode, WorldVehicle
 from sim_uavs.world.wire import LEASE_US, Wire
@@ -378,7 +381,10 @@ class World:
                 case Halt():
                     node.halted.append(effect.reason)
                     self.agenda.at(self.now_us, self.kill, node.unit)
-                case TellHost() | TakeHost() | DropHost() | Compute():
+                case RunSearch():
+                    over = searched(effect, node.clock.node_us(self.now_us))
+                    self.agenda.at(self.now_us + SEARCH_US, self._reach, node, over)
+                case EndSearch() | TellHost() | TakeHost() | DropHost() | Compute():
                     pass  # there are no hosts in this world, and no workers: time is simulated
                 case _:
                     self.wire.perform(node.unit, effect)

@@ -92,15 +92,26 @@ class CommandEntry(parts.ContentPart):
 
 
 class PerformCommands(parts.Content):
-    """Do these one after another, for a mission that your vehicle takes part in; `action` says what for."""
+    """Do these one after another, for a mission that your vehicle takes part in; `action` says what for.
+
+    They overtake those of an earlier step. `Performed` tells what became of them.
+    """
 
     mission: parts.Conversation
+    step: Count
     action: parts.Line
     commands: Annotated[tuple[CommandEntry, ...], Field(max_length=MAX_COMMANDS)]
 
 
+class Performed(parts.Content):
+    """The commands of a step are done, or why not."""
+
+    step: Count
+    failure: parts.Line = ""
+
+
 class VehicleNews(parts.Content):
-    """Whether the vehicle waits, as its pilot has it, or why it is not heard; empty: it takes commands."""
+    """Why the vehicle takes no commands, as its pilot has it; empty: it takes them."""
 
     waits: parts.Line
 

@@ -1,0 +1,277 @@
+"""Missions that this platform leads: goals and plans that were delegated to it (thesis 7.2, 9.4).
+
+`(fly-mission ...)` is read, agreed to or refused with a reason, and lasts until it is cancelled or over. The platform's own
+vehicle takes part if the problem has it; other platforms are asked, with the chain of those that have delegated. A plan is
+searched for in a process of its own. Progress, questions and the end are told to the delegator, and shown to others on request.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from itertools import count
+from typing import Final
+
+from agents.actions import COORDINATION, QUERIED, Action, Offer, Role
+from agents.effects import Effect, EndSearch, RunSearch, SearchNews, SearchOver, Tell
+from agents.exchange.gateway import Gateway
+from agents.exchange.local_instance import LocalInstance
+from agents.exchange.subscription_keeper import SubscriptionKeeper
+from agents.interface import InterfaceAgent
+from agents.missions.led_mission import LedMission, MissionOrder, MissionUnit
+from agents.missions.mission_texts import MissionTexts, read_mission
+from agents.missions.mission_units import OtherUnit, OwnUnit
+from agents.missions.performing import Performing
+from agents.missions.sensing import UnitSensors
+from agents.part import Followed, Part
+from agents.tasks.life import TaskLife
+from agents.tasks.task import Task
+from dyknow.model.errors import Refused
+from federation.members.clock import FederationClock
+from federation.members.directory import DirectoryFacilitator
+from federation.messages.acts import Act, Performative
+from federation.messages.contents import (
+    AnswerQuestion,
+    ControlMission,
+    Done,
+    FlyMission,
+    MissionList,
+    Missions,
+    Progress,
+    Reason,
+)
+from navigation.geodesy import LocalFrame
+from planning.execution import events
+from planning.search.plans import MissionPlan, plan_of
+
+P = Performative
+MOST: Final = 4
+"""Missions that one platform leads at once."""
+KEPT: Final = 8
+"""Missions that are over and still shown."""
+LONGEST_SEARCH_US: Final = 120_000_000
+HOME: Final = "heli-home"
+
+
+class MissionLeading(Part):
+    """See the module.
+
+    Args:
+        performing: lends the platform's own vehicle; None: it has none.
+        emit: takes searches, and output for whoever follows this process.
+    """
+
+    offers = (
+        Offer(
+            COORDINATION,
+            (
+                Action(FlyMission, "on_fly", lasting=True),
+                Action(ControlMission, "on_control", role=Role.COMMAND_CENTRE),
+                Action(AnswerQuestion, "on_answer", role=Role.COMMAND_CENTRE),
+                Action(Missions, "on_missions", QUERIED, Role.OBSERVER),
+            ),
+        ),
+    )
+    answers = (MissionList,)
+    takes: Mapping[type, str] = {SearchNews: "on_search_news", SearchOver: "on_search_over"}
+
+    def __init__(
+        self,
+        unit: str,
+        agent: InterfaceAgent,
+        clock: FederationClock,
+        directory: DirectoryFacilitator,
+        gateway: Gateway,
+        local: LocalInstance,
+        keeper: SubscriptionKeeper,
+        performing: Performing,
+        tasks: TaskLife,
+        origin: Callable[[], LocalFrame | None],
+        emit: Callable[[Effect], None],
+        note: Callable[[str], None],
+    ) -> None:
+        self._unit, self._agent, self._clock, self._directory = unit, agent, clock, directory
+        self._gateway, self._local, self._keeper, self._performing = gateway, local, keeper, performing
+        self._tasks, self._origin, self._emit, self._note_of = tasks, origin, emit, note
+        self._led: dict[str, LedMission] = {}
+        self._over: dict[str, LedMission] = {}
+        self._numbers = count(1)
+        self._searches: dict[int, tuple[LedMission, events.SearchPlan]] = {}
+
+    # -- delegated ---------------------------------------------------------------------------------------------
+
+    def on_fly(self, act: Act, content: FlyMission, now_us: int) -> None:
+        """`(fly-mission ...)`: until it is over or cancelled.
+
+        Raises:
+            Refused: the sender may not, or this platform leads enough, or has no origin; a unit or an action is unknown.
+            TextError: a text is wrong, and where.
+        """
+        sender, conversation = act.sender.unit, self._tasks.check_free(act.conversation_id)
+        self._performing.permits.check(content.mission, sender, now_us)
+        self._performing.permits.check_chain(content.chain, sender)
+        if content.mission in self._led or len(self._led) >= MOST:
+            raise Refused(f"this platform leads {content.mission} already, or {MOST} missions", "busy")
+        texts = read_mission(
+            content.domain, content.problem, content.constraints, content.actions,
+            is_whole=content.is_whole, platforms=content.platforms,
+        )  # fmt: skip
+        frame = self._origin()
+        if frame is None:
+            raise Refused(
+                "the home of this platform's vehicle is not known, which is the origin of places", "no-origin"
+            )
+        timeout_us = min(round(content.timeout_s * 1e6), LONGEST_SEARCH_US)
+        order = MissionOrder(
+            content.mission, act, conversation, (*content.chain, *(() if content.chain else (sender,))), timeout_us
+        )
+        self._agent.answer(act, P.AGREE, None, now_us)
+        self._lead(order, texts, frame, now_us)
+
+    def _lead(self, order: MissionOrder, texts: MissionTexts, frame: LocalFrame, now_us: int) -> None:
+        """Begin: vehicles are asked to take part, their streams come."""
+        units: dict[str, MissionUnit] = {}
+        sensors = UnitSensors(
+            self._unit, frame, texts.platforms, texts.sensors, self._gateway, self._local, self._keeper,
+            self._performing.is_airborne,
+        )  # fmt: skip
+        led = self._led[order.name] = LedMission(order, texts, sensors, units, self, now_us)
+        for name, platform in texts.platforms.items():
+            if platform == self._unit:
+                own = units[name] = OwnUnit(self._performing, led.on_performed)
+                own.join(order.name, self._unit, now_us)
+            else:
+                chain = (*order.chain, self._unit)
+                other = units[name] = OtherUnit(platform, self._agent, led.on_performed, order.name, chain)
+                other.join(now_us)
+        sensors.begin(now_us)
+        task = Task(
+            order.conversation, order.act.sender.unit, FlyMission.head, partial(self._taken_down, order.name),
+            since_us=now_us,
+        )  # fmt: skip
+        self._tasks.add(task)
+
+    def _taken_down(self, name: str, now_us: int) -> tuple[str, ...]:
+        led = self._led.get(name)
+        if led is not None:
+            led.end("it was cancelled", now_us)
+        return ()
+
+    def on_lost(self, act: Act, now_us: int) -> bool:  # noqa: ARG002  (as every part)
+        """A delegator that is gone does not end its mission."""
+        return any(led.order.act is act for led in self._led.values())
+
+    # -- asked about -------------------------------------------------------------------------------------------
+
+    def on_control(self, act: Act, content: ControlMission, now_us: int) -> None:
+        """`(control-mission ...)`: suspend, resume or abort it; raises Refused: it is not led here."""
+        led = self._find(content.mission)
+        self._agent.done(act, now_us)
+        match content.how:
+            case "suspend":
+                led.take(events.MissionSuspended(f"{act.sender.unit} asked for it"), now_us)
+            case "resume":
+                led.take(events.MissionResumed(), now_us)
+            case "abort":
+                led.end(f"{act.sender.unit} asked for it", now_us)
+
+    def on_answer(self, act: Act, content: AnswerQuestion, now_us: int) -> None:
+        """`(answer-question ...)`; raises Refused: the question is not open, or that is no answer."""
+        self._find(content.mission).answer(content.number, content.answer, act.sender.unit, now_us)
+        self._agent.done(act, now_us)
+
+    def _find(self, name: str) -> LedMission:
+        if name not in self._led:
+            known = ", ".join(self._led) or "none"
+            raise Refused(f"mission {name} is not led by {self._unit}; missions are: {known}", "unknown-mission")
+        return self._led[name]
+
+    def on_missions(self, act: Act, _content: Missions, now_us: int) -> None:
+        """`(missions)`: those that run, and the last ones that are over."""
+        entries = [led.entry() for led in (*self._led.values(), *reversed(self._over.values()))]
+        self._agent.answer(act, P.INFORM, MissionList(missions=tuple(entries[:16])), now_us)
+
+    # -- time --------------------------------------------------------------------------------------------------
+
+    @property
+    def deadline_us(self) -> int | None:
+        return min((led.deadline_us for led in self._led.values()), default=None)
+
+    def on_time(self, now_us: int) -> None:
+        for led in list(self._led.values()):
+            led.on_time(now_us)
+
+    # -- what missions need ------------------------------------------------------------------------------------
+
+    def federation_us(self, now_us: int) -> int:
+        return self._clock.federation_us(now_us)
+
+    def search(self, led: LedMission, effect: events.SearchPlan, texts: tuple[str, str], now_us: int) -> None:
+        """Search for a plan in a worker."""
+        del now_us
+        number = next(self._numbers)
+        self._searches[number] = led, effect
+        led.nodes = 0
+        self._emit(RunSearch(number, *texts, effect.units, effect.limit_us))
+
+    def end_search(self, led: LedMission) -> None:
+        """Its searches are wanted no more."""
+        for number in [number for number, (of, _) in self._searches.items() if of is led]:
+            del self._searches[number]
+            self._emit(EndSearch(number))
+
+    def on_search_news(self, event: SearchNews, now_us: int) -> Followed:
+        """A search has come so far."""
+        found = self._searches.get(event.number)
+        if found is not None:
+            found[0].nodes = event.nodes
+            self.report(found[0], "searching", f"{event.nodes} nodes", now_us)
+        return None
+
+    def on_search_over(self, event: SearchOver, now_us: int) -> Followed:
+        """A search has ended."""
+        found = self._searches.pop(event.number, None)
+        if found is None:
+            return None
+        led, effect = found
+        plan: MissionPlan | None = None
+        if event.plan is not None:
+            operators = (*effect.domain.operators, *effect.problem.operators)
+            plan = plan_of(event.plan, operators)
+            text = (
+                f"{len(plan.actions)} actions, cost {plan.cost:g}, {event.nodes} nodes in {event.took_us / 1e6:.1f} s"
+            )
+            self.report(led, "searched", text, now_us)
+        led.on_searched(effect.search, plan, event.reason, is_certain=event.is_certain, now_us=now_us)
+        return None
+
+    def report(self, led: LedMission, kind: str, text: str, now_us: int) -> None:
+        """Tell the delegator, the log, and followers of this process."""
+        order = led.order
+        self._emit(Tell({"event": "mission", "mission": order.name, "what": kind, "text": text, "at_us": now_us}))
+        if kind != "searching":
+            self._note_of(f"mission {order.name}: {kind}: {text}"[:400])
+        delegator = order.act.sender.unit
+        if self._directory.is_present(delegator):
+            told = Progress(step=f"{kind}: {text}"[:1000], unit=self._unit)
+            self._agent.tell(delegator, told, now_us, conversation=order.conversation)
+
+    def ended(self, led: LedMission, effect: events.MissionEnded, now_us: int) -> None:
+        """It is over: tell its delegator, and free what it has."""
+        order = led.order
+        if self._led.pop(order.name, None) is None:
+            return
+        led.release(now_us)
+        self._performing.permits.end(order.name)
+        self._over[order.name] = led
+        while len(self._over) > KEPT:
+            del self._over[next(iter(self._over))]
+        left = f"; not reached: {', '.join(effect.unreached)}" if effect.unreached else ""
+        text = f"{effect.outcome}: {effect.reason}{left}"
+        self._note_of(f"mission {order.name}: {text}")
+        self._emit(Tell({"event": "mission", "mission": order.name, "what": "ended", "text": text, "at_us": now_us}))
+        if effect.outcome in {"reached", "partly reached"}:
+            self._agent.answer(order.act, P.INFORM, Done(text=text[:1000]), now_us)
+        else:
+            self._agent.answer(
+                order.act, P.FAILURE, Reason(text=text[:1000], code=effect.outcome.replace(" ", "-")), now_us
+            )
+        self._tasks.cancel(order.conversation, now_us)

@@ -1,0 +1,235 @@
+"""One mission that this platform leads: what `planning` decides is done by vehicles, searches and people, and what becomes of it
+is told to `planning` again. Times are the node clock, but for those of the mission, which are federation time.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+from agents.missions.command_run import VehicleCommand
+from agents.missions.mission_texts import Commands, MissionTexts, texts_of, with_initial
+from agents.missions.sensing import UnitSensors
+from dyknow.model.errors import Refused
+from federation.messages.acts import Act
+from federation.messages.contents import MissionEntry, MissionQuestion
+from planning.execution import events
+from planning.recovery.mission import Mission
+from planning.recovery.options import MissionOptions
+from planning.search.plans import MissionPlan
+
+PERIOD_US: Final = 200_000
+NOTES: Final = 32
+AWAITED_US: Final = 6_000_000
+"""How long the mission waits for vehicles to join, and for their positions, before it begins without them."""
+
+
+class MissionUnit(Protocol):
+    """A vehicle that takes part: the platform's own, or that of another one."""
+
+    waits: str
+    lost: str
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it has joined."""
+
+    def perform(self, step: int, action: str, commands: tuple[VehicleCommand, ...], now_us: int) -> None: ...
+    def abort(self, step: int, now_us: int) -> None: ...
+    def hold(self, how: str, now_us: int, /) -> None: ...
+    def on_time(self, now_us: int) -> None: ...
+    def leave(self, now_us: int) -> None: ...
+
+
+class MissionPorts(Protocol):
+    """What a mission needs of the part that holds it."""
+
+    def search(self, led: "LedMission", effect: events.SearchPlan, texts: tuple[str, str], now_us: int) -> None: ...
+    def end_search(self, led: "LedMission") -> None: ...
+    def report(self, led: "LedMission", kind: str, text: str, now_us: int) -> None: ...
+    def ended(self, led: "LedMission", effect: events.MissionEnded, now_us: int) -> None: ...
+    def federation_us(self, now_us: int) -> int: ...
+
+
+@dataclass(frozen=True, slots=True)
+class MissionOrder:
+    """What was delegated, by which act, as which task."""
+
+    name: str
+    act: Act
+    conversation: str
+    chain: tuple[str, ...]
+    timeout_us: int
+
+
+class LedMission:
+    """See the module.
+
+    Args:
+        plan: the completed plan, if one was searched for before; its start is the initial state of the problem.
+    """
+
+    def __init__(
+        self,
+        order: MissionOrder,
+        texts: MissionTexts,
+        sensors: UnitSensors,
+        units: dict[str, MissionUnit],
+        ports: MissionPorts,
+        begun_us: int,
+    ) -> None:
+        self.order, self.texts, self.units, self.sensors = order, texts, units, sensors
+        self._ports, self._begun_us = ports, begun_us
+        self._commands = Commands(texts, sensors.frame)
+        self.mission: Mission | None = None
+        self.notes: deque[str] = deque(maxlen=NOTES)
+        self.question: events.AskHuman | None = None
+        self.nodes = 0
+        self._waits: dict[str, str] = {}
+        self._lost: dict[str, str] = {}
+        self._due_us = begun_us
+
+    @property
+    def deadline_us(self) -> int:
+        return self._due_us
+
+    def on_time(self, now_us: int) -> None:
+        """Look at vehicles and at the state."""
+        if now_us < self._due_us:
+            return
+        self._due_us = now_us + PERIOD_US
+        federation_us = self._ports.federation_us(now_us)
+        values = self.sensors.sample(federation_us)
+        if self.mission is None:
+            self._begin(values, now_us)
+            return
+        self._look(now_us)
+        self.take(events.StateSampled(federation_us, values), now_us)
+        if self.mission.ended is None:
+            self._do(self.mission.on_time(federation_us), now_us)
+
+    def _begin(self, values: dict[str, object], now_us: int) -> None:
+        """Begin when all vehicles have joined and their state is known, or when it has taken too long."""
+        is_late = now_us >= self._begun_us + AWAITED_US
+        if not is_late and not all(unit.is_ready or unit.lost for unit in self.units.values()):
+            return
+        unknown = [label for label, value in values.items() if not isinstance(value, bool | int | float)]
+        if unknown and not is_late:
+            return
+        problem = with_initial(self.texts.problem, values)  # type: ignore[arg-type]  # those that are no values are left out
+        options = MissionOptions(period_us=PERIOD_US, search_us=self.order.timeout_us)
+        self.mission = Mission(self.order.name, self.texts.domain, problem, options)
+        self._do(self.mission.start(self._ports.federation_us(now_us)), now_us)
+        self._look(now_us)
+
+    def _look(self, now_us: int) -> None:
+        """Tell the mission which vehicles their pilots have, and which are lost."""
+        for name, unit in self.units.items():
+            unit.on_time(now_us)
+            if unit.lost != self._lost.get(name, ""):
+                self._lost[name] = unit.lost
+                lost = events.UnitLost(name, unit.lost) if unit.lost else events.UnitBack(name)
+                self.take(lost, now_us)
+            if unit.waits != self._waits.get(name, ""):
+                self._waits[name] = unit.waits
+                waits = events.PilotTookOver(name, unit.waits) if unit.waits else events.PilotGaveBack(name)
+                self.take(waits, now_us)
+
+    # -- told --------------------------------------------------------------------------------------------------
+
+    def take(self, event: events.MissionEvent, now_us: int) -> None:
+        """Something happened."""
+        if self.mission is not None and self.mission.ended is None:
+            self._do(self.mission.on_event(event, self._ports.federation_us(now_us)), now_us)
+
+    def on_performed(self, step: int, why: str, now_us: int) -> None:
+        """A vehicle has done the commands of a step, or not."""
+        self.take(events.ActionEnded(step, not why, why), now_us)
+
+    def on_searched(self, search: int, plan: MissionPlan | None, reason: str, *, is_certain: bool, now_us: int) -> None:
+        """A search is over."""
+        self.take(events.PlanSearched(search, plan, reason, is_certain), now_us)
+
+    def answer(self, number: int, answer: str, by: str, now_us: int) -> None:
+        """The answer to the open question; raises Refused: it is another one, or no answer to it."""
+        asked = self.question
+        if asked is None or asked.question != number:
+            raise Refused(
+                "that question is not open" if asked is None else f"question {asked.question} is open", "no-question"
+            )
+        if answer not in asked.options:
+            raise Refused(f"{answer!r} is no answer; answers are {', '.join(asked.options)}", "no-answer")
+        self.take(events.QuestionAnswered(number, answer, by), now_us)
+
+    def end(self, reason: str, now_us: int) -> None:
+        """End it: vehicles that fly for it hold."""
+        if self.mission is None:
+            self._ports.ended(self, events.MissionEnded("aborted", reason, ()), now_us)
+        else:
+            self.take(events.MissionAborted(reason), now_us)
+
+    def release(self, now_us: int) -> None:
+        """It is over: vehicles are free, streams are needed no more."""
+        self._ports.end_search(self)
+        for unit in self.units.values():
+            unit.leave(now_us)
+        self.sensors.end(now_us)
+
+    # -- done --------------------------------------------------------------------------------------------------
+
+    def _do(self, effects: Sequence[events.MissionEffect], now_us: int) -> None:
+        mission = self.mission
+        for effect in effects:
+            match effect:
+                case events.StartAction(step, unit, action):
+                    self._start(step, unit, action, now_us)
+                case events.AbortAction(step, unit):
+                    self.units[unit].abort(step, now_us)
+                case events.HoldUnit(unit, how, _):
+                    self.units[unit].hold(how, now_us)
+                case events.SearchPlan():
+                    self._ports.search(self, effect, texts_of(effect.domain, effect.problem), now_us)
+                case events.CancelSearch():
+                    self._ports.end_search(self)
+                case events.Locate(objects, _, _, _):
+                    self._note("locating", f"{', '.join(objects)} cannot be looked for here", now_us)
+                case events.AskHuman(_, text, options, default, _):
+                    self._note("asks", f"{text} ({', '.join(options)}; without an answer: {default})", now_us)
+                case events.MissionNote(kind, text):
+                    self._note(kind, text, now_us)
+                case events.MissionEnded():
+                    self._ports.ended(self, effect, now_us)
+        self.question = None if mission is None else mission.status.question
+
+    def _start(self, step: int, unit: str, action: events.PlannedAction, now_us: int) -> None:
+        try:
+            commands = self._commands.of(action)
+        except Refused as refused:
+            self.on_performed(step, refused.reason, now_us)
+            return
+        self.units[unit].perform(step, action.shown, commands, now_us)
+
+    def _note(self, kind: str, text: str, now_us: int) -> None:
+        self.notes.append(f"{kind}: {text}")
+        self._ports.report(self, kind, text, now_us)
+
+    def entry(self) -> MissionEntry:
+        """What is told of it."""
+        order, mission = self.order, self.mission
+        if mission is None:
+            joining = [name for name, unit in self.units.items() if not (unit.is_ready or unit.lost)]
+            return MissionEntry(
+                mission=order.name, conversation=order.conversation, phase="joining", since_us=self._begun_us,
+                why=f"waits for {', '.join(joining) or 'the state of vehicles'}", chain=order.chain,
+            )  # fmt: skip
+        status, asked = mission.status, self.question
+        question = None if asked is None else MissionQuestion(
+            number=asked.question, text=asked.text[:1000], options=tuple(one[:200] for one in asked.options),
+            default=asked.default[:200], until_us=asked.until_us,
+        )  # fmt: skip
+        searched = f", {self.nodes} nodes so far" if self.nodes and "search" in status.phase else ""
+        return MissionEntry(
+            mission=order.name, conversation=order.conversation, phase=str(status.phase), since_us=status.since_us,
+            why=f"{status.why}{searched}"[:1000], replans=status.replans, chain=order.chain, question=question,
+            actions=tuple(f"{phase}  {shown}" for _, _, shown, phase, _ in status.steps[:128]),
+        )  # fmt: skip
