@@ -165,9 +165,10 @@ def _place(event: Any) -> tuple[Hashable, str, Rule]:
             return AskEnded, AskEnded.__name__, ENDS
         case Reported(report=report):
             return (Reported, type(report)), type(report).__name__, REPORTS
-        case Computed() | SearchOver():  # each unit is called once at a time, each search ends once
-            ended: type[Any] = type(event)
-            return ended, ended.__name__, ENDS
+        case Computed():  # each unit is called once at a time
+            return Computed, Computed.__name__, ENDS
+        case SearchOver():
+            return SearchOver, SearchOver.__name__, ENDS
         case _ if isinstance(event, HostEvent):  # the door lets so many of each host in
             return HostEvent, "hosts", ENDS
         case HandlerFailed(where=where):

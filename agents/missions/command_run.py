@@ -98,6 +98,8 @@ class CommandRun:
         status = pilot.status
         if command.name == "take-off" and (status is None or not status.airborne):
             return self._take_off(command.numbers[0], pilot, now_us)
+        if isinstance(self._order, TakeOffOrder):
+            return []  # it rises
         wanted = self._wanted(command, pilot)
         if wanted is None or self._is_shown(wanted, pilot):
             return []

@@ -5,7 +5,7 @@ vehicle takes part if the problem has it; other platforms are asked, with the ch
 searched for in a process of its own. Progress, questions and the end are told to the delegator, and shown to others on request.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from itertools import count
 from typing import Final
@@ -71,7 +71,7 @@ class MissionLeading(Part):
         ),
     )
     answers = (MissionList,)
-    takes: Mapping[type, str] = {SearchNews: "on_search_news", SearchOver: "on_search_over"}
+    takes = {SearchNews: "on_search_news", SearchOver: "on_search_over"}  # noqa: RUF012  (a declaration)
 
     def __init__(
         self,

@@ -10,13 +10,14 @@ from typing import Final, Protocol
 from agents.missions.command_run import VehicleCommand
 from agents.missions.mission_texts import Commands, MissionTexts, texts_of, with_initial
 from agents.missions.sensing import UnitSensors
+from dyknow import Value
 from dyknow.model.errors import Refused
 from federation.messages.acts import Act
 from federation.messages.contents import MissionEntry, MissionQuestion
 from planning.execution import events
 from planning.recovery.mission import Mission
 from planning.recovery.options import MissionOptions
-from planning.search.plans import MissionPlan
+from planning.search.plans import MissionPlan, PlannedAction
 
 PERIOD_US: Final = 200_000
 NOTES: Final = 32
@@ -108,7 +109,7 @@ class LedMission:
         if self.mission.ended is None:
             self._do(self.mission.on_time(federation_us), now_us)
 
-    def _begin(self, values: dict[str, object], now_us: int) -> None:
+    def _begin(self, values: dict[str, Value], now_us: int) -> None:
         """Begin when all vehicles have joined and their state is known, or when it has taken too long."""
         is_late = now_us >= self._begun_us + AWAITED_US
         if not is_late and not all(unit.is_ready or unit.lost for unit in self.units.values()):
@@ -116,7 +117,7 @@ class LedMission:
         unknown = [label for label, value in values.items() if not isinstance(value, bool | int | float)]
         if unknown and not is_late:
             return
-        problem = with_initial(self.texts.problem, values)  # type: ignore[arg-type]  # those that are no values are left out
+        problem = with_initial(self.texts.problem, values)
         options = MissionOptions(period_us=PERIOD_US, search_us=self.order.timeout_us)
         self.mission = Mission(self.order.name, self.texts.domain, problem, options)
         self._do(self.mission.start(self._ports.federation_us(now_us)), now_us)
@@ -201,7 +202,7 @@ class LedMission:
                     self._ports.ended(self, effect, now_us)
         self.question = None if mission is None else mission.status.question
 
-    def _start(self, step: int, unit: str, action: events.PlannedAction, now_us: int) -> None:
+    def _start(self, step: int, unit: str, action: PlannedAction, now_us: int) -> None:
         try:
             commands = self._commands.of(action)
         except Refused as refused:

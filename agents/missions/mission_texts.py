@@ -101,7 +101,7 @@ def _stepped(whole: Declarations, steps: list[tuple[Operator, tuple[str, ...]]],
         at.setdefault((operator.name, objects), []).append(number)
     types = Types(whole)
     changed = [_in_turn(one, types, at, is_whole=is_whole) for one in whole.operators]
-    goal = model.GoalStatement("steps", _equals(Application(STEP), len(steps)))
+    goal = model.GoalStatement("steps", _equals(Application(STEP), tree.Const(float(len(steps)))))
     return replace(
         whole,
         operators=tuple(changed),
@@ -119,11 +119,9 @@ def _in_turn(
     for (name, objects), numbers in at.items():
         if name != one.name:
             continue
-        same = [
-            tree.Compare("=", Application(each), Application(given)) for each, given in zip(names, objects, strict=True)
-        ]
+        same = [_equals(Application(each), Application(given)) for each, given in zip(names, objects, strict=True)]
         is_this = same[0] if len(same) == 1 else tree.And(tuple(same))
-        its_turn = [_equals(Application(STEP), number) for number in numbers]
+        its_turn = [_equals(Application(STEP), tree.Const(float(number))) for number in numbers]
         turns.append(tree.And((is_this, its_turn[0] if len(its_turn) == 1 else tree.Or(tuple(its_turn)))))
         others.append(tree.Not(is_this))
     if not turns:
@@ -138,8 +136,8 @@ def _in_turn(
     return replace(one, preconditions=(*one.preconditions, condition), effects=(*one.effects, effect))
 
 
-def _equals(term: Expression, number: float) -> Expression:
-    return tree.Compare("=", term, tree.Const(float(number)))
+def _equals(left: Expression, right: Expression) -> Expression:
+    return tree.Compare("=", left, right)
 
 
 def with_initial(problem: Declarations, values: Mapping[str, Value]) -> Declarations:

@@ -88,5 +88,5 @@ class UnitSensors:
             return float(sample.value[0])
         if sensor == "airborne":
             return bool(sample.value[0] > FLYING_M)
-        north_m, east_m, _ = self.frame.to_ned(*sample.value[:2], 0.0)
+        north_m, east_m, _ = self.frame.to_ned(sample.value[0], sample.value[1], 0.0)
         return float(east_m if sensor == "east" else north_m)

@@ -88,7 +88,7 @@ def _follow(call: Call, client: Client, dialogue: Dialogue, name: str) -> int:
     heard = 0
     with call.out.waiting(f"mission {name}") as progress:
         while True:
-            client.wait_for(lambda: len(dialogue.said) > heard or dialogue.over, _STEP_S)
+            client.wait_for(lambda known=heard: len(dialogue.said) > known or dialogue.over, _STEP_S)  # type: ignore[misc]
             for _, said in dialogue.said[heard:]:
                 match said:
                     case Progress(step=step) if step.startswith("searching: "):

@@ -1,0 +1,202 @@
+"""Goals and plans that are delegated: planned for, flown by several vehicles, watched, never against a pilot."""
+
+import pytest
+
+from federation.messages.contents import (
+    AnswerQuestion,
+    ControlMission,
+    Goto,
+    Hold,
+    JoinMission,
+    MissionList,
+    Missions,
+    PerformCommands,
+    Resume,
+)
+from federation.messages.contents.missions import CommandEntry
+from navigation.vehicle import Arm, GoToOrder, HoldOrder, LandOrder, SetGuided, TakeOffOrder
+from tests.agents.missions.flown import DOMAIN, ONE, TWO, Flown, told
+
+
+def test_two_vehicles_take_off_share_the_places_and_land() -> None:
+    flown = Flown(2)
+    mission = flown.begin(TWO)
+    flown.until(mission)
+    texts = told(mission)
+    assert texts[-1] == "inform: reached: the plan is done"
+    for action in ("take-off(uav0)", "take-off(uav1)", "fly-to(uav1, gate)", "land(uav0)", "land(uav1)"):
+        assert texts.index(f"started: {action}") < texts.index(f"ended: {action}")
+    assert flown.stands(0) and flown.stands(1)
+    kinds = [type(order) for _, order in flown.vehicles[1].commands]
+    assert kinds == [SetGuided, Arm, TakeOffOrder, GoToOrder, LandOrder]
+    assert flown.entry().phase == "ended"
+    assert [each.name for each in flown.world.platform("0").ports.tasks.all()] == []
+
+
+def test_a_change_of_mode_has_the_mission_wait_nothing_is_sent_until_a_user_resumes_it() -> None:
+    flown = Flown(airborne=True)
+    mission = flown.begin()
+    flown.until(mission, "started: fly-to(uav0, pond)")
+    flown.fault("takeover", seconds=15.0)
+    flown.until(mission, "waits: waiting for the pilot")
+    sent = len(flown.vehicles[0].commands)
+    ((performative, _),) = flown.ask(Resume())
+    assert performative == "refuse", "the mode is still the pilot's"
+    flown.world.run_for(20.0)
+    assert len(flown.vehicles[0].commands) == sent, "not even after the pilot has let go of it"
+    assert flown.entry().phase == "waiting for the pilot"
+    assert [performative for performative, _ in flown.ask(Resume())] == ["agree", "inform"]
+    flown.until(mission)
+    assert told(mission)[-1] == "inform: reached: the plan is done"
+    assert flown.stands()
+
+
+def test_a_simple_goto_is_refused_while_a_mission_flies_and_hold_has_it_wait() -> None:
+    flown = Flown(airborne=True)
+    mission = flown.begin()
+    flown.until(mission, "started: fly-to(uav0, barn)")
+    ((performative, said),) = flown.ask(Goto(latitude_deg=55.7241, longitude_deg=13.46, altitude_m=60.0))
+    assert (performative, said.code) == ("refuse", "mission")
+    assert flown.ask(Hold())[0][0] == "agree"
+    flown.until(mission, "waits: waiting for the pilot: uav0 is flown by hand: a user ordered hold")
+    assert isinstance(flown.vehicles[0].commands[-1][1], HoldOrder)
+
+
+def test_a_vehicle_whose_platform_is_gone_leaves_its_places_to_the_other() -> None:
+    flown = Flown(2, airborne=True)
+    mission = flown.begin(TWO.replace("#goal home: forall uav: !flies(uav)", "#goal home: !flies(uav0)"))
+    flown.until(mission, "started: fly-to(uav1, gate)")
+    flown.world.kill("1")
+    flown.until(mission, "started: fly-to(uav0, gate)")
+    assert any(text.startswith("unit lost: uav1") for text in told(mission))
+    flown.until(mission)
+    assert told(mission)[-1] == "inform: reached: the plan is done"
+
+
+def test_cancelled_or_aborted_its_vehicles_hold_and_are_free() -> None:
+    flown = Flown(2, airborne=True)
+    mission = flown.begin(TWO)
+    flown.until(mission, "started: fly-to(uav1, gate)")
+    flown.world.run_for(3.0)
+    assert flown.ask(ControlMission(mission="m1", how="abort"))[0][0] == "agree"
+    assert told(mission)[-1].startswith("failure: aborted: cc asked for it")
+    for vehicle in flown.vehicles:
+        assert isinstance(vehicle.commands[-1][1], HoldOrder)
+    assert [flown.world.platform(unit).ports.pilot.mission.name for unit in "01"] == ["", ""]
+    again = flown.begin(ONE, mission="m2")
+    flown.until(again, "started: fly-to(uav0, barn)")
+    flown.world.cancel("cc", "0", again.conversation)
+    flown.world.run_for(1.0)
+    assert flown.world.platform("0").ports.pilot.mission.name == ""
+
+
+def test_a_place_out_of_range_fails_with_the_rule_is_asked_about_and_given_up_as_answered() -> None:
+    flown = Flown(airborne=True)
+    mission = flown.begin(ONE.replace("x-of(pond) := 40", "x-of(pond) := 4000"), domain_of(times=1))
+    flown.until(mission, "asks:")
+    assert any("beyond the range of 1000 m" in text for text in told(mission))
+    asked = flown.entry().question
+    assert asked is not None
+    ((performative, said),) = flown.ask(AnswerQuestion(mission="m1", number=asked.number, answer="perhaps"))
+    assert (performative, said.code) == ("refuse", "no-answer")
+    assert flown.ask(AnswerQuestion(mission="m1", number=asked.number, answer="give up"))[0][0] == "agree"
+    assert told(mission)[-1].startswith("failure: gave up")
+
+
+def domain_of(times: int) -> str:
+    """The domain in which a flight that fails is tried that often."""
+    recovery = f"#recovery again(uav, place, x, y)\n  :times {times} ask\n"
+    return (
+        DOMAIN.replace("  :commands goto(x, y, HEIGHT)", "  :recovery again\n  :commands goto(x, y, HEIGHT)") + recovery
+    )
+
+
+def test_an_autopilot_that_refuses_to_take_off_is_a_failure_in_its_words() -> None:
+    flown = Flown()
+    flown.fault("refuse=4")
+    mission = flown.begin()
+    flown.until(mission, "autopilot: failed", within_s=60)
+
+
+# -- degrees ---------------------------------------------------------------------------------------------------------
+
+
+NEARER = DOMAIN[DOMAIN.index('  :control "no other') : DOMAIN.index("  :commands goto")]
+FREE = DOMAIN.replace(NEARER, "")
+"""The domain without the recommendation to fly to the nearest place."""
+
+
+def started(mission: object) -> list[str]:
+    return [text.removeprefix("started: ") for text in told(mission) if text.startswith("started: ")]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted"),
+    [
+        ({}, ["fly-to(uav0, barn)", "fly-to(uav0, pond)", "land(uav0)"]),
+        (
+            {"domain": FREE, "constraints": "#control pond-first: always (seen(barn) -> seen(pond))"},
+            ["fly-to(uav0, pond)", "fly-to(uav0, barn)", "land(uav0)"],
+        ),
+        ({"actions": ("fly-to(uav0, pond)",)}, None),
+        (
+            {"actions": ("fly-to(uav0, barn)", "fly-to(uav0, pond)", "land(uav0)"), "is_whole": True},
+            ["fly-to(uav0, barn)", "fly-to(uav0, pond)", "land(uav0)"],
+        ),
+    ],
+)
+def test_the_four_degrees_of_what_is_delegated(given: dict[str, object], wanted: list[str] | None) -> None:
+    flown = Flown(airborne=True)
+    mission = flown.begin(**given)  # type: ignore[arg-type]
+    flown.until(mission)
+    assert told(mission)[-1] == "inform: reached: the plan is done", told(mission)
+    assert wanted is None or started(mission) == wanted
+
+
+def test_a_whole_plan_that_does_not_reach_the_goal_is_not_flown() -> None:
+    flown = Flown(airborne=True)
+    mission = flown.begin(actions=("fly-to(uav0, barn)", "land(uav0)"), is_whole=True)
+    flown.until(mission, "no plan")
+    assert started(mission) == []
+    assert flown.vehicles[0].commands == []
+
+
+# -- hostile ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("given", "performative", "because"),
+    [
+        ({"problem": "#objects uav = {uav0} #goal nonsense(uav0)"}, "refuse", "nonsense"),
+        ({"actions": ("fly-too(uav0, barn)",)}, "refuse", "Did you mean 'fly-to'?"),
+        ({"actions": ("fly-to(barn, uav0)",)}, "refuse", "write fly-to(uav, place)"),
+        ({"platforms": {"uav9": "0"}}, "refuse", "uav9 is no unit"),
+        ({"problem": f"{ONE}#objects place = p1 .. p9999"}, "refuse", "at most 2000 objects"),
+        ({"chain": ("1", "0")}, "refuse", "the chain of delegation ends with 0, and cc sends it"),
+        ({"chain": ("0", "cc")}, "refuse", "it was delegated by 0 already: 0 > cc"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_with_the_reason(
+    given: dict[str, object], performative: str, because: str
+) -> None:
+    flown = Flown(airborne=True)
+    mission = flown.begin(**given)  # type: ignore[arg-type]
+    ((found, text),) = [(str(act.performative), said.text) for act, said in mission.said]
+    assert found == performative
+    assert because in text
+    assert flown.vehicles[0].commands == []
+
+
+def test_a_vehicle_takes_no_commands_of_a_mission_that_it_has_not_joined_nor_a_second_mission() -> None:
+    flown = Flown(airborne=True)
+    land = PerformCommands(mission="m1", step=1, action="x", commands=(CommandEntry(name="land"),))
+    assert flown.ask(land)[0][0] == "refuse"
+    assert [performative for performative, _ in flown.ask(JoinMission(mission="m1"))] == ["agree", "inform"]
+    unknown = PerformCommands(mission="m1", step=1, action="x", commands=(CommandEntry(name="explode"),))
+    ((performative, said),) = flown.ask(unknown)
+    assert (performative, said.code) == ("refuse", "unknown-command")
+    ((performative, said),) = flown.ask(JoinMission(mission="m2"))
+    assert (performative, said.text) == ("refuse", "the vehicle takes part in mission m1")
+    assert flown.vehicles[0].commands == []
+    ((_, said),) = flown.ask(Missions())
+    assert said == MissionList(missions=())
