@@ -30,7 +30,7 @@ class HeardVehicle:
         missions: the person's consent to interrupt a mission (AUTO) in order to give way.
         clock: federation time now; None: the time of the last event.
         note: takes words for users.
-        heard_us: when it said last in what state it is; target_us: where it flies to.
+        heard_us: when it last reported its state; target_us: where it flies to.
     """
 
     control: bool = False

@@ -140,8 +140,8 @@ class Pilot(HeardVehicle):
         if self._aside is not None and self.diversion is not None:
             self._aside, self._moved = None, False
         if current is not None and current is self.errand and current.progress is OrderProgress.OVERTAKEN:
-            self.standing = None
-            if self._goal is not None or self.mission.name:
+            is_missions, self.standing = bool(self.mission.name and self.standing is not None), None
+            if self._goal is not None or is_missions:
                 self._take_over("another ground station has sent the vehicle elsewhere")
                 self.target = target
 
@@ -321,13 +321,14 @@ class Pilot(HeardVehicle):
             Refused: as any order is, or the vehicle is giving way, or there is nothing to fly; nothing has changed then.
         """
         if self.mission.waits:
-            mission, self.mission = self.mission, MissionClaim()
-            self._suspended, self.standing = False, None
+            before = self.mission, self._suspended, self.standing
+            self.mission, self._suspended, self.standing = MissionClaim(), False, None
             try:
-                self.begin_mission(mission.name)
+                self.begin_mission(before[0].name)
             except Refused:
-                self.mission = mission
+                self.mission, self._suspended, self.standing = before
                 raise
+            self.errand = None
             return []
         self.check(vehicle.HoldOrder())
         if self.diversion is not None:

@@ -1,8 +1,8 @@
 """Missions that this platform leads: goals and plans that were delegated to it (thesis 7.2, 9.4).
 
 `(fly-mission ...)` is read, agreed to or refused with a reason, and lasts until it is cancelled or over. The platform's own
-vehicle takes part if the problem has it; other platforms are asked, with the chain of those that have delegated. A plan is
-searched for in a process of its own. Progress, questions and the end are told to the delegator, and shown to others on request.
+vehicle takes part if the problem has it; other platforms are requested to, with the chain of those that have delegated. A plan is
+searched for in a process of its own. Progress, questions and the end are reported to the delegator, and listed on request.
 """
 
 from collections.abc import Callable
@@ -34,7 +34,7 @@ from federation.messages.contents import (
     Done,
     FlyMission,
     MissionList,
-    Missions,
+    MissionQuery,
     Progress,
     Reason,
 )
@@ -56,7 +56,7 @@ class MissionLeading(Part):
 
     Args:
         performing: lends the platform's own vehicle; None: it has none.
-        emit: takes searches, and output for whoever follows this process.
+        emit: takes searches, and output for followers of this process.
     """
 
     offers = (
@@ -66,7 +66,7 @@ class MissionLeading(Part):
                 Action(FlyMission, "on_fly", lasting=True),
                 Action(ControlMission, "on_control", role=Role.COMMAND_CENTRE),
                 Action(AnswerQuestion, "on_answer", role=Role.COMMAND_CENTRE),
-                Action(Missions, "on_missions", QUERIED, Role.OBSERVER),
+                Action(MissionQuery, "on_missions", QUERIED, Role.OBSERVER),
             ),
         ),
     )
@@ -159,7 +159,7 @@ class MissionLeading(Part):
         """A delegator that is gone does not end its mission."""
         return any(led.order.act is act for led in self._led.values())
 
-    # -- asked about -------------------------------------------------------------------------------------------
+    # -- control and state -------------------------------------------------------------------------------------------
 
     def on_control(self, act: Act, content: ControlMission, now_us: int) -> None:
         """`(control-mission ...)`: suspend, resume or abort it; raises Refused: it is not led here."""
@@ -184,7 +184,7 @@ class MissionLeading(Part):
             raise Refused(f"mission {name} is not led by {self._unit}; missions are: {known}", "unknown-mission")
         return self._led[name]
 
-    def on_missions(self, act: Act, _content: Missions, now_us: int) -> None:
+    def on_missions(self, act: Act, _content: MissionQuery, now_us: int) -> None:
         """`(missions)`: those that run, and the last ones that are over."""
         entries = [led.entry() for led in (*self._led.values(), *reversed(self._over.values()))]
         self._agent.answer(act, P.INFORM, MissionList(missions=tuple(entries[:16])), now_us)

@@ -1,5 +1,5 @@
-"""One mission that this platform leads: what `planning` decides is done by vehicles, searches and people, and what becomes of it
-is told to `planning` again. Times are the node clock, but for those of the mission, which are federation time.
+"""One mission that this platform leads: what `planning` decides is done by vehicles, searches and users, and what becomes of it
+is reported to `planning` again. Times are the node clock, but for those of the mission, which are federation time.
 """
 
 from collections import deque
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from agents.missions.command_run import VehicleCommand
-from agents.missions.mission_texts import Commands, MissionTexts, texts_of, with_initial
+from agents.missions.mission_texts import ActionCommands, MissionTexts, texts_of, with_initial
 from agents.missions.sensing import UnitSensors
 from dyknow import Value
 from dyknow.model.errors import Refused
@@ -81,7 +81,7 @@ class LedMission:
     ) -> None:
         self.order, self.texts, self.units, self.sensors = order, texts, units, sensors
         self._ports, self._begun_us = ports, begun_us
-        self._commands = Commands(texts, sensors.frame)
+        self._commands = ActionCommands(texts, sensors.frame)
         self.mission: Mission | None = None
         self.notes: deque[str] = deque(maxlen=NOTES)
         self.question: events.AskHuman | None = None
@@ -215,7 +215,7 @@ class LedMission:
         self._ports.report(self, kind, text, now_us)
 
     def entry(self) -> MissionEntry:
-        """What is told of it."""
+        """Its state, for a list."""
         order, mission = self.order, self.mission
         if mission is None:
             joining = [name for name, unit in self.units.items() if not (unit.is_ready or unit.lost)]

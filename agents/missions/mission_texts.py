@@ -161,7 +161,7 @@ def texts_of(domain: Declarations, problem: Declarations) -> tuple[str, str]:
     return print_declarations(domain), print_declarations(problem)
 
 
-class Commands:
+class ActionCommands:
     """Commands to vehicles for actions of a plan.
 
     Args:

@@ -1,4 +1,4 @@
-"""The vehicles of a mission as its leader sees them: the platform's own one, and those of others, asked by acts."""
+"""The vehicles of a mission as its leader sees them: the platform's own one, and those of others, by acts."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from federation.messages.contents import (
 P = Performative
 JOIN_US: Final = 3_000_000
 AGAIN_US: Final = 3_000_000
-"""After this long a platform that was lost, or refused, is asked again."""
+"""After this long a platform that was lost, or refused, gets another request."""
 OnPerformed = Callable[[int, str, int], None]
 """Takes the number of a step, why it failed (empty: it is done), and when."""
 
@@ -78,7 +78,7 @@ class OwnUnit:
 
 @dataclass(eq=False)
 class OtherUnit:
-    """The vehicle of another platform: it is asked to take part, and to do one action after another."""
+    """The vehicle of another platform: it is requested to take part, and to do one action after another."""
 
     platform: str
     agent: InterfaceAgent

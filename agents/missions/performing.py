@@ -44,7 +44,7 @@ Answer = Callable[[str, int], None]
 
 @dataclass(slots=True)
 class _Joined:
-    """The mission that has the vehicle: for whom, and what is told to it."""
+    """The mission that has the vehicle: for whom, and what it does."""
 
     mission: str
     leader: str

@@ -1,7 +1,7 @@
 """Permission to command vehicles in missions: a command centre has it, another platform what a command centre permits it.
 
 A permit is for one mission and the platforms that may lead it, and runs out after an hour. What a delegation says of where it
-comes from proves nothing: only what a command centre itself has said to this platform counts.
+comes from proves nothing: only what a command centre itself has sent to this platform counts.
 """
 
 from collections.abc import Callable

@@ -19,7 +19,7 @@ HEIGHT: Final = "heli-height"
 PERIOD_US: Final = 200_000
 MAX_DELAY_US: Final = 1_000_000
 STALE_US: Final = 1_500_000
-"""An older sample says nothing of the present state."""
+"""An older sample is no part of the present state."""
 FLYING_M: Final = 1.0
 """Above its home a vehicle that does not say whether it flies does."""
 _LABEL_OF: Final = {"east": POSITION, "north": POSITION, "height": HEIGHT, "airborne": HEIGHT}

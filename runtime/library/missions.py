@@ -1,4 +1,4 @@
-"""Missions of a federation, for programs and commands: delegated, followed, asked about, answered and ended."""
+"""Missions of a federation, for programs and commands: delegated, listed, answered and ended."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ from federation.messages.contents import (
     FlyMission,
     MissionEntry,
     MissionList,
-    Missions,
+    MissionQuery,
     PermitMission,
 )
 from federation.messages.dialogue import Dialogue
@@ -108,7 +108,7 @@ def listed_missions(client: Client) -> Job[list[tuple[str, MissionEntry]]]:
     """The missions of all platforms, each with the platform that leads it; those that are over come last."""
     yield from platforms(client)
     leading = [unit for unit in client.pick(None) if _leads(client, unit)]
-    found = yield from lists(client, leading, Missions(), MissionList)
+    found = yield from lists(client, leading, MissionQuery(), MissionList)
     entries = [(unit, entry) for unit, said in found for entry in said.missions]
     return sorted(entries, key=lambda each: each[1].phase == "ended")
 

@@ -84,7 +84,7 @@ def start(
 
 
 def _follow(call: Call, client: Client, dialogue: Dialogue, name: str) -> int:
-    """Show what is told of it until it is over."""
+    """Show its progress until it is over."""
     heard = 0
     with call.out.waiting(f"mission {name}") as progress:
         while True:

@@ -1,4 +1,4 @@
-"""Missions: goals and plans that are delegated, the vehicles that take part in them, and questions to people (thesis 7.2)."""
+"""Missions: goals and plans that are delegated, the vehicles that take part in them, and questions to users (thesis 7.2)."""
 
 from typing import Annotated, Literal
 
@@ -32,7 +32,7 @@ class FlyMission(parts.Content):
         mission: its name, by which vehicles are permitted to take part.
         platforms: by unit of the problem, the platform that has that vehicle.
         chain: those that have delegated it, the first one first.
-        among: have it led by the one of these that proposes it at the least cost.
+        among: have it coordinated by the one of these that proposes it at the least cost.
     """
 
     mission: parts.Conversation
@@ -116,12 +116,12 @@ class VehicleNews(parts.Content):
     waits: parts.Line
 
 
-class Missions(parts.Content):
+class MissionQuery(parts.Content):
     """Which missions do you lead, and how far are they?"""
 
 
 class MissionQuestion(parts.ContentPart):
-    """What a mission asks people: one of `options`; without an answer until then it takes `default`."""
+    """A question of a mission to users: one of `options`; without an answer until then it takes `default`."""
 
     number: Count
     text: parts.Prose

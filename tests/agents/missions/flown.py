@@ -11,7 +11,7 @@ from federation.messages.contents import (
     FlyMission,
     MissionEntry,
     MissionList,
-    Missions,
+    MissionQuery,
     Progress,
     Reason,
 )
@@ -75,7 +75,7 @@ class Flown:
         return [(str(act.performative), said) for act, said in dialogue.said]
 
     def entry(self, to: str = "0") -> MissionEntry:
-        ((_, said),) = self.ask(Missions(), to)
+        ((_, said),) = self.ask(MissionQuery(), to)
         assert isinstance(said, MissionList)
         return said.missions[0]
 

@@ -9,7 +9,7 @@ from federation.messages.contents import (
     Hold,
     JoinMission,
     MissionList,
-    Missions,
+    MissionQuery,
     PerformCommands,
     Resume,
 )
@@ -198,5 +198,5 @@ def test_a_vehicle_takes_no_commands_of_a_mission_that_it_has_not_joined_nor_a_s
     ((performative, said),) = flown.ask(JoinMission(mission="m2"))
     assert (performative, said.text) == ("refuse", "the vehicle takes part in mission m1")
     assert flown.vehicles[0].commands == []
-    ((_, said),) = flown.ask(Missions())
+    ((_, said),) = flown.ask(MissionQuery())
     assert said == MissionList(missions=())
