@@ -216,6 +216,5 @@ class Halt(NamedTuple):
     reason: str
 
 
-Effect: TypeAlias = (
-    WireEffect | Command | Compute | RunSearch | EndSearch | InjectFault | Note | Tell | Halt | HostEffect
-)
+SearchEffect: TypeAlias = RunSearch | EndSearch
+Effect: TypeAlias = WireEffect | Command | Compute | SearchEffect | InjectFault | Note | Tell | Halt | HostEffect

@@ -62,7 +62,10 @@ COMMANDS: CommandTable = {
     "recover": (f"{_OBJECTS}.recover:recover", "A plan that looks again from elsewhere until an object is identified."),
     "mission": ("", "Goals that platforms reach together, by plans that are flown and watched."),
     "mission start": (f"{_MISSIONS}.mission:start", "Have platforms reach the goals of a problem."),
-    "mission status": (f"{_MISSIONS}.mission:status", "The missions that platforms lead, how far each is, and what it asks."),
+    "mission status": (
+        f"{_MISSIONS}.mission:status",
+        "The missions that platforms lead, how far each is, and what it asks.",
+    ),
     "mission answer": (f"{_MISSIONS}.mission:answer", "The answer to what a mission asks."),
     "mission suspend": (f"{_MISSIONS}.mission:suspend", "Have a mission wait."),
     "mission resume": (f"{_MISSIONS}.mission:resume", "Have a mission continue that was suspended."),

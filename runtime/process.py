@@ -18,7 +18,6 @@ from typing import Any
 from agents.directory.directory import DirectoryAgent
 from agents.effects import (
     Compute,
-    EndSearch,
     Event,
     Halt,
     HostEffect,
@@ -28,7 +27,7 @@ from agents.effects import (
     Note,
     Pressed,
     Reported,
-    RunSearch,
+    SearchEffect,
     Tell,
     Waited,
 )
@@ -294,15 +293,13 @@ class PlatformProcess:
 
     def _perform(self, effect: Any) -> None:
         kind = type(effect)
-        if kind is Put:
-            self._edge.perform(effect)
-        elif kind is Command or kind is InjectFault:
+        if kind is Command or kind is InjectFault:
             self._fly(effect)
         elif kind is Note:
             self._note(effect.text)
         elif kind is Compute:
             self._workers.perform(effect)
-        elif isinstance(effect, RunSearch | EndSearch):
+        elif isinstance(effect, SearchEffect):
             self._searches.perform(effect)
         elif isinstance(effect, HostEffect):
             if self._door is not None:

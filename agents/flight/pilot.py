@@ -254,7 +254,7 @@ class Pilot(HeardVehicle):
         """Carry out an order: it replaces the route until `proceed`. One of a user's to stop has a mission wait.
 
         Raises:
-            Refused: naming the rule, or who commands the vehicle.
+            Refused: naming the rule, or the vehicle's commander.
         """
         self.check(order)
         self._claims_against(order, by).check(by)

@@ -127,7 +127,7 @@ class MissionLeading(Part):
         self._lead(order, texts, frame, now_us)
 
     def _lead(self, order: MissionOrder, texts: MissionTexts, frame: LocalFrame, now_us: int) -> None:
-        """Begin: vehicles are asked to take part, their streams come."""
+        """Begin: vehicles are requested to take part, their streams come."""
         units: dict[str, MissionUnit] = {}
         sensors = UnitSensors(
             self._unit, frame, texts.platforms, texts.sensors, self._gateway, self._local, self._keeper,
@@ -162,7 +162,7 @@ class MissionLeading(Part):
     # -- control and state -------------------------------------------------------------------------------------------
 
     def on_control(self, act: Act, content: ControlMission, now_us: int) -> None:
-        """`(control-mission ...)`: suspend, resume or abort it; raises Refused: it is not led here."""
+        """`(control-mission ...)`: suspend, resume or abort it; raises Refused: another platform has it."""
         led = self._find(content.mission)
         self._agent.done(act, now_us)
         match content.how:
@@ -181,7 +181,9 @@ class MissionLeading(Part):
     def _find(self, name: str) -> LedMission:
         if name not in self._led:
             known = ", ".join(self._led) or "none"
-            raise Refused(f"mission {name} is not led by {self._unit}; missions are: {known}", "unknown-mission")
+            raise Refused(
+                f"mission {name} is not one of platform {self._unit}; missions are: {known}", "unknown-mission"
+            )
         return self._led[name]
 
     def on_missions(self, act: Act, _content: MissionQuery, now_us: int) -> None:

@@ -263,7 +263,7 @@ class Performing(Part):
         joined, text = self._joined, ""
         if joined is not None:
             doing = f"waits: {joined.waits}" if joined.waits else joined.action if joined.run else "is idle"
-            text = f"mission {joined.mission}, led by {joined.leader}: {doing}"[:200]
+            text = f"mission {joined.mission}, of platform {joined.leader}: {doing}"[:200]
         if text != (self._shown.text if self._shown else ""):
             self._shown = ConditionEntry(text=text, since_us=now_us) if text else None
             self._offer(now_us)

@@ -72,7 +72,7 @@ class MissionPlan:
 
 
 def plan_of(record: Mapping[str, Any], operators: Iterable[Operator]) -> MissionPlan:
-    """The plan of which `as_record` made the record."""
+    """The plan that `as_record` made the record from."""
     named = {one.name: one for one in operators}
     actions = tuple(
         PlannedAction(

@@ -131,7 +131,7 @@ def status(call: Call, mission: Name = None) -> int:
 
 def _show(call: Call, unit: str, entry: MissionEntry) -> None:
     since = clock_time(entry.since_us).partition(".")[0]
-    call.out.show(styled(entry.mission, "bold"), f"  {entry.phase}  led by {unit}, since {since}: {entry.why}")
+    call.out.show(styled(entry.mission, "bold"), f"  {entry.phase}  on platform {unit} since {since}: {entry.why}")
     if len(entry.chain) > 1:
         call.out.show(f"  delegated by {' > '.join(entry.chain)}")
     for action in entry.actions:
