@@ -38,7 +38,7 @@ from dyknow.model.errors import DecodeError, DyknowError, EndpointFailed, Roster
 from federation.members.clock import FederationClock
 from federation.messages import contents
 from federation.messages.codec import decode_description
-from federation.transport import Answered, Ask, Put
+from federation.transport import Answered, Ask
 from navigation.vehicle import Command, Report
 from proxies.hosts.listener import HostDoor
 from proxies.zenoh.edge import ZenohEdge
