@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from dyknow.model.errors import did_you_mean
-from planning.contingent.conditional_plans import NONE, print_plan
+from planning.contingent.conditional_plans import NONE, ConditionalPlan, figures_of, print_plan
 from planning.contingent.optimal_search import PlanValue
 from planning.contingent.recovery_planning import NoRecoveryPlan, RecoveryPlan
 from planning.contingent.sensing_problems import (
@@ -85,20 +85,24 @@ def read_recovery(source: str | bytes, file: str = "") -> RecoveryCase:
     return RecoveryCase(problem, value, least, tuple(notes))
 
 
+def plan_figures_record(plan: ConditionalPlan | None, expected: float | None = None) -> dict[str, Any]:
+    """A plan with its figures; nulls where there is none."""
+    if plan is None:
+        return {"solvable": False, **dict.fromkeys(("depth", "leaves", "actions", "expected", "plan"))}
+    figures = figures_of(plan)
+    sizes = {"depth": figures.depth, "leaves": figures.leaves, "actions": figures.actions}
+    return {"solvable": True, **sizes, "expected": expected, "plan": print_plan(plan)}
+
+
 def recovery_record(found: RecoveryPlan | NoRecoveryPlan) -> dict[str, Any]:
     """The answer as a record."""
     if isinstance(found, NoRecoveryPlan):
-        nothing = dict.fromkeys(("depth", "leaves", "actions", "expected", "plan"))
         sets = [list(each) for each in found.indistinguishable]
-        return {"solvable": False, **nothing, "why_not": found.reason, "indistinguishable": sets}
+        return {**plan_figures_record(None), "why_not": found.reason, "indistinguishable": sets}
     is_whole = found.covered == 1.0
     return {
+        **plan_figures_record(found.plan, expected=found.expected),
         "solvable": is_whole,
-        "depth": found.figures.depth,
-        "leaves": found.figures.leaves,
-        "actions": found.figures.actions,
-        "expected": found.expected,
-        "plan": print_plan(found.plan),
         "why_not": None if is_whole else found.notes[-1],
         "optimal": found.is_optimal,
         "covered": found.covered,

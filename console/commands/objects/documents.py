@@ -23,3 +23,13 @@ def read_document(path: Path) -> tuple[bytes, str]:
         raise WrongCall(
             f"{path} cannot be read ({error.strerror}); it is a JSON file, or - for standard input."
         ) from None
+
+
+def as_text(source: bytes, name: str) -> str:
+    """The text of a document; raises WrongCall."""
+    try:
+        return source.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise WrongCall(
+            f"{name} is no UTF-8 text ({error.reason}); it is a text file, or - for standard input."
+        ) from None

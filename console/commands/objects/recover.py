@@ -1,13 +1,14 @@
 """`dyknow recover`: a conditional plan that finds out which object it is, or where, or the reason why there is none."""
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from console.command import Call, command
-from console.commands.objects.documents import read_document
+from console.commands.objects.documents import as_text, read_document
 from console.errors import DONE, NO
 from dyknow.model.instants import print_span
 from runtime.configuration.instants import duration_us
@@ -22,7 +23,8 @@ SHORTEST_TIMEOUT_US = 10_000
 def recover(
     call: Call,
     file: Annotated[
-        Path, typer.Argument(metavar="FILE.json", help="Hypotheses, places and what is visible; - for standard input.")
+        Path,
+        typer.Argument(metavar="FILE", help="Hypotheses with places, JSON, or with actions; - for standard input."),
     ],
     *,
     draw: Annotated[
@@ -36,12 +38,15 @@ def recover(
     from planning.contingent.recovery_planning import NoRecoveryPlan, plan_recovery
 
     limit_us = duration_us(timeout, option="--timeout", least_us=SHORTEST_TIMEOUT_US)
-    case = read_recovery(*read_document(file))
     end_s = time.monotonic() + limit_us / 1e6
 
     def stop() -> str:
         return f"gave up after {print_span(limit_us)}" if time.monotonic() > end_s else ""
 
+    source, name = read_document(file)
+    if source.lstrip()[:1] in {b"(", b";"}:
+        return _of_actions(call, source, name, stop, draw)
+    case = read_recovery(source, name)
     found = plan_recovery(case.problem, case.value, case.least_possibility, stop)
     record = recovery_record(found)
     for sentence in (*case.notes, *record.get("notes", ())):
@@ -51,6 +56,20 @@ def recover(
     else:
         _draw(call, found.plan, draw)
     return DONE if record["solvable"] else NO
+
+
+def _of_actions(call: Call, source: bytes, name: str, stop: Callable[[], str], draw: str | None) -> int:
+    """A plan for a problem in the action language."""
+    from planning.contingent.files import plan_figures_record
+    from planning.epistemic.epistemic_search import plan_epistemic
+    from planning.epistemic.reading import read_epistemic
+
+    found = plan_epistemic(read_epistemic(as_text(source, name), name), stop)
+    if draw is None or found.plan is None:
+        call.out.line({**plan_figures_record(found.plan), "why_not": found.reason or None})
+    else:
+        _draw(call, found.plan, draw)
+    return DONE if found.plan is not None else NO
 
 
 def _draw(call: Call, plan: "ConditionalPlan", kind: str) -> None:

@@ -28,3 +28,10 @@ def test_that_there_is_no_plan_is_the_answer_no_with_the_reason(dyknow: Run, tmp
     found = json.loads(done.stdout)
     assert (found["solvable"], found["plan"], found["indistinguishable"]) == (False, None, [[0, 1, 2, 3]])
     assert "no way leads to r1_2, r1_3, r1_4 from r1_1" in found["why_not"]
+
+
+def test_a_problem_of_actions_is_answered_as_well(dyknow: Run) -> None:
+    done = dyknow("recover", str(MARK.with_suffix(".ptl")))
+    assert done.returncode == 0
+    found = json.loads(done.stdout)
+    assert (found["solvable"], found["depth"], found["leaves"], found["actions"]) == (True, 7, 4, 10)
