@@ -23,6 +23,7 @@ COMMANDS: CommandTable = {
     "host": (f"{_FLEET}.host:host", "Offer sources and units to a platform from a process of their own."),
     "down": (f"{_FLEET}.up:down", "End the platforms that up and join started on this machine."),
     "ls": (f"{_MEMBERS}.ls:ls", "The platforms, a line each: state, battery, altitude, age of the oldest data."),
+    "top": ("console.top.top:top", "Platforms, streams, monitors, alarms and acts in the terminal, kept up to date."),
     "query": (f"{_MEMBERS}.query:query", "The latest value of a label, its value at a time, or all between two times."),
     "watch": (f"{_MEMBERS}.watch:watch", "A federated stream under a policy, sample by sample."),
     "call": (f"{_MEMBERS}.call:call", "A stream that platforms offer at a cost, of the cheapest that is good enough."),
