@@ -18,6 +18,7 @@ STRIDE_US: Final = US_PER_S
 LEAST_S: Final = 5.0
 """No habit is known from less."""
 _SLOW_M_S: Final = 1.0
+_TURNS: Final = frozenset({"left", "right", "straight", "uturn"})
 
 
 class Habit:
@@ -94,10 +95,10 @@ class Individual:
 
     def observe(self, state: ObjectState) -> None:
         """One state of it while it is seen; states that follow too closely are skipped."""
-        turned_us = state.attributes.get("turned_us")
-        if turned_us is not None and turned_us != self._turned_us:
+        turned_us, turn = state.attributes.get("turned_us"), state.attributes.get("turn")
+        if isinstance(turn, str) and turn in _TURNS and isinstance(turned_us, int) and turned_us != self._turned_us:
             self._turned_us = turned_us
-            self.turns[state.attributes["turn"]] += 1
+            self.turns[turn] += 1
         last = self._last
         if last is not None and state.valid_us - last.valid_us < STRIDE_US:
             return

@@ -19,6 +19,8 @@ ROUTE, TRAVELLED = "route", "travelled_m"
 """Of a predicted state: the link on which it is, or to which it leads through a crossing, and how far it is on it."""
 TURN, TURNED = "turn", "turned_us"
 """The last turn that was made at a crossing (`left`, ...), and the valid time when that was known."""
+_MOST: Final = 1e12
+_PLACES: Final = ("link", NO_LINK), ("crossing", NO_CROSSING), ("via", NO_LINK)
 TURN_MADE: Final = frozenset({TURN, TURNED})
 ROAD_ATTRIBUTES: Final = frozenset({
     "link", "crossing", "direction", "offset_m", "across_m", "via", "via_direction", "lane", "heading_rad", "along_m_s",
@@ -40,18 +42,37 @@ def attributes_of(place: RoadPlace | None) -> dict[str, Value]:
 
 
 def place_of(state: ObjectState) -> RoadPlace | None:
-    """The place that a state's attributes describe; None if it is off the roads, or was never put on them."""
+    """The place that a state's attributes describe; None if it is off the roads, or was never put on them.
+
+    Percepts may have attributes of these names that are something else: what cannot be is left out.
+    """
     about = state.attributes
-    link, crossing = about.get("link", NO_LINK), about.get("crossing", NO_CROSSING)
-    if link == NO_LINK and crossing == NO_CROSSING:
+    link, crossing, via = (_name(about.get(name), nothing) for name, nothing in _PLACES)
+    if link is None and crossing is None:
         return None
-    via = about.get("via", NO_LINK)
+    lane = about.get("lane")
     return RoadPlace(
-        state.x_m, state.y_m, None if link == NO_LINK else link, None if crossing == NO_CROSSING else crossing,
-        about.get("direction", 0), about.get("lane"), about.get("offset_m", 0.0), about.get("across_m", 0.0),
-        about.get("heading_rad"), about.get("along_m_s"),
-        None if via == NO_LINK else DirectedLink(via, about.get("via_direction", 0)),
+        state.x_m, state.y_m, link, crossing, _direction(about.get("direction")),
+        lane if isinstance(lane, int) and lane >= 0 else None,
+        number_of(about.get("offset_m")) or 0.0, number_of(about.get("across_m")) or 0.0,
+        number_of(about.get("heading_rad")), number_of(about.get("along_m_s")),
+        None if via is None else DirectedLink(via, _direction(about.get("via_direction"))),
     )  # fmt: skip
+
+
+def number_of(value: Value) -> float | None:
+    """A value that is a number; None: it is none."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _MOST
+    return float(value) if is_number else None
+
+
+def _name(value: Value, nothing: str) -> str | None:
+    """A name; None: it is none, or that of nothing."""
+    return value if isinstance(value, str) and value != nothing else None
+
+
+def _direction(value: Value) -> int:
+    return int(value) if isinstance(value, int | float) and abs(value) == 1 else 0
 
 
 def turn_made(network: RoadNetwork, before: RoadPlace | None, place: RoadPlace | None) -> str | None:

@@ -14,7 +14,7 @@ from anchoring.links.individuals import Individual
 from anchoring.links.prediction import ConstantVelocity, Hypothesis, ObjectPrediction
 from anchoring.links.states import ObjectState
 from anchoring.roads.elements import DirectedLink
-from anchoring.roads.fluents import ROAD_ATTRIBUTES, ROUTE, TRAVELLED, TURN_MADE, attributes_of, place_of
+from anchoring.roads.fluents import ROAD_ATTRIBUTES, ROUTE, TRAVELLED, TURN_MADE, attributes_of, number_of, place_of
 from anchoring.roads.hypotheses import USUAL_PRUNING, Pruning, RouteHypothesis, TurnPrior, advance, pruned, uniform
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.objects import MEASURED, velocity_of
@@ -74,7 +74,7 @@ class AlongRoads:
         if before is None:
             routes, from_us = self._start(history, individual), last.valid_us
         else:
-            routes = tuple(route for each in before.hypotheses if (route := _route_of(each)) is not None)
+            routes = tuple(filter(None, (_route_of(self._network, each) for each in before.hypotheses)))
             from_us = before.likely.valid_us
         if not routes:
             return self._general.predict(history, to_us, before, individual)
@@ -247,15 +247,19 @@ def _axes(heading_rad: float) -> Matrix:
     return np.array([[cosine, sine], [-sine, cosine]])
 
 
-def _route_of(hypothesis: Hypothesis) -> RouteHypothesis | None:
-    """The route that a hypothesis of `AlongRoads` has in its attributes."""
+def _route_of(network: RoadNetwork, hypothesis: Hypothesis) -> RouteHypothesis | None:
+    """The route that a hypothesis of `AlongRoads` has in its attributes; None: they describe none."""
     about = hypothesis.state.attributes
-    if ROUTE not in about:
+    place, link = place_of(hypothesis.state), network.links.get(str(about.get(ROUTE)))
+    travelled_m = number_of(about.get(TRAVELLED))
+    if link is None or place is None or not place.direction or travelled_m is None:
         return None
-    place = place_of(hypothesis.state)
-    way = DirectedLink(about[ROUTE], about["direction"])
-    via = None if place is None or place.crossing is None or place.via == way else place.via
-    return RouteHypothesis(way, about[TRAVELLED], about["lane"], hypothesis.weight, via)
+    if place.lane is None or place.lane >= len(link.lanes):
+        return None
+    way = DirectedLink(link.id, place.direction)
+    via = None if place.crossing is None or place.via == way else place.via
+    known = via if via is not None and via.link in network.links and via.direction else None
+    return RouteHypothesis(way, travelled_m, place.lane, hypothesis.weight, known)
 
 
 def _expected_speed(speed_m_s: float, seconds: float, individual: Individual | None) -> float:

@@ -370,3 +370,35 @@ def test_in_a_crossing_that_no_road_leaves_it_goes_straight_on() -> None:
     sink = read_roads(text(crossing("x", 0, 0), link("l", None, "x", [(-99, 0), (0, 0)], oneway=True)))
     found = predicted(AlongRoads(sink), shown(sink, seen(-3.0, 0.0, 9.0, 0.0)), 1.0)
     assert found.likely.x_m == pytest.approx(6.0)
+
+
+NAMES = (
+    "link",
+    "crossing",
+    "via",
+    "route",
+    "direction",
+    "via_direction",
+    "lane",
+    "offset_m",
+    "travelled_m",
+    "turn",
+    "turned_us",
+)
+JUNK = st.one_of(
+    st.sampled_from(["s", "e", "x", "left", "nowhere"]),
+    st.integers(-2, 99),
+    st.floats(),
+    st.booleans(),
+    st.just(10**400),
+)
+
+
+@given(about=st.dictionaries(st.sampled_from(NAMES), JUNK), y_m=st.sampled_from([-60.0, -3.0, 300.0]))
+def test_percepts_with_attributes_of_these_names_harm_no_prediction(about: dict[str, Any], y_m: float) -> None:
+    state, individual, before = seen(1.75, y_m, 0.0, 9.0, **about), Individual(), None
+    for second in range(1, 9):
+        individual.observe(state._replace(valid_us=second * US_PER_S))
+        before = AlongRoads(TOWN).predict([state], second * US_PER_S, before, individual)
+    assert before is not None
+    assert sum(each.weight for each in before.hypotheses) == pytest.approx(1.0)
