@@ -43,7 +43,7 @@ from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.flight.flight import Faults, FlightAgent
 from agents.flight.giving_way import GivingWay
 from agents.flight.pilot import Pilot
-from agents.flight.vehicle_streams import VehicleStreams
+from agents.flight.vehicle_streams import VehicleStreams, WinchStream
 from agents.interface import InterfaceAgent
 from agents.missions.leading import MissionLeading
 from agents.missions.performing import Performing
@@ -81,7 +81,7 @@ from reasoning import AlarmEvent
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    Cameras, CameraAttention, FlightAgent, Performing, MissionLeading, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision,
+    Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision,
     Admission, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Wanting, Cooperation, Handover, MessageLog, DirectoryAgent,
@@ -133,7 +133,8 @@ class Ports:
         attends = config.cameras is not None and config.vehicle
         wanted = (
             (Cameras, config.cameras), (CameraAttention, attends), (FlightAgent, config.vehicle), (Following, attends),
-            (Performing, config.vehicle), (MissionLeading, config.vehicle), (Faults, config.simulated),
+            (WinchStream, config.vehicle), (Performing, config.vehicle), (MissionLeading, config.vehicle),
+            (Faults, config.simulated),
         )  # fmt: skip
         missing = {kind for kind, has in wanted if not has}
         return [kind for kind in (*PARTS[:-1], *config.extensions, PARTS[-1]) if kind not in missing]

@@ -5,9 +5,13 @@ the same grid, so that states and exports of several platforms meet. Federation 
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Final
 
 from agents.admission.limits import TokenBucket
+from agents.effects import Reported
+from agents.exchange.local_instance import LocalInstance
+from agents.part import NOT_MINE, Followed, Part
 from dyknow import (
     NO_VALUE,
     SURE,
@@ -23,11 +27,12 @@ from dyknow import (
     Value,
     independent,
 )
+from federation.members.clock import FederationClock
 from federation.messages.descriptions import LabelEntry
 from federation.sharing.translation import LabelConversion, Translation
 from navigation.fusion import Estimate, PositionFilter
 from navigation.geodesy import metres_per_degree
-from navigation.vehicle import BatteryReport, HomeReport, Report
+from navigation.vehicle import BatteryReport, HomeReport, Report, WinchReport
 
 ESTIMATE = Sort(
     "estimate",
@@ -40,6 +45,8 @@ ESTIMATE = Sort(
     ),
 )
 LABELS = ("heli-position", "heli-altitude", "heli-velocity", "heli-height", "heli-home", "battery")
+LOAD: Final = "winch-load"
+WINCH_PERIOD_US: Final = 200_000
 BATTERY_KEPT_US = 10_000_000
 CHANGES_PER_S, CHANGES_AT_ONCE = 0.1, 4.0
 """How often a change between good and bad positions is noted; those between are counted."""
@@ -184,3 +191,54 @@ def _part_of_estimate(part: Callable[[Estimate], tuple[Value, Quality]], to_loca
         return to_local.sample(Sample(now_us, sample.valid_us, value, quality)), state
 
     return step
+
+
+class WinchStream(Part):
+    """The winch of the vehicle as a stream: how much line is out, and what hangs on it.
+
+    A vehicle has a winch once it has reported one; from then on the platform offers the stream. A winch without a scale has
+    none: its load is not known.
+
+    Args:
+        local: the part whose deadline samples may move.
+        offer: called when there is a winch.
+    """
+
+    takes = {Reported: "on_reported"}  # noqa: RUF012  (a declaration)
+
+    def __init__(
+        self,
+        unit: str,
+        clock: FederationClock,
+        network: Network,
+        translation: Translation,
+        local: LocalInstance,
+        offer: Callable[[int], None],
+    ) -> None:
+        self._clock, self._network, self._translation, self._local = clock, network, translation, local
+        self._offer = offer
+        self._label, self._to_local = translation.local_label(LOAD, unit), translation.to_local(LOAD)
+        self._newest_us = -1
+        self._is_offered = False
+
+    def labels(self) -> Iterable[LabelEntry]:
+        if not self._is_offered:
+            return []
+        label = self._translation.ontology[LOAD]
+        return [LabelEntry(label=LOAD, sort=label.sort.name, type_hash=label.type_hash, period_us=WINCH_PERIOD_US)]
+
+    def on_reported(self, event: Reported, now_us: int) -> Followed:
+        """Reports of a winch are for this part alone."""
+        report = event.report
+        if not isinstance(report, WinchReport):
+            return NOT_MINE
+        if report.load_kg is None or report.line_m is None or report.valid_us <= self._newest_us:
+            return ()
+        self._newest_us = report.valid_us
+        if not self._is_offered:
+            self._is_offered = True
+            self._network.add_source(self._label, self._translation.local_sort(LOAD))
+            self._offer(now_us)
+        value = self._to_local((report.load_kg, report.line_m))
+        self._network.push(self._label, report.valid_us, value, self._clock.federation_us(now_us))
+        return (self, self._local)

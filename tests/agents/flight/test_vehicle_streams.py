@@ -2,11 +2,14 @@
 
 import pytest
 
+from agents.config import PlatformConfig
+from agents.effects import Reported
 from agents.flight.vehicle_streams import VehicleStreams
-from dyknow import Network, Policy
+from agents.platform import Platform
+from dyknow import Label, Network, Policy, Sample
 from federation.sharing.ontology import default_ontology
 from federation.sharing.translation import Translation
-from navigation.vehicle import BatteryReport, HomeReport
+from navigation.vehicle import BatteryReport, HomeReport, WinchReport
 from tests.navigation.flights import START_US, position_at, straight
 
 PERIOD_US = 100_000
@@ -64,3 +67,22 @@ def test_a_position_that_comes_and_goes_is_noted_a_few_times_and_then_counted(ve
     assert vehicle.notes[:2] == ["position ok", "position stale: silent"]
     assert 4 < len(vehicle.notes) <= 4 + 12 + 1, "60 losses in two minutes"
     assert "changes before it were not noted" in vehicle.notes[-1]
+
+
+def test_a_winch_is_offered_once_it_has_reported_a_load_and_is_a_stream_from_then_on() -> None:
+    platform = Platform(PlatformConfig("0", 1), START_US)
+    platform.start(START_US)
+    loads: list[Sample] = []
+    label, ports = Label.parse("winch-load[0]"), platform.ports
+    reports = [
+        WinchReport(START_US + 200_000 * at, 2.0, 0.0, load, True, False) for at, load in enumerate((None, 0.0, 1.5))
+    ]
+    offered = []
+    for at, report in enumerate((*reports, reports[-1])):
+        platform.on_event(Reported(START_US + 200_000 * at, report), START_US + 200_000 * at)
+        offered.append("winch-load" in {each.label for each in ports.labels()})
+        if offered[-1] and not loads:
+            ports.network.subscribe(label, Policy(), loads.append)
+    assert offered == [False, True, True, True]
+    assert loads[-1].value == (1.5, 2.0)
+    assert len({sample.valid_us for sample in loads}) == len(loads)
