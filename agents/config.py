@@ -31,6 +31,8 @@ class PlatformConfig:
         control: whether it may command its vehicle.
         missions: whether it may interrupt a mission of its vehicle to give way.
         period_us: the grid of its estimates.
+        learnt: what streams of beliefs had learnt, by stream.
+        trusted: how far other platforms are trusted, in [0, 1], by unit; others wholly.
         roads: those on which linked objects are, unless the specification names others.
         catalogue: what its specification can make sources and units from, by name.
         stopwatch: federation time as it is within a step, by which it is known how long units take, and which are
@@ -59,6 +61,8 @@ class PlatformConfig:
     translation: Translation | None = None
     profiles: Mapping[str, Profile] = field(default_factory=builtin_profiles)
     trust: Trust | None = None
+    learnt: Mapping[str, str] = field(default_factory=dict)
+    trusted: Mapping[str, float] = field(default_factory=dict)
     roads: RoadNetwork | None = None
     catalogue: Callable[[str], Prototype | None] = lambda _name: None
     stopwatch: Callable[[], int] | None = None

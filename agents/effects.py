@@ -188,6 +188,13 @@ class Tell(NamedTuple):
     record: Mapping[str, Any]
 
 
+class Keep(NamedTuple):
+    """Keep what a stream has learnt, so that it is known after a restart."""
+
+    stream: str
+    text: str
+
+
 class TellHost(NamedTuple):
     """Messages for a host, in order."""
 
@@ -217,4 +224,4 @@ class Halt(NamedTuple):
 
 
 SearchEffect: TypeAlias = RunSearch | EndSearch
-Effect: TypeAlias = WireEffect | Command | Compute | SearchEffect | InjectFault | Note | Tell | Halt | HostEffect
+Effect: TypeAlias = WireEffect | Command | Compute | SearchEffect | InjectFault | Note | Tell | Keep | Halt | HostEffect

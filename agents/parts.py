@@ -17,6 +17,7 @@ from agents.actions import ROLES, Role
 from agents.admission.admission import Admission
 from agents.admission.limits import ActLimits
 from agents.admission.message_log import MessageLog
+from agents.admission.trusted import PlatformTrust
 from agents.areas.assignment import AreaAssignment
 from agents.areas.division import AreaDivision
 from agents.attention.camera_attention import CameraAttention
@@ -58,6 +59,7 @@ from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.part import Part, PeerChange
 from agents.shedding import Shedding
 from agents.specification.declared_streams import DeclaredStreams
+from agents.specification.learning import Learning
 from agents.specification.object_queries import ObjectQueries
 from agents.specification.remote_changes import SpecificationChanges
 from agents.specification.specification_part import SpecificationPart
@@ -82,9 +84,9 @@ T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
     Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision,
-    Admission, UnitMonitoring,
+    Admission, PlatformTrust, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
-    SpecificationChanges, ObjectQueries, Wanting, Cooperation, Handover, MessageLog, DirectoryAgent,
+    SpecificationChanges, ObjectQueries, Learning, Wanting, Cooperation, Handover, MessageLog, DirectoryAgent,
 )  # fmt: skip
 """The classes of all parts there are, in their order; which of them a platform has, `Ports.kinds` decides."""
 
@@ -175,6 +177,14 @@ class Ports:
             )  # fmt: skip
 
         return InterfaceAgent(member, lasting_heads(config.extensions), audit_log, self.on_peer)
+
+    @property
+    def learnt(self) -> Mapping[str, str]:
+        return self.config.learnt
+
+    @property
+    def trusted(self) -> Mapping[str, float]:
+        return self.config.trusted
 
     @property
     def member(self) -> Member:

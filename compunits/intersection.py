@@ -24,6 +24,8 @@ from dyknow import NO_VALUE, US_PER_S, Sample, computational_unit
 Criterion: TypeAlias = Literal["determinant", "trace"]
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _STEPS = 45
+_LEAST_CERTAINTY = 1e-9
+"""What is less certain has no part."""
 
 
 class Intersection(NamedTuple):
@@ -82,7 +84,8 @@ class CovarianceIntersection:
 
     An estimate has a part in it if it is made of finite numbers, carries a covariance that is positive definite, and is
     no more than `seconds` older than the other. If one alone has, it is what comes out; if none has, there is no value.
-    The certainty is the product of both: both have to be right.
+    Each covariance is divided by the certainty of its sample, so that what is trusted less counts less. The certainty is
+    the product of both: both have to be right.
 
     Args:
         minimise: `determinant`, which is the same in whatever units the components are, or `trace`.
@@ -112,9 +115,11 @@ class CovarianceIntersection:
         mean = numbers_of(sample.value)
         age_us = valid_us - sample.valid_us
         covariance = None if mean is None or age_us > self._oldest_us else covariance_in(sample.quality, len(mean))
-        if mean is None or covariance is None:
+        certainty = sample.quality.certainty
+        if mean is None or covariance is None or certainty < _LEAST_CERTAINTY:
             return None
-        return _Part(sample, mean, covariance + np.eye(len(mean)) * (self._drift * age_us / US_PER_S))
+        older = np.eye(len(mean)) * (self._drift * age_us / US_PER_S)
+        return _Part(sample, mean, (covariance + older) / certainty)
 
     def _both(self, now_us: int, valid_us: int, one: "_Part", other: "_Part") -> Sample:
         certainty = one.sample.quality.certainty * other.sample.quality.certainty

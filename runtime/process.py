@@ -23,6 +23,7 @@ from agents.effects import (
     HostEffect,
     Impaired,
     InjectFault,
+    Keep,
     LeaveRequested,
     Note,
     Pressed,
@@ -30,7 +31,7 @@ from agents.effects import (
     SearchEffect,
     Tell,
     Waited,
-)
+)  # fmt: skip
 from agents.flight.flight import FlightAgent
 from agents.monitoring.monitor_plans import PlanBook
 from agents.platform import Platform
@@ -51,6 +52,7 @@ from runtime.configuration.road_files import check_place
 from runtime.configuration.session import reaches_beyond, unprotected, wire_options
 from runtime.journal.journal import Journal
 from runtime.journal.recorded_runs import about, journalled
+from runtime.learnt_files import keep
 from runtime.loop import Pressure, SteppedNode, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
 from runtime.records import NoteLimit, Records
@@ -304,6 +306,8 @@ class PlatformProcess:
         elif isinstance(effect, HostEffect):
             if self._door is not None:
                 self._door.perform(effect)
+        elif kind is Keep:
+            keep(self.config, effect, self._note)
         elif kind is Tell:
             self._say({**effect.record, "unit": self.config.unit})
         elif kind is Halt:

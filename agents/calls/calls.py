@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Final
 
+from agents.admission.trusted import PlatformTrust
 from agents.effects import Effect, Tell
 from agents.exchange.imported import Imported, converting
 from agents.exchange.local_instance import LocalInstance
@@ -22,7 +23,6 @@ from federation.members.clock import FederationClock
 from federation.members.directory import DirectoryFacilitator
 from federation.messages.descriptions import ConditionEntry
 from federation.sharing.translation import Translation
-from kpl.linking.beliefs import trust_in
 
 PERIOD_US: Final = 100_000
 MAX_DELAY_US: Final = 1_000_000
@@ -79,6 +79,7 @@ class Calls(Part):
         translation: Translation,
         clock: FederationClock,
         local: LocalInstance,
+        platform_trust: PlatformTrust,
         now_us: Callable[[], int],
         offer: Callable[[int], None],
         note: Callable[[str], None],
@@ -86,6 +87,7 @@ class Calls(Part):
     ) -> None:
         self._unit, self._agent, self._directory, self._network = unit, agent, directory, network
         self._translation, self._clock, self._local, self._now_us = translation, clock, local, now_us
+        self._trust = platform_trust
         self._offer, self._note, self._emit = offer, note, emit
         self._streams: list[CalledStream] = []
 
@@ -117,7 +119,7 @@ class Calls(Part):
     def _begin(self, called: CalledStream) -> StreamCall:
         call = StreamCall(
             called.wanted, self._unit, self._agent.acts, self._directory, partial(self._on_news, called),
-            self._clock.speed, partial(trust_in, self._network),
+            self._clock.speed, self._trust.found, self._trust.declared,
         )  # fmt: skip
         call.begin(self._now_us())
         return call

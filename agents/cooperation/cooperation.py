@@ -83,6 +83,7 @@ class Cooperation(Part):
         )
         self._translation, self._directory, self._agreements = translation, directory, agreements
         self._offset_of, self._now_us, self._note, self._offer = offset_of, now_us, note, offer
+        self._trusted = config.trusted
         self.takers: dict[str, Callable[[str, Sample], None]] = {TRACKS: self._on_track, IDENTITIES: self._on_identity}
         self.partners = Partners(network, local, keeper, self._on_sample)
         self._sort = translation.ontology[TRACKS].sort
@@ -121,7 +122,7 @@ class Cooperation(Part):
         self._taken = self._network.subscribe(self.tracks, Policy(), self._on_own, self._on_end)
         if self.picture is None:
             first = self._boot // 1000 % _LIVES * _FIRST + 1
-            self.picture = GlobalPicture(self._unit, first)
+            self.picture = GlobalPicture(self._unit, first, self._trusted)
         for entry in self._directory.entries():
             if any(each.label == TRACKS for each in entry.labels):
                 self._meet(entry.unit, entry.boot, now_us)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TypeAlias
 
+from agents.admission.trusted import PlatformTrust
 from agents.part import Part, PeerChange
 from dyknow import Generator, Label, Network, Policy, PolicyAdapter, Quality, Sample, Sort, Value
 from dyknow.model.errors import SortError
@@ -67,10 +68,11 @@ class ImportProxy(Part):
         emit: Callable[[WireEffect], None],
         source: Callable[[str, str], tuple[Label, Convert]],
         disagreement: Callable[[str, str], str],
+        platform_trust: PlatformTrust,
     ) -> None:
         self._network, self._ontology, self._translation = network, ontology, translation
         self._clock, self._offset_of, self._emit, self._declare = clock, offset_of, emit, source
-        self.imports, self._disagreement = imports, disagreement
+        self.imports, self._disagreement, self._trust = imports, disagreement, platform_trust
         self._sinks: dict[tuple[str, str], Sink] = {}
         self.refused: Counter[str] = Counter()
         self.policies: dict[ImportName, Policy] = {}
@@ -190,7 +192,8 @@ class ImportProxy(Part):
             return known
         local, _ = self._declare(semantic_label, sender)
         sort, to_local = self._ontology[semantic_label].sort, self._translation.to_local(semantic_label)
-        add = partial(self._add, sort, to_local, self._network.generator(local))
+        trust = self._trust.declared(sender)
+        add = partial(self._add, sort, to_local, self._network.generator(local), trust)
         self._sinks[sender, semantic_label] = add
         return add
 
@@ -199,6 +202,7 @@ class ImportProxy(Part):
         sort: Sort,
         to_local: LabelConversion,
         generator: Generator,
+        trust: float,
         valid_us: int,
         value: Value,
         now_us: int,
@@ -211,6 +215,8 @@ class ImportProxy(Part):
             return
         if not to_local.is_same:
             value, quality = to_local(value), to_local.quality(quality)
+        if trust < 1.0:
+            quality = quality._replace(certainty=trust * quality.certainty)
         generator.push(valid_us, value, now_us, quality)
 
 

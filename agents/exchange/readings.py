@@ -1,52 +1,64 @@
 """Several platforms' readings of one label made into one (thesis 9.3.4: select one of the values, or merge them)."""
 
 from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 from federation.messages.contents import Reading
 
+TrustedReading: TypeAlias = tuple[Reading, float]
+"""A reading, and how far its platform is trusted, in [0, 1]."""
 
-def select_newest(readings: Sequence[Reading]) -> Reading | None:
+
+def select_newest(readings: Sequence[TrustedReading]) -> Reading | None:
     """The one with the highest valid time; ties go to the highest available time."""
-    return max(readings, key=lambda reading: (reading.valid_us, reading.available_us), default=None)
+    trusted = [reading for reading, _ in _trusted(readings)]
+    return max(trusted, key=lambda reading: (reading.valid_us, reading.available_us), default=None)
 
 
-def select_best(readings: Sequence[Reading]) -> Reading | None:
-    """The one with the smallest stated variance, the newest among equals; one that states none comes last."""
+def select_best(readings: Sequence[TrustedReading]) -> Reading | None:
+    """The one with the smallest stated variance as far as it is trusted, the newest among equals; one that states none comes last."""
 
-    def rank(reading: Reading) -> tuple[bool, float, int]:
+    def rank(each: TrustedReading) -> tuple[bool, float, int]:
+        reading, trust = each
         stated = _variances(reading)
-        return (not stated, sum(stated.values()), -reading.valid_us)
+        return (not stated, sum(stated.values()) / trust, -reading.valid_us)
 
-    return min(readings, key=rank, default=None)
-
-
-def merge_mean(readings: Sequence[Reading]) -> Reading | None:
-    """The mean of each field, at the newest of the valid times."""
-    return _merge(readings, lambda _reading, _field: 1.0)
+    return min(_trusted(readings), key=rank, default=(None, 0.0))[0]
 
 
-def merge_inverse_variance(readings: Sequence[Reading]) -> Reading | None:
-    """Each field weighed by the inverse of its variance; readings that state none are left out."""
+def merge_mean(readings: Sequence[TrustedReading]) -> Reading | None:
+    """The mean of each field, each weighed by how far it is trusted, at the newest of the valid times."""
+    return _merge(_trusted(readings), lambda _reading, _field: 1.0)
+
+
+def merge_inverse_variance(readings: Sequence[TrustedReading]) -> Reading | None:
+    """Each field weighed by trust over its variance; readings that state none are left out."""
     stated = [
-        reading for reading in readings if all(v > 0 for v in _variances(reading).values()) and _variances(reading)
+        each for each in _trusted(readings) if all(v > 0 for v in _variances(each[0]).values()) and _variances(each[0])
     ]
     return _merge(stated, lambda reading, field: 1.0 / _variances(reading)[field])
+
+
+def _trusted(readings: Sequence[TrustedReading]) -> list[TrustedReading]:
+    return [each for each in readings if each[1] > 0.0]
 
 
 def _variances(reading: Reading) -> dict[str, float]:
     return {name: float(v) for name, v in (reading.variance or {}).items() if isinstance(v, int | float)}
 
 
-def _merge(readings: Sequence[Reading], weight: Callable[[Reading, str], float]) -> Reading | None:
+def _merge(found: Sequence[TrustedReading], weight: Callable[[Reading, str], float]) -> Reading | None:
     """The weighted mean of every numeric field that all of them have."""
+    readings = [reading for reading, _ in found]
     records = [(reading, reading.value) for reading in readings if isinstance(reading.value, dict)]
+    trusts = [trust for reading, trust in found if isinstance(reading.value, dict)]
     if not records:
         return None
     fields = [name for name in records[0][1] if all(_is_number(record.get(name)) for _, record in records)]
     value: dict[str, float] = {}
     variance: dict[str, float] = {}
     for name in fields:
-        weights = [weight(reading, name) for reading, _ in records]
+        weights = [trust * weight(reading, name) for (reading, _), trust in zip(records, trusts, strict=True)]
         total = sum(weights)
         value[name] = sum(w * _number(record[name]) for w, (_, record) in zip(weights, records, strict=True)) / total
         stated = [_variances(reading).get(name) for reading, _ in records]

@@ -5,11 +5,12 @@ Times are the node clock, but for valid and available times.
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from agents.actions import FEDERATION, QUERIED, Action, Offer, Role
+from agents.admission.trusted import PlatformTrust
 from agents.exchange import readings
 from agents.exchange.dormant import DormantStreams, StreamQuery
 from agents.exchange.gateway import PAGE, Gateway
@@ -73,8 +74,9 @@ class StreamQueries(Part):
         gateway: Gateway,
         agreements: LabelAgreements,
         declared: Callable[[str, str], Label],
+        platform_trust: PlatformTrust,
     ) -> None:
-        self._agreements, self._declared = agreements, declared
+        self._agreements, self._declared, self._trust = agreements, declared, platform_trust
         self._unit, self._clock, self._agent, self._directory, self._gateway = unit, clock, agent, directory, gateway
         self._dormant = DormantStreams(clock, agent, gateway, self._respond)
 
@@ -188,7 +190,9 @@ class StreamQueries(Part):
         if gathering.waiting:
             return
         query = gathering.query
-        merged = merged_reading(query, [reading for found in gathering.answers.values() for reading in found])
+        merged = merged_reading(
+            query, [(reading, self._trust.of(unit)) for unit, found in gathering.answers.items() for reading in found]
+        )
         missing = tuple(Missing(unit=unit, reason=reason[:200]) for unit, reason in gathering.missing.items())
         pages = _answer_pages(query.semantic_label, gathering.answers)
         for page in pages[:-1]:
@@ -247,8 +251,8 @@ def _answer_pages(label: str, answers: dict[str, list[Reading]]) -> list[tuple[S
     return [tuple(page) for page in pages]
 
 
-def merged_reading(query: Query, found: list[Reading]) -> Reading | None:
-    """The one reading that the query asks for, by `select` or `merge`."""
+def merged_reading(query: Query, found: Sequence[tuple[Reading, float]]) -> Reading | None:
+    """The one reading that the query asks for, by `select` or `merge`, of readings with how far each is trusted."""
     if query.select == "newest":
         return readings.select_newest(found)
     if query.select == "best":

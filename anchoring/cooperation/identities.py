@@ -2,13 +2,14 @@
 
 A track **holds** a name by what its member claims. A member speaks for its own tracks only. Of several groups of tracks with
 one name, it belongs to that which is seen, by most members, then for longest without a gap; of several names of one group, the
-one held by most members stands, then the oldest. So every picture of the same reports comes to the same names, and one
+one held by most members stands, then the oldest. A member counts as far as it is trusted. So every picture of the same reports comes to the same names, and one
 member alone takes no name from two that hold it, nor from one that holds it longer. What a member claims to have begun while it
 was heard counts from when it was claimed; only at the first meeting of two its word is taken for what it brings along.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import fsum
 from typing import Final, NamedTuple
 
 from anchoring.cooperation.reports import LONGEST_NAME, IdentityClaim, TrackKey
@@ -39,9 +40,9 @@ class Named(NamedTuple):
 
 
 def named(
-    groups: Sequence[frozenset[TrackKey]], held: Mapping[TrackKey, Held], is_live: Callable[[TrackKey], bool]
+    groups: Sequence[frozenset[TrackKey]], held: Mapping[TrackKey, Held], say: Callable[[TrackKey], float]
 ) -> list[Named]:
-    """The name of each group."""
+    """The name of each group; `say`: how far the member of a track is trusted, 0 where the track is not seen."""
     holders: dict[str, list[tuple[tuple[object, ...], int]]] = {}
     for at, tracks in enumerate(groups):
         by_name: dict[str, list[TrackKey]] = {}
@@ -49,21 +50,21 @@ def named(
             if key in held:
                 by_name.setdefault(held[key].name, []).append(key)
         for name, keys in by_name.items():
-            live = [key for key in keys if is_live(key)]
+            live = [key for key in keys if say(key)]
             since_us = min(held[key].since_us for key in live or keys)
-            holders.setdefault(name, []).append(((not live, -len(live), since_us, min(keys)), at))
+            holders.setdefault(name, []).append(((not live, -fsum(map(say, live)), since_us, min(keys)), at))
     won: dict[int, list[str]] = {}
     for name, rivals in holders.items():
         won.setdefault(min(rivals)[1], []).append(name)
-    return [_named(tracks, won.get(at, []), held, is_live) for at, tracks in enumerate(groups)]
+    return [_named(tracks, won.get(at, []), held, say) for at, tracks in enumerate(groups)]
 
 
 def _named(
-    tracks: frozenset[TrackKey], names: list[str], held: Mapping[TrackKey, Held], is_live: Callable[[TrackKey], bool]
+    tracks: frozenset[TrackKey], names: list[str], held: Mapping[TrackKey, Held], say: Callable[[TrackKey], float]
 ) -> Named:
     def rank(name: str) -> tuple[object, ...]:
         keys = [key for key in tracks if key in held and held[key].name == name]
-        return -sum(map(is_live, keys)), min(held[key].born_us for key in keys), name
+        return -fsum(map(say, keys)), min(held[key].born_us for key in keys), name
 
     names = sorted(names, key=rank)
     return Named(tracks, names[0], tuple(names[1:])) if names else Named(tracks, None)

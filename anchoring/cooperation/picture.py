@@ -12,9 +12,13 @@ Each member has a picture of its own and reports and claims for its own tracks. 
 """
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from functools import partial
 from itertools import count
+from types import MappingProxyType
 from typing import Final
+
+import numpy as np
 
 from anchoring.cooperation.evidence import Pair, TrackEvidence, ordered
 from anchoring.cooperation.grouping import groups
@@ -39,6 +43,7 @@ STABLE_US: Final = 400_000
 GAP_US: Final = 2 * US_PER_S
 """What was not seen for so long is held again since it was seen."""
 MOST_EVENTS: Final = 1000
+_ALL: Final[Mapping[str, float]] = MappingProxyType({})
 
 
 class GlobalPicture:
@@ -47,6 +52,7 @@ class GlobalPicture:
     Args:
         unit: the member; it names what it sees first.
         first: the number in the first name that it gives.
+        trusted: how far other members are trusted, in [0, 1], by unit; others wholly.
 
     Attributes:
         gate: what was refused, by member and reason.
@@ -54,8 +60,8 @@ class GlobalPicture:
         clock_sd_us: by member, the standard deviation of its clock against ours.
     """
 
-    def __init__(self, unit: str, first: int = 1) -> None:
-        self.unit = unit
+    def __init__(self, unit: str, first: int = 1, trusted: Mapping[str, float] = _ALL) -> None:
+        self.unit, self._trusted = unit, trusted
         self.gate = ReportGate()
         self.recent: deque[PictureEvent] = deque(maxlen=MOST_EVENTS)
         self.clock_sd_us: dict[str, int] = {}
@@ -100,6 +106,13 @@ class GlobalPicture:
         """Take the state of a track."""
         if report.unit not in self._present:
             self.arrive(report.unit, now_us)
+        trust = self._trusted.get(report.unit, 1.0)
+        if trust <= 0.0:
+            self.gate.refuse(report.unit, "not trusted")
+            return
+        if trust < 1.0:
+            state = report.state._replace(covariance=np.asarray(report.state.covariance) / trust)
+            report = report._replace(state=state)
         self._tracks.take(report, now_us)
 
     def claim(self, claim: IdentityClaim, now_us: int) -> None:
@@ -187,7 +200,7 @@ class GlobalPicture:
         joined, split = self._evidence.look(self._tracks, at_us, self.clock_sd_us)
         keys = [track.key for track in self._tracks if track.seen_us]
         self._possess(at_us)
-        made = named(groups(keys, self._evidence), self._claims.held, lambda key: self._is_live(key, at_us))
+        made = named(groups(keys, self._evidence), self._claims.held, partial(self._say, at_us))
         made = self._decide(made, at_us)
         self._named = made
         self._explain(joined, split, at_us)
@@ -197,6 +210,10 @@ class GlobalPicture:
     def _is_live(self, key: TrackKey, at_us: int) -> bool:
         track = self._tracks.get(key)
         return track is not None and key.unit in self._present and track.is_live(at_us)
+
+    def _say(self, at_us: int, key: TrackKey) -> float:
+        """How far the member of a track is trusted, if it sees it."""
+        return self._trusted.get(key.unit, 1.0) if self._is_live(key, at_us) else 0.0
 
     def _possess(self, at_us: int) -> None:
         """A track of ours that was not seen for a while holds its name since it was seen again."""

@@ -57,6 +57,7 @@ class StreamCall:
         unit: of the caller, which does not ask itself.
         speed: of the federation's clock.
         trust: how far a platform is trusted, in [0, 1]; what it promises and brings is as much less certain.
+        declared: likewise, where samples are less certain by that already when they arrive.
         on_news: takes what happens.
 
     Attributes:
@@ -74,9 +75,10 @@ class StreamCall:
         on_news: Callable[[CallNews], None],
         speed: float = 1.0,
         trust: Callable[[str], float] = lambda _unit: 1.0,
+        declared: Callable[[str], float] = lambda _unit: 1.0,
     ) -> None:
         self.wanted, self._unit, self._acts, self._directory = wanted, unit, acts, directory
-        self._on_news, self._speed, self._trust = on_news, speed, trust
+        self._on_news, self._speed, self._trust, self._declared = on_news, speed, trust, declared
         self.taken: Proposal | None = None
         self.reserve: dict[str, Proposal] = {}
         self.refused: Counter[str] = Counter()
@@ -238,9 +240,8 @@ class StreamCall:
             self._reject(unit, conversation, f"this is no proposal for {self.wanted.label}", now_us)
             return
         period_us, delay_us = round(said.sample_period_s * 1e6), round(said.delay_s * 1e6)
-        proposal = Proposal(
-            unit, asked[1], conversation, said.cost, max(1, period_us), delay_us, said.certainty * self._trust(unit)
-        )
+        certainty = said.certainty * self._trust(unit) * self._declared(unit)
+        proposal = Proposal(unit, asked[1], conversation, said.cost, max(1, period_us), delay_us, certainty)
         why = proposal.lacks(self.wanted)
         if why:
             self._news("refused", unit, f"cost {said.cost:g}, but {why}", now_us)

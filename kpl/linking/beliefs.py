@@ -10,13 +10,16 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from anchoring.belief.files.described import DescribedWorld
+from anchoring.belief.files.knowledge import print_known, read_knowledge
+from anchoring.belief.knowledge.memory import MOST_LEARNT
+from anchoring.belief.knowledge.ontology import KnownInstance
 from anchoring.belief.live.gathering import LookGatherer
 from anchoring.belief.live.records import BELIEF_SORT, BeliefRecords, quality_of
 from anchoring.belief.live.trust import TrustInSource
 from anchoring.belief.live.watch import ObservingSource, ReportedBelief, WorldWatch
 from anchoring.percepts.records import PerceptRecords, is_geographic, lacks_of
 from dyknow import NO_VALUE, US_PER_S, Label, Network, Policy, Sample, Sort
-from dyknow.model.errors import TextError, did_you_mean
+from dyknow.model.errors import TextError, TextErrors, did_you_mean
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.processes import OnDemand
 from kpl.syntax import specification as spec
@@ -68,10 +71,12 @@ class BeliefStream(OnDemand):
         self._world, self._inputs, self._readers, self._sources = world, tuple(inputs), tuple(readers), tuple(sources)
         self._is_own, self._prefix, self._task = tuple(is_own), prefix, task
         self._records = BeliefRecords(sort, frame)
+        self._learnt: dict[str, KnownInstance] = {}
         self._restart()
 
     def _restart(self) -> None:
         self.watch = WorldWatch(self._world.model, self._world.bundles, self._sources, prefix=self._prefix)
+        self.watch.informed.knowledge.learnt.update(self._learnt)
         self._gatherer = LookGatherer(self._is_own)
         self._delay_us = 0
         self._stepped_us: int | None = None
@@ -88,6 +93,7 @@ class BeliefStream(OnDemand):
             self._network.step(self)
 
     def end(self) -> None:
+        self._learnt = dict(self.watch.informed.knowledge.learnt)
         if self._network is not None:
             self._network.unstep(self)
 
@@ -100,6 +106,26 @@ class BeliefStream(OnDemand):
     def beliefs(self) -> WorldWatch:
         """What is believed, and what happened."""
         return self.watch
+
+    # What is learnt
+
+    def remember(self, text: str, file: str) -> None:
+        """Know what was learnt before.
+
+        Raises:
+            TextErrors: it cannot be that, with place, cause and remedy.
+        """
+        bundle = read_knowledge(text, self._world.model, file)
+        if bundle.classes or bundle.rules or len(bundle.known) > MOST_LEARNT:
+            why = f"what was learnt is [[known]] alone, at most {MOST_LEARNT}"
+            raise TextErrors((TextError(why, text=text, file=file, repair="another file, or none"),))
+        self._learnt |= {each.name: each for each in bundle.known}
+        self.watch.informed.knowledge.learnt.update(self._learnt)
+
+    def learnt(self) -> str:
+        """What has been learnt, the newest last, as `remember` reads it."""
+        known = self.watch.informed.knowledge.learnt.values()
+        return "\n".join(print_known(each, self._world.model) for each in known)
 
     # Looks
 

@@ -123,6 +123,8 @@ class NodeConfig(Strict):
     clock: ClockConfig = ClockConfig()
     vehicle: Vehicle = Field(default_factory=NoVehicle)
     trust: TrustConfig = TrustConfig()
+    trusted: dict[str, Annotated[float, Field(ge=0, le=1)]] = Field(default_factory=dict)
+    """How far other platforms are trusted, by unit; others wholly."""
     avoidance: bool = True
     shedding: bool = True
     period_ms: int = Field(100, ge=10, le=10_000)
@@ -144,6 +146,8 @@ class NodeConfig(Strict):
     """While delays are longer than this the periods of the least important streams are lengthened."""
     admit: Literal["refuse", "longer"] = "refuse"
     """What becomes of declarations there is no time for: refused, or served at a longer period until there is."""
+    learnt: Path | None = None
+    """Directory in which it keeps what its streams of beliefs learn."""
     feed: Path | None = None
     """Samples of the specification's sources."""
     roads: Path | None = None

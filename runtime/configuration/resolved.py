@@ -10,6 +10,7 @@ from runtime.configuration.config import NodeConfig
 from runtime.configuration.ontologies import ontology_of
 from runtime.configuration.road_files import read_roads
 from runtime.configuration.session import load_trust
+from runtime.learnt_files import LearntFiles
 
 
 def platform_config(config: NodeConfig, clock: FederationClock, started_us: int, zid: str) -> PlatformConfig:
@@ -38,6 +39,8 @@ def platform_config(config: NodeConfig, clock: FederationClock, started_us: int,
         ontology=ontology,
         translation=translation,
         profiles=profiles,
+        trusted=config.trusted,
+        learnt={} if config.learnt is None else LearntFiles(config.learnt, config.unit).read(),
         trust=load_trust(config.trust, config.wire.federation, started_us),
         catalogue=catalogue(config.units).offered,
         roads=None if config.roads is None else read_roads(config.roads),

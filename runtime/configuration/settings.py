@@ -47,6 +47,8 @@ class UnitFile(Strict):
     """`[unit.U]`: what platform U has that the others have not. At most one of `mavlink` and `replay`."""
 
     persona: Persona | None = None
+    trust: float = Field(default=1.0, ge=0, le=1)
+    """How far the other platforms trust it."""
     avoidance: bool | None = None
     shedding: bool = True
     """Whether it may send its streams less often while its machine has too much to do."""
@@ -72,6 +74,8 @@ class UnitFile(Strict):
     """A specification, taken in again whenever the file changes."""
     modules: Items = Field(default=(), alias="units")
     """Modules, or files that end with .py, with sources and computational units of the specification."""
+    learnt: Path | None = None
+    """Directory in which what its streams of beliefs learn is kept."""
     feed: Path | None = None
     roads: Path | None = None
     """Roads on which linked objects are."""
@@ -115,7 +119,7 @@ class FederationFile(Settings):
 
 
 _TABLES = ("clock", "unit")
-_UNIT_PATHS = ("replay", "translation", "profiles", "signing_key", "spec", "feed", "roads")
+_UNIT_PATHS = ("replay", "translation", "profiles", "signing_key", "spec", "learnt", "feed", "roads")
 OPTION_KEYS = tuple(field.alias or name for name, field in Settings.model_fields.items())
 """The keys of a configuration file; those but the tables are, upper case after `DYKNOW_`, the variables."""
 VARIABLES = {key: f"DYKNOW_{key.upper()}" for key in OPTION_KEYS if key not in _TABLES}

@@ -24,6 +24,7 @@ from agents.effects import (
     Event,
     Halt,
     InjectFault,
+    Keep,
     LeaveRequested,
     Note,
     Reported,
@@ -384,6 +385,8 @@ class World:
                 case RunSearch():
                     over = searched(effect, node.clock.node_us(self.now_us))
                     self.agenda.at(self.now_us + SEARCH_US, self._reach, node, over)
+                case Keep():
+                    node.kept.append(effect)
                 case EndSearch() | TellHost() | TakeHost() | DropHost() | Compute():
                     pass  # there are no hosts in this world, and no workers: time is simulated
                 case _:

@@ -88,8 +88,8 @@ def fused(one: Sample, other: Sample, **settings):
 
 
 def test_the_unit_propagates_covariance_certainty_and_time() -> None:
-    one = Sample(5, 3, (1.0, 0.0), Quality(0.9, ((1.0, 0.0), (0.0, 9.0))))
-    other = Sample(6, 4, (0.0, 1.0), Quality(0.8, ((9.0, 0.0), (0.0, 1.0))))
+    one = Sample(5, 3, (1.0, 0.0), Quality(0.9, ((0.9, 0.0), (0.0, 8.1))))
+    other = Sample(6, 4, (0.0, 1.0), Quality(0.8, ((7.2, 0.0), (0.0, 0.8))))
     made = fused(one, other)
     assert (made.available_us, made.valid_us) == (20, 4)
     assert made.value == pytest.approx((0.9, 0.9))
@@ -127,6 +127,16 @@ def test_an_older_estimate_counts_less_if_its_variance_drifts() -> None:
     new = Sample(1_000_000, 1_000_000, 1.0, variances(2.0, 1))
     assert fused(old, new).value == pytest.approx(0.0)
     assert fused(old, new, drift=5.0).value == pytest.approx(1.0)
+
+
+def test_an_estimate_that_is_less_certain_counts_less() -> None:
+    one, other = Quality(1.0, ((1.0, 0.0), (0.0, 9.0))), Quality(1.0, ((9.0, 0.0), (0.0, 1.0)))
+    pair = Sample(5, 5, (1.0, 0.0), one), Sample(5, 5, (0.0, 1.0), other)
+    trusted, doubted = fused(*pair), fused(pair[0], pair[1]._replace(quality=other._replace(certainty=0.1)))
+    assert trusted.value == pytest.approx((0.9, 0.9))
+    assert doubted.value[0] > 0.95
+    assert doubted.value[1] < 0.6
+    assert fused(pair[0], pair[1]._replace(quality=other._replace(certainty=0.0))).value == (1.0, 0.0)
 
 
 def test_estimates_of_different_width_are_not_fused() -> None:

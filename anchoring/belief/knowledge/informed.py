@@ -7,6 +7,7 @@ environment model -> world             requests: what to observe, to fill a gap 
 """
 
 from collections.abc import Callable, Sequence
+from itertools import chain, count
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -220,7 +221,18 @@ class InformedModel:
             for key, each in table.categorical.items()
             if each.present[row] and not is_unknown(each, row)
         }
-        return KnownInstance(self.matched.get(name, f"known-{name}"), gaussian, categorical)
+        return KnownInstance(self._called(name), gaussian, categorical)
+
+    def _called(self, name: str) -> str:
+        """The name under which an instance is remembered: none that another thing has, of an earlier life."""
+        if name in self.matched:
+            return self.matched[name]
+        if name in self._lasting:
+            return self._lasting[name].name
+        taken = {each.name for each in (*self.knowledge.known, *self._lasting.values())}
+        return next(
+            each for each in chain([f"known-{name}"], (f"known-{name}-{n}" for n in count(2))) if each not in taken
+        )
 
 
 def _stays(attribute: GaussianAttribute) -> bool:

@@ -1,6 +1,7 @@
 """Prior knowledge in bundles: loaded and unloaded as needed, and what has been learnt back."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from anchoring.belief.knowledge.ontology import (
     lineage,
 )
 from dyknow.model.errors import WrongCall
+
+MOST_LEARNT: Final = 1000
+"""Instances that are remembered; of more those that were learnt last."""
 
 
 class PriorKnowledge:
@@ -91,7 +95,10 @@ class PriorKnowledge:
             known = KnownInstance(
                 known.name, {**before.gaussian, **known.gaussian}, {**before.categorical, **known.categorical}
             )
+        self.learnt.pop(known.name, None)
         self.learnt[known.name] = known
+        while len(self.learnt) > MOST_LEARNT:
+            del self.learnt[next(iter(self.learnt))]
 
     def _check(self) -> None:
         classes: dict[str, str] = {}

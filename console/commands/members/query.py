@@ -207,7 +207,8 @@ def _tell_one(
     merge: str | None,
 ) -> None:
     """The one reading that was selected, or made of all."""
-    readings = [reading for _, reading in found]
+    by_unit = call.settings.by_unit
+    readings = [(reading, by_unit[unit].trust if unit in by_unit else 1.0) for unit, reading in found]
     chosen = SELECT[select](readings) if select else MERGE[str(merge)](readings)
     _tell_chosen(call, meaning, label, found, chosen, merge)
 

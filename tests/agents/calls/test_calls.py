@@ -66,6 +66,19 @@ def test_what_a_platform_promises_counts_as_far_as_it_is_trusted(wire):
     assert market.news("refused", "taken") == [("refused", "4"), ("taken", "3")]
 
 
+def test_what_is_promised_counts_as_far_as_the_file_of_the_federation_trusts_a_platform(wire):
+    for unit, cost in (("3", 7), ("4", 4)):
+        wire.join(unit)
+        wire.specify(unit, offer(cost))
+    wire.join("0", trusted={"4": 0.5})
+    wire.specify("0", CALL)
+    wire.run(2)
+    told = [each for each in wire.nodes["0"].told if each["event"] == "call"]
+    assert [(each["what"], each["unit"]) for each in told if each["what"] in {"refused", "taken"}] == [
+        ("refused", "4"), ("taken", "3"),
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize(("costs", "unit"), [((3, 3, 3), "1"), ((3, 2, 2), "2"), ((0, 0, 0), "1")])
 def test_of_equal_costs_the_unit_that_sorts_first_is_taken(wire, costs, unit):
     market = Market(wire, {str(at + 1): offer(cost) for at, cost in enumerate(costs)})

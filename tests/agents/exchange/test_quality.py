@@ -83,3 +83,17 @@ def test_fields_without_a_unit_in_their_name_keep_their_own() -> None:
         "rad2": {"roll": 1.0},
         "m2_s4": {"climb": 9.0},
     }
+
+
+def test_what_comes_from_a_platform_is_as_much_less_certain_as_that_is_trusted_and_it_is_said(wire: Box) -> None:
+    wire.join("1", Vehicle())
+    wire.join("0", trusted={"1": 0.6})
+    text = (
+        "import heli-altitude from 1 as alt[uav1] with sample every 100, max delay 1000\n"
+        "stream sure = alt[uav1] with min certainty 0.7\nstream unsure = alt[uav1] with min certainty 0.5\n"
+    )
+    wire.specify("0", text)
+    wire.run(3.0)
+    samples = [each for each in wire.nodes["0"].told if each["event"] == "sample"]
+    assert {each["stream"] for each in samples} == {"unsure"}
+    assert any("platform 1 is trusted by 0.6, as declared" in note for note in wire.nodes["0"].notes)

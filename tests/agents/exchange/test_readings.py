@@ -10,9 +10,9 @@ def reading(valid_us: int, value: float, variance: float | None = None) -> Readi
 
 
 def test_readings_are_selected_and_merged_as_their_names_say() -> None:
-    found = [reading(3, 10.0, 4.0), reading(5, 20.0, 1.0), reading(9, 90.0)]
-    assert select_newest(found) == found[2]
-    assert select_best(found) == found[1]
+    found = [(reading(3, 10.0, 4.0), 1.0), (reading(5, 20.0, 1.0), 1.0), (reading(9, 90.0), 1.0)]
+    assert select_newest(found) == found[2][0]
+    assert select_best(found) == found[1][0]
     mean, weighed = merge_mean(found), merge_inverse_variance(found)
     assert mean is not None
     assert weighed is not None
@@ -21,3 +21,14 @@ def test_readings_are_selected_and_merged_as_their_names_say() -> None:
     assert weighed.variance == {"altitude_m": pytest.approx(0.8)}
     assert mean.valid_us == 9
     assert [f([]) for f in (select_newest, select_best, merge_mean, merge_inverse_variance)] == [None] * 4
+
+
+def test_a_platform_counts_as_far_as_it_is_trusted() -> None:
+    found = [(reading(3, 10.0, 4.0), 1.0), (reading(5, 20.0, 1.0), 0.2), (reading(9, 90.0, 0.1), 0.0)]
+    assert select_newest(found) == found[1][0], "one that is not trusted is not asked"
+    assert select_best(found) == found[0][0], "4 is less than 1 / 0.2"
+    mean, weighed = merge_mean(found), merge_inverse_variance(found)
+    assert mean is not None
+    assert weighed is not None
+    assert mean.value == {"altitude_m": pytest.approx(14.0 / 1.2)}
+    assert weighed.value == {"altitude_m": pytest.approx((10 / 4 + 20 * 0.2) / (1 / 4 + 0.2))}

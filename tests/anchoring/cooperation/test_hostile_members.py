@@ -142,3 +142,20 @@ def test_relations_of_another_time_and_floods_of_them_are_not_taken() -> None:
     assert taken == MOST_WAITING
     assert not spans.on_time(START_US + LATE_US)
     assert spans.take_from(relation, START_US)
+
+
+def test_of_two_names_that_of_the_member_that_is_trusted_more_stands_and_one_that_is_not_trusted_counts_for_nothing() -> (
+    None
+):
+    from anchoring.cooperation.identities import Held, named
+    from anchoring.cooperation.reports import TrackKey
+
+    one, other, third = TrackKey("1", "a"), TrackKey("2", "b"), TrackKey("3", "c")
+    held = {one: Held("old", 1, 1), other: Held("young", 5, 5), third: Held("young", 5, 5)}
+    trust = {"1": 1.0, "2": 0.3, "3": 0.3}
+    group = [frozenset(held)]
+    assert named(group, held, lambda _key: 1.0)[0].name == "young"
+    assert named(group, held, lambda key: trust[key.unit])[0].name == "old"
+    picture = GlobalPicture("0", trusted={"9": 0.0})
+    picture.report(TrackReport("9", "f", state((0.0, 0.0, 0.0, 0.0), START_US)), START_US)
+    assert picture.gate.refused == {("9", "not trusted"): 1}

@@ -1,0 +1,68 @@
+"""What streams of beliefs have learnt of things of lasting interest is kept, and known again after a restart.
+
+Times are the node clock.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from agents.effects import Effect, Keep
+from agents.part import Part
+from dyknow import US_PER_S, Label, Network
+from dyknow.model.errors import DyknowError
+from kpl.linking.beliefs import BeliefStream
+
+LOOK_US: Final = US_PER_S
+
+
+class Learning(Part):
+    """See the module.
+
+    Args:
+        learnt: what was kept: text by stream.
+    """
+
+    def __init__(
+        self,
+        learnt: Mapping[str, str],
+        network: Network,
+        now_us: Callable[[], int],
+        emit: Callable[[Effect], None],
+        note: Callable[[str], None],
+    ) -> None:
+        self._learnt, self._network, self._now_us = dict(learnt), network, now_us
+        self._emit, self._note = emit, note
+        self._streams: dict[Label, tuple[BeliefStream, bool]] = {}
+        self._due_us: int | None = None
+        network.meet(self._on_label)
+
+    def _on_label(self, label: Label) -> None:
+        process = self._network.process(label)
+        if not isinstance(process, BeliefStream):
+            return
+        is_kept = True
+        try:
+            process.remember(self._learnt.get(str(label), ""), f"what {label} has learnt")
+        except DyknowError as wrong:
+            is_kept = False
+            self._note(f"what {label} had learnt is not taken, and nothing that it learns is kept:\n{wrong}")
+        self._streams[label] = process, is_kept
+        self._due_us = self._now_us() + LOOK_US
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._due_us
+
+    def on_time(self, now_us: int) -> None:
+        """Keep what is new."""
+        if self._due_us is None or now_us < self._due_us:
+            return
+        self._streams = {
+            label: known for label, known in self._streams.items() if self._network.process(label) is known[0]
+        }
+        self._due_us = now_us + LOOK_US if self._streams else None
+        for label, (process, is_kept) in self._streams.items():
+            text = process.learnt()
+            if is_kept and text and text != self._learnt.get(str(label), ""):
+                self._learnt[str(label)] = text
+                self._emit(Keep(str(label), text))
