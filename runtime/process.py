@@ -52,7 +52,7 @@ from runtime.configuration.road_files import check_place
 from runtime.configuration.session import reaches_beyond, unprotected, wire_options
 from runtime.journal.journal import Journal
 from runtime.journal.recorded_runs import about, journalled
-from runtime.learnt_files import keep
+from runtime.learnt.files import keep
 from runtime.loop import Pressure, SteppedNode, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
 from runtime.records import NoteLimit, Records
@@ -307,7 +307,7 @@ class PlatformProcess:
             if self._door is not None:
                 self._door.perform(effect)
         elif kind is Keep:
-            keep(self.config, effect, self._note)
+            keep(self.config.learnt, self.config.unit, effect, self._note)
         elif kind is Tell:
             self._say({**effect.record, "unit": self.config.unit})
         elif kind is Halt:
@@ -322,10 +322,7 @@ class PlatformProcess:
     def _fly(self, effect: Command | InjectFault) -> None:
         """Command the vehicle, or make it fail; what it refuses is noted."""
         try:
-            if isinstance(effect, Command):
-                self._vehicle.command(effect)
-            else:
-                self._vehicle.inject(effect)
+            self._vehicle.command(effect) if isinstance(effect, Command) else self._vehicle.inject(effect)
         except DyknowError as wrong:
             self._note(str(wrong))
 

@@ -10,7 +10,7 @@ from runtime.configuration.config import NodeConfig
 from runtime.configuration.ontologies import ontology_of
 from runtime.configuration.road_files import read_roads
 from runtime.configuration.session import load_trust
-from runtime.learnt_files import LearntFiles
+from runtime.learnt.files import LearntFiles
 
 
 def platform_config(config: NodeConfig, clock: FederationClock, started_us: int, zid: str) -> PlatformConfig:

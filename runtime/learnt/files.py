@@ -10,7 +10,6 @@ from typing import Final
 
 from agents.effects import Keep
 from dyknow.model.errors import WrongCall
-from runtime.configuration.config import NodeConfig
 
 MOST_BYTES: Final = 4 * 2**20
 
@@ -64,10 +63,10 @@ class LearntFiles:
         return found
 
 
-def keep(config: NodeConfig, effect: Keep, note: Callable[[str], None]) -> None:
+def keep(directory: Path | None, unit: str, effect: Keep, note: Callable[[str], None]) -> None:
     """Keep what a stream has learnt, where the platform has a directory for it; what fails is noted."""
-    if config.learnt is not None:
+    if directory is not None:
         try:
-            LearntFiles(config.learnt, config.unit).keep(effect.stream, effect.text)
+            LearntFiles(directory, unit).keep(effect.stream, effect.text)
         except WrongCall as wrong:
             note(str(wrong))
