@@ -20,6 +20,7 @@ from planning.contingent.optimal_search import PlanValue
 from planning.contingent.recovery_planning import NoRecoveryPlan, RecoveryPlan
 from planning.contingent.sensing_problems import (
     MOST_HYPOTHESES,
+    LookErrors,
     RecoveryHypothesis,
     RecoveryTask,
     SensingProblem,
@@ -31,6 +32,7 @@ MOST_PLACES: Final = 2000
 MOST_WAYS: Final = 50_000
 MOST_OBJECTS: Final = 1000
 MOST_LOOKS: Final = 4096
+MOST_NOISY_LOOKS: Final = 20
 EXAMPLE: Final = (
     '{"kind": "identify", "places": {"r1_1": ["r1_2"]}, "start": "r1_1", "objects": ["po1"], '
     '"hypotheses": [{"possibility": 1, "visible_from": {"po1": ["r1_2"]}, "answer": "po1"}]}'
@@ -44,12 +46,14 @@ class RecoveryCase(NamedTuple):
 
     Attributes:
         notes: what was omitted or changed, and keys that mean nothing here.
+        errors: of looks; None where they never err.
     """
 
     problem: SensingProblem
     value: PlanValue
     least_possibility: float
     notes: tuple[str, ...]
+    errors: LookErrors | None = None
 
 
 def read_recovery(source: str | bytes, file: str = "") -> RecoveryCase:
@@ -68,6 +72,7 @@ def read_recovery(source: str | bytes, file: str = "") -> RecoveryCase:
     symbol = _name(root, ("symbol",), root.get("symbol")) if "symbol" in root else _symbol(task, objects)
     value: PlanValue = "expected" if root.choice("value", "worst", ("worst", "expected")) == "expected" else "worst"
     least = root.number("least_possibility", 0.0, 0.0, 1.0)
+    errors = _errors(root) if "errors" in root else None
     tables = root.tables("hypotheses", f'"hypotheses": [{_HYPOTHESIS}]')
     known = {start, *ways, *(to for others in ways.values() for to in others)}
     reader = _HypothesisReader(task, objects, known)
@@ -82,7 +87,7 @@ def read_recovery(source: str | bytes, file: str = "") -> RecoveryCase:
     if len(problem.looks) > MOST_LOOKS:
         message = f"{len(problem.looks)} pairs of place and object show something, at most {MOST_LOOKS} are read"
         raise root.error("hypotheses", message, "fewer places, or one problem for each part of the area")
-    return RecoveryCase(problem, value, least, tuple(notes))
+    return RecoveryCase(problem, value, least, tuple(notes), errors)
 
 
 def plan_figures_record(plan: ConditionalPlan | None, expected: float | None = None) -> dict[str, Any]:
@@ -157,6 +162,21 @@ def _normalised(found: Sequence[RecoveryHypothesis], notes: list[str]) -> list[R
         f"{max(each.possibility for number, each in enumerate(hypotheses) if number not in set(kept)):g}"
     )
     return [hypotheses[number] for number in sorted(kept)]
+
+
+def _errors(root: JsonTable) -> LookErrors:
+    """How looks err: `{"unseen": 0.1, "false": 0.05, "sure": 0.95, "looks": 6}`."""
+    table = root.table("errors", '"errors": {"unseen": 0.1, "false": 0.05}')
+    unseen, false = (table.number(each, 0.0, 0.0, 1.0) for each in ("unseen", "false"))
+    if unseen + false >= 1.0:
+        raise table.error(
+            (), "unseen and false together are below 1: else a look decides nothing", '{"unseen": 0.1, "false": 0.05}'
+        )
+    looks = table.number("looks", 6, 1, MOST_NOISY_LOOKS)
+    if looks != int(looks):
+        raise table.error("looks", f"a whole number is expected, got {looks:g}", '"looks": 6')
+    usual = LookErrors(unseen, false)
+    return usual._replace(sure=table.number("sure", usual.sure, 0.5, 1.0), looks=int(looks))
 
 
 def _symbol(task: RecoveryTask, objects: Sequence[str]) -> str:

@@ -48,6 +48,22 @@ class ActionCosts(NamedTuple):
     anchor: int = 1
 
 
+class LookErrors(NamedTuple):
+    """Looks that may err.
+
+    Attributes:
+        unseen: how probable it is that what is visible is not seen.
+        false: how probable it is that something is seen though nothing is visible.
+        sure: how probable an answer has to be.
+        looks: of one branch at most.
+    """
+
+    unseen: float
+    false: float
+    sure: float = 0.95
+    looks: int = 6
+
+
 @dataclass(frozen=True, slots=True)
 class SensingProblem:
     """What is to be found out, and how that can be done.
@@ -143,7 +159,15 @@ class CompiledSensing:
         self.counted = counted
         blocks = _blocks(counted, looks)
         self.conflicts = [block for block in blocks if len({problem.hypotheses[n].answer for n in _bits(block)}) > 1]
-        self._merge(blocks, looks)
+        self._merge([part for block in blocks for part in self._by_answer(block)], looks)
+
+    def _by_answer(self, block: int) -> list[int]:
+        """A set of hypotheses in parts that have one answer each."""
+        parts: dict[str, int] = {}
+        for number in _bits(block):
+            answer = self.problem.hypotheses[number].answer
+            parts[answer] = parts.get(answer, 0) | 1 << number
+        return list(parts.values())
 
     def _merge(self, blocks: Sequence[int], looks: Sequence[PossibleLook]) -> None:
         exact = [Fraction(str(each.possibility)) for each in self.problem.hypotheses]

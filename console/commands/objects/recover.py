@@ -15,6 +15,8 @@ from runtime.configuration.instants import duration_us
 
 if TYPE_CHECKING:
     from planning.contingent.conditional_plans import ConditionalPlan
+    from planning.contingent.files import RecoveryCase
+    from planning.contingent.sensing_problems import LookErrors
 
 SHORTEST_TIMEOUT_US = 10_000
 
@@ -47,6 +49,8 @@ def recover(
     if source.lstrip()[:1] in {b"(", b";"}:
         return _of_actions(call, source, name, stop, draw)
     case = read_recovery(source, name)
+    if case.errors is not None:
+        return _of_errors(call, case, case.errors, stop, draw)
     found = plan_recovery(case.problem, case.value, case.least_possibility, stop)
     record = recovery_record(found)
     for sentence in (*case.notes, *record.get("notes", ())):
@@ -56,6 +60,33 @@ def recover(
     else:
         _draw(call, found.plan, draw)
     return DONE if record["solvable"] else NO
+
+
+def _of_errors(
+    call: Call, case: "RecoveryCase", errors: "LookErrors", stop: Callable[[], str], draw: str | None
+) -> int:
+    """A plan for looks that may err; it is one if it ends with an answer as probably as answers have to be."""
+    from planning.contingent.files import plan_figures_record
+    from planning.epistemic.noisy_looks import plan_noisy
+
+    found = plan_noisy(case.problem, errors, stop)
+    is_enough = found.success >= errors.sure
+    lacking = f"with {found.looks} looks the plan ends with an answer in {found.success:.1%} of the cases"
+    notes = (*case.notes, *found.notes)
+    for sentence in notes:
+        call.out.note(sentence, style="yellow")
+    if draw is not None:
+        _draw(call, found.plan, draw)
+        return DONE if is_enough else NO
+    figures = plan_figures_record(found.plan, found.expected)
+    rest = {
+        "why_not": None if is_enough else lacking,
+        "covered": found.success,
+        "right": found.right,
+        "notes": list(notes),
+    }
+    call.out.line({**figures, "solvable": is_enough, **rest})
+    return DONE if is_enough else NO
 
 
 def _of_actions(call: Call, source: bytes, name: str, stop: Callable[[], str], draw: str | None) -> int:

@@ -35,3 +35,12 @@ def test_a_problem_of_actions_is_answered_as_well(dyknow: Run) -> None:
     assert done.returncode == 0
     found = json.loads(done.stdout)
     assert (found["solvable"], found["depth"], found["leaves"], found["actions"]) == (True, 7, 4, 10)
+
+
+def test_looks_that_may_err_are_answered_with_how_sure_the_plan_is(dyknow: Run, tmp_path: Path) -> None:
+    file = tmp_path / "errors.json"
+    file.write_text(json.dumps({**json.loads(MARK.read_text()), "errors": {"unseen": 0.1, "false": 0.05, "sure": 0.9}}))
+    found = json.loads(dyknow("recover", str(file)).stdout)
+    assert found["solvable"] is True
+    assert found["covered"] >= 0.9
+    assert found["right"] >= 0.9
