@@ -46,11 +46,16 @@ class _Case(Exception):
 
 
 class Grounder:
-    """Makes formulas and terms of a task; `poll` is called often and may raise `Stopped`."""
+    """Makes formulas and terms of a task; `poll` is called often and may raise `Stopped`.
+
+    Attributes:
+        missing: features that were met and have no value initially.
+    """
 
     def __init__(self, task: PlanningTask, poll: Callable[[], None] = lambda: None) -> None:
         self.task, self.poll = task, poll
         self.goal: frozenset[tree.Formula] = frozenset()
+        self.missing: dict[str, None] = {}
         self.compiler = SharingCompiler(poll)
         self._known: dict[tuple[Any, ...], tuple[Any, tree.Formula]] = {}
         self._names: dict[int, tuple[Expression, tuple[str, ...]]] = {}
@@ -280,6 +285,8 @@ class Grounder:
         objects = tuple([self._object_in(one) for one in given])
         label = label_text(feature.name, objects)
         value = self.task.value_of(feature, label)
+        if value is None:
+            self.missing[label] = None
         if feature.name in self.task.fluents:
             key = (tag, feature.name, *objects)
             found = self._features.get(key)

@@ -45,6 +45,7 @@ class SearchNode:
         changes: of the newest state, against the one before; `parent` has the others.
         events: how many of the problem's later observations are in it.
         waiting: units that are left without an action until something happens.
+        steps: how many actions have begun.
     """
 
     parent: "SearchNode | None"
@@ -60,6 +61,7 @@ class SearchNode:
     residuals: Residuals = ()
     events: int = 0
     digest: int = 0
+    steps: int = 0
 
     def key(self) -> tuple[object, ...]:
         """What tells it from other nodes, its time and its cost left out."""

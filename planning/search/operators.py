@@ -25,13 +25,18 @@ DEFAULT_DURATION_MS: Final = 1000
 
 
 class Write(NamedTuple):
-    """One effect of an instance: when, what, and the value, from the state at the start; `when` None: always."""
+    """One effect of an instance: when, what, and the value, from the state at the start; `when` None: always.
+
+    `written` and `condition` are the formulas that `value` and `when` evaluate.
+    """
 
     from_end: bool
     offset_ms: int
     label: str
     value: Callable[..., Value]
     when: Test | None
+    written: tree.Formula
+    condition: tree.Formula | None
 
 
 @dataclass(slots=True)
@@ -189,6 +194,33 @@ class Schema:
         if self._hold(self._first, objects, state):
             yield from self._pick(0, objects, state)
 
+    def possible(self, unit: str | None) -> Iterator[OperatorInstance]:
+        """The instances of a unit whose preconditions can hold in some state, as far as what never changes decides it."""
+        objects: list[str] = [""] * len(self.names)
+        if self.unit is not None:
+            if unit is None or not self._grounder.task.types.has(self._sorts[self.unit], unit):
+                return
+            objects[self.unit] = unit
+        if self._can_hold(self._first, objects):
+            yield from self._possible(0, objects)
+
+    def _possible(self, step: int, objects: list[str]) -> Iterator[OperatorInstance]:
+        if step == len(self._picks):
+            yield self.instance(tuple(objects))
+            return
+        position, _, _, tests = self._picks[step]
+        for member in self._grounder.task.types.members[self._sorts[position]]:
+            self._grounder.poll()
+            objects[position] = member
+            if self._can_hold(tests, objects):
+                yield from self._possible(step + 1, objects)
+
+    def _can_hold(self, tests: tuple[int, ...], objects: list[str]) -> bool:
+        return all(
+            self._ground(at, tuple([objects[position] for position in self._parts[at].positions])) != FALSE
+            for at in tests
+        )
+
     def _pick(self, step: int, objects: list[str], state: State) -> Iterator[OperatorInstance]:
         if step == len(self._picks):
             yield self.instance(tuple(objects))
@@ -289,13 +321,16 @@ class Schema:
                 if condition == FALSE:
                     continue
                 target = grounder.term(self._put(one.target), bound)
+                written = grounder.term(self._put(one.value), bound)
                 assert isinstance(target, tree.Feature)  # noqa: S101 - what an effect changes is a fluent
                 yield Write(
                     one.anchor == "end",
                     one.offset_ms,
                     target.label,
-                    grounder.compiler.whole_term(grounder.term(self._put(one.value), bound)),
+                    grounder.compiler.whole_term(written),
                     None if condition == TRUE else grounder.compiler.whole_test(condition),
+                    written,
+                    None if condition == TRUE else condition,
                 )
 
     def _put(self, expression: Expression) -> Expression:

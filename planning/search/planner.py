@@ -6,18 +6,19 @@ hold, and every control formula holds if the last state persists for ever.
 """
 
 import gc
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
 from heapq import heappop, heappush
 from itertools import count
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from dyknow.model.errors import TextError
 from planning.domains.model import Declarations, GoalStatement, InGoal
 from planning.domains.sorts import free_variables
 from planning.search.control import ControlFormulas, closed
+from planning.search.estimates import Estimator, TooManyInstances
 from planning.search.grounding import FALSE, TRUE, Grounder, Stopped
 from planning.search.nodes import MovingState, SearchNode
 from planning.search.operators import Schema
@@ -33,10 +34,24 @@ _NONE: Final[dict[str, Any]] = {}
 _SHOWN_CAUSES: Final = 4
 
 
-class Strategy(StrEnum):
-    """In which order nodes are looked at, and whether the first plan ends the search."""
+TURN: Final = 500
+"""Dead ends after which the automatic strategy lets the heuristic search have its turn, of half as many nodes."""
 
+
+STRAIGHT: Final = 8
+"""Nodes on a straight way that count as one dead end."""
+
+
+class Strategy(StrEnum):
+    """In which order nodes are looked at, and whether the first plan ends the search.
+
+    `AUTOMATIC` is depth-first, and from `TURN` dead ends on heuristic in turns with it: control formulas that steer well
+    lead to a plan with few of them. `HEURISTIC` looks first at what seems nearest to the goal.
+    """
+
+    AUTOMATIC = "automatic"
     DEPTH_FIRST = "depth-first"
+    HEURISTIC = "heuristic"
     BRANCH_AND_BOUND = "branch-and-bound"
     BEST_FIRST = "best-first"
 
@@ -64,6 +79,11 @@ class NoPlan:
     is_certain: bool
 
 
+Steps: TypeAlias = Generator[None, None, PlanFound | NoPlan]
+"""A search that stops now and then, so that another one may have its turn."""
+_Seen: TypeAlias = dict[tuple[object, ...], list[tuple[int, float]]]
+
+
 @dataclass(slots=True)
 class _Goals:
     """Goals of one attempt: their tests; the one that failed last is looked at first."""
@@ -84,7 +104,7 @@ class _Goals:
 def find_plan(
     domain: Declarations,
     problem: Declarations,
-    strategy: Strategy = Strategy.DEPTH_FIRST,
+    strategy: Strategy = Strategy.AUTOMATIC,
     stop: Callable[[], str] = lambda: "",
     progress: Callable[[int], None] = lambda _nodes: None,
     units: Collection[str] | None = None,
@@ -118,6 +138,17 @@ def find_plan(
         dropped.append(lightest)
 
 
+def _result(steps: Steps, nodes: int) -> PlanFound | NoPlan | None:
+    """What a search comes to within so many nodes; None if it has not ended."""
+    for _ in range(nodes):
+        try:
+            next(steps)
+        except StopIteration as ended:
+            found: PlanFound | NoPlan = ended.value
+            return found
+    return None
+
+
 @contextmanager
 def _without_collector() -> Iterator[None]:
     """Nothing that a search makes is in a circle: looking for circles takes half of its time, and finds none."""
@@ -144,7 +175,6 @@ class _Search:
         self._declared, self._statements, self._units = declared, goals, units
         self._dropped, self._stop, self._progress = dropped, stop, progress
         self.nodes, self._polls = nodes, 0
-        self._seen: dict[tuple[object, ...], list[tuple[int, float]]] = {}
         self._impossible = ""
 
     def run(self, strategy: Strategy) -> PlanFound | NoPlan:
@@ -152,8 +182,11 @@ class _Search:
             root = self._prepared()
             if root is None:
                 return self._none(self._impossible, is_certain=True)
-            search = self._best_first if strategy is Strategy.BEST_FIRST else self._depth_first
-            return search(root, strategy)
+            if strategy is Strategy.AUTOMATIC:
+                return self._in_turns(root)
+            searches = {Strategy.BEST_FIRST: self._best_first, Strategy.HEURISTIC: self._heuristic}
+            steps = searches[strategy](root) if strategy in searches else self._depth_first(root, strategy)
+            return _result(steps, 4 * LIMIT_NODES) or self._none("", is_certain=False)
         except Stopped as stopped:
             return self._none(str(stopped), is_certain=False)
         except RecursionError:
@@ -176,23 +209,27 @@ class _Search:
         self._schemas: list[Schema] = []
         root = SearchNode(None)
         self._state = MovingState(task.values, root, grounder.compiler.remembered)
-        events = list(task.events)
+        self._grounder, self._events = grounder, (events := list(task.events))
         if not self._ground_goals(grounder, events):
             return None
-        all_units = tuple(one for sort in declared.units for one in task.types.members[sort])
-        units = tuple(one for one in all_units if self._units is None or one in self._units) or (None,)
+        all_units = tuple(dict.fromkeys(one for sort in declared.units for one in task.types.members[sort]))
+        units: tuple[str | None, ...] = tuple(
+            one for one in all_units if self._units is None or one in self._units
+        ) or (None,)
         if all_units and units == (None,):
             self._impossible = "no unit can act"
             return None
+        self._acting = units
+        events.sort(key=lambda event: event[0])
         self._schemas = [Schema(one, grounder, frozenset(declared.units)) for one in declared.operators]
         for one in declared.controls:
             self._control.add(one.name, closed(one.formula, free_variables(one.formula, declared)))
         self._successors = Successors(
             self._schemas,
-            tuple(dict.fromkeys(units)),
+            units,
             self._control,
             self._state,
-            tuple(sorted(events, key=lambda e: e[0])),
+            tuple(self._events),
         )
         residuals = self._control.initial(task.values)
         if residuals is None:
@@ -205,10 +242,12 @@ class _Search:
         """Whether every goal can be, as far as what never changes decides it; deadlines become control formulas."""
         parts: list[tree.Formula] = []
         grounds = []
+        self._grounds: list[tuple[tree.Formula, bool]] = []
         for one in self._statements:
             formula = closed(one.formula, free_variables(one.formula, self._declared))
             ground = grounder.ground(formula, {})
             grounds.append((one, formula, ground))
+            self._grounds.append((ground, one.deadline_ms is not None))
             parts += ground.parts if isinstance(ground, tree.And) else (ground,)
         formulas = [one.formula for one in self._declared.controls]
         formulas += [each.formula for one in self._declared.operators for each in one.controls]
@@ -240,9 +279,9 @@ class _Search:
         unreached = tuple(one.name or "goal" for one in self._dropped)
         return PlanFound(MissionPlan(node.actions(), node.cost + weights, unreached), self.nodes, is_cheapest)
 
-    def _is_new(self, node: SearchNode) -> bool:
+    def _is_new(self, node: SearchNode, seen: _Seen) -> bool:
         """Whether no node like it was met, as early and as cheap."""
-        met = self._seen.setdefault(node.key(), [])
+        met = seen.setdefault(node.key(), [])
         if any(at_ms <= node.at_ms and cost <= node.cost for at_ms, cost in met):
             return False
         met[:] = [one for one in met if one[0] < node.at_ms or one[1] < node.cost]
@@ -257,18 +296,28 @@ class _Search:
         if self.nodes > LIMIT_NODES:
             raise Stopped(f"gave up after {LIMIT_NODES} nodes")
 
-    def _depth_first(self, root: SearchNode, strategy: Strategy) -> PlanFound | NoPlan:
+    def _in_turns(self, root: SearchNode) -> PlanFound | NoPlan:
+        searches = [(self._depth_first(root, Strategy.DEPTH_FIRST), TURN), (self._heuristic(root), TURN // 2)]
+        while True:
+            for steps, turn in searches:
+                if (found := _result(steps, turn)) is not None:
+                    return found
+
+    def _depth_first(self, root: SearchNode, strategy: Strategy) -> Steps:
         best: SearchNode | None = None
         bound = float("inf")
         stack: list[Iterator[SearchNode]] = [iter((root,))]
+        seen: _Seen = {}
         try:
             while stack:
                 node = next(stack[-1], None)
                 if node is None:
                     stack.pop()
+                    yield
                     continue
                 self._count()
-                if node.cost >= bound or not self._is_new(node):
+                if node.cost >= bound or not self._is_new(node, seen):
+                    yield
                     continue
                 if self._is_goal(node):
                     if strategy is Strategy.DEPTH_FIRST:
@@ -276,24 +325,61 @@ class _Search:
                     best, bound = node, node.cost
                     continue
                 stack.append(self._successors.of(node, prefer_waiting=self._goals.hold(self._state.values)))
+                if node.depth % STRAIGHT == 0:
+                    yield
         except Stopped:
             if best is None:
                 raise
             return self._found(best, is_cheapest=False)
         return self._none("", is_certain=True) if best is None else self._found(best, is_cheapest=not self._dropped)
 
-    def _best_first(self, root: SearchNode, _strategy: Strategy) -> PlanFound | NoPlan:
-        order = count()
-        waiting = [(0.0, 0, next(order), root)]
-        while waiting:
-            *_, node = heappop(waiting)
-            self._state.go_to(node)
-            self._count()
-            if self._is_goal(node):
-                return self._found(node, is_cheapest=not self._dropped)
-            for child in self._successors.of(node):
-                if self._is_new(child):
-                    heappush(waiting, (child.cost, -child.depth, next(order), child))
+    def _best_first(self, root: SearchNode) -> Steps:
+        return self._ordered(root, lambda node: ((node.cost, -node.depth),), is_cheapest=not self._dropped)
+
+    def _heuristic(self, root: SearchNode) -> Steps:
+        """Those that seem nearest to the goal first; waits for ever if there are too many instances for an estimate."""
+        try:
+            estimator = Estimator(self._grounder, self._schemas, self._acting, self._grounds, self._events)
+        except TooManyInstances:
+            while True:
+                yield
+        self._state.go_to(root)
+        if estimator.estimate(root, self._state.values) == float("inf"):
+            return self._none("the goal cannot be reached, even if all that was ever so stayed so", is_certain=True)
+
+        def order(node: SearchNode) -> tuple[tuple[float, ...], ...]:
+            """Of those that seem as near, by turns the one with the fewest actions, and the last one."""
+            far = estimator.estimate(node, self._state.values)
+            return (far, node.steps, -node.depth), (far, -node.depth)
+
+        return (yield from self._ordered(root, order, is_cheapest=False))
+
+    def _ordered(
+        self, root: SearchNode, order: Callable[[SearchNode], tuple[tuple[float, ...], ...]], *, is_cheapest: bool
+    ) -> Steps:
+        """Nodes in one order or by turns in several, the smallest first; endless ones not at all."""
+        numbers = count()
+        seen: _Seen = {}
+        queues: list[list[tuple[tuple[float, ...], int, SearchNode]]] = [[(one, -1, root)] for one in order(root)]
+        done: set[int] = set()
+        while queues[0]:
+            for queue in queues:
+                if not queue or (number := queue[0][1]) in done:
+                    if queue:
+                        heappop(queue)
+                    continue
+                done.add(number)
+                node = heappop(queue)[2]
+                self._state.go_to(node)
+                self._count()
+                if self._is_goal(node):
+                    return self._found(node, is_cheapest=is_cheapest)
+                for child in self._successors.of(node):
+                    if self._is_new(child, seen) and (places := order(child))[0][0] < float("inf"):
+                        number = next(numbers)
+                        for each, place in zip(queues, places, strict=True):
+                            heappush(each, (place, number, child))
+                yield
         return self._none("", is_certain=True)
 
     def _none(self, reason: str, *, is_certain: bool) -> NoPlan:
@@ -312,6 +398,8 @@ class _Search:
             refused |= schema.refused
         for name, times in sorted(refused.items(), key=lambda one: -one[1])[:_SHOWN_CAUSES]:
             yield f"{name} refused {times} times"
+        for label in list(self._grounder.missing)[:_SHOWN_CAUSES] if hasattr(self, "_grounder") else ():
+            yield f"{label} has no initial value: #init {label.replace('[', '(').replace(']', ')')} := ..."
         conflicts = self._successors.conflicts if hasattr(self, "_successors") else {}
         for cause, times in sorted(conflicts.items(), key=lambda one: -one[1])[:_SHOWN_CAUSES]:
             yield f"{times} times {cause}"

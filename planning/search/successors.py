@@ -119,6 +119,7 @@ class Successors:
             node.residuals,
             node.events,
             node.digest,
+            node.steps + 1,
         )
 
     def _is_free(self, node: SearchNode, instance: OperatorInstance, new: list[Pending]) -> bool:
@@ -179,6 +180,7 @@ class Successors:
             node.residuals,
             events,
             state.digest(node.digest, changes),
+            node.steps,
         )
         state.go_to(child)
         residuals = self._control.after(values, child.touched, node.touched, node.residuals, at_ms - node.at_ms)

@@ -28,9 +28,9 @@ def plan(
     *,
     timeout: Annotated[str, typer.Option(metavar="TIME", help="How long to search.")] = "10s",
     search: Annotated[
-        Literal["depth-first", "branch-and-bound", "best-first"],
-        typer.Option(help="The first plan that is found, or the cheapest."),
-    ] = "depth-first",
+        Literal["automatic", "depth-first", "heuristic", "branch-and-bound", "best-first"],
+        typer.Option(help="The first plan that is found, by one way or several, or the cheapest."),
+    ] = "automatic",
     monitors: Annotated[bool, typer.Option("--monitors", help="What is monitored while it is executed.")] = False,
     pddl: Annotated[
         Path | None,
