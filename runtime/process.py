@@ -55,6 +55,7 @@ from runtime.journal.recorded_runs import about, journalled
 from runtime.learnt.files import keep
 from runtime.loop import Pressure, SteppedNode, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
+from runtime.metrics import PlatformMetrics, metrics_of
 from runtime.records import NoteLimit, Records
 from runtime.searches.workers import SearchWorkers
 from runtime.specified import Specified
@@ -87,13 +88,12 @@ class PlatformProcess:
         self.config, self._say, self._notes = config, say, NoteLimit()
         self.clock = NodeClock(config.clock.skew_us)
         self.mailbox = Mailbox(self.clock.now_us)
-        self._going, self._is_open = True, False
-        self._code = 0
+        self._going, self._is_open, self._is_journal_lost, self._code = True, False, False, 0
         self._platform: Platform
         self._node: SteppedNode[Event, Any]
         self._journal: Journal | None = None
         self._accepted: AcceptedActs | None = None
-        self._is_journal_lost = False
+        self._metrics: PlatformMetrics | None = None
         self._edge = ZenohEdge(wire_options(config.wire), self.mailbox.post, self.clock.now_us)
         self._make_vehicle = make_vehicle
         epoch_us = config.clock.epoch_us
@@ -144,7 +144,7 @@ class PlatformProcess:
         self._specified = self._specification()
         self._vehicle = self._make_vehicle(
             VehiclePorts(
-                self.config, self._federation_clock, self.clock, self._reported, self.stop, happen=self.mailbox.post
+                self.config, self._federation_clock, self.clock, self._reported, self.stop, None, self.mailbox.post
             )
         )
         self._join()
@@ -159,6 +159,7 @@ class PlatformProcess:
         )
         check_place(self.config.roads, config.roads, config.cameras)
         platform = self._platform = Platform(config, started_us)
+        self._metrics = metrics_of(self.config, platform, self.clock.now_us, self.mailbox, lambda: self._journal)
         self._perform_all(platform.start(self.clock.now_us()))
         self._let_hosts_in()
         labels = [entry.label for part in _flights(platform) for entry in part.labels()]
@@ -219,10 +220,9 @@ class PlatformProcess:
         self._edge.close()
         self._workers.close()
         self._searches.close()
-        if self._journal is not None:
-            self._journal.close()
-        if self._accepted is not None:
-            self._accepted.close()
+        for each in (self._journal, self._accepted, self._metrics):
+            if each is not None:
+                each.close()
 
     def _let_hosts_in(self) -> None:
         """Open the door for hosts; a platform runs without them, too."""

@@ -42,4 +42,13 @@ Admit: TypeAlias = Annotated[
     Literal["refuse", "longer"],
     typer.Option(help="What happens to declarations that there is no time for: refused, or served less often."),
 ]
+Metrics: TypeAlias = Annotated[
+    int | None,
+    typer.Option(
+        metavar="PORT",
+        min=1,
+        max=65_000,
+        help="Figures for Prometheus, and health, of each platform from this port on.",
+    ),
+]
 SpecificationFile: TypeAlias = Annotated[Path, typer.Argument(metavar="FILE", help="A specification, mission.kpl.")]

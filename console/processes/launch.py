@@ -4,6 +4,7 @@ import os
 import socket
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -184,6 +185,20 @@ def fleet_of(call: Call, plan: FleetPlan, now_us: int) -> list[config.NodeConfig
         )
         for name in only_these(names, plan.only)
     ]
+
+
+def with_metrics(configs: Sequence[config.NodeConfig], port: int | None) -> list[config.NodeConfig]:
+    """The platforms with a port each for their figures, the first of them `port`; as they are without one.
+
+    Raises:
+        WrongCall: there is no library that serves them.
+    """
+    if port is not None and find_spec("prometheus_client") is None:
+        raise WrongCall(
+            "--metrics needs prometheus-client, which is not installed; install the extra: "
+            "pip install 'dyknow-federation[metrics]'"
+        )
+    return [each if port is None else each.model_copy(update={"metrics": port + at}) for at, each in enumerate(configs)]
 
 
 def specified(own: UnitFile, each: UnitFile) -> UnitFile:

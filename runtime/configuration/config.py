@@ -154,4 +154,6 @@ class NodeConfig(Strict):
     """Roads on which linked objects are, unless the specification names others."""
     hosts: Path | None = None
     """The socket at which knowledge process hosts of this machine register."""
+    metrics: int | None = Field(None, ge=1, le=65_535)
+    """The port of this machine at which figures for Prometheus, and health, are read."""
     duration_s: float | None = Field(None, gt=0)

@@ -35,7 +35,12 @@ AGAIN_S = 15.0
 """How long a step may be repeated, beyond the time of typing it. The typing itself is not waited for."""
 _ANY_FENCE = re.compile(r"^```(\w*)([^\n`]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _COMMAND = re.compile(r"(dyknow|make|export|python|openssl|chmod|sed|cp|echo) ")
-LEFT_OUT = {"make test": "is what runs this", "python -m bench": "measures for minutes"}
+LEFT_OUT = {
+    "make test": "is what runs this",
+    "python -m bench": "measures for minutes",
+    "python3 -m venv /opt": "installs for the whole machine",
+    "cp compose/systemd": "does as well",
+}
 ADDRESSES = ("192.168.1.10", "192.168.1.11")
 VEHICLE = """
 import signal, sys

@@ -15,10 +15,10 @@ from console.commands.fleet.up import READY_S, FleetStart, tell_notes
 from console.commands.texts.run_output import tell_record
 from console.commands.texts.specification_files import check_specified
 from console.errors import DONE, INTERRUPTED
-from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Roads, Speed, UnitModules
+from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Metrics, Roads, Speed, UnitModules
 from console.output.output import unit_json
 from console.output.shown import line, styled
-from console.processes.launch import clock_of, mavlink_vehicle, platform_config, replayed, together
+from console.processes.launch import clock_of, mavlink_vehicle, platform_config, replayed, together, with_metrics
 from console.processes.supervision import Fleet, interruptible, outlasting, uninterrupted
 from dyknow.model.errors import FederationFailed, WrongCall
 from runtime.configuration.config import ClockConfig, MavlinkVehicle, NodeConfig, NoVehicle, Vehicle
@@ -85,6 +85,7 @@ def join(
     admit: Admit = "refuse",
     avoidance: Avoidance = True,
     duration: Duration = None,
+    metrics: Metrics = None,
 ) -> int:
     """One platform on any MAVLink vehicle, on a recorded flight, or on a specification alone."""
     sysids = sysid or []
@@ -113,6 +114,7 @@ def join(
             duration_s=duration_us(duration, option="--duration", least_us=SHORTEST_US) / 1e6 if duration else None,
         )
         configs.append(config)
+    configs = with_metrics(configs, metrics)
     together(configs)
     fits_in(call, configs)
     return _run(call, configs)

@@ -11,10 +11,10 @@ from console.command import Call, command
 from console.commands.members.ls import ls
 from console.commands.texts.specification_files import check_specified
 from console.errors import DONE, FAILED, INTERRUPTED, NO
-from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Roads, Speed, UnitModules
+from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Metrics, Roads, Speed, UnitModules
 from console.output.output import unit_json
 from console.output.shown import line, styled
-from console.processes.launch import FleetPlan, clock_of, fleet_of, specified, together
+from console.processes.launch import FleetPlan, clock_of, fleet_of, specified, together, with_metrics
 from console.processes.standing import forget, missing, note_state, running_units, started_units
 from console.processes.supervision import GRACE_S, Fleet, end, interruptible, outlasting, uninterrupted
 from dyknow.model.errors import FederationFailed, TextError, WrongCall, did_you_mean
@@ -118,6 +118,7 @@ def up(
     roads: Roads = None,
     govern: Govern = None,
     admit: Admit = "refuse",
+    metrics: Metrics = None,
 ) -> int:
     """Start simulated UAVs, one process each, and wait until they have found each other.
 
@@ -139,7 +140,7 @@ def up(
     plan = FleetPlan(units, scenario, seed, persona, gcs, avoidance, speed, tuple(only or ()), each=each)
     directory = run_directory.run_directory(call.settings.federation)
     present = sorted(running_units(directory), key=unit_order)
-    configs = missing(directory, planned(call, plan, duration))
+    configs = missing(directory, with_metrics(planned(call, plan, duration), metrics))
     if not present:
         (directory / run_directory.HANDLINGS_FILE).unlink(missing_ok=True)
     if not configs:
