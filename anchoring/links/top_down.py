@@ -146,11 +146,15 @@ class TopDown:
 
     def seek(self, valid_us: int, process: LinkProcess, sources: Sequence[LinkObject]) -> None:
         """Find wanted objects among those in view that are not linked to what excludes their type, or was wanted itself."""
+        may_be: list[tuple[LinkObject, ObjectState]] | None = None
         for wanted in tuple(self._sought.get(process.name, ())):
-            may_be = (one for one in sources if one.prediction is None and process.may_rename(one, self._found))
-            sighting = wanted.step(valid_us, ((one, process.estimate(one)) for one in may_be))
+            if may_be is None:
+                free = (one for one in sources if one.prediction is None and process.may_rename(one, self._found))
+                may_be = [(one, process.estimate(one)) for one in free]
+            sighting = wanted.step(valid_us, may_be)
             if sighting is not None:
                 self._on_found(valid_us, process, wanted.symbol, *sighting)
+                may_be = None
 
     def seek_composites(self, valid_us: int, composites: CompositeObjects, objects: Iterable[LinkObject]) -> None:
         """Find wanted objects among composites, whose own states are described."""

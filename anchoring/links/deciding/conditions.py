@@ -47,8 +47,11 @@ class PairCondition:
         self, evaluation: Progressing, valid_us: int, state: ObjectState, other: ObjectPrediction | None = None
     ) -> None:
         """Progress an evaluation through one state of `from`, and of `to` if there is one."""
-        values = {label: read(state, other) for label, read in self._readings.items()}
-        evaluation.progress(valid_us, values)
+        evaluation.progress(valid_us, self.values(state, other))
+
+    def values(self, state: ObjectState, other: ObjectPrediction | None = None) -> dict[str, Value]:
+        """What the formula reads of the state of `from`, and of `to` if there is one."""
+        return {label: read(state, other) for label, read in self._readings.items()}
 
     def pass_by(self, evaluation: Progressing, valid_us: int) -> None:
         """Progress it through a state in which both are farther apart than the gate allows."""

@@ -1,14 +1,22 @@
 """Objects that are described before they are seen are anchored when, and only when, what is described comes into view."""
 
 import random
+from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from anchoring.links.deciding.wanted import WantedObject
+from anchoring.links.objects import LinkObject
 from anchoring.links.specification import LinkSpecification
 from anchoring.links.states import NO_ATTRIBUTES, ObjectState, diagonal
 from anchoring.links.structures import ObjectLinkage, Percept
 from anchoring.ready import NEAR, NEW, VISION, WORLD
+from dyknow import NO_VALUE
 from kpl import parse_formula
+from reasoning import make_progression
+from reasoning.formulas.tree import Eventually
 
 COLOURS = ("red", "green", "blue", "white")
 KINDS = ("car", "truck", "van")
@@ -162,3 +170,40 @@ def test_what_cannot_be_wanted_is_refused() -> None:
     found.want("w", WORLD, {"colour": "red"})
     with pytest.raises(ValueError, match="taken"):
         found.want("w", WORLD, {"colour": "blue"})
+
+
+DESCRIPTIONS = (
+    "a[it] > 0 and b[it] = 1",
+    "always[0, 300] a[it] > 0",
+    "(always[0, 300] a[it] > 0) or b[it] = 1",
+    "always[0, 200] (a[it] > 0 and eventually[0, 200] b[it] = 1)",
+    "eventually[100, 300] always[0, 200] a[it] > 0",
+    "(a[it] > 0) until[0, 400] (b[it] = 1)",
+    "not (always[0, 200] a[it] > 0) and b[it] = 1",
+    "always[100, 300] a[it] > 0",
+    "(always (a[it] > 0)) or (always[0, 100] (b[it] = 1))",
+)
+STATES = st.lists(
+    st.tuples(
+        st.sampled_from([100, 70, 250]), st.sampled_from([-1, 1, 1, NO_VALUE]), st.sampled_from([0, 1, NO_VALUE])
+    ),
+    max_size=14,
+)
+
+
+@given(text=st.sampled_from(DESCRIPTIONS), values=STATES)
+def test_states_that_are_only_read_change_no_verdict(text: str, values: list[tuple[int, Any, Any]]) -> None:
+    description = Eventually(parse_formula(text, frozenset({"it"})))
+    wanted = WantedObject("it", LinkSpecification(VISION, WORLD, NEW, NEAR), description)
+    whole = make_progression(description)
+    one = LinkObject("vp1", VISION, 0, ObjectState(0, 0.0, 0.0, 0.0, 0.0, diagonal(1.0)))
+    valid_us = 0
+    for later_ms, a, b in values:
+        valid_us += 1000 * later_ms
+        state = ObjectState(valid_us, 0.0, 0.0, 0.0, 0.0, diagonal(1.0), {"a": a, "b": b})
+        whole.progress(valid_us, {"a[it]": a, "b[it]": b})
+        sighting = wanted.step(valid_us, [(one, state)])
+        assert (sighting is not None) == (whole.verdict == "true")
+        if sighting is not None:
+            assert sighting.reason.explanations
+            return
