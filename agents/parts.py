@@ -48,6 +48,7 @@ from agents.flight.vehicle_streams import VehicleStreams, WinchStream
 from agents.interface import InterfaceAgent
 from agents.missions.leading import MissionLeading
 from agents.missions.performing import Performing
+from agents.missions.proposing import MissionProposals
 from agents.monitoring.alarm_log import AlarmLog
 from agents.monitoring.checks import Checks
 from agents.monitoring.coordination import Coordination
@@ -83,7 +84,7 @@ from reasoning import AlarmEvent
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision,
+    Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision,
     Admission, PlatformTrust, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Learning, Wanting, Cooperation, Handover, MessageLog, DirectoryAgent,
@@ -136,7 +137,7 @@ class Ports:
         wanted = (
             (Cameras, config.cameras), (CameraAttention, attends), (FlightAgent, config.vehicle), (Following, attends),
             (WinchStream, config.vehicle), (Performing, config.vehicle), (MissionLeading, config.vehicle),
-            (Faults, config.simulated),
+            (MissionProposals, config.vehicle), (Faults, config.simulated),
         )  # fmt: skip
         missing = {kind for kind, has in wanted if not has}
         return [kind for kind in (*PARTS[:-1], *config.extensions, PARTS[-1]) if kind not in missing]

@@ -226,6 +226,10 @@ class Client:
         """The call is over."""
         self._perform(self.centre.end(call, self.now_us()))
 
+    def decide(self, dialogue: Dialogue, performative: Performative, content: Content) -> None:
+        """Accept or reject what was proposed in a call of ours."""
+        self._perform(self.centre.decide(dialogue, performative, content, self.now_us()))
+
     def cancel(self, unit: str, conversation: str, *, within_s: float = 2.0) -> Dialogue:
         """End a task; the answer comes in the dialogue."""
         dialogue, effects = self.centre.cancel(unit, conversation, self.now_us(), within_us=round(within_s * 1e6))

@@ -17,7 +17,7 @@ from agents.exchange.local_instance import LocalInstance
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.interface import InterfaceAgent
 from agents.missions.led_mission import LedMission, MissionOrder, MissionUnit
-from agents.missions.mission_texts import MissionTexts, read_mission
+from agents.missions.mission_texts import MissionTexts, read_mission, with_initial
 from agents.missions.mission_units import OtherUnit, OwnUnit
 from agents.missions.performing import Performing
 from agents.missions.sensing import UnitSensors
@@ -39,6 +39,7 @@ from federation.messages.contents import (
     Reason,
 )
 from navigation.geodesy import LocalFrame
+from planning.domains.model import Declarations
 from planning.execution import events
 from planning.search.plans import MissionPlan, plan_of
 
@@ -48,7 +49,7 @@ MOST: Final = 4
 KEPT: Final = 8
 """Missions that are over and still shown."""
 LONGEST_SEARCH_US: Final = 120_000_000
-HOME: Final = "heli-home"
+OnOver = Callable[[SearchOver, int], None]
 
 
 class MissionLeading(Part):
@@ -94,7 +95,7 @@ class MissionLeading(Part):
         self._led: dict[str, LedMission] = {}
         self._over: dict[str, LedMission] = {}
         self._numbers = count(1)
-        self._searches: dict[int, tuple[LedMission, events.SearchPlan]] = {}
+        self._searches: dict[int, tuple[object, OnOver]] = {}
 
     # -- delegated ---------------------------------------------------------------------------------------------
 
@@ -105,34 +106,60 @@ class MissionLeading(Part):
             Refused: the sender may not, or this platform leads enough, or has no origin; a unit or an action is unknown.
             TextError: a text is wrong, and where.
         """
-        sender, conversation = act.sender.unit, self._tasks.check_free(act.conversation_id)
+        self._tasks.check_free(act.conversation_id)
+        texts = self.read(act, content, now_us)
+        self._agent.answer(act, P.AGREE, None, now_us)
+        self.lead(act, content, texts, None, now_us)
+
+    def read(self, act: Act, content: FlyMission, now_us: int) -> MissionTexts:
+        """What is delegated, if it may be; raises as `on_fly`."""
+        sender = act.sender.unit
         self._performing.permits.check(content.mission, sender, now_us)
         self._performing.permits.check_chain(content.chain, sender)
-        if content.mission in self._led or len(self._led) >= MOST:
-            raise Refused(f"this platform leads {content.mission} already, or {MOST} missions", "busy")
-        texts = read_mission(
-            content.domain, content.problem, content.constraints, content.actions,
-            is_whole=content.is_whole, platforms=content.platforms,
-        )  # fmt: skip
-        frame = self._origin()
-        if frame is None:
+        self._check_free(content.mission)
+        if self._origin() is None:
             raise Refused(
                 "the home of this platform's vehicle is not known, which is the origin of places", "no-origin"
             )
+        return read_mission(
+            content.domain, content.problem, content.constraints, content.actions,
+            is_whole=content.is_whole, platforms=content.platforms,
+        )  # fmt: skip
+
+    def _check_free(self, mission: str) -> None:
+        if mission in self._led or len(self._led) >= MOST:
+            raise Refused(f"this platform has mission {mission} already, or {MOST} missions", "busy")
+
+    def problem_now(self, texts: MissionTexts, now_us: int) -> Declarations:
+        """The problem with what is sensed of vehicles now, as far as their streams are here."""
+        frame = self._origin()
+        sensed = {} if frame is None else self._sensors(texts, frame).sample(self.federation_us(now_us))
+        return with_initial(texts.problem, sensed)
+
+    def _sensors(self, texts: MissionTexts, frame: LocalFrame) -> UnitSensors:
+        return UnitSensors(
+            self._unit, frame, texts.platforms, texts.sensors, self._gateway, self._local, self._keeper,
+            self._performing.is_airborne,
+        )  # fmt: skip
+
+    def lead(self, act: Act, content: FlyMission, texts: MissionTexts, plan: MissionPlan | None, now_us: int) -> None:
+        """Begin, with a plan that was consented to, or by searching for one.
+
+        Raises:
+            Refused: this platform leads enough by now, or the origin of places is not known.
+        """
+        self._check_free(content.mission)
+        conversation, frame = self._tasks.check_free(act.conversation_id), self._origin()
+        if frame is None:
+            raise Refused("the origin of places is not known", "no-origin")
         timeout_us = min(round(content.timeout_s * 1e6), LONGEST_SEARCH_US)
-        order = MissionOrder(
-            content.mission, act, conversation, (*content.chain, *(() if content.chain else (sender,))), timeout_us
-        )
-        self._agent.answer(act, P.AGREE, None, now_us)
-        self._lead(order, texts, frame, now_us)
+        chain = content.chain or (act.sender.unit,)
+        self._lead(MissionOrder(content.mission, act, conversation, chain, timeout_us, plan), texts, frame, now_us)
 
     def _lead(self, order: MissionOrder, texts: MissionTexts, frame: LocalFrame, now_us: int) -> None:
         """Begin: vehicles are requested to take part, their streams come."""
         units: dict[str, MissionUnit] = {}
-        sensors = UnitSensors(
-            self._unit, frame, texts.platforms, texts.sensors, self._gateway, self._local, self._keeper,
-            self._performing.is_airborne,
-        )  # fmt: skip
+        sensors = self._sensors(texts, frame)
         led = self._led[order.name] = LedMission(order, texts, sensors, units, self, now_us)
         for name, platform in texts.platforms.items():
             if platform == self._unit:
@@ -207,42 +234,48 @@ class MissionLeading(Part):
         return self._clock.federation_us(now_us)
 
     def search(self, led: LedMission, effect: events.SearchPlan, texts: tuple[str, str], now_us: int) -> None:
-        """Search for a plan in a worker."""
+        """Search for a plan of a mission in a worker."""
         del now_us
-        number = next(self._numbers)
-        self._searches[number] = led, effect
         led.nodes = 0
-        self._emit(RunSearch(number, *texts, effect.units, effect.limit_us))
+
+        def on_over(event: SearchOver, at_us: int) -> None:
+            plan: MissionPlan | None = None
+            if event.plan is not None:
+                plan = plan_of(event.plan, (*effect.domain.operators, *effect.problem.operators))
+                took_s, count_of = event.took_us / 1e6, len(plan.actions)
+                text = f"{count_of} actions, cost {plan.cost:g}, {event.nodes} nodes in {took_s:.1f} s"
+                self.report(led, "searched", text, at_us)
+            led.on_searched(effect.search, plan, event.reason, is_certain=event.is_certain, now_us=at_us)
+
+        self.run_search(led, texts, effect.units, effect.limit_us, on_over)
+
+    def run_search(
+        self, owner: object, texts: tuple[str, str], units: tuple[str, ...] | None, limit_us: int, on_over: OnOver
+    ) -> None:
+        """Search in a worker; `on_over` takes what it comes to."""
+        number = next(self._numbers)
+        self._searches[number] = owner, on_over
+        self._emit(RunSearch(number, *texts, units, limit_us))
 
     def end_search(self, led: LedMission) -> None:
         """Its searches are wanted no more."""
-        for number in [number for number, (of, _) in self._searches.items() if of is led]:
+        for number in [number for number, (owner, _) in self._searches.items() if owner is led]:
             del self._searches[number]
             self._emit(EndSearch(number))
 
     def on_search_news(self, event: SearchNews, now_us: int) -> Followed:
         """A search has come so far."""
-        found = self._searches.get(event.number)
-        if found is not None:
-            found[0].nodes = event.nodes
-            self.report(found[0], "searching", f"{event.nodes} nodes", now_us)
+        owner, _ = self._searches.get(event.number, (None, None))
+        if isinstance(owner, LedMission):
+            owner.nodes = event.nodes
+            self.report(owner, "searching", f"{event.nodes} nodes", now_us)
         return None
 
     def on_search_over(self, event: SearchOver, now_us: int) -> Followed:
         """A search has ended."""
-        found = self._searches.pop(event.number, None)
-        if found is None:
-            return None
-        led, effect = found
-        plan: MissionPlan | None = None
-        if event.plan is not None:
-            operators = (*effect.domain.operators, *effect.problem.operators)
-            plan = plan_of(event.plan, operators)
-            text = (
-                f"{len(plan.actions)} actions, cost {plan.cost:g}, {event.nodes} nodes in {event.took_us / 1e6:.1f} s"
-            )
-            self.report(led, "searched", text, now_us)
-        led.on_searched(effect.search, plan, event.reason, is_certain=event.is_certain, now_us=now_us)
+        _, on_over = self._searches.pop(event.number, (None, None))
+        if on_over is not None:
+            on_over(event, now_us)
         return None
 
     def report(self, led: LedMission, kind: str, text: str, now_us: int) -> None:

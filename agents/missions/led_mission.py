@@ -54,21 +54,18 @@ class MissionPorts(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class MissionOrder:
-    """What was delegated, by which act, as which task."""
+    """What was delegated, by which act, as which task; `plan`: the one that was consented to, if one was proposed."""
 
     name: str
     act: Act
     conversation: str
     chain: tuple[str, ...]
     timeout_us: int
+    plan: MissionPlan | None = None
 
 
 class LedMission:
-    """See the module.
-
-    Args:
-        plan: the completed plan, if one was searched for before; its start is the initial state of the problem.
-    """
+    """See the module."""
 
     def __init__(
         self,
@@ -120,7 +117,7 @@ class LedMission:
         problem = with_initial(self.texts.problem, values)
         options = MissionOptions(period_us=PERIOD_US, search_us=self.order.timeout_us)
         self.mission = Mission(self.order.name, self.texts.domain, problem, options)
-        self._do(self.mission.start(self._ports.federation_us(now_us)), now_us)
+        self._do(self.mission.start(self._ports.federation_us(now_us), self.order.plan), now_us)
         self._look(now_us)
 
     def _look(self, now_us: int) -> None:

@@ -109,6 +109,11 @@ class CommandCentre:
         self.member.leave(now_us)
         return self._done()
 
+    def decide(self, dialogue: Dialogue, performative: Performative, content: Content, now_us: int) -> list[WireEffect]:
+        """Accept or reject what was proposed in a call of ours."""
+        self.member.acts.decide(dialogue.unit, dialogue.conversation, performative, content, now_us)
+        return self._done()
+
     def say(
         self,
         unit: str,

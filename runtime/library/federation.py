@@ -19,6 +19,7 @@ from runtime.library.alarm_news import AlarmItem, follow_alarms
 from runtime.library.calls import CallItem, call_for, wanted_of
 from runtime.library.feed import Feed
 from runtime.library.member_thread import MemberThread
+from runtime.library.missions import mission_of
 from runtime.library.questions import Which
 from runtime.library.results import QueryResult, UnitSample
 from runtime.library.watched import WatchedStreams
@@ -159,7 +160,10 @@ class _Face:
     def _delegate(
         self, task: str, to: str | int | None, given: dict[str, Any], within: str, when: tuple[str, str] | None
     ) -> Generator[Any, bool, tuple[Dialogue, Feed[Content]]]:
-        dialogue = yield from jobs.delegate(self._client, task, _name(to), given, within, when)
+        return self._begun(jobs.delegate(self._client, task, _name(to), given, within, when))
+
+    def _begun(self, begin: Job[Dialogue]) -> Generator[Any, bool, tuple[Dialogue, Feed[Content]]]:
+        dialogue = yield from begin
         feed: Feed[Content] = Feed()
         self._thread.post(jobs.follow_task(dialogue, feed))
         return dialogue, feed
@@ -330,6 +334,10 @@ class FederationClient(_Face):
         """
         return DelegatedTask(self, *self._do(self._delegate(task, to, content, within, when)))
 
+    def mission(self, domain: str, problem: str, *, to: str | int | None = None, **given: Any) -> DelegatedTask:
+        """Have platforms reach the goals of a problem, as `dyknow mission start` does; texts, and fields of `MissionRequest`."""
+        return DelegatedTask(self, *self._do(self._begun(mission_of(self._client, domain, problem, to, given))))
+
     def monitors(self, *, explain: bool = False) -> list[MonitorEntry]:
         """The monitors of all platforms: `.by`, `.name`, `.units`, `.verdict`, `.inputs`, `.shows`, `.since_us`.
 
@@ -392,6 +400,11 @@ class AsyncFederationClient(_Face):
     ) -> AsyncDelegatedTask:
         """See `FederationClient.delegate`."""
         return AsyncDelegatedTask(self, *await self._done(self._delegate(task, to, content, within, when)))
+
+    async def mission(self, domain: str, problem: str, *, to: str | int | None = None, **given: Any) -> DelegatedTask:
+        """See `FederationClient.mission`."""
+        begun = self._begun(mission_of(self._client, domain, problem, to, given))
+        return AsyncDelegatedTask(self, *await self._done(begun))
 
     async def monitors(self, *, explain: bool = False) -> list[MonitorEntry]:
         """See `FederationClient.monitors`."""

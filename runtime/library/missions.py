@@ -1,27 +1,32 @@
 """Missions of a federation, for programs and commands: delegated, listed, answered and ended."""
 
-import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
 
 from dyknow.model.errors import NothingFound, Refused, WrongCall
 from federation import keys
 from federation.messages.acts import Performative
 from federation.messages.contents import (
     AnswerQuestion,
+    CallForMission,
     ControlMission,
     FlyMission,
+    LeaveMission,
     MissionEntry,
     MissionList,
+    MissionProposal,
     MissionQuery,
     PermitMission,
+    TakeMission,
 )
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client, Job, Wait
 from runtime.library.jobs import GRACE_S, failure_of, lists, platforms
 
 P = Performative
+Consent = Callable[[list[tuple[str, MissionProposal]]], bool]
 ANSWER_S: Final = 5.0
 AGREE_S: Final = 15.0
 """How long a platform may take to read what is delegated, and agree."""
@@ -41,7 +46,7 @@ class MissionRequest(NamedTuple):
     constraints: str = ""
     actions: tuple[str, ...] = ()
     is_whole: bool = False
-    platforms: Mapping[str, str] = {}
+    platforms: Mapping[str, str] = MappingProxyType({})
     name: str = ""
     search_s: float = 10.0
 
@@ -63,13 +68,22 @@ def name_of(file: Path, now_us: int) -> str:
     return f"{stem}-{now_us // 100_000 % 0x10000:04x}"
 
 
-def begin_mission(client: Client, wanted: MissionRequest, to: str | None) -> Job[Dialogue]:
+def begin_mission(
+    client: Client, wanted: MissionRequest, to: Sequence[str] = (), consent: Consent | None = None
+) -> Job[Dialogue]:
     """Delegate a mission, its other platforms permitted to take part; returns once it is agreed to.
 
+    Args:
+        client: of a command centre.
+        wanted: what is to be flown.
+        to: the platform that leads it; of several, or with `consent`, the one that proposes it at the least cost. Empty: that
+            of the first unit.
+        consent: shown the proposals, the cheapest first; whether that is to be flown.
+
     Raises:
-        NothingFound: a platform is not there.
+        NothingFound: a platform is not there, or none has a plan.
         TextError, TextErrors: a text is wrong, and where.
-        Refused: it is declined, or a platform does not permit it.
+        Refused: it is declined, a platform does not permit it, or it is not consented to.
         FederationFailed: there is no answer.
     """
     from agents.missions.mission_texts import read_mission
@@ -80,21 +94,54 @@ def begin_mission(client: Client, wanted: MissionRequest, to: str | None) -> Job
     )  # fmt: skip
     yield from platforms(client)
     taking_part = list(dict.fromkeys(texts.platforms.values()))
-    leader = client.pick(to or taking_part[0])[0]
-    name = wanted.name or name_of(Path("mission"), time.time_ns() // 1000)
-    keys.conversation(name)
+    leaders = [client.pick(unit)[0] for unit in to or taking_part[:1]]
+    name = keys.conversation(wanted.name or name_of(Path("mission"), client.now_us()))
     for platform in taking_part:
-        if platform != leader:
-            yield from _asked(client, client.pick(platform)[0], PermitMission(mission=name, leaders=(leader,)))
+        if set(leaders) - {platform}:
+            permit = PermitMission(mission=name, leaders=tuple(leaders))
+            yield from _asked(client, client.pick(platform)[0], permit)
     content = FlyMission(
         mission=name, domain=wanted.domain, problem=wanted.problem, constraints=wanted.constraints,
         actions=wanted.actions, is_whole=wanted.is_whole, platforms=dict(texts.platforms), timeout_s=wanted.search_s,
     )  # fmt: skip
-    dialogue = client.say(leader, P.REQUEST, content, within_s=AGREE_S, standing=True)
+    if consent is not None or len(leaders) > 1:
+        call = CallForMission(**{field: getattr(content, field) for field in type(content).model_fields})
+        return (yield from _called(client, call, leaders, consent or (lambda _proposals: True)))
+    dialogue = client.say(leaders[0], P.REQUEST, content, within_s=AGREE_S, standing=True)
     yield Wait(lambda: bool(dialogue.said or dialogue.over), AGREE_S + GRACE_S)
     if dialogue.trouble is not None or not dialogue.said:
         raise failure_of(dialogue, "no answer in time")
     return dialogue
+
+
+def mission_of(
+    client: Client, domain: str, problem: str, to: str | int | None, given: Mapping[str, Any]
+) -> Job[Dialogue]:
+    """The same from the fields of a `MissionRequest`; `to` may name several platforms, `0,1`."""
+    return begin_mission(client, MissionRequest(domain, problem, **given), [] if to is None else str(to).split(","))
+
+
+def _called(client: Client, call: CallForMission, leaders: Sequence[str], consent: Consent) -> Job[Dialogue]:
+    """The contract net: the cheapest proposal is taken, the others are left."""
+    within_s = AGREE_S + call.timeout_s
+    calls = [client.say(unit, P.CFP, call, within_s=within_s, standing=True) for unit in leaders]
+    yield Wait(lambda: all(one.said or one.over for one in calls), within_s + GRACE_S)
+    found = [(one, said) for one in calls for _, said in one.said if isinstance(said, MissionProposal)]
+    found.sort(key=lambda each: (len(each[1].unreached), each[1].cost, each[1].duration_s))
+    if not found:
+        reasons = "; ".join(f"platform {one.unit}: {one.trouble or 'no answer in time'}" for one in calls)
+        raise NothingFound(f"no platform proposes a plan: {reasons}")
+    is_wanted = consent([(one.unit, proposal) for one, proposal in found])
+    for number, (one, _) in enumerate(found):
+        if number or not is_wanted:
+            because = "a cheaper one is taken" if is_wanted else "it is not consented to"
+            client.decide(one, P.REJECT_PROPOSAL, LeaveMission(because=because))
+    if not is_wanted:
+        raise Refused("the plan is not consented to: nothing is flown", "no-consent")
+    chosen = found[0][0]
+    client.decide(chosen, P.ACCEPT_PROPOSAL, TakeMission())
+    chosen.said.clear()
+    return chosen
 
 
 def _asked(client: Client, unit: str, content: PermitMission | ControlMission | AnswerQuestion) -> Job[None]:

@@ -12,7 +12,7 @@ from console.errors import DONE, INTERRUPTED, NO
 from console.output.output import unit_json
 from console.output.shown import styled
 from dyknow.model.errors import FederationFailed
-from federation.messages.contents import Done, MissionEntry, Progress, Reason
+from federation.messages.contents import Done, MissionEntry, MissionProposal, Progress, Reason
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
@@ -38,8 +38,10 @@ def start(
     problem: Annotated[Path, typer.Argument(metavar="PROBLEM.prob", help="Objects, the initial state, goals.")],
     *,
     to: Annotated[
-        str | None, typer.Option(metavar="U", help="The platform that leads it; else that of the first unit.")
-    ] = None,
+        str,
+        typer.Option(metavar="U", help="The platform that leads it, else that of the first unit; of 0,1 the cheaper."),
+    ] = "",
+    consent: Annotated[bool, typer.Option("--consent", help="Show the plan, and ask before it is flown.")] = False,
     unit: Annotated[
         list[str] | None, typer.Option(metavar="NAME=U", help="The platform of a unit of the problem (repeatable).")
     ] = None,
@@ -66,10 +68,16 @@ def start(
         name,
         duration_us(timeout, option="--timeout", least_us=SHORTEST_US) / 1e6,
     )
+
+    def asks(proposals: list[tuple[str, MissionProposal]]) -> bool:
+        return _consented(call, proposals)
+
     with connected(call) as client:
         if not name:
             wanted = wanted._replace(name=name_of(problem, client.now_us()))
-        dialogue = client.run(begin_mission(client, wanted, to))
+        dialogue = client.run(
+            begin_mission(client, wanted, [one for one in to.split(",") if one], asks if consent else None)
+        )
         call.out.say(
             f"mission {wanted.name}: platform {dialogue.unit} leads it", event="begun", mission=wanted.name,
             unit=unit_json(dialogue.unit), conversation=dialogue.conversation,
@@ -81,6 +89,17 @@ def start(
         except KeyboardInterrupt:
             call.out.note(f"The mission continues; end it with: dyknow mission abort {wanted.name}")
             return INTERRUPTED
+
+
+def _consented(call: Call, proposals: list[tuple[str, MissionProposal]]) -> bool:
+    """Show what is proposed, the cheapest first; whether that is to be flown."""
+    for unit, said in proposals:
+        text = f"platform {unit} proposes {len(said.actions)} actions, {said.duration_s:g} s, cost {said.cost:g}"
+        record = {"cost": said.cost, "duration_s": said.duration_s, "actions": list(said.actions)}
+        call.out.say(text, event="proposed", unit=unit_json(unit), **record)
+        for action in said.actions if not call.out.json_lines else ():
+            call.out.show(f"  {action}")
+    return typer.confirm("Fly the first?", err=True)
 
 
 def _follow(call: Call, client: Client, dialogue: Dialogue, name: str) -> int:

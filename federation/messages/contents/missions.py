@@ -32,7 +32,6 @@ class FlyMission(parts.Content):
         mission: its name, by which vehicles are permitted to take part.
         platforms: by unit of the problem, the platform that has that vehicle.
         chain: those that have delegated it, the first one first.
-        among: have it coordinated by the one of these that proposes it at the least cost.
     """
 
     mission: parts.Conversation
@@ -43,7 +42,6 @@ class FlyMission(parts.Content):
     is_whole: bool = False
     platforms: _UnitNames = Field(default_factory=dict)
     chain: Chain = ()
-    among: Annotated[tuple[parts.Unit, ...], Field(max_length=8)] = ()
     timeout_s: parts.Period = 10.0
 
 

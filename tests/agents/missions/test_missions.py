@@ -2,18 +2,25 @@
 
 import pytest
 
+from federation.messages.acts import Performative
 from federation.messages.contents import (
     AnswerQuestion,
+    CallForMission,
+    Content,
     ControlMission,
     Goto,
     Hold,
     JoinMission,
+    LeaveMission,
     MissionList,
+    MissionProposal,
     MissionQuery,
     PerformCommands,
     Resume,
+    TakeMission,
 )
 from federation.messages.contents.missions import CommandEntry
+from federation.messages.dialogue import Dialogue
 from navigation.vehicle import Arm, GoToOrder, HoldOrder, LandOrder, SetGuided, TakeOffOrder
 from tests.agents.missions.flown import DOMAIN, ONE, TWO, Flown, told
 
@@ -200,3 +207,53 @@ def test_a_vehicle_takes_no_commands_of_a_mission_that_it_has_not_joined_nor_a_s
     assert flown.vehicles[0].commands == []
     ((_, said),) = flown.ask(MissionQuery())
     assert said == MissionList(missions=())
+
+
+# -- proposals -------------------------------------------------------------------------------------------------------
+
+
+def called(flown: Flown, to: str = "0", problem: str = ONE) -> Dialogue:
+    content = CallForMission(mission="m1", domain=DOMAIN, problem=problem)
+    dialogue = flown.world.ask("cc", to, content, Performative.CFP)
+    flown.world.run_for(1.0)
+    return dialogue
+
+
+def decide(flown: Flown, dialogue: Dialogue, performative: Performative, content: Content) -> None:
+    flown.world.speak(
+        "cc",
+        lambda member, now_us: member.acts.decide(dialogue.unit, dialogue.conversation, performative, content, now_us),
+    )
+    flown.world.run_for(1.0)
+
+
+def test_a_call_is_answered_with_the_completed_plan_and_flown_only_when_that_is_consented_to() -> None:
+    flown = Flown(airborne=True)
+    dialogue = called(flown)
+    ((performative, proposal),) = [(act.performative, said) for act, said in dialogue.said]
+    assert performative is Performative.PROPOSE
+    assert isinstance(proposal, MissionProposal)
+    assert [action.partition("  ")[2] for action in proposal.actions] == [
+        "fly-to(uav0, barn)",
+        "fly-to(uav0, pond)",
+        "land(uav0)",
+    ]
+    assert proposal.duration_s > 30.0
+    flown.world.run_for(5.0)
+    assert flown.vehicles[0].commands == []
+    decide(flown, dialogue, Performative.ACCEPT_PROPOSAL, TakeMission())
+    flown.until(dialogue)
+    assert told(dialogue)[-1] == "inform: reached: the plan is done"
+    assert started(dialogue) == ["fly-to(uav0, barn)", "fly-to(uav0, pond)", "land(uav0)"]
+
+
+def test_a_proposal_that_is_left_is_not_flown_and_a_goal_that_cannot_be_is_refused() -> None:
+    flown = Flown(airborne=True)
+    dialogue = called(flown)
+    decide(flown, dialogue, Performative.REJECT_PROPOSAL, LeaveMission(because="too dear"))
+    flown.world.run_for(5.0)
+    assert flown.vehicles[0].commands == []
+    refused = called(flown, problem=ONE + "#goal both: flies(uav0) & !flies(uav0)")
+    ((performative, said),) = [(act.performative, said) for act, said in refused.said]
+    assert performative is Performative.REFUSE
+    assert said.code == "no-plan"

@@ -42,7 +42,7 @@ class Dyknow:
 
     def _words(self, arguments: tuple[str, ...]) -> list[str]:
         """Options before the command's own arguments: what looks like a negative number is a time."""
-        words = 2 if arguments[0] in {"kpl", "ontology", "roster"} else 1
+        words = 2 if arguments[0] in {"kpl", "mission", "ontology", "roster"} else 1
         return [*arguments[:words], "--federation", self.federation, *self.options, *arguments[words:]]
 
     def _environment(self) -> dict[str, str]:

@@ -1,0 +1,101 @@
+"""A mission over real processes and MAVLink, whose vehicle a real MAVLink client takes over in the middle, and gives back."""
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pymavlink import mavutil
+
+from tests.live.command_line.command import Dyknow
+
+pytestmark = pytest.mark.live
+EXAMPLES = Path(__file__).parents[3] / "examples" / "missions"
+PROBLEM = """
+#objects uav = {uav0}
+#objects place = {barn, pond}
+#init x-of(barn) := 0, y-of(barn) := 6
+#init x-of(pond) := 0, y-of(pond) := 45
+#goal survey: forall place: seen(place)
+"""
+LOITER, GUIDED = 5, 4
+PATIENCE_S = 90.0
+
+
+@contextmanager
+def ground_station(port: int) -> Iterator[Any]:
+    """A MAVLink client that hears the vehicle; `set_mode` is what a pilot does at another station."""
+    link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{port}", source_system=250)
+    try:
+        yield link
+    finally:
+        link.close()
+
+
+def take(link: Any, mode: int) -> None:
+    """Change the vehicle's mode, until its heartbeat shows it."""
+    until = time.monotonic() + PATIENCE_S
+    while time.monotonic() < until:
+        heard = link.recv_match(type="HEARTBEAT", blocking=True, timeout=2.0)
+        if heard is not None and heard.custom_mode == mode:
+            return
+        link.mav.set_mode_send(link.target_system or 1, mavutil.mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, mode)
+    raise AssertionError("the mode does not change")
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
+        found.bind(("127.0.0.1", 0))
+        return int(found.getsockname()[1])
+
+
+def phase(dyknow: Dyknow) -> str:
+    return str(dyknow.run("mission", "status")[0]["phase"])
+
+
+def until_phase(dyknow: Dyknow, wanted: str) -> None:
+    until = time.monotonic() + PATIENCE_S
+    while phase(dyknow) != wanted:
+        assert time.monotonic() < until, dyknow.run("mission", "status")
+
+
+def test_a_mode_change_in_the_middle_is_never_fought_and_the_mission_ends_well_once_it_is_resumed(
+    dyknow: Dyknow, tmp_path: Path
+) -> None:
+    problem, port = tmp_path / "near.prob", free_port()
+    problem.write_text(PROBLEM, "utf-8")
+    with ground_station(port) as link:
+        dyknow.run("up", "1", "--scenario", "hover", "--gcs", f"127.0.0.1:{port}", "--detach")
+        dyknow.run("mission", "start", str(EXAMPLES / "survey.dom"), str(problem), "--name", "m1", "--detach")
+        until = time.monotonic() + PATIENCE_S
+        while not any(each.startswith("running") for each in dyknow.run("mission", "status")[0]["actions"]):
+            assert time.monotonic() < until
+        take(link, LOITER)
+        until_phase(dyknow, "waiting for the pilot")
+        modes: list[int] = []
+        stop = threading.Event()
+
+        def listen() -> None:
+            while not stop.is_set():
+                heard = link.recv_match(type="HEARTBEAT", blocking=True, timeout=0.5)
+                if heard is not None and heard.autopilot != mavutil.mavlink.MAV_AUTOPILOT_INVALID:
+                    modes.append(heard.custom_mode)
+
+        listening = threading.Thread(target=listen)
+        listening.start()
+        refused = dyknow.run("delegate", "resume", "--to", "0", code=1)
+        assert "guided mode" in str(refused)
+        stop.set()
+        listening.join()
+        assert set(modes) == {LOITER}, "nothing has taken the vehicle out of its pilot's mode"
+        take(link, GUIDED)
+        until = time.monotonic() + PATIENCE_S
+        while dyknow.run("delegate", "resume", "--to", "0", code=None)[0]["performative"] != "agree":
+            assert time.monotonic() < until
+        until_phase(dyknow, "ended")
+        entry = dyknow.run("mission", "status")[0]
+        assert (entry["why"], entry["replans"]) == ("the plan is done", 1)
