@@ -99,11 +99,11 @@ def plan_figures_record(plan: ConditionalPlan | None, expected: float | None = N
     return {"solvable": True, **sizes, "expected": expected, "plan": print_plan(plan)}
 
 
-def recovery_record(found: RecoveryPlan | NoRecoveryPlan) -> dict[str, Any]:
-    """The answer as a record."""
+def recovery_record(found: RecoveryPlan | NoRecoveryPlan, notes: Sequence[str] = ()) -> dict[str, Any]:
+    """The answer as a record, with notes on the problem."""
     if isinstance(found, NoRecoveryPlan):
         sets = [list(each) for each in found.indistinguishable]
-        return {**plan_figures_record(None), "why_not": found.reason, "indistinguishable": sets}
+        return {**plan_figures_record(None), "why_not": found.reason, "indistinguishable": sets, "notes": list(notes)}
     is_whole = found.covered == 1.0
     return {
         **plan_figures_record(found.plan, expected=found.expected),
@@ -111,7 +111,7 @@ def recovery_record(found: RecoveryPlan | NoRecoveryPlan) -> dict[str, Any]:
         "why_not": None if is_whole else found.notes[-1],
         "optimal": found.is_optimal,
         "covered": found.covered,
-        "notes": list(found.notes),
+        "notes": [*notes, *found.notes],
     }
 
 

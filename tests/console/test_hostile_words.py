@@ -32,7 +32,7 @@ MARKUP = "[/][red]r[/red][link=http://e]c[/link]:bomb:"
 SESSIONS = json.loads((TRANSCRIPTS / "members.json").read_text(encoding="utf-8"))
 LOCAL = {
     "up", "join", "host", "down", "demo", "doctor", "kpl", "kpl check", "kpl run", "kpl verify", "ontology", "ontology check",
-    "link", "world", "plan", "roads", "roads check", "roster", "roster init", "roster add", "roster revoke", "roster show",
+    "link", "world", "match", "recover", "plan", "roads", "roads check", "roster", "roster init", "roster add", "roster revoke", "roster show",
 }  # fmt: skip
 """Commands that ask no platform: they show records and files, by the same output."""
 FREE = {

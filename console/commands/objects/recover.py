@@ -52,8 +52,8 @@ def recover(
     if case.errors is not None:
         return _of_errors(call, case, case.errors, stop, draw)
     found = plan_recovery(case.problem, case.value, case.least_possibility, stop)
-    record = recovery_record(found)
-    for sentence in (*case.notes, *record.get("notes", ())):
+    record = recovery_record(found, case.notes)
+    for sentence in record["notes"]:
         call.out.note(sentence, style="yellow")
     if draw is None or isinstance(found, NoRecoveryPlan):
         call.out.line(record)
