@@ -2,7 +2,7 @@
 
 `/metrics` has the figures, `/health` answers 200 while the node thread steps and the platform is in its federation, 503
 otherwise. Nothing can be changed there. What is read is copied in one step of the interpreter, so that the node thread,
-which goes on writing, is not disturbed.
+which continues to write, is not disturbed.
 """
 
 import threading

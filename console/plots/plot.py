@@ -155,7 +155,7 @@ def _draw_panel(axes: "Axes", panel: PlotPanel, begin_us: int) -> None:
 
 
 def _scale(axes: "Axes", panel: PlotPanel) -> None:
-    """The vertical axis: named levels, or numbers over no less than what can be told apart."""
+    """The vertical axis: named levels, or numbers over no less than what can be distinguished."""
     if panel.levels:
         axes.set_yticks([*panel.levels], [*panel.levels.values()])
         axes.set_ylim(min(panel.levels) - 0.15, max(panel.levels) + 0.15)

@@ -139,7 +139,7 @@ def find_plan(
 
 
 def _result(steps: Steps, nodes: int) -> PlanFound | NoPlan | None:
-    """What a search comes to within so many nodes; None if it has not ended."""
+    """What a search comes to within a number of nodes; None if it has not ended."""
     for _ in range(nodes):
         try:
             next(steps)
