@@ -30,6 +30,8 @@ class HeardVehicle:
         missions: the person's consent to interrupt a mission (AUTO) in order to give way.
         clock: federation time now; None: the time of the last event.
         note: takes words for users.
+        winch: what its winch reported last.
+        handled: the answer to the last order to its winch or gripper; None: there is none yet.
         heard_us: when it last reported its state; target_us: where it flies to.
     """
 
@@ -46,6 +48,10 @@ class HeardVehicle:
     heard_us: int = 0
     target: vehicle.TargetReport | None = None
     target_us: int = -HEARD_WITHIN_US
+    winch: vehicle.WinchReport | None = None
+    handled: vehicle.CommandResult | None = None
+    _number: int = 0
+    _handling: int = -1
 
     @property
     def now_us(self) -> int:
@@ -72,6 +78,24 @@ class HeardVehicle:
         reason = self.refusal(order)
         if reason is not None:
             raise Refused(reason, FORBIDDEN)
+
+    def numbered(self, order: vehicle.Order) -> vehicle.Command:
+        """The order as the next command."""
+        self._number += 1
+        return vehicle.Command(self._number, order)
+
+    def handle(self, order: vehicle.GripOrder | vehicle.LineOrder) -> vehicle.Command:
+        """An order to winch or gripper, which moves the vehicle nowhere; `handled` is its answer. Raises Refused."""
+        self.check(order)
+        self.handled, command = None, self.numbered(order)
+        self._handling = command.number
+        return command
+
+    def _on_handled(self, report: vehicle.WinchReport | vehicle.CommandResult) -> None:
+        if isinstance(report, vehicle.WinchReport):
+            self.winch = report
+        elif report.number == self._handling:
+            self.handled = report
 
     def others_target(self) -> vehicle.GoToOrder | None:
         """Where a ground station, or the mission, has sent the vehicle, if it says so still."""

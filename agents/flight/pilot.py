@@ -60,7 +60,6 @@ class Pilot(HeardVehicle):
     _goal: vehicle.Order | None = None
     _attempts: int = 0
     _again_us: int | None = None
-    _number: int = 0
     _ground_number: int = 0
 
     # -- what the vehicle says ---------------------------------------------------------------------------------
@@ -84,7 +83,10 @@ class Pilot(HeardVehicle):
                 commands = self._on_mission(report)
             case vehicle.TargetReport():
                 self._on_target(report, now_us)
+            case vehicle.WinchReport():
+                self._on_handled(report)
             case vehicle.CommandResult():
+                self._on_handled(report)
                 self._on_result(report, now_us)
         return commands
 
@@ -167,7 +169,7 @@ class Pilot(HeardVehicle):
             return []
         self.errand, self._item = None, report.item
         order = vehicle.MissionItemOrder(wanted or 0)
-        return [] if wanted in {None, report.item} or self.refusal(order) is not None else [self._command(order)]
+        return [] if wanted in {None, report.item} or self.refusal(order) is not None else [self.numbered(order)]
 
     def _judge(self, look: Callable[[Errand], None]) -> None:
         """Let orders under way look at what has come, and tell what has become of them."""
@@ -225,11 +227,7 @@ class Pilot(HeardVehicle):
 
     def _errand(self, order: vehicle.Order) -> Errand:
         tells = self.now_us - self.target_us <= HEARD_WITHIN_US
-        return Errand(self._command(order), self.now_us, self.fix, tells)
-
-    def _command(self, order: vehicle.Order) -> vehicle.Command:
-        self._number += 1
-        return vehicle.Command(self._number, order)
+        return Errand(self.numbered(order), self.now_us, self.fix, tells)
 
     # -- the rules ---------------------------------------------------------------------------------------------
 
@@ -310,7 +308,7 @@ class Pilot(HeardVehicle):
         """Have the vehicle take off for the mission, or get ready for it; raises Refused, as `order`."""
         self.check(order)
         self._claims_against(order, Commander.MISSION).check(Commander.MISSION)
-        command, self.errand, self.standing = self._command(order), None, None
+        command, self.errand, self.standing = self.numbered(order), None, None
         self._ground_number, self.mission.refusal = command.number, ""
         return [command]
 

@@ -10,7 +10,6 @@ from typing import Final
 
 from agents.admission.limits import TokenBucket
 from agents.effects import Reported
-from agents.exchange.local_instance import LocalInstance
 from agents.part import NOT_MINE, Followed, Part
 from dyknow import (
     NO_VALUE,
@@ -200,7 +199,6 @@ class WinchStream(Part):
     none: its load is not known.
 
     Args:
-        local: the part whose deadline samples may move.
         offer: called when there is a winch.
     """
 
@@ -212,10 +210,9 @@ class WinchStream(Part):
         clock: FederationClock,
         network: Network,
         translation: Translation,
-        local: LocalInstance,
         offer: Callable[[int], None],
     ) -> None:
-        self._clock, self._network, self._translation, self._local = clock, network, translation, local
+        self._clock, self._network, self._translation = clock, network, translation
         self._offer = offer
         self._label, self._to_local = translation.local_label(LOAD, unit), translation.to_local(LOAD)
         self._newest_us = -1
@@ -228,12 +225,12 @@ class WinchStream(Part):
         return [LabelEntry(label=LOAD, sort=label.sort.name, type_hash=label.type_hash, period_us=WINCH_PERIOD_US)]
 
     def on_reported(self, event: Reported, now_us: int) -> Followed:
-        """Reports of a winch are for this part alone."""
+        """Make a sample of it; the pilot takes the report, too."""
         report = event.report
-        if not isinstance(report, WinchReport):
+        if not isinstance(report, WinchReport) or report.load_kg is None or report.line_m is None:
             return NOT_MINE
-        if report.load_kg is None or report.line_m is None or report.valid_us <= self._newest_us:
-            return ()
+        if report.valid_us <= self._newest_us:
+            return NOT_MINE
         self._newest_us = report.valid_us
         if not self._is_offered:
             self._is_offered = True
@@ -241,4 +238,4 @@ class WinchStream(Part):
             self._offer(now_us)
         value = self._to_local((report.load_kg, report.line_m))
         self._network.push(self._label, report.valid_us, value, self._clock.federation_us(now_us))
-        return (self, self._local)
+        return NOT_MINE

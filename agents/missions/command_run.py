@@ -5,6 +5,8 @@
 | take-off h | guided mode, arming, take-off; in the air: climb | it flies, and is at most 1 m below h |
 | goto lat lon h, climb h | guided target | 1.5 m from it level and 1 m in height, slower than 1 m/s |
 | land, return-home | the mode | it stands disarmed |
+| winch m | so much line out | it is, within 15 cm |
+| magnet 1, magnet 0 | the gripper | it is acknowledged; what hangs on the line shows whether it holds something |
 | hold | guided target where it is | slower than 1 m/s |
 | wait s | nothing | the time is over |
 
@@ -23,8 +25,10 @@ from navigation.vehicle import (
     Arm,
     Command,
     GoToOrder,
+    GripOrder,
     HoldOrder,
     LandOrder,
+    LineOrder,
     Order,
     ReturnHomeOrder,
     SetGuided,
@@ -37,6 +41,7 @@ SLOW_M_S: Final = 1.0
 AGAIN_US: Final = 3_000_000
 """After this long an order for taking off is repeated whose effect does not show."""
 ATTEMPTS: Final = 4
+LINE_M: Final = 0.15
 _WAITED_FOR: Final = frozenset({"hands", "giving-way"})
 
 
@@ -100,6 +105,8 @@ class CommandRun:
             return self._take_off(command.numbers[0], pilot, now_us)
         if isinstance(self._order, TakeOffOrder):
             return []  # it rises
+        if command.name in {"winch", "magnet"}:
+            return self._handle(command, pilot, now_us)
         wanted = self._wanted(command, pilot)
         if wanted is None or self._is_shown(wanted, pilot):
             return []
@@ -125,6 +132,18 @@ class CommandRun:
             case ("return-home", _):
                 return ReturnHomeOrder()
         return None
+
+    def _handle(self, command: VehicleCommand, pilot: Pilot, now_us: int) -> list[Command]:
+        """Winch and gripper; raises Refused."""
+        number = command.numbers[0]
+        wanted = LineOrder(number) if command.name == "winch" else GripOrder(bool(number))
+        if self._order == wanted:
+            if pilot.handled is not None and not pilot.handled.accepted:
+                self.failure = f"{command.name}: autopilot: {pilot.handled.reason}"
+            return []
+        pilot.claims.check(Commander.MISSION)
+        self._order, self._ordered_us = wanted, now_us
+        return [pilot.handle(wanted)]
 
     def _is_shown(self, wanted: Order, pilot: Pilot) -> bool:
         """Whether the vehicle is where it is to go without an order: one that stands need not be landed."""
@@ -175,6 +194,10 @@ class CommandRun:
                 return bool(status.airborne) and fix.altitude_m >= _altitude_m(pilot, command.numbers[0]) - UPRIGHT_M
             case "land" | "return-home":
                 return not status.armed
+            case "magnet":
+                return pilot.handled is not None and pilot.handled.accepted
+            case "winch":
+                return self._is_out(command.numbers[0], pilot)
             case "wait":
                 return now_us >= (self._since_us or 0) + round(command.numbers[0] * 1e6)
         order = self._order
@@ -184,6 +207,11 @@ class CommandRun:
             return pilot.errand is not None and pilot.errand.is_taken
         away_m = distance_m(fix.latitude_deg, fix.longitude_deg, order.latitude_deg, order.longitude_deg)
         return away_m <= LEVEL_M and abs(fix.altitude_m - pilot.clamped(order).altitude_m) <= UPRIGHT_M
+
+    def _is_out(self, line_m: float, pilot: Pilot) -> bool:
+        told = pilot.winch
+        is_newer = told is not None and told.valid_us > self._ordered_us
+        return bool(is_newer and told and told.line_m is not None and abs(told.line_m - line_m) <= LINE_M)
 
 
 def _altitude_m(pilot: Pilot, height_m: float) -> float:

@@ -205,6 +205,8 @@ class LedMission:
         except Refused as refused:
             self.on_performed(step, refused.reason, now_us)
             return
+        if len(action.objects) > 1 and VehicleCommand("magnet", (1.0,)) in commands:
+            self.sensors.take(unit, action.objects[1])
         self.units[unit].perform(step, action.shown, commands, now_us)
 
     def _note(self, kind: str, text: str, now_us: int) -> None:

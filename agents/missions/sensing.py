@@ -1,4 +1,5 @@
-"""States of a mission from streams: what domains call `east`, `north`, `height` and `airborne`, of each vehicle that takes part.
+"""States of a mission from streams: what domains call `east`, `north`, `height`, `airborne` and `attached`, of each vehicle that
+takes part. What hangs on a line is the object that the vehicle's last action took hold of.
 
 The streams of other platforms are imported while the mission lasts. Heights are above each vehicle's home; places are
 metres east and north of the mission's origin.
@@ -10,6 +11,7 @@ from typing import Final
 from agents.exchange.gateway import Gateway
 from agents.exchange.local_instance import LocalInstance
 from agents.exchange.subscription_keeper import SubscriptionKeeper
+from agents.flight.vehicle_streams import LOAD
 from dyknow import NO_VALUE, Value
 from dyknow.model.errors import DyknowError
 from navigation.geodesy import LocalFrame
@@ -22,7 +24,9 @@ STALE_US: Final = 1_500_000
 """An older sample is no part of the present state."""
 FLYING_M: Final = 1.0
 """Above its home a vehicle that does not say whether it flies does."""
-_LABEL_OF: Final = {"east": POSITION, "north": POSITION, "height": HEIGHT, "airborne": HEIGHT}
+HELD_KG: Final = 0.3
+"""What hangs on a line weighs so much at least."""
+_LABEL_OF: Final = {"east": POSITION, "north": POSITION, "height": HEIGHT, "airborne": HEIGHT, "attached": LOAD}
 
 
 class UnitSensors:
@@ -49,6 +53,7 @@ class UnitSensors:
         self._own, self.frame, self._platforms, self._sensors = own, frame, dict(platforms), dict(sensors)
         self._gateway, self._local, self._keeper, self._airborne = gateway, local, keeper, airborne
         labels = {_LABEL_OF[sensor] for sensor in self._sensors.values() if sensor in _LABEL_OF}
+        self._taken: dict[str, str] = {}
         self._needs = tuple(
             (platform, (label, PERIOD_US, MAX_DELAY_US))
             for platform in sorted(set(self._platforms.values()) - {own})
@@ -69,11 +74,18 @@ class UnitSensors:
     def sample(self, federation_us: int) -> dict[str, Value]:
         """The value of each sensed feature of each unit, `NO_VALUE` where there is none that is new enough."""
         return {
-            f"{feature}[{unit}]": self._value(sensor, platform, federation_us)
+            f"{feature}[{unit}, {self._taken[unit]}]" if sensor == "attached" else f"{feature}[{unit}]": self._value(
+                sensor, platform, federation_us
+            )
             for feature, sensor in self._sensors.items()
             if sensor in _LABEL_OF
             for unit, platform in self._platforms.items()
+            if sensor != "attached" or unit in self._taken
         }
+
+    def take(self, unit: str, thing: str) -> None:
+        """An action of the unit takes hold of an object."""
+        self._taken[unit] = thing
 
     def _value(self, sensor: str, platform: str, federation_us: int) -> Value:
         if sensor == "airborne" and platform == self._own and (airborne := self._airborne()) is not None:
@@ -84,6 +96,8 @@ class UnitSensors:
             return NO_VALUE
         if sample.value is NO_VALUE or federation_us - sample.valid_us > STALE_US:
             return NO_VALUE
+        if sensor == "attached":
+            return bool(sample.value[0] >= HELD_KG)
         if sensor == "height":
             return float(sample.value[0])
         if sensor == "airborne":

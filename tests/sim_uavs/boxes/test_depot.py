@@ -27,7 +27,7 @@ def test_the_scenario_has_the_places_of_its_problem() -> None:
     found = {thing.name: (thing.x_m, thing.y_m) for thing in situation.depot.things}
     for unit in situation.units:
         north_m, east_m, _ = frame.to_ned(*unit.home)
-        found[f"uav{unit.number + 1}"] = (round(east_m, 3), round(north_m, 3))
+        found[f"uav{unit.number}"] = (round(east_m, 3), round(north_m, 3))
     assert found == named
 
 
