@@ -362,7 +362,7 @@ def serve(
 ) -> int:
     """Run platforms until a signal, their duration, or the end of the process that started them; the exit code.
 
-    Each has its own mailbox and thread. One that fails ends the others: whoever started them shall see it. What
+    Each has its own mailbox and thread. One that fails ends the others: their supervisor sees it. What
     happens goes to the file `records`, or to standard output.
     """
 

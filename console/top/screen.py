@@ -128,7 +128,7 @@ class TopApp(App[None]):
         self._draw()
 
     def action_pause(self) -> None:
-        """Hold the screen still, or go on."""
+        """Hold the screen still, or continue."""
         self._is_paused = not self._is_paused
         self._draw()
 
