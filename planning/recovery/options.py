@@ -35,7 +35,7 @@ class MissionOptions:
     most_replans: int = 100
 
     def question(self, number: int, why: str, droppable: tuple[str, ...], now_us: int) -> AskHuman:
-        """What is asked when nothing else helps."""
+        """The question when nothing else helps."""
         options = (AGAIN, *(f"{DROP}{name}" for name in droppable), GIVE_UP)
         default = self.default_answer if self.default_answer in options else GIVE_UP
         return AskHuman(number, why, options, default, now_us + self.question_us)

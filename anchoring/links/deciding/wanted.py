@@ -5,7 +5,7 @@ given. It is evaluated over the state that an object below has as one of that ty
 its states on. The first for which it becomes true is the wanted object; of several in one state that with the least
 score, then by symbol.
 
-A state of which the description cannot hold from then on changes nothing while none before it is still being decided: such
+A state in which the description cannot hold from then on changes nothing while none before it is still being decided: such
 states, which nearly all are, are read and no more.
 """
 
