@@ -70,3 +70,60 @@ def test_objects_linked_on_a_road_are_listed_explained_followed_and_imported(dyk
     dyknow.run("cancel", agreed["conversation"])
     again = next(line for line in lines(followed) if (line["event"], line["to"]) == ("forgotten", "suspect"))
     assert again["because"] == "it is wanted no more"
+
+
+SENSORS = """\
+from dyknow import computational_unit, source
+
+@source("sighting")
+def camera(from_us):
+    return seen("ca", from_us, 100_000, 0.4)
+
+@source("sighting")
+def radar(from_us):
+    return seen("ra", from_us, 300_000, 2.0)
+
+def seen(name, from_us, period_us, sd_m):
+    valid_us = -(-from_us // period_us) * period_us
+    while True:
+        for number, ahead_m in enumerate((0.0, 20.0)):
+            yield valid_us, (f"{name}{number}", ahead_m + 8.0 * (valid_us / 1e6 % 1e5), 0.0, sd_m, False)
+        valid_us += period_us
+
+@computational_unit("vehicle", "world", "vehicle", name="Counted", needs_all=False)
+def counted(_now_us, world, before):
+    samples = 1 if before is None else before.value[3] + 1
+    return (*world.value[:3], samples, False)
+"""
+CONVOY = """\
+sort sighting(symbol in text, x_m in m, y_m in m, sd_m in m, end in bool)
+sort vehicle(symbol in text, x_m in m, y_m in m, samples in 1, end in bool)
+source sighting camera
+source sighting radar
+compunit vehicle Counted(world, vehicle)
+strmgen seen = camera
+strmgen heard = radar
+strmgen world = link(seen, WorldObject, eventually[1s, oo] true, eventually[0, 1s] xy_dist[from, to] < thresh, true)
+strmgen world = link(heard, WorldObject, eventually[1s, oo] true, eventually[0, 1s] xy_dist[from, to] < thresh, true)
+strmgen vehicles = link(world, Counted, eventually[1s, oo] true, eventually[0, 1s] xy_dist[from, to] < thresh, true)
+strmgen convoys = composite(vehicles, always[0, 1s] xy_dist[from, to] < 30, always eventually[0, 2s] xy_dist[from, to] < 40)
+stream there = world
+stream together = convoys
+"""
+
+
+def test_two_sensors_a_unit_of_a_user_and_a_composite_on_one_platform(dyknow: Dyknow, tmp_path: Path) -> None:
+    (units := tmp_path / "sensors.py").write_text(SENSORS, encoding="utf-8")
+    (spec := tmp_path / "convoy.kpl").write_text(CONVOY, encoding="utf-8")
+    platform = dyknow.start("join", "--unit", "7", "--spec", str(spec), "--units", str(units), "--json")
+    next(line for line in lines(platform) if line.get("stream") == "together" and line["event"] == "sample")
+    seen = dyknow.run("objects", "--type", "world", "--unit", "7")
+    assert len(seen) == 2, "no vehicle has two symbols"
+    (convoy,) = dyknow.run("objects", "--type", "convoys", "--unit", "7")
+    history = dyknow.run("explain", convoy["symbol"], "--unit", "7")
+    assert {each["event"] for each in history} == {"established"}
+    assert all("xy_dist[from, to]" in each["because"] for each in history)
+    followed = dyknow.start("events", "--follow", "--json")
+    dyknow.run("delegate", "want", "symbol=guests", "type=convoys", "--to", "7", "description=count[guests] = 2")
+    found = next(line for line in lines(followed) if (line["event"], line["to"]) == ("find", "guests"))
+    assert "count[guests] = 2" in found["because"]
