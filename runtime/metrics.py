@@ -84,8 +84,8 @@ class PlatformMetrics:
         stands_us = self._now_us() - self._platform.ports.now_us()
         if stands_us > STANDS_US:
             return f"the node thread has not stepped for {stands_us / 1e6:.0f} s"
-        conditions = [condition.text for part in self._platform.parts for condition in part.conditions()]
-        return "; ".join(text for text in conditions if "journal" in text)
+        journal = self._journal()
+        return "" if journal is None or journal.failed is None else f"the journal has ended: {journal.failed}"
 
     def collect(self) -> Iterator[Any]:
         """The figures, as prometheus-client asks for them."""

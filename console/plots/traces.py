@@ -34,6 +34,9 @@ def trace_plot(
         if panel is not None:
             plot.panels.append(panel)
     plot.panels.append(_verdicts(formula, states, domains))
+    without = [at_us for at_us, value in zip(*_first_curve(plot.panels[-1]), strict=True) if value is None]
+    if without:
+        plot.marks.append((without[0], "no verdicts from here: the trace is too long"))
     verdict, t_ms, index = outcome
     if verdict == "false" and t_ms is not None:
         plot.marks.append((round(t_ms * 1000), f"violated by state {index}"))
@@ -73,6 +76,10 @@ def _verdicts(formula: "Formula", states: Sequence["TraceState"], domains: "Doma
     return PlotPanel(
         "verdict\nfrom each state on", [Curve("verdict", times, heights)], joined(bands), steps=True, levels=_LEVELS
     )
+
+
+def _first_curve(panel: PlotPanel) -> tuple[Sequence[int], Sequence[float | None]]:
+    return panel.curves[0].at_us, panel.curves[0].values
 
 
 def _next(times: Sequence[int], at: int) -> int:

@@ -40,7 +40,7 @@ TABLES: Final[Mapping[str, tuple[str, ...]]] = {
     "alarms": ("time", "event", "monitor", "units", "by"),
     "acts": ("time", "unit", "way", "peer", "act", "content", "outcome"),
 }
-"""The columns of each table."""
+"""The headings of each table."""
 
 
 class Row(NamedTuple):

@@ -78,7 +78,6 @@ class _Peer:
     again_us: dict[str, int] = field(default_factory=dict)
     lists: list[Dialogue] = field(default_factory=list)
     listed_us: int = 0
-    share: _Share = field(default_factory=_Share)
 
 
 class Recorder:
@@ -107,6 +106,7 @@ class Recorder:
         self._note, self.counts = note, Counter[str]()
         self._since_us = client.federation_us()
         self._peers: dict[str, _Peer] = {}
+        self._shares: dict[str, _Share] = {}
         self._noted, self._edges, self._listed = set[str](), dict[tuple[str, str], None](), dict[str, Any]()
         self._news = [Subscriptions(client, content) for content in (Alarms(), MonitorChanges(), Acts())]
         self._pictures = Pictures(self._picture)
@@ -167,6 +167,8 @@ class Recorder:
         for asked in peer.lists[:]:
             if asked.over:
                 peer.lists.remove(asked)
+                pages = [content for content in asked.results if isinstance(content, AlarmList)]
+                self._on_remembered(view.unit, [alarm for page in pages for alarm in page.alarms or ()])
                 for content in asked.results:
                     self._take(view.unit, content)
 
@@ -249,10 +251,6 @@ class Recorder:
         match content:
             case Alarm() if content.by == unit:
                 self._on_alarm(content)
-            case AlarmList():
-                for alarm in content.alarms or ():
-                    if alarm.by == unit:
-                        self._on_remembered(alarm, content)
             case MonitorChange() if content.by == unit:
                 self._keep(unit, "/monitors", MONITOR, {"change": content.event, **_monitor(content)})
                 self._say(foxglove.WARNING if content.event == "unknown" else foxglove.INFO, _in_words(content), unit)
@@ -272,13 +270,12 @@ class Recorder:
             case _:
                 pass
 
-    def _on_remembered(self, alarm: Alarm, known: AlarmList) -> None:
-        """An edge of before: kept if it is of this recording, or if the alarm is open still."""
-        is_open = alarm.event == "opened" and not any(
-            other.id == alarm.id and other.event != "opened" for other in known.alarms or ()
-        )
-        if is_open or alarm.detected_us >= self._since_us:
-            self._on_alarm(alarm)
+    def _on_remembered(self, unit: str, alarms: list[Alarm]) -> None:
+        """Edges of before: kept if they are of this recording, or if the alarm is open still."""
+        over = {alarm.id for alarm in alarms if alarm.event != "opened"}
+        for alarm in alarms:
+            if alarm.by == unit and (alarm.id not in over or alarm.detected_us >= self._since_us):
+                self._on_alarm(alarm)
 
     def _on_alarm(self, alarm: Alarm) -> None:
         if (alarm.id, alarm.event) in self._edges:
@@ -319,7 +316,7 @@ class Recorder:
     def _keep(
         self, unit: str, topic: str, schema: str, message: Mapping[str, Any], valid_us: int | None = None
     ) -> None:
-        share, now_us = self._peers.setdefault(unit, _Peer()).share, self._client.federation_us()
+        share, now_us = self._shares.setdefault(unit, _Share()), self._client.federation_us()
         if share.is_spent(self._client.now_us()):
             share.over += 1
             return

@@ -15,7 +15,7 @@ K = TypeVar("K")
 T = TypeVar("T")
 GAP_PERIODS: Final = 3
 """A gap is where the next sample is valid this number of periods later, or more."""
-MOST_GAPS, MOST_CHANGES = 1000, 10_000
+MOST_GAPS, MOST_CHANGES, MOST_SAMPLES = 1000, 10_000, 20_000_000
 LATEST_US: Final = 253_402_300_799_000_000
 """The end of the year 9999: later instants are of no clock."""
 
@@ -144,7 +144,7 @@ def _took(found: RecordingSummary, each: RecordedMessage) -> bool:
 
 def _on_sample(found: RecordingSummary, each: RecordedMessage) -> bool:
     match each.message:
-        case {"unit": str(unit), "label": str(label), "valid_us": int(valid_us)}:
+        case {"unit": str(unit), "label": str(label), "valid_us": int(valid_us)} if found.kinds[SAMPLE] <= MOST_SAMPLES:
             return _in(
                 found.streams,
                 (unit, label),

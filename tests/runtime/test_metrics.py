@@ -29,7 +29,7 @@ def served(world: Box) -> Iterator[PlatformMetrics]:
     pytest.importorskip("prometheus_client", reason="prometheus-client is not installed")
     mailbox = Mailbox(lambda: world.now_us)
     mailbox.post(object())
-    journal = cast("Any", SimpleNamespace(lost=3))
+    journal = cast("Any", SimpleNamespace(lost=3, failed=None))
     found = PlatformMetrics(world.platform("0"), 0, lambda: world.now_us, mailbox, lambda: journal)
     found.start()
     yield found
@@ -77,6 +77,8 @@ def test_prometheus_reads_what_the_platform_has(world: Box, served: PlatformMetr
 
 def test_a_thread_that_stands_still_is_not_well(world: Box, served: PlatformMetrics) -> None:
     assert asked(served, "/health") == (200, "well\n")
+    served._journal = lambda: cast("Any", SimpleNamespace(lost=3, failed="No space left on device"))
+    assert asked(served, "/health") == (503, "the journal has ended: No space left on device\n")
     now_us = world.now_us + 2 * STANDS_US
     served._now_us = lambda: now_us
     code, why = asked(served, "/health")

@@ -11,7 +11,7 @@ from console.errors import DONE
 from console.options.arguments import Unit
 from console.output.output import counted
 from console.plots.plot import MOST_PANELS, Band, Plot, check_file, draw
-from console.plots.streams import Point, recorded_bands, recorded_points, stream_plot
+from console.plots.streams import MOST_SAMPLES, Point, recorded_bands, recorded_points, stream_plot
 from dyknow.model.errors import NothingFound, did_you_mean
 from dyknow.model.values import NoValue
 from federation.messages.contents import Reading
@@ -48,6 +48,8 @@ def plot(
         drawn, points = _from_platforms(call, labels, unit, between)
     if len(drawn.panels) > MOST_PANELS:
         call.out.note(f"{len(drawn.panels)} quantities are too many for a picture: the first {MOST_PANELS} are drawn.")
+    if points >= MOST_SAMPLES:
+        call.out.note(f"only the first {MOST_SAMPLES} samples are drawn; --between or --unit chooses others.")
     draw(drawn, to)
     call.out.say(
         f"{to}: {counted(points, 'sample')}", event="plotted", file=str(to), samples=points, panels=len(drawn.panels)

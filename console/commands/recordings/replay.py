@@ -27,6 +27,7 @@ from runtime.recordings.playback import shift_us
 from runtime.recordings.recorded import FederationRecording
 from runtime.recordings.summary import RecordingSummary, summary_of
 
+MOST_UNITS = 64
 _LEAD_US = 3_000_000
 _LEAD_PER_UNIT_US = 200_000
 _POLL_S = 0.1
@@ -66,6 +67,8 @@ def _units(file: Path, found: RecordingSummary) -> list[str]:
     units = {unit for unit, _ in found.streams} | {by for _, by, _ in found.alarms}
     if not units:
         raise NothingFound(f"{file} has no stream and no alarm of any platform.")
+    if len(units) > MOST_UNITS:
+        raise WrongCall(f"{file} has {len(units)} platforms; {MOST_UNITS} are played at most.")
     return sorted(units, key=unit_order)
 
 

@@ -65,6 +65,14 @@ def test_what_is_violated_is_seen_in_the_picture(call: Call, tmp_path: Path) -> 
     assert re.search(r"violated by state 3.*undecided.*no sample|no sample.*undecided", shown)
 
 
+def test_where_there_are_no_verdicts_since_the_trace_is_too_long_that_is_written(
+    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("console.plots.traces.MOST_STEPS", 5)
+    check(call, "always speed[uav1] <= 15", trace=TRACE, plot=tmp_path / "a.svg")
+    assert "no verdicts from here" in words(tmp_path / "a.svg")
+
+
 def test_what_running_platforms_hold_is_drawn(world: Box, call: Call, lines: Lines, tmp_path: Path) -> None:
     world.run(3.0)
     assert plot(call, ["heli-altitude"], between=("-2s", "now"), to=tmp_path / "a.svg") == DONE

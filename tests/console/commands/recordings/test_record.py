@@ -102,6 +102,20 @@ def test_what_a_platform_says_of_others_is_not_recorded(meeting: Box, call: Call
         assert taken.counts["dyknow.Alarm"] == 1
 
 
+def test_of_alarms_of_before_those_are_recorded_that_are_open_still(meeting: Box, tmp_path: Path) -> None:
+    def edge(name: str, event: Any) -> Alarm:
+        return Alarm(id=name, event=event, monitor="m", by="0", units=("0",), valid_us=1, detected_us=1)
+
+    with RecordingFile(tmp_path / "a.mcap", {}, lambda: meeting.now_us) as file:
+        taken = recorder.Recorder(_client(meeting), file, note=lambda _text: None)
+        taken._note_once("a note of the recorder is no platform")
+        many = [edge(f"old{at}", event) for event in ("opened", "closed") for at in range(30)]
+        taken._on_remembered("0", [*many, edge("open", "opened")])
+        assert taken.counts["dyknow.Alarm"] == 1
+        assert taken.units == []
+    assert summary_of(FederationRecording(file.path)).platforms == {}
+
+
 def test_one_platform_fills_its_own_share_only_and_what_is_over_is_counted(
     meeting: Box, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -109,7 +123,7 @@ def test_one_platform_fills_its_own_share_only_and_what_is_over_is_counted(
     client = _client(meeting)
     with RecordingFile(tmp_path / "a.mcap", {}, client.now_us) as file:
         taken = recorder.Recorder(client, file)
-        taken._peers["0"] = recorder._Peer(share=recorder._Share(100_000, client.now_us()))
+        taken._shares["0"] = recorder._Share(100_000, client.now_us())
         for at in range(1000):
             change = MonitorChange(event="unknown", monitor="m", by="0", units=("0",), at_us=at, which=("x" * 400,))
             taken._take("0", change)
