@@ -11,6 +11,7 @@ A fault ends the execution: the caller reads `fault` after every call, and abort
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Final
 
 from dyknow.model.sample import Value
 from planning.domains.model import Declarations
@@ -21,6 +22,9 @@ from planning.execution.generation import PlanMonitor, monitors_of, parameters_o
 from planning.execution.timeline import ExpectedAction, ExpectedChange, Schemas, changes_of, expected_actions
 from planning.execution.watching import MonitorSet
 from planning.search.plans import MissionPlan
+
+_RANKS: Final = {"operator": 1, "link": 2, "global": 3}
+"""Monitors that may be about an earlier action, and those of the whole plan, come after those of the action."""
 
 
 class StepPhase(StrEnum):
@@ -252,8 +256,8 @@ class PlanExecutor:
         )
 
     def _violated(self, at_us: int) -> None:
-        """The fault of what the newest state violated; one that has a recovery goes first."""
-        first = min(self._watched.violated, key=lambda one: (one.recovery is None, one.kind == "global"))
+        """The fault of what the newest state violated: one that has a recovery goes first, one about what is done now."""
+        first = min(self._watched.violated, key=lambda one: (one.recovery is None, _RANKS.get(one.kind, 0)))
         name = first.about if first.kind == "global" else f"{first.kind} of {first.about}"
         text = f"{first.kind} of {first.about} is violated: {first.text}"
         self.fault = ExecutionFault("violated", name, text, first.step, at_us, first.recovery, first.bound)

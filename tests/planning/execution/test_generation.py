@@ -50,7 +50,7 @@ FORMS = [
     (
         "effect",
         2,
-        f"{TURN} until {HEIGHT} = 5",
+        f"{TURN} until abs({HEIGHT} - 5) <= 0.2",
         [TURNS | {HEIGHT: 0}, TURNS | {HEIGHT: 5}],
         [TURNS | {HEIGHT: 0}, {HEIGHT: 3}],
     ),
