@@ -1,5 +1,6 @@
 """The objects that are there, in the streams of object states of one platform, for other members (thesis 8.5.1)."""
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -10,6 +11,7 @@ from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.part import Part
 from agents.specification.specification_part import SPECIFICATION
+from anchoring.roads.fluents import ROUTE
 from dyknow import NO_VALUE, Label, Sample
 from dyknow.model.errors import Refused
 from dyknow.model.instants import US_PER_MS, print_span
@@ -27,7 +29,7 @@ from reasoning.chronicles import MINUS_INFINITY
 
 if TYPE_CHECKING:
     from anchoring.belief.reports import LifeEvent
-    from anchoring.links.objects import LinkEvent
+    from anchoring.links.objects import LinkEvent, LinkObject
 
 OBJECTS_A_PAGE, MOST_EVENTS = 40, 400
 LONGEST_TEXT = 200
@@ -41,6 +43,7 @@ class LinkHistory(Protocol):
     recent: "Iterable[LinkEvent]"
 
     def explain(self, symbol: str) -> "tuple[LinkEvent, ...]": ...
+    def find(self, symbol: str) -> "LinkObject | None": ...
 
 
 class BeliefHistory(Protocol):
@@ -81,7 +84,7 @@ class ObjectQueries(Part):
             entry
             for table in self._instance.parts.objects.tables()
             if self._may_see(act.sender.unit, table.label)
-            for entry in _entries(table)
+            for entry in self._entries(table)
             if content.type in {None, entry.type}
         ]
         seen = {each.symbol for each in entries}
@@ -93,6 +96,18 @@ class ObjectQueries(Part):
         self._agent.answer_pages(
             act, entries, OBJECTS_A_PAGE, lambda page, more: ObjectList(objects=page, more=more), now_us
         )
+
+    def _entries(self, table: ObjectTable) -> Iterator[ObjectEntry]:
+        """The objects of one stream; of one that may be on several ways with all of these."""
+        history: LinkHistory | None = getattr(self._instance.network.process(table.label), "linkage", None)
+        for entry in _entries(table):
+            one = None if history is None else history.find(entry.symbol)
+            branches = "" if one is None else _branches(one)
+            yield (
+                entry.model_copy(update={"attributes": {**entry.attributes, "branches": branches}})
+                if branches
+                else entry
+            )
 
     def on_object_events(self, act: Act, content: ObjectEvents, now_us: int) -> None:
         """`(object-events symbol: car1)`, or `(object-events since: 1700000000000000)`: the newest ones, in their order."""
@@ -185,6 +200,16 @@ def _recognised(label: Label, sample: Sample) -> ObjectEvent:
 def _named(event: ObjectEvent) -> tuple[str, ...]:
     """The objects that a recognised chronicle is about."""
     return tuple(event.target.partition("[")[2].removesuffix("]").split(", "))
+
+
+def _branches(one: "LinkObject") -> str:
+    """Where an object that is not seen may be: the links of the map with their weights, the most probable first."""
+    weights = Counter[str]()
+    for each in one.whereabouts.hypotheses:
+        weights[str(each.state.attributes.get(ROUTE, ""))] += each.weight
+    if len(weights) < 2:
+        return ""
+    return ", ".join(f"{link or 'off the roads'} {weight:.2f}" for link, weight in weights.most_common())[:LONGEST_TEXT]
 
 
 def _entries(table: ObjectTable) -> Iterator[ObjectEntry]:

@@ -95,3 +95,18 @@ def test_a_forgotten_object_leaves_the_domain_wherever_it_is_known():
     named = [each["value"] for each in sight.told("1", "sample") if each["stream"] == "there"]
     assert named[-1] == []
     assert "x-wo1" not in sight.declared("0").instance.streams
+
+
+def test_where_an_object_may_be_that_is_hidden_in_a_crossing_is_listed_with_the_weights_of_its_ways() -> None:
+    from agents.specification.object_queries import _branches
+    from anchoring.links.objects import LinkObject
+    from anchoring.links.prediction import Hypothesis, ObjectPrediction
+    from anchoring.links.states import ObjectState, diagonal
+
+    def on(link: str, weight: float) -> Hypothesis:
+        return Hypothesis(ObjectState(0, 0.0, 0.0, 0.0, 0.0, diagonal(1.0, 1.0), {"route": link}), weight)
+
+    one = LinkObject("co1", "car", 0, on("e1", 1.0).state)
+    assert not _branches(one), "it is seen"
+    one.expect(ObjectPrediction((on("e1", 0.5), on("e2", 0.3), on("e1", 0.2))))
+    assert _branches(one) == "e1 0.70, e2 0.30"
