@@ -174,9 +174,7 @@ class _Exporter:
             return self._up.Bool(value)
         if isinstance(value, str):
             return self._up.ObjectExp(self._objects[value])
-        return (
-            self._up.Int(value) if isinstance(value, int) else self._up.Real(Fraction(value).limit_denominator(10**6))
-        )
+        return self._up.Int(value) if isinstance(value, int) else self._up.Real(Fraction(f"{value:.6f}"))
 
     def _action(self, one: model.Operator) -> Any:
         simple = self._simple
