@@ -1,0 +1,65 @@
+"""Searches for plans in processes of their own: answered by an event, ended when they are wanted no more, bounded in time."""
+
+from pathlib import Path
+from queue import Empty, SimpleQueue
+
+import pytest
+
+from agents.effects import EndSearch, RunSearch, SearchNews, SearchOver
+from runtime.searches.workers import MOST, SearchWorkers
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "missions"
+DOMAIN, PROBLEM = ((EXAMPLES / name).read_text("utf-8") for name in ("survey.dom", "one.prob"))
+PATIENCE_S = 60.0
+HARD = """
+#domain box
+#feature up(box) : boolean
+#operator lift(box) :precond [start] !up(box) :effects [end] up(box)
+#operator drop(box) :precond [start] up(box) :effects [end] !up(box)
+#objects box = b1 .. b22
+#goal never: exists box: up(box) & !up(box)
+"""
+
+
+def over(posted: SimpleQueue[SearchNews | SearchOver]) -> SearchOver:
+    while True:
+        event = posted.get(timeout=PATIENCE_S)
+        if isinstance(event, SearchOver):
+            return event
+
+
+def test_a_search_comes_back_as_an_event_gives_up_in_time_and_is_silent_once_it_is_ended() -> None:
+    posted: SimpleQueue[SearchNews | SearchOver] = SimpleQueue()
+    workers = SearchWorkers(posted.put, lambda: 7)
+    try:
+        workers.perform(RunSearch(1, DOMAIN, PROBLEM, None, 30_000_000))
+        found = over(posted)
+        assert (found.at_us, found.number, found.reason) == (7, 1, "")
+        assert found.plan is not None
+        assert [row[3] for row in found.plan["actions"]][-1] == "land(uav0)"
+        workers.perform(RunSearch(2, HARD, "", None, 300_000))
+        gave_up = over(posted)
+        assert (gave_up.number, gave_up.plan, gave_up.is_certain) == (2, None, False)
+        assert "gave up after" in gave_up.reason
+        workers.perform(RunSearch(3, HARD, "", None, 30_000_000))
+        workers.perform(EndSearch(3))
+        workers.perform(RunSearch(4, "#domain", "", None, 1_000_000))
+        wrong = over(posted)
+        assert (wrong.number, wrong.plan) == (4, None)
+        with pytest.raises(Empty):
+            posted.get(timeout=0.2)
+    finally:
+        workers.close()
+
+
+def test_more_searches_than_run_at_a_time_are_refused_at_once() -> None:
+    posted: SimpleQueue[SearchNews | SearchOver] = SimpleQueue()
+    workers = SearchWorkers(posted.put, lambda: 7)
+    try:
+        for number in range(MOST + 1):
+            workers.perform(RunSearch(number, HARD, "", None, 30_000_000))
+        refused = over(posted)
+        assert (refused.number, refused.plan) == (MOST, None)
+        assert f"{MOST} searches" in refused.reason
+    finally:
+        workers.close()
