@@ -1,6 +1,6 @@
 """The objects that are there, in the streams of object states of one platform, for other members (thesis 8.5.1)."""
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -204,12 +204,13 @@ def _named(event: ObjectEvent) -> tuple[str, ...]:
 
 def _branches(one: "LinkObject") -> str:
     """Where an object that is not seen may be: the links of the map with their weights, the most probable first."""
-    weights = Counter[str]()
+    weights = defaultdict[str, float](float)
     for each in one.whereabouts.hypotheses:
         weights[str(each.state.attributes.get(ROUTE, ""))] += each.weight
     if len(weights) < 2:
         return ""
-    return ", ".join(f"{link or 'off the roads'} {weight:.2f}" for link, weight in weights.most_common())[:LONGEST_TEXT]
+    heaviest = sorted(weights.items(), key=lambda each: -each[1])
+    return ", ".join(f"{link or 'off the roads'} {weight:.2f}" for link, weight in heaviest)[:LONGEST_TEXT]
 
 
 def _entries(table: ObjectTable) -> Iterator[ObjectEntry]:
