@@ -59,7 +59,7 @@ class PlatformMetrics:
         registry: Any = CollectorRegistry()
         registry.register(self)
         try:
-            self._server = HTTPServer((HOST, port), _handler(registry, self.trouble))
+            self._server = _QuietServer((HOST, port), _handler(registry, self.trouble))
         except OSError as taken:
             raise EndpointFailed(
                 f"metrics: port {port} cannot be used: {taken.strerror}; choose another port."
@@ -160,6 +160,13 @@ class PlatformMetrics:
         for monitor in {event.monitor for event in newest.values()}:
             alarms.add_metric([unit, monitor], still[monitor])
         yield alarms
+
+
+class _QuietServer(HTTPServer):
+    """A requester that goes away in the middle is no news for the log."""
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Continue with the next request."""
 
 
 def metrics_of(

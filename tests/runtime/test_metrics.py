@@ -86,7 +86,7 @@ def test_a_thread_that_stands_still_is_not_well(world: Box, served: PlatformMetr
     assert "has not stepped for" in why
 
 
-def test_everything_else_is_refused(served: PlatformMetrics) -> None:
+def test_everything_else_is_refused(served: PlatformMetrics, capfd: pytest.CaptureFixture[str]) -> None:
     for path in ("/", "/metrics/../etc/passwd", "/metrics?x=1", "/%2e%2e"):
         assert asked(served, path)[0] == 404, path
     for method in ("POST", "PUT", "DELETE", "PATCH", "OPTIONS", "HEAD"):
@@ -99,6 +99,8 @@ def test_everything_else_is_refused(served: PlatformMetrics) -> None:
     with socket.create_connection(("127.0.0.1", served.port), 5) as long:
         long.sendall(b"GET /" + b"x" * 70_000 + b" HTTP/1.1\r\n\r\n")
         assert b"414" in long.recv(100)
+    assert asked(served, "/health")[0] == 200
+    assert capfd.readouterr().err == "", "the log has no line of it"
 
 
 def test_a_port_that_is_taken_and_a_missing_library_are_told(
