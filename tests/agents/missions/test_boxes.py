@@ -15,16 +15,7 @@ from tests.agents.missions.flown import Noting, is_over, told
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "logistics"
 DOMAIN = (EXAMPLES / "logistics.dom").read_text("utf-8")
-PROBLEM = """#objects uav = uav0 .. uav0
-#objects box = b1 .. b1
-#objects carrier = c1 .. c1
-#objects carrier-position = p1 .. p1
-#init position-x(p1) := 0.0, position-y(p1) := 40.0
-#init xpos(uav0) := -20.0, ypos(uav0) := -10.0
-#init xpos(c1) := 0.0, ypos(c1) := 40.0
-#init xpos(b1) := 0.0, ypos(b1) := 0.0, goal-x(b1) := 30.0, goal-y(b1) := 20.0
-#goal deliver: forall box: delivered(box)
-"""
+PROBLEM = (EXAMPLES / "one.prob").read_text("utf-8")
 
 
 def test_a_box_is_taken_and_put_down_near_its_goal() -> None:
