@@ -1,5 +1,6 @@
 """`dyknow top`: platforms, streams, monitors, alarms and acts in the terminal, again every second."""
 
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,6 +27,10 @@ def top(call: Call) -> int:
             "the screen is drawn with textual, which is not installed; install the extra: "
             "pip install 'dyknow-federation[top]'"
         ) from None
+    if not sys.stdout.isatty():
+        raise WrongCall(
+            "top is a screen, and the output is no terminal: start it in one; ls, imports and alarms print lines."
+        )
     with connected(call) as client, _looking(client, call.settings.federation) as looks:
         app = TopApp(lambda: looks[-1])
         app.run()

@@ -5,6 +5,7 @@ new is fed as soon as it is there.
 """
 
 import json
+import shutil
 import sys
 from collections.abc import Iterator
 from functools import partial
@@ -32,7 +33,7 @@ MARKUP = "[/][red]r[/red][link=http://e]c[/link]:bomb:"
 SESSIONS = json.loads((TRANSCRIPTS / "members.json").read_text(encoding="utf-8"))
 LOCAL = {
     "up", "join", "host", "down", "demo", "doctor", "kpl", "kpl check", "kpl run", "kpl verify", "ontology", "ontology check",
-    "link", "world", "match", "recover", "plan", "roads", "roads check", "roster", "roster init", "roster add", "roster revoke", "roster show",
+    "link", "mission", "world", "match", "recover", "plan", "roads", "roads check", "roster", "roster init", "roster add", "roster revoke", "roster show",
 }  # fmt: skip
 """Commands that ask no platform: they show records and files, by the same output."""
 FREE = {
@@ -152,7 +153,7 @@ def commanding(text: str) -> list[str]:
 def test_no_command_obeys_what_platforms_say(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.chdir(TRANSCRIPTS / "inputs")
+    monkeypatch.chdir(shutil.copytree(TRANSCRIPTS / "inputs", tmp_path / "inputs"))
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setenv("COLUMNS", "100")
     fed, shown = set(), ""
@@ -216,7 +217,7 @@ def test_a_stream_of_words_is_watched_as_plain_text(
 
 def test_every_command_that_asks_platforms_was_run() -> None:
     run = {
-        " ".join(step["run"][: 2 if step["run"][0] in {"kpl", "ontology", "roads"} else 1])
+        " ".join(step["run"][: 2 if step["run"][0] in {"kpl", "mission", "ontology", "roads"} else 1])
         for s in SESSIONS
         for step in s["steps"]
         if "run" in step
