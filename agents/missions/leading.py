@@ -17,6 +17,7 @@ from agents.exchange.local_instance import LocalInstance
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.interface import InterfaceAgent
 from agents.missions.led_mission import LedMission, MissionOrder, MissionUnit
+from agents.missions.locating import UnitSights
 from agents.missions.mission_texts import MissionTexts, read_mission, with_initial
 from agents.missions.mission_units import OtherUnit, OwnUnit
 from agents.missions.performing import Performing
@@ -160,7 +161,8 @@ class MissionLeading(Part):
         """Begin: vehicles are requested to take part, their streams come."""
         units: dict[str, MissionUnit] = {}
         sensors = self._sensors(texts, frame)
-        led = self._led[order.name] = LedMission(order, texts, sensors, units, self, now_us)
+        sights = UnitSights(self._unit, frame, texts.platforms, self._gateway, self._local, self._keeper)
+        led = self._led[order.name] = LedMission(order, texts, sensors, sights, units, self, now_us)
         for name, platform in texts.platforms.items():
             if platform == self._unit:
                 own = units[name] = OwnUnit(self._performing, led.on_performed)
@@ -169,7 +171,7 @@ class MissionLeading(Part):
                 chain = (*order.chain, self._unit)
                 other = units[name] = OtherUnit(platform, self._agent, led.on_performed, order.name, chain)
                 other.join(now_us)
-        sensors.begin(now_us)
+        led.begin(now_us)
         task = Task(
             order.conversation, order.act.sender.unit, FlyMission.head, partial(self._taken_down, order.name),
             since_us=now_us,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from agents.missions.command_run import VehicleCommand
+from agents.missions.locating import Locating, UnitSights
 from agents.missions.mission_texts import ActionCommands, MissionTexts, texts_of, with_initial
 from agents.missions.sensing import UnitSensors
 from dyknow import Value
@@ -16,7 +17,7 @@ from federation.messages.acts import Act
 from federation.messages.contents import MissionEntry, MissionQuestion
 from planning.execution import events
 from planning.recovery.mission import Mission
-from planning.recovery.options import MissionOptions
+from planning.recovery.options import MissionOptions, MissionPhase
 from planning.search.plans import MissionPlan, PlannedAction
 
 PERIOD_US: Final = 200_000
@@ -72,12 +73,15 @@ class LedMission:
         order: MissionOrder,
         texts: MissionTexts,
         sensors: UnitSensors,
+        sights: UnitSights,
         units: dict[str, MissionUnit],
         ports: MissionPorts,
         begun_us: int,
     ) -> None:
         self.order, self.texts, self.units, self.sensors = order, texts, units, sensors
         self._ports, self._begun_us = ports, begun_us
+        self._sights, self._locating = sights, Locating(sights, units)
+        self._locates = any(one.located for one in (*texts.domain.recoveries, *texts.problem.recoveries))
         self._commands = ActionCommands(texts, sensors.frame)
         self.mission: Mission | None = None
         self.notes: deque[str] = deque(maxlen=NOTES)
@@ -103,6 +107,12 @@ class LedMission:
             return
         self._look(now_us)
         self.take(events.StateSampled(federation_us, values), now_us)
+        for event in self._locating.step(now_us, federation_us):
+            if isinstance(event, events.StateSampled):
+                self._note(
+                    "found", ", ".join(f"{label} = {value:.1f}" for label, value in event.values.items()), now_us
+                )
+            self.take(event, now_us)
         if self.mission.ended is None:
             self._do(self.mission.on_time(federation_us), now_us)
 
@@ -133,6 +143,12 @@ class LedMission:
                 waits = events.PilotTookOver(name, unit.waits) if unit.waits else events.PilotGaveBack(name)
                 self.take(waits, now_us)
 
+    def begin(self, now_us: int) -> None:
+        """Have the streams of other platforms come."""
+        self.sensors.begin(now_us)
+        if self._locates:
+            self._sights.need(now_us, wanted=True)
+
     # -- told --------------------------------------------------------------------------------------------------
 
     def take(self, event: events.MissionEvent, now_us: int) -> None:
@@ -142,7 +158,8 @@ class LedMission:
 
     def on_performed(self, step: int, why: str, now_us: int) -> None:
         """A vehicle has done the commands of a step, or not."""
-        self.take(events.ActionEnded(step, not why, why), now_us)
+        if not self._locating.on_performed(step, why):
+            self.take(events.ActionEnded(step, not why, why), now_us)
 
     def on_searched(self, search: int, plan: MissionPlan | None, reason: str, *, is_certain: bool, now_us: int) -> None:
         """A search is over."""
@@ -169,9 +186,12 @@ class LedMission:
     def release(self, now_us: int) -> None:
         """It is over: vehicles are free, streams are needed no more."""
         self._ports.end_search(self)
+        self._locating.pause(now_us)
         for unit in self.units.values():
             unit.leave(now_us)
         self.sensors.end(now_us)
+        if self._locates:
+            self._sights.need(now_us, wanted=False)
 
     # -- done --------------------------------------------------------------------------------------------------
 
@@ -189,15 +209,18 @@ class LedMission:
                     self._ports.search(self, effect, texts_of(effect.domain, effect.problem), now_us)
                 case events.CancelSearch():
                     self._ports.end_search(self)
-                case events.Locate(objects, _, _, _):
-                    self._note("locating", f"{', '.join(objects)} cannot be looked for here", now_us)
+                case events.Locate():
+                    self._locating.locate(effect, self._ports.federation_us(now_us))
                 case events.AskHuman(_, text, options, default, _):
                     self._note("asks", f"{text} ({', '.join(options)}; without an answer: {default})", now_us)
                 case events.MissionNote(kind, text):
                     self._note(kind, text, now_us)
                 case events.MissionEnded():
                     self._ports.ended(self, effect, now_us)
-        self.question = None if mission is None else mission.status.question
+        status = None if mission is None else mission.status
+        self.question = None if status is None else status.question
+        if self._locating.is_looking and (status is None or status.phase is not MissionPhase.LOCATING):
+            self._locating.pause(now_us)
 
     def _start(self, step: int, unit: str, action: PlannedAction, now_us: int) -> None:
         try:
@@ -207,6 +230,7 @@ class LedMission:
             return
         if len(action.objects) > 1 and VehicleCommand("magnet", (1.0,)) in commands:
             self.sensors.take(unit, action.objects[1])
+        self._locating.on_started(unit, action)
         self.units[unit].perform(step, action.shown, commands, now_us)
 
     def _note(self, kind: str, text: str, now_us: int) -> None:

@@ -36,6 +36,7 @@ from navigation.vehicle import Command, HoldOrder
 PERIOD_US: Final = 200_000
 COMMANDS: Final = {
     "take-off": 1, "goto": 3, "climb": 1, "land": 0, "return-home": 0, "hold": 0, "wait": 1,
+    "winch": 1, "magnet": 1,
 }  # fmt: skip
 LONGEST_WAIT_S: Final = 3600.0
 Answer = Callable[[str, int], None]

@@ -67,3 +67,7 @@ class Beliefs:
         for label in labels:
             self._believed.pop(label, None)
             self._sensed.pop(label, None)
+
+    def settle(self, labels: Iterable[str]) -> None:
+        """What was seen once holds until an action changes it, unless states go on to show it."""
+        self._believed |= {label: self._sensed.pop(label) for label in labels if label in self._sensed}

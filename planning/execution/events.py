@@ -26,6 +26,12 @@ class ActionEnded(NamedTuple):
     reason: str = ""
 
 
+class NotLocated(NamedTuple):
+    """What `Locate` was about has been looked for in vain."""
+
+    reason: str
+
+
 class PilotTookOver(NamedTuple):
     """The pilot commands the vehicle by hand."""
 
@@ -80,6 +86,7 @@ class QuestionAnswered(NamedTuple):
 MissionEvent: TypeAlias = (
     StateSampled
     | ActionEnded
+    | NotLocated
     | PilotTookOver
     | PilotGaveBack
     | UnitLost
@@ -132,12 +139,16 @@ class CancelSearch(NamedTuple):
 
 
 class Locate(NamedTuple):
-    """Find objects by sight: states with these labels, of `since_us` or later, are awaited."""
+    """Find objects by sight: states with these labels, of `since_us` or later, are awaited, or `NotLocated`.
+
+    `values` are those of all other labels, as far as they are known.
+    """
 
     objects: tuple[str, ...]
     labels: tuple[str, ...]
     since_us: int
     reason: str
+    values: Mapping[str, Value]
 
 
 class AskHuman(NamedTuple):

@@ -139,6 +139,8 @@ class Mission:
             case events.QuestionAnswered(question, answer, by):
                 is_open = self._asked is not None and self._asked.question == question
                 return self._on_answer(answer, f"{by or 'a user'}:", now_us) if is_open else []
+            case events.NotLocated(reason):
+                return self._ask(reason, now_us) if self._phase is MissionPhase.LOCATING else []
             case events.PilotTookOver(unit, reason):
                 return self._on_pilot(unit, reason, now_us)
             case events.PilotGaveBack(unit, reason):
@@ -178,6 +180,7 @@ class Mission:
     def _on_state(self, valid_us: int, values: Mapping[str, Value], now_us: int) -> list[MissionEffect]:
         self._beliefs.on_state(valid_us, values)
         if self._phase is MissionPhase.LOCATING and not self._unseen():
+            self._beliefs.settle(self._unknown)
             self._unknown = ()
             return self._replan("what was lost is found", now_us)
         if self._phase is MissionPhase.EXECUTING and self._executor is not None:
@@ -242,7 +245,8 @@ class Mission:
         if times > recovery.times:
             return [*found, *self._last_resort(recovery.then, fault.text, now_us)]
         if recovery.located:
-            return [*found, *self._locate(recovery, fault, now_us)]
+            self._unknown = tuple(label for label, _ in bound_terms(recovery.located, fault.bound))
+            self._beliefs.forget(self._unknown)
         return [*found, *self._replan(fault.text, now_us)]
 
     def _assume(self, recovery: model.RecoveryOperator, bound: Mapping[str, Value], now_us: int) -> list[MissionEffect]:
@@ -261,15 +265,12 @@ class Mission:
             found.append(MissionNote("left out", text))
         return found
 
-    def _locate(self, recovery: model.RecoveryOperator, fault: ExecutionFault, now_us: int) -> list[MissionEffect]:
-        terms = bound_terms(recovery.located, fault.bound)
-        self._unknown = tuple(label for label, _ in terms)
-        self._beliefs.forget(self._unknown)
-        objects = tuple(dict.fromkeys(one for _, those in terms for one in those))
+    def _locate(self, why: str, now_us: int) -> list[MissionEffect]:
+        objects = tuple(dict.fromkeys(one for label in self._unknown for one in objects_of(label)))
         self._turn(MissionPhase.LOCATING, f"looking for {', '.join(objects)}", now_us, self.options.locate_us)
         return [
             MissionNote("locating", f"looking for {', '.join(objects)}"),
-            events.Locate(objects, self._unknown, now_us, fault.text),
+            events.Locate(objects, self._unknown, now_us, why, self._beliefs.values()),
         ]
 
     def _unseen(self) -> tuple[str, ...]:
@@ -309,16 +310,14 @@ class Mission:
         if answer.startswith(DROP):
             return [note, *self._drop(answer.removeprefix(DROP), asked.text, now_us)]
         self._faults.clear()
-        if self._unknown:
-            self._turn(MissionPhase.LOCATING, asked.text, now_us, self.options.locate_us)
-            objects = tuple(dict.fromkeys(one for label in self._unknown for one in objects_of(label)))
-            return [note, events.Locate(objects, self._unknown, now_us, asked.text)]
         return [note, *self._replan(asked.text, now_us)]
 
     def _replan(self, why: str, now_us: int) -> list[MissionEffect]:
-        """A new plan from the state now, unless a pilot flies."""
+        """A new plan from the state now, unless a pilot flies, or something is to be found first."""
         if self._units.pilots:
             return self._wait(MissionPhase.WITH_PILOT, f"{self._units.flown_by_hand} is flown by hand", now_us)
+        if self._unknown:
+            return self._locate(why, now_us)
         self._replans += 1
         if self._replans > self.options.most_replans:
             return self._end("gave up", f"{self._replans - 1} plans were made: {why}", now_us)
@@ -357,7 +356,6 @@ class Mission:
         if self._phase in {MissionPhase.SUSPENDED, MissionPhase.WITH_PILOT}:
             return [MissionNote("pilot", why)]
         found = self._leave(why, "loiter", now_us)
-        self._unknown = ()
         return [*found, *self._wait(MissionPhase.WITH_PILOT, why, now_us)]
 
     def _on_given_back(self, unit: str, now_us: int) -> list[MissionEffect]:

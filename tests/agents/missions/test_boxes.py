@@ -1,12 +1,19 @@
-"""A box is delivered by a mission: the winch and the magnet are commanded, and what hangs on the line tells the rest."""
+"""A box is delivered by a mission: the winch and the magnet are commanded, what hangs on the line tells the rest, and a box that
+was dropped is looked for by sight."""
 
+from collections.abc import Sequence
 from math import hypot
 from pathlib import Path
+from typing import Any
 
 from agents.config import PlatformConfig
 from agents.flight.places import FlightLimits
-from federation.messages.contents import FlyMission
+from federation.messages.contents import AnswerQuestion, FlyMission, Resume
+from federation.messages.dialogue import Dialogue
+from navigation.vehicle import Report
+from sim_uavs.boxes.handled import Placed
 from sim_uavs.boxes.shared import BoxesOnGround, HandlingList
+from sim_uavs.cameras.onboard import OnboardCameras
 from sim_uavs.depot import boxes_of, hoist_of, loader
 from sim_uavs.dynamics.scenarios import scenario
 from sim_uavs.streets import watching
@@ -16,27 +23,116 @@ from tests.agents.missions.flown import Noting, is_over, told
 EXAMPLES = Path(__file__).parents[3] / "examples" / "logistics"
 DOMAIN = (EXAMPLES / "logistics.dom").read_text("utf-8")
 PROBLEM = (EXAMPLES / "one.prob").read_text("utf-8")
+IMAGE_US = 200_000
+
+
+class Seeing(Noting):
+    """Reports images of its cameras, too."""
+
+    def __init__(self, onboard: OnboardCameras, *given: Any) -> None:
+        super().__init__(*given)
+        self._onboard, self._image_us = onboard, 0
+        self.sees_boxes = True
+
+    def on_time(self, now_us: int, stamp_us: int) -> Sequence[Report]:
+        found = list(super().on_time(now_us, stamp_us))
+        looking = self.looking(now_us) if now_us >= self._image_us + IMAGE_US else None
+        if looking is not None:
+            self._image_us = now_us
+            image = self._onboard.image(stamp_us, *looking)
+            found += [] if image is None else [image if self.sees_boxes else image._replace(detections=())]
+        return found
+
+
+class Depot:
+    """Platform 0 of the scenario `logistics`, which is to deliver one box."""
+
+    def __init__(self, seed: int = 2) -> None:
+        situation = scenario("logistics", 1, seed)
+        assert situation.depot is not None
+        unit = situation.units[0]
+        self.boxes = boxes_of(situation, seed, HandlingList())
+        self.world = World(1, truth_us=None)
+        onboard, rig = watching(situation, unit, seed, BoxesOnGround(self.boxes))
+        self.vehicle = Seeing(onboard, loader(unit.vehicle(1), situation.depot), START_US)
+        self.vehicle.carry(hoist_of(situation, unit, seed, self.boxes))
+        limits = FlightLimits(2.0, 120.0, 1000.0)
+        config = PlatformConfig("0", 1, control=True, simulated=True, cameras=rig, limits=limits)
+        self.world.add("0", config, self.vehicle)
+        self.world.add_command_centre("cc")
+        self.world.run_for(2.0)
+
+    @property
+    def box(self) -> Placed:
+        return next(each for each in self.boxes.at(self.world.now_us) if each.thing.name == "b1")
+
+    def begin(self) -> Dialogue:
+        return self.world.ask("cc", "0", FlyMission(mission="m1", domain=DOMAIN, problem=PROBLEM))
+
+    def until(self, dialogue: Dialogue, text: str = "", within_s: int = 300) -> None:
+        for _ in range(within_s * 2):
+            if any(text in each for each in told(dialogue)) if text else is_over(dialogue):
+                return
+            self.world.run_for(0.5)
+        raise AssertionError(f"not within {within_s} s: {told(dialogue)}")
+
+    def drop(self, dialogue: Dialogue) -> None:
+        """Let the box fall while it is brought to its goal."""
+        self.until(dialogue, "started: fly-box-to-goal")
+        self.world.run_for(1.5)
+        self.world.inject("0", "dropped-box", 1_000_000)
+        self.until(dialogue, "looking for b1")
+
+    def is_delivered(self) -> bool:
+        return self.box.holder is None and hypot(self.box.place[0] - 30.0, self.box.place[1] - 20.0) < 3.0
 
 
 def test_a_box_is_taken_and_put_down_near_its_goal() -> None:
-    situation = scenario("logistics", 1, 2)
-    assert situation.depot is not None
-    unit = situation.units[0]
-    boxes = boxes_of(situation, 2, HandlingList())
-    world = World(1, truth_us=None)
-    vehicle = Noting(loader(unit.vehicle(1), situation.depot), START_US)
-    vehicle.carry(hoist_of(situation, unit, 2, boxes))
-    _, rig = watching(situation, unit, 2, BoxesOnGround(boxes))
-    limits = FlightLimits(2.0, 120.0, 1000.0)
-    world.add("0", PlatformConfig("0", 1, control=True, simulated=True, cameras=rig, limits=limits), vehicle)
-    world.add_command_centre("cc")
-    world.run_for(2.0)
-    dialogue = world.ask("cc", "0", FlyMission(mission="m1", domain=DOMAIN, problem=PROBLEM))
-    for _ in range(300):
-        if is_over(dialogue):
-            break
-        world.run_for(1.0)
-    box = next(each for each in boxes.at(world.now_us) if each.thing.name == "b1")
+    depot = Depot()
+    dialogue = depot.begin()
+    depot.until(dialogue)
     assert told(dialogue)[-1].startswith("inform"), told(dialogue)
-    assert box.holder is None
-    assert hypot(box.place[0] - 30.0, box.place[1] - 20.0) < 3.0
+    assert depot.is_delivered()
+
+
+def test_a_box_that_was_dropped_on_its_way_is_found_by_sight_and_delivered() -> None:
+    depot = Depot()
+    dialogue = depot.begin()
+    depot.drop(dialogue)
+    depot.until(dialogue, "found: ")
+    lies, (found,) = depot.box, [each for each in told(dialogue) if each.startswith("found: ")]
+    x_m, y_m = (float(each.partition(" = ")[2]) for each in found.split(", "))
+    assert hypot(lies.place[0] - 30.0, lies.place[1] - 20.0) > 5.0
+    assert hypot(x_m - lies.place[0], y_m - lies.place[1]) < 1.5
+    depot.until(dialogue)
+    assert told(dialogue)[-1].startswith("inform"), told(dialogue)
+    assert depot.is_delivered()
+
+
+def test_a_search_waits_while_the_pilot_has_the_vehicle_and_goes_on_afterwards() -> None:
+    depot = Depot()
+    dialogue = depot.begin()
+    depot.drop(dialogue)
+    depot.world.inject("0", "takeover", 10_000_000)
+    depot.until(dialogue, "waits: waiting for the pilot")
+    sent = len(depot.vehicle.commands)
+    depot.world.run_for(12.0)
+    assert len(depot.vehicle.commands) == sent and not any(each.startswith("found: ") for each in told(dialogue))
+    depot.world.ask("cc", "0", Resume())
+    depot.until(dialogue)
+    assert told(dialogue)[-1].startswith("inform"), told(dialogue)
+    assert depot.is_delivered()
+
+
+def test_a_box_that_is_not_seen_becomes_a_question_that_says_how_much_was_looked_at() -> None:
+    depot = Depot()
+    dialogue = depot.begin()
+    depot.vehicle.sees_boxes = False
+    depot.drop(dialogue)
+    depot.until(dialogue, "asks: ", within_s=110)
+    (asked,) = [each for each in told(dialogue) if each.startswith("asks: ")]
+    assert asked.startswith("asks: b1 was not found from 9 places: 100% of where it can lie was in view"), asked
+    depot.vehicle.sees_boxes = True
+    depot.world.ask("cc", "0", AnswerQuestion(mission="m1", number=1, answer="try again"))
+    depot.until(dialogue)
+    assert depot.is_delivered(), told(dialogue)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from dyknow.model.values import NO_VALUE
 from planning.execution import events
+from planning.execution.beliefs import Beliefs
 from tests.planning.recovery.driven import GOALS, OBJECTS, SECOND, Driven
 
 ALONE = "#objects courier = {k1} #objects letter = {l1} #init place(l1) := 1\n#goal one: done(l1)"
@@ -147,6 +148,45 @@ def test_what_is_not_found_becomes_a_question_that_can_be_answered_with_another_
     drive.wait(21 * SECOND)
     assert drive.mission.ended is not None and drive.mission.ended.outcome == "gave up"
     assert drive.mission.ended.unreached == ("one",)
+
+
+def test_a_search_in_vain_becomes_a_question_at_once_that_says_why() -> None:
+    drive = Driven(ALONE)
+    drive.send(events.NotLocated("nothing is looked for"))
+    assert not drive.take(events.AskHuman)
+    drive.begin()
+    drive.end(1)
+    drive.begin()
+    drive.state(**{"has[k1, l1]": False})
+    drive.send(events.NotLocated("l1 was not found from 9 places"))
+    (asked,) = drive.take(events.AskHuman)
+    assert asked.text == "l1 was not found from 9 places" and drive.phase == "asking"
+
+
+def test_what_is_lost_when_a_pilot_takes_over_is_looked_for_again_afterwards() -> None:
+    drive = Driven(ALONE)
+    drive.begin()
+    drive.end(1)
+    drive.begin()
+    drive.state(**{"has[k1, l1]": False})
+    (before,) = drive.take(events.Locate)
+    drive.send(events.PilotTookOver("k1"))
+    assert drive.phase == "waiting for the pilot"
+    drive.send(events.PilotGaveBack("k1"))
+    (after,) = drive.take(events.Locate)
+    assert after.labels == before.labels and len(drive.searches) == 1
+    drive.state(**{"place[l1]": 7.5})
+    assert drive.initial()["place[l1]"] == 7.5
+
+
+def test_a_place_that_was_seen_once_holds_while_states_no_longer_show_it() -> None:
+    beliefs = Beliefs({"x[b]": 0.0}, 0, SECOND, lambda _label: 0.0)
+    beliefs.on_state(5 * SECOND, {"x[b]": 7.5})
+    assert beliefs.shown("x[b]", 60 * SECOND) is NO_VALUE
+    beliefs.settle(["x[b]", "y[b]"])
+    assert beliefs.shown("x[b]", 60 * SECOND) == 7.5
+    beliefs.change(70 * SECOND, [("x[b]", 9.0)])
+    assert beliefs.values() == {"x[b]": 9.0}
 
 
 def test_without_a_plan_the_mission_asks_and_the_default_is_taken_in_time() -> None:
