@@ -3,7 +3,7 @@
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from tests.live.command_line.command import Dyknow
 
 pytestmark = pytest.mark.live
 EXAMPLES = Path(__file__).parents[3] / "examples" / "missions"
+LOGISTICS = EXAMPLES.parent / "logistics"
 PROBLEM = """
 #objects uav = {uav0}
 #objects place = {barn, pond}
@@ -99,3 +100,24 @@ def test_a_mode_change_in_the_middle_is_never_fought_and_the_mission_ends_well_o
         until_phase(dyknow, "ended")
         entry = dyknow.run("mission", "status")[0]
         assert (entry["why"], entry["replans"]) == ("the plan is done", 1)
+
+
+@pytest.mark.full
+@pytest.mark.timeout(300)
+def test_a_box_that_another_platforms_vehicle_drops_is_found_by_its_camera_and_delivered(dyknow: Dyknow) -> None:
+    dyknow.run("up", "2", "--scenario", "logistics", "--detach")
+    texts = [str(LOGISTICS / name) for name in ("logistics.dom", "one.prob")]
+    dyknow.run("mission", "start", *texts, "--name", "m1", "--to", "1", "--detach")
+
+    def until(wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        until_s = time.monotonic() + 2 * PATIENCE_S
+        while not wanted(entry := dyknow.run("mission", "status")[0]):
+            assert time.monotonic() < until_s, entry
+        return entry
+
+    until(lambda entry: any(each.startswith("running  fly-box-to-goal") for each in entry["actions"]))
+    dyknow.run("fault", "0", "dropped-box", "--for", "1s")
+    entry = until(lambda entry: entry["phase"] == "locating")
+    assert entry["why"] == "looking for b1"
+    entry = until(lambda entry: entry["phase"] not in {"locating", "searching for a plan", "executing"})
+    assert (entry["phase"], entry["why"], entry["replans"]) == ("ended", "the plan is done", 1), entry
