@@ -204,7 +204,8 @@ class Locating:
         unit, before = self._unit_for(name, ()), self._sought.get(name)
         prior = before.prior if before is not None else self._prior(self._acted.get(name) or unit, federation_us)
         if unit is None or prior is None:
-            return f"{name} cannot be looked for: where {unit or 'any unit'} is is not known"
+            why = "no unit can look" if unit is None else f"the place of {unit} is not known"
+            return f"{name} cannot be looked for: {why}"
         colour = effect.values.get(f"{COLOUR}[{name}]")
         others = self._others(labels, {*effect.objects, unit}, effect)
         search = SightSearch(prior, others, colour if isinstance(colour, str) else None)
