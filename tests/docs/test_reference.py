@@ -55,7 +55,8 @@ def _recorded() -> Iterator[tuple[str, dict[str, Any]]]:
         for session in json.loads(path.read_text(encoding="utf-8")):
             for step in session["steps"]:
                 for line in step.get("lines", ()):
-                    yield " ".join(step["run"][: 2 if step["run"][0] in {"kpl", "mission", "ontology", "roads"} else 1]), line
+                    run = step["run"]
+                    yield " ".join(run[: 2 if run[0] in {"kpl", "mission", "ontology", "roads"} else 1]), line
 
 
 def test_every_key_of_every_recorded_json_line_is_listed_with_its_command() -> None:
