@@ -42,6 +42,8 @@ LAID_SD_M: Final = 1.5
 """Of the place of what was not dropped: it lies near the vehicle."""
 SETTLED_US: Final = 500_000
 """Images are looked at when their percepts have had so long to come."""
+RESTS_US: Final = 3_000_000
+"""What fell has come to rest by then: while it falls and slides images show it elsewhere."""
 BLIND_US: Final = 15_000_000
 """A unit that shows no image for so long does not see."""
 
@@ -210,7 +212,7 @@ class Locating:
         others = self._others(labels, {*effect.objects, unit}, effect)
         search = SightSearch(prior, others, colour if isinstance(colour, str) else None)
         self._sought[name] = SoughtObject(
-            name, (labels[0], labels[1]), unit, prior, search, looked_us=federation_us, saw_us=federation_us
+            name, (labels[0], labels[1]), unit, prior, search, looked_us=federation_us + RESTS_US, saw_us=federation_us
         )
         return ""
 

@@ -103,7 +103,7 @@ def test_a_box_that_was_dropped_on_its_way_is_found_by_sight_and_delivered() -> 
     lies, (found,) = depot.box, [each for each in told(dialogue) if each.startswith("found: ")]
     x_m, y_m = (float(each.partition(" = ")[2]) for each in found.split(", "))
     assert hypot(lies.place[0] - 30.0, lies.place[1] - 20.0) > 5.0
-    assert hypot(x_m - lies.place[0], y_m - lies.place[1]) < 1.5
+    assert hypot(x_m - lies.place[0], y_m - lies.place[1]) < 1.0
     depot.until(dialogue)
     assert told(dialogue)[-1].startswith("inform"), told(dialogue)
     assert depot.is_delivered()

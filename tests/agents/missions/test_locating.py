@@ -5,7 +5,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from agents.missions.locating import BLIND_US, FIRST_STEP, SETTLED_US, Locating, UnitSights
+from agents.missions.locating import BLIND_US, FIRST_STEP, RESTS_US, SETTLED_US, Locating, UnitSights
 from dyknow import Value
 from navigation.geodesy import LocalFrame
 from navigation.searching.landing import Drop
@@ -77,7 +77,7 @@ def test_what_was_seen_for_a_second_is_a_state_of_both_labels() -> None:
     _, (state,) = looked(Sights(PlacedPercept("p1", 1.0, 2.0, 0.3)), units)
     assert isinstance(state, events.StateSampled)
     assert state.values == {"x[b1]": 1.0, "y[b1]": 2.0}
-    assert state.valid_us >= SECOND + SETTLED_US
+    assert state.valid_us >= RESTS_US + SECOND + SETTLED_US
     assert units["u1"].does == [(FIRST_STEP, ["take-off", "goto"])]
 
 
@@ -96,7 +96,7 @@ def test_another_thing_another_colour_and_a_place_where_it_cannot_lie_are_not_it
     known = {f"{name[0]}[{name[1:]}]": one for name, one in values.items() if name != "colour"}
     known |= {"colour[b1]": values["colour"]} if "colour" in values else {}
     locating.locate(events.Locate(("b1",), LABELS, 0, "", known), 0)
-    assert not any(locating.step(now_us, now_us) for now_us in range(0, 10 * SECOND, 200_000))
+    assert not any(locating.step(now_us, now_us) for now_us in range(0, 14 * SECOND, 200_000))
 
 
 def test_a_unit_that_shows_no_images_hands_over_and_the_last_one_says_why() -> None:
