@@ -109,6 +109,20 @@ TEXTS = [
     "(avoid alarm: proximity/0 climber: 1 climb_m: 15.0 units: (sequence 0 1))",
     "(fault kind: gps-loss duration: 5.0)",
     "(fault kind: packet-loss value: 30)",
+    '(fly-mission mission: m1 domain: "#objects" problem: "#goal" actions: (sequence "land(uav1)") platforms: (record uav1: "0") chain: (sequence cc))',
+    '(call-for-mission mission: m1 domain: "#objects" problem: "#goal")',
+    '(mission-proposal cost: 2.5 duration: 60.0 actions: (sequence "land(uav1)"))',
+    "(take-mission)",
+    '(leave-mission because: "another is cheaper")',
+    '(permit-mission mission: m1 leaders: (sequence "0"))',
+    "(join-mission mission: m1 chain: (sequence cc))",
+    '(perform-commands mission: m1 step: 2 action: "fly(uav1)" commands: (sequence (command-entry name: goto numbers: (sequence 58.1 15.1 7.0))))',
+    "(performed step: 2 failure: refused)",
+    '(vehicle-news waits: "its pilot has it")',
+    "(mission-query)",
+    '(mission-list missions: (sequence (mission-entry mission: m1 conversation: cc-1 phase: flying since: 5 question: (mission-question number: 1 text: "where is b1?" options: (sequence "try again" "give up") default: "give up" until: 7))))',
+    '(answer-question mission: m1 number: 1 answer: "give up")',
+    "(control-mission mission: m1 how: abort)",
 ]  # fmt: skip
 
 
