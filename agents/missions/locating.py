@@ -1,8 +1,8 @@
 """Objects that a mission has lost, looked for by sight: the unit that acted last on one flies over where it can lie.
 
-Where that is follows from how the unit flew when its line became light (`navigation/searching`). Of an object that is to be
-located the first label takes metres east, the second one metres north. A search goes on where it was after a pause. Times of
-streams are federation time.
+The first place comes from the unit's position and velocity when its line became light (`navigation/searching`). The first
+label of a lost object is its position east, the second one north, in metres. After a pause a search continues at the same
+place. Times of streams are federation time.
 """
 
 from collections.abc import Iterable, Mapping

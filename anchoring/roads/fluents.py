@@ -4,8 +4,7 @@ They are attributes of states, so that chronicles and formulas range over them (
 `crossing` are names, or `no_link` and `no_crossing`; off the roads they are both that.
 """
 
-from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Final
 
 from anchoring.links.states import ObjectState
 from anchoring.roads.elements import DirectedLink
@@ -50,13 +49,13 @@ def place_of(state: ObjectState) -> RoadPlace | None:
     link, crossing, via = (_name(about.get(name), nothing) for name, nothing in _PLACES)
     if link is None and crossing is None:
         return None
-    lane = about.get("lane")
+    lane, arriving = about.get("lane"), _direction(about.get("via_direction"))
     return RoadPlace(
         state.x_m, state.y_m, link, crossing, _direction(about.get("direction")),
         lane if isinstance(lane, int) and lane >= 0 else None,
         number_of(about.get("offset_m")) or 0.0, number_of(about.get("across_m")) or 0.0,
         number_of(about.get("heading_rad")), number_of(about.get("along_m_s")),
-        None if via is None else DirectedLink(via, _direction(about.get("via_direction"))),
+        DirectedLink(via, arriving) if via is not None and arriving else None,
     )  # fmt: skip
 
 
@@ -99,16 +98,6 @@ def turn_attributes(
     return {name: before.attributes[name] for name in (TURN, TURNED) if name in before.attributes}
 
 
-class RelationLimits(NamedTuple):
-    """Along the road: how near is close, and how near is side by side (a car's length)."""
-
-    close_m: float = 30.0
-    beside_m: float = 5.0
-
-
-USUAL_LIMITS: Final = RelationLimits()
-
-
 def ahead_m(network: RoadNetwork, one: RoadPlace, other: RoadPlace) -> float | None:
     """By how much the first is ahead of the second along the road, in the direction in which the second travels.
 
@@ -135,21 +124,3 @@ def _travelled_m(network: RoadNetwork, place: RoadPlace) -> float:
 
 def _remaining_m(network: RoadNetwork, place: RoadPlace) -> float:
     return network.links[place.link or ""].length_m - _travelled_m(network, place)
-
-
-def road_relations(
-    network: RoadNetwork, one: RoadPlace, other: RoadPlace, limits: RelationLimits = USUAL_LIMITS
-) -> Mapping[str, bool]:
-    """Where the first is along the road, seen from the second; the names are those of the thesis.
-
-    Exactly one of the last three holds for two that travel on one road, and none for others.
-    """
-    gap_m = ahead_m(network, one, other)
-    if gap_m is None:
-        return dict.fromkeys(("close", "behind", "beside", "in_front"), False)
-    return {
-        "close": abs(gap_m) <= limits.close_m,
-        "behind": gap_m < -limits.beside_m,
-        "beside": abs(gap_m) <= limits.beside_m,
-        "in_front": gap_m > limits.beside_m,
-    }

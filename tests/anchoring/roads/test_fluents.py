@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.roads.files.geojson import read_roads
-from anchoring.roads.fluents import RelationLimits, ahead_m, attributes_of, place_of, road_relations
+from anchoring.roads.fluents import ahead_m, attributes_of, place_of
 from anchoring.roads.snapping import RoadPlace, snap
 from tests.anchoring.roads.towns import cross
 
@@ -27,30 +27,25 @@ def test_attributes_say_all_of_a_place(x_m: float, y_m: float, vx: float, vy: fl
 
 
 @pytest.mark.parametrize(
-    ("one", "gap_m", "relation"),
+    ("one", "gap_m"),
     [
-        (place(120, -1, 9, 0), 20.0, "in_front"),
-        (place(80, -1, 9, 0), -20.0, "behind"),
-        (place(103, 1, 9, 0), 3.0, "beside"),
-        (place(120, 1, -9, 0), 20.0, "in_front"),
-        (place(-20, -1, 9, 0), -120.0, "behind"),
+        (place(120, -1, 9, 0), 20.0),
+        (place(80, -1, 9, 0), -20.0),
+        (place(103, 1, 9, 0), 3.0),
+        (place(120, 1, -9, 0), 20.0),
+        (place(-20, -1, 9, 0), -120.0),
     ],
 )
-def test_relations_are_along_the_road(one: RoadPlace, gap_m: float, relation: str) -> None:
-    other = place(100, -1, 9, 0)
-    assert ahead_m(TOWN, one, other) == pytest.approx(gap_m)
-    relations = road_relations(TOWN, one, other)
-    assert [name for name, holds in relations.items() if holds and name != "close"] == [relation]
-    assert relations["close"] == (abs(gap_m) <= 30)
+def test_who_is_ahead_is_so_along_the_road(one: RoadPlace, gap_m: float) -> None:
+    assert ahead_m(TOWN, one, place(100, -1, 9, 0)) == pytest.approx(gap_m)
 
 
 def test_across_a_crossing_one_is_in_front_of_the_other_where_their_links_follow_each_other() -> None:
     before, after = place(-1, 12, 0, -9), place(12, -1, 9, 0)
     assert ahead_m(TOWN, after, before) == pytest.approx(24.0)
-    assert road_relations(TOWN, before, after)["behind"]
+    assert ahead_m(TOWN, before, after) == pytest.approx(-24.0)
     oncoming = place(1, -12, 0, 9)
     assert ahead_m(TOWN, before, oncoming) is None
-    assert not any(road_relations(TOWN, before, oncoming).values())
 
 
 def test_in_a_crossing_and_without_a_direction_there_is_no_relation() -> None:
@@ -62,17 +57,8 @@ def test_in_a_crossing_and_without_a_direction_there_is_no_relation() -> None:
     assert ahead_m(TOWN, unknown, place(-20, -1, 9, 0)) is None
 
 
-@given(
-    one=st.floats(10, 199),
-    other=st.floats(10, 199),
-    limits=st.builds(RelationLimits, st.floats(1, 50), st.floats(1, 9)),
-)
-def test_behind_is_the_converse_of_in_front_for_two_that_drive_the_same_way(
-    one: float, other: float, limits: RelationLimits
-) -> None:
+@given(one=st.floats(10, 199), other=st.floats(10, 199))
+def test_of_two_that_drive_the_same_way_one_is_as_far_ahead_as_the_other_behind(one: float, other: float) -> None:
     a, b = (place(at, -1, 9, 0) for at in (one, other))
-    ab, ba = road_relations(TOWN, a, b, limits), road_relations(TOWN, b, a, limits)
-    assert (ab["behind"], ab["in_front"], ab["beside"], ab["close"]) == (
-        ba["in_front"], ba["behind"], ba["beside"], ba["close"]
-    )  # fmt: skip
-    assert sum((ab["behind"], ab["in_front"], ab["beside"])) == 1
+    assert ahead_m(TOWN, a, b) == pytest.approx(one - other)
+    assert ahead_m(TOWN, b, a) == pytest.approx(other - one)

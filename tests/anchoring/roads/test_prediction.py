@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from anchoring.links.individuals import Individual
@@ -395,6 +395,7 @@ JUNK = st.one_of(
 
 
 @given(about=st.dictionaries(st.sampled_from(NAMES), JUNK), y_m=st.sampled_from([-60.0, -3.0, 300.0]))
+@example(about={"crossing": "x", "via": "s"}, y_m=-60.0)
 def test_percepts_with_attributes_of_these_names_harm_no_prediction(about: dict[str, Any], y_m: float) -> None:
     state, individual, before = seen(1.75, y_m, 0.0, 9.0, **about), Individual(), None
     for second in range(1, 9):
