@@ -271,10 +271,10 @@ class Recorder:
                 pass
 
     def _on_remembered(self, unit: str, alarms: list[Alarm]) -> None:
-        """Edges of before: kept if they are of this recording, or if the alarm is open still."""
-        over = {alarm.id for alarm in alarms if alarm.event != "opened"}
+        """Both edges of an alarm of before: kept if it was open during this recording, so unless it closed before that."""
+        earlier = {alarm.id for alarm in alarms if alarm.event != "opened" and alarm.detected_us < self._since_us}
         for alarm in alarms:
-            if alarm.by == unit and (alarm.id not in over or alarm.detected_us >= self._since_us):
+            if alarm.by == unit and alarm.id not in earlier:
                 self._on_alarm(alarm)
 
     def _on_alarm(self, alarm: Alarm) -> None:

@@ -1,5 +1,6 @@
-"""Two UAVs that pass each other, monitored and recorded; `python -m tests.console.commands.recordings.encounter` makes
-the example of the documentation anew.
+"""Two UAVs that pass each other, monitored and recorded.
+
+`python -m tests.console.commands.recordings.encounter` writes the recording that the documentation uses.
 """
 
 from pathlib import Path

@@ -102,9 +102,11 @@ def test_what_a_platform_says_of_others_is_not_recorded(meeting: Box, call: Call
         assert taken.counts["dyknow.Alarm"] == 1
 
 
-def test_of_alarms_of_before_those_are_recorded_that_are_open_still(meeting: Box, tmp_path: Path) -> None:
-    def edge(name: str, event: Any) -> Alarm:
-        return Alarm(id=name, event=event, monitor="m", by="0", units=("0",), valid_us=1, detected_us=1)
+def test_of_alarms_of_before_those_are_recorded_whole_that_were_open_during_the_recording(
+    meeting: Box, tmp_path: Path
+) -> None:
+    def edge(name: str, event: Any, at_us: int = 1) -> Alarm:
+        return Alarm(id=name, event=event, monitor="m", by="0", units=("0",), valid_us=at_us, detected_us=at_us)
 
     with RecordingFile(tmp_path / "a.mcap", {}, lambda: meeting.now_us) as file:
         taken = recorder.Recorder(_client(meeting), file, note=lambda _text: None)
@@ -112,6 +114,8 @@ def test_of_alarms_of_before_those_are_recorded_that_are_open_still(meeting: Box
         many = [edge(f"old{at}", event) for event in ("opened", "closed") for at in range(30)]
         taken._on_remembered("0", [*many, edge("open", "opened")])
         assert taken.counts["dyknow.Alarm"] == 1
+        taken._on_remembered("0", [edge("begun before", "opened"), edge("begun before", "closed", meeting.now_us)])
+        assert taken.counts["dyknow.Alarm"] == 3
         assert taken.units == []
     assert summary_of(FederationRecording(file.path)).platforms == {}
 
