@@ -62,7 +62,7 @@ class Flown:
         return dialogue
 
     def until(self, dialogue: Dialogue, text: str = "", within_s: int = 200) -> None:
-        """Let the mission be flown until that is told of it, or until it is over."""
+        """Fly the mission until it reports `text`; without one, until it is over."""
         for _ in range(within_s):
             if any(text in each for each in told(dialogue)) if text else is_over(dialogue):
                 return

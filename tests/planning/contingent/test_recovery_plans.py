@@ -48,9 +48,9 @@ def found(written: dict[str, Any]) -> RecoveryPlan:
     return plan
 
 
-NOBODY = hypothesis("f", 0.5)
+NONE_OF_THEM = hypothesis("f", 0.5)
 """None of them."""
-ONE_BOTTLE = problem("identify", ["po-4"], [*(hypothesis("po-4", po_4=[place]) for place in ROOM[1:]), NOBODY])
+ONE_BOTTLE = problem("identify", ["po-4"], [*(hypothesis("po-4", po_4=[place]) for place in ROOM[1:]), NONE_OF_THEM])
 
 
 def test_the_paper_s_plan_for_three_viewpoints_and_one_bottle_is_printed_as_in_the_paper() -> None:
@@ -63,19 +63,19 @@ def test_the_paper_s_plan_for_three_viewpoints_and_one_bottle_is_printed_as_in_t
 
 def test_scenario_2_searches_one_place_after_another_and_stops_at_the_first_sighting() -> None:
     places = [hypothesis(place, b1=[place]) for place in ROOM[1:]]
-    plan = found(problem("search", ["b1"], [*places, NOBODY]))
+    plan = found(problem("search", ["b1"], [*places, NONE_OF_THEM]))
     assert (plan.figures.depth, plan.figures.leaves, plan.figures.actions) == (6, 4, 6)
     assert print_plan(plan.plan).count("((visible! b1 = t) :success)") == 3
 
 
 def test_scenario_3_with_two_candidates_looks_at_both_from_each_place() -> None:
     candidates = [hypothesis(target, **{target: [place]}) for target in ("po1", "po2") for place in ROOM[1:]]
-    plan = found(problem("identify", ["po1", "po2"], [*candidates, NOBODY]))
+    plan = found(problem("identify", ["po1", "po2"], [*candidates, NONE_OF_THEM]))
     assert (plan.figures.depth, plan.figures.leaves) == (10, 7)
 
 
 def test_scenario_4_elimination_saves_the_last_look() -> None:
-    for targets, none in ((["po1", "po2", "po3"], []), (["po1", "po2"], [NOBODY])):
+    for targets, none in ((["po1", "po2", "po3"], []), (["po1", "po2"], [NONE_OF_THEM])):
         sides = [hypothesis(target, **{target: ["r1_2"]}) for target in targets]
         plan = found(problem("identify", targets, [*sides, *none]))
         assert (plan.figures.depth, plan.figures.leaves) == (4, 3)
@@ -133,7 +133,7 @@ def test_each_generated_plan_finds_the_answer_under_every_hypothesis() -> None:
 
 
 def test_hypotheses_that_look_alike_from_everywhere_are_named() -> None:
-    written = problem("identify", ["po1"], [hypothesis("po1", po1=["r1_2"]), hypothesis("po1", po1=[]), NOBODY])
+    written = problem("identify", ["po1"], [hypothesis("po1", po1=["r1_2"]), hypothesis("po1", po1=[]), NONE_OF_THEM])
     plan = planned(written)
     assert isinstance(plan, NoRecoveryPlan)
     assert plan.indistinguishable == ((1, 2),)
@@ -193,12 +193,12 @@ def test_thousands_of_hypotheses_are_planned_for_within_bounds() -> None:
     places = [f"p{number}" for number in range(300)]
     ways = {place: [places[(number + 1) % 300]] for number, place in enumerate(places)}
     seen = [hypothesis(place, b1=[place]) for place in places]
-    plan = found({**problem("search", ["b1"], [*seen, NOBODY]), "places": ways, "start": "p0"})
+    plan = found({**problem("search", ["b1"], [*seen, NONE_OF_THEM]), "places": ways, "start": "p0"})
     assert (plan.is_optimal, plan.covered, plan.figures.leaves) == (False, 1.0, 301)
     assert len(list(lines(plan.plan))) == len(list(tree_lines(plan.plan))) + 300
     assert len(plan_record(plan.plan)["nodes"]) == 601
     many = [hypothesis("r1_2", 0.5, b1=["r1_2"]) for _ in range(5000)]
-    case = read_recovery(json.dumps(problem("search", ["b1"], [NOBODY, *many, hypothesis("r1_3", b1=["r1_3"])])))
+    case = read_recovery(json.dumps(problem("search", ["b1"], [NONE_OF_THEM, *many, hypothesis("r1_3", b1=["r1_3"])])))
     assert len(case.problem.hypotheses) == 4096
     assert case.problem.hypotheses[-1].answer == "r1_3"
     assert case.notes == (
@@ -231,7 +231,7 @@ def test_a_plan_is_drawn_as_a_tree_and_as_a_graph() -> None:
         ({"start": None}, "start: a name of 1 to 64 characters"),
         ({"objects": ["f"]}, "objects[0]: a name of 1 to 64 characters"),
         ({"hypotheses": []}, "hypotheses: a list of objects is expected"),
-        ({"hypotheses": [NOBODY, 3]}, "hypotheses[1]: an object is expected"),
+        ({"hypotheses": [NONE_OF_THEM, 3]}, "hypotheses[1]: an object is expected"),
         ({"hypotheses": [hypothesis("po1", 2.0)]}, "hypotheses[0].possibility: a number from 0 to 1"),
         (
             {"hypotheses": [hypothesis("po1", po1=["r1_2"])]},
