@@ -16,12 +16,14 @@ from dyknow import NO_VALUE, Label, Sample
 from dyknow.model.errors import Refused
 from dyknow.model.instants import US_PER_MS, print_span
 from dyknow.model.values import without_nan
+from dyknow.network.process import Process
 from dyknow.objects.object_table import ObjectTable
 from federation.messages.acts import Act
 from federation.messages.contents import ObjectEntry, ObjectEvent, ObjectEvents, ObjectList
 from federation.messages.descriptions import in_one_line
 from kpl import Instance
 from kpl.introspection.link_reasons import because
+from kpl.linking.streams import LinkStream
 from kpl.linking.wants import Wanted
 from kpl.syntax.printing import print_formula
 from kpl.syntax.specification import RECOGNISED
@@ -99,8 +101,9 @@ class ObjectQueries(Part):
 
     def _entries(self, table: ObjectTable) -> Iterator[ObjectEntry]:
         """The objects of one stream; of one that may be on several ways with all of these."""
-        history: LinkHistory | None = getattr(self._instance.network.process(table.label), "linkage", None)
-        for entry in _entries(table):
+        process = self._instance.network.process(table.label)
+        history: LinkHistory | None = getattr(process, "linkage", None)
+        for entry in _entries(table, _states(process, table)):
             one = None if history is None else history.find(entry.symbol)
             branches = "" if one is None else _branches(one)
             yield (
@@ -213,9 +216,14 @@ def _branches(one: "LinkObject") -> str:
     return ", ".join(f"{link or 'off the roads'} {weight:.2f}" for link, weight in heaviest)[:LONGEST_TEXT]
 
 
-def _entries(table: ObjectTable) -> Iterator[ObjectEntry]:
+def _states(process: Process | None, table: ObjectTable) -> list[tuple[str, Sample]]:
+    """Of the objects of a stream; those that links make are there also while only a stream above has a subscriber."""
+    return process.there() if isinstance(process, LinkStream) and not process.running else table.read()
+
+
+def _entries(table: ObjectTable, states: Iterable[tuple[str, Sample]]) -> Iterator[ObjectEntry]:
     names = [each.name for each in table.sort.fields]
-    for symbol, state in table.read():
+    for symbol, state in states:
         attributes = dict(zip(names, without_nan(state.value), strict=True))
         del attributes[names[0]]
         type_ = str(attributes.pop("type", table.sort.name))[:64] or table.sort.name

@@ -176,7 +176,7 @@ class ObjectLinkage:
                 self._top_down.seek_composites(valid_us, composites, updated(objects.values(), valid_us))
             fresh[type_] = updated(objects.values(), valid_us)
             self._forget(valid_us, type_)
-            outcome.states.extend(_record(one) for one in fresh[type_] if one.symbol in objects)
+            outcome.states.extend(record_of(one) for one in fresh[type_] if one.symbol in objects)
         self._top_down.observe(valid_us)
         self.recent.extend(outcome.events[before:])
 
@@ -392,7 +392,8 @@ def _is_anchored(one: LinkObject, percepts: Mapping[str, Rhythm]) -> bool:
     return one.type in percepts or any(_is_anchored(link.source, percepts) for link in one.incoming.values())
 
 
-def _record(one: LinkObject) -> StateRecord:
+def record_of(one: LinkObject) -> StateRecord:
+    """The newest state of an object."""
     links = one.incoming.values()
     linked = tuple(link.source.symbol for link in links if link.source.state.valid_us == one.state.valid_us)
     weight = min((link.weight for link in links), default=1.0)

@@ -10,10 +10,10 @@ from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 from anchoring.links.specification import LinkSpecification
-from anchoring.links.structures import AnySpecification, LinkOutcome, ObjectLinkage
+from anchoring.links.structures import AnySpecification, LinkOutcome, ObjectLinkage, StateRecord, record_of
 from anchoring.percepts.leaps import PerceptLeaps
 from anchoring.percepts.records import ObjectRecords, PerceptRecords
-from dyknow import SURE, US_PER_S, Quality, Sample, Sort
+from dyknow import SURE, US_PER_S, Quality, Sample, Sort, Value
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.processes import OnDemand
 from kpl.linking.ticks import PerceptTicks
@@ -187,6 +187,11 @@ class LinkStream(OnDemand):
         """What links the whole chain."""
         return tuple(each for each in self._shared.specifications if isinstance(each, LinkSpecification))
 
+    def there(self) -> list[tuple[str, Sample]]:
+        """The objects of its type that are there while any stream of the chain has a subscriber, with their newest states."""
+        records = map(record_of, self.linkage.objects(self.type).values()) if self._shared.streams else ()
+        return [(each.symbol, Sample(each.valid_us, each.valid_us, self._value(each))) for each in records]
+
     def notes(self) -> tuple[str, ...]:
         """How many objects are linked, and what has failed."""
         return self._shared.notes(self.type)
@@ -237,15 +242,16 @@ class LinkStream(OnDemand):
     def deadline_us(self) -> int | None:
         return self._shared.deadline_us if self.running and self._steps else FAR_US if self.running else None
 
+    def _value(self, record: StateRecord) -> Value:
+        return self._records.value(record, is_anchored=self.linkage.anchored(record.symbol), ended=False)
+
     def tell(self, outcome: LinkOutcome, now_us: int) -> None:
         """The states of objects of its type."""
         states = {each.symbol: each for each in outcome.states if each.type == self.type}
         for record in outcome.states:
             if record.type == self.type:
-                is_anchored = self.linkage.anchored(record.symbol)
-                value = self._records.value(record, is_anchored=is_anchored, ended=False)
                 quality = SURE if record.weight == 1.0 else Quality(record.weight)
-                self.emit(record.valid_us, value, max(now_us, record.valid_us), quality)
+                self.emit(record.valid_us, self._value(record), max(now_us, record.valid_us), quality)
         for event in outcome.events:
             if event.kind == "forgotten" and event.target_type == self.type:
                 known = states.get(event.target)

@@ -11,11 +11,13 @@ a sample when that changes.
 
 from typing import Final
 
-from dyknow import NO_VALUE, Inputs, Label, Network, Sample, Sort, UnitPrototype, Value
+from dyknow import NO_VALUE, Inputs, Label, Network, Policy, Sample, Sort, UnitPrototype, Value
+from dyknow.model.errors import ChronicleError, TextError
 from dyknow.model.instants import US_PER_MS, US_PER_S
 from dyknow.network.process import Input, Process
 from dyknow.network.processes import OnDemand
 from dyknow.network.refinement import RefinementProcess
+from kpl.diagnostics.collector import nearest
 from kpl.running.chronicle_watch import ChronicleWatch, PartialWatch
 from kpl.syntax.specification import PARTIAL, RECOGNISED, ChronicleDeclaration
 from reasoning import chronicles
@@ -93,6 +95,39 @@ class Prediction(OnDemand):
 
     def _tell(self, found: tuple[chronicles.Partial, ...], valid_us: int, now_us: int) -> None:
         self.emit(valid_us, tuple(map(_value, found)), now_us)
+
+
+def check_chronicles(declaration: ChronicleDeclaration) -> None:
+    """Whether they can be recognised.
+
+    Raises:
+        TextError: they cannot, with the place of the declaration.
+    """
+    wrong, repair = _mistake(declaration)
+    if wrong:
+        raise TextError.at(declaration.place, wrong, repair=repair)
+
+
+def _mistake(declaration: ChronicleDeclaration) -> tuple[str, str]:
+    """What is wrong, and how to repair it."""
+    path, content = declaration.path, declaration.content
+    if content is None:
+        return f"{path} was not read", "chronicles go with the file that names them"
+    if not content.chronicles:
+        return f"{path} declares no chronicle", "chronicle name[?x] { ... }"
+    if declaration.policy != Policy(max_delay_us=declaration.policy.max_delay_us):
+        return "chronicles know max delay, max age and first values since ever", "with max delay 500"
+    try:
+        recogniser = chronicles.Recogniser.of(content, max_age_ms=declaration.max_age_ms)
+    except ChronicleError as wrong:
+        return f"{path}: {wrong}", ""
+    if isinstance(declaration.since_ever, tuple):
+        names = {name for name, _ in recogniser.attributes}
+        known = sorted(names | {name.rpartition(".")[0] for name in names} - {""})
+        for unknown in (each for each in declaration.since_ever if each not in known):
+            near = nearest(unknown, known)
+            return f"{path} has no attribute of {unknown}", f"first values of {near} since ever" if near else ""
+    return "", ""
 
 
 def _value(partial: chronicles.Partial) -> Value:

@@ -9,7 +9,7 @@ by default, and are then passed on in the order of their valid times; what is la
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from heapq import heappop, heappush
 from typing import Final, NamedTuple
@@ -54,7 +54,7 @@ class ChronicleWatch:
         on_recognised: called with every instance, and when (federation time).
         on_fault: called once for what is wrong with a stream or a chronicle.
         max_age_ms: instances last no longer; None: as their chronicles say.
-        initially: the first values of streams have been so since ever (8.4).
+        initially: the first values of streams have been so since ever (8.4); names: of these streams.
         refusal: why a stream is not taken, a fault of it; empty if it is.
 
     Attributes:
@@ -74,7 +74,7 @@ class ChronicleWatch:
         limits: chronicles.RecognitionLimits | None = None,
         *,
         max_age_ms: int | None = None,
-        initially: bool = False,
+        initially: bool | Collection[str] = False,
         refusal: Callable[[Label], str] = lambda _label: "",
     ) -> None:
         compiled = [chronicles.compile_chronicle(each, content, max_age_ms) for each in content.chronicles.values()]

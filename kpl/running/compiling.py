@@ -9,7 +9,6 @@ from weakref import WeakValueDictionary
 
 from dyknow import Label, Policy, PolicyError, Sort
 from dyknow.model.errors import (
-    ChronicleError,
     PolicyNotSupported,
     SortError,
     TextError,
@@ -42,12 +41,12 @@ from kpl.linking.streams import LinkStream, PerceptInput, SharedLinkage
 from kpl.linking.units import LinkedUnit, linked_unit
 from kpl.linking.wants import Wants, check_want
 from kpl.running.changes import in_text
+from kpl.running.chronicle_streams import check_chronicles
 from kpl.running.formula_states import MAX_DELAY_US
 from kpl.running.ports import Admission
 from kpl.syntax import specification as spec
 from kpl.syntax.listing import print_declaration
 from navigation import LocalFrame
-from reasoning.chronicles import Recogniser
 from reasoning.formulas.tree import Node
 
 Members: TypeAlias = Mapping[str, str]
@@ -284,23 +283,7 @@ class Compiler:
             case spec.StreamDeclaration(_, term) | spec.Export(_, term) | spec.Import(_, _, term):
                 self._check_policy(term, term.policy)
             case spec.ChronicleDeclaration():
-                self._check_chronicles(declaration)
-
-    def _check_chronicles(self, declaration: spec.ChronicleDeclaration) -> None:
-        if declaration.content is None:
-            raise located(
-                declaration, f"{declaration.path} was not read", "chronicles go with the file that names them"
-            )
-        if not declaration.content.chronicles:
-            raise located(declaration, f"{declaration.path} declares no chronicle", "chronicle name[?x] { ... }")
-        if declaration.policy != Policy(max_delay_us=declaration.policy.max_delay_us):
-            raise located(
-                declaration, "chronicles know max delay, max age and first values since ever", "with max delay 500"
-            )
-        try:
-            Recogniser.of(declaration.content, max_age_ms=declaration.max_age_ms)
-        except ChronicleError as wrong:
-            raise located(declaration, f"{declaration.path}: {wrong}") from None
+                check_chronicles(declaration)
 
     def _check_made(self, declaration: spec.GeneratorDeclaration, members: Members | None = None) -> None:
         self.making(declaration, members)

@@ -51,10 +51,11 @@ def print_declaration(declaration: spec.Declaration) -> str:
         case spec.MonitorDeclaration():
             return f"monitor {declaration.name} = {print_formula(declaration.formula)}{_options(declaration)}"
         case spec.ChronicleDeclaration(path, policy, _, max_age_us, since_ever):
+            of = f" of {', '.join(since_ever)}" if isinstance(since_ever, tuple) else ""
             said = [
                 "" if policy == spec.ANY_UPDATE else str(policy),
                 "" if max_age_us is None else f"max age {print_duration(max_age_us)}",
-                "first values since ever" if since_ever else "",
+                f"first values{of} since ever" if since_ever else "",
             ]
             options = ", ".join(filter(None, said))
             return f'chronicle file "{path}"{f" with {options}" if options else ""}'

@@ -283,19 +283,19 @@ class ForEach(Node):
 
 @dataclass(frozen=True, slots=True)
 class ChronicleDeclaration(Node):
-    """`chronicle file "PATH" [with max delay D, max age T, first values since ever]`.
+    """`chronicle file "PATH" [with max delay D, max age T, first values [of NAME, ...] since ever]`.
 
     Attributes:
         content: what the file declares, None where it was not read.
         max_age_us: instances last no longer, which bounds what is remembered (C6); None: as the chronicles say.
-        since_ever: the first value of a stream has been so since ever, and is no change at its valid time (C2; 8.4).
+        since_ever: the first values of all streams, or of those that are named, have been so since ever (C2; 8.4).
     """
 
     path: str
     policy: Policy = ANY_UPDATE
     content: Chronicles | None = None
     max_age_us: int | None = None
-    since_ever: bool = False
+    since_ever: bool | tuple[str, ...] = False
 
     @property
     def max_age_ms(self) -> int | None:

@@ -319,8 +319,8 @@ class _StatementReader(FormulaReader):
             if kinds.count(kind) > 1:
                 again = options[-1 - kinds[::-1].index(kind)]
                 self.error("a file of chronicles has one such option", place_of(again, self.text), "leave one out")
-        ages = [each for each in options if each.data == "max_age"]
-        policy = self._policy([each for each in options if each.data not in {"max_age", "since_ever"}])
+        own = {each.data: each for each in options if each.data in {"max_age", "since_ever"}}
+        policy = self._policy([each for each in options if each.data not in own])
         if self._read_file is not None:
             try:
                 content = parse_chronicles(SourceText(self._read_file(path), path))
@@ -330,8 +330,9 @@ class _StatementReader(FormulaReader):
                 self.error(f"{path} cannot be read: {wrong}", place, "the path, from where this file lies")
             if content is None:
                 self.unread.update((spec.RECOGNISED, spec.PARTIAL))
-        max_age_us = self.age(ages[0]) if ages else None
-        return spec.ChronicleDeclaration(path, policy, content, max_age_us, "since_ever" in kinds, place=place)
+        max_age_us = self.age(own["max_age"]) if "max_age" in own else None
+        since_ever = "since_ever" in own and (tuple(map(_name, own["since_ever"].children)) or True)
+        return spec.ChronicleDeclaration(path, policy, content, max_age_us, since_ever, place=place)
 
     def _roads(self, node: Any, place: Place) -> spec.Declaration:
         path = str(node.children[0])[1:-1]

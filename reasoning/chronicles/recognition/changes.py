@@ -2,12 +2,13 @@
 
 Each attribute is a label of a fluent stream of discrete values. Samples arrive in the order of valid time; each one
 moves the clock to its millisecond, and is an event if its value differs from the last one of its stream. The first
-value is a change from unknown at its valid time, or with `initially` a value since ever (C2; 8.4). What cannot be an
-event is counted and changes nothing (C3).
+value is a change from unknown at its valid time, or, of the streams that `initially` says, a value since ever (C2; 8.4):
+what a map says has been so, also if it was read after the first car came. What cannot be an event is counted and changes
+nothing (C3).
 """
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Final
 
 from dyknow.model.instants import US_PER_MS
@@ -35,11 +36,14 @@ def symbol(value: object) -> str | None:
 class ChangeEvents:
     """Turns samples into events of a recogniser.
 
+    Args:
+        initially: whether first values have been so since ever; names: those of the streams `links`, and `links.left` too.
+
     Attributes:
         ignored: samples that were not taken, by reason: out of order, no value, no symbol.
     """
 
-    def __init__(self, recogniser: Recogniser, *, initially: bool = False) -> None:
+    def __init__(self, recogniser: Recogniser, *, initially: bool | Collection[str] = False) -> None:
         self.recogniser = recogniser
         self.ignored: Counter[str] = Counter()
         self._initially = initially
@@ -63,7 +67,7 @@ class ChangeEvents:
         if old is None and len(self._last) >= LIMIT_STREAMS:
             return told + self._ignore("more streams than are remembered")
         self._last[label] = new
-        since_ms = MINUS_INFINITY if old is None and self._initially else at_ms
+        since_ms = MINUS_INFINITY if old is None and self._is_since_ever(label.feature) else at_ms
         return told + recogniser.on_change(since_ms, label.feature, label.objects, old, new)
 
     def forget(self, label: Label) -> None:
@@ -74,6 +78,11 @@ class ChangeEvents:
     def values(self) -> Mapping[Label, str]:
         """The last value of each stream."""
         return self._last
+
+    def _is_since_ever(self, feature: str) -> bool:
+        if isinstance(self._initially, bool):
+            return self._initially
+        return feature in self._initially or feature.rpartition(".")[0] in self._initially
 
     def _ignore(self, reason: str) -> list[ChronicleInstance]:
         self.ignored[reason] += 1

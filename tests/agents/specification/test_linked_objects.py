@@ -87,6 +87,24 @@ def test_an_object_is_listed_and_explained_with_all_its_links():
     assert "xy_dist[from, to] < thresh" in explained.events[2].because
 
 
+def test_objects_of_every_level_are_listed_while_only_the_highest_is_wanted():
+    above = """
+strmgen cars = link(world, WorldObject, eventually [500, oo] true, false, true)
+for c in cars.objects stream x = cars.x_m[c]
+"""
+    declared = "compunit world-object WorldObject(vision-object)\n"
+    links = LINKS[: LINKS.index("for o in")].replace(declared, "") + above
+    sight = Sight(links, "")
+    sight.world.run_for(2)
+    sight.drive(2.5)
+    (listed,) = sight.ask(ObjectList())
+    assert {(each.stream, each.symbol) for each in listed.objects} >= {("world", "wo1"), ("cars", "co1")}
+    (world,) = sight.ask(ObjectList(type="world"))[0].objects
+    assert world.attributes["x_m"] > 15.0
+    sight.world.run_for(35)
+    assert {each.stream for said in sight.ask(ObjectList()) for each in said.objects or ()} <= {"percepts"}
+
+
 def test_a_forgotten_object_leaves_the_domain_wherever_it_is_known():
     sight = Sight(LINKS, IMPORTS)
     sight.world.run_for(2)

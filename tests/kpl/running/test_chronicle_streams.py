@@ -220,6 +220,38 @@ def test_first_values_are_changes_at_their_time_or_have_been_so_since_ever():
     assert switched("", *samples) == [{"t1": 1000, "t2": 2000}]
     (since_ever,) = switched(", first values since ever", *samples)
     assert (since_ever["t1"] < -(2**40), since_ever["t2"]) == (True, 2000)
+    assert switched(", first values of lit since ever", *samples) == [since_ever]
+
+
+TWO = """
+attribute map.left[?way] { ?value in {true, false} }
+attribute link[?car]
+
+chronicle turns[?car, ?way] {
+    event(map.left[?way]:(?, true), t1)
+    event(link[?car]:(?, ?way), t2)
+    event(link[?car]:(?way, away), t3)
+    t1 < t2
+    t2 < t3
+}
+"""
+
+
+@pytest.mark.parametrize(("of", "count"), [("", 0), (" of map", 1), (" of map, link", 0), (" of link", 0)])
+def test_what_a_map_says_has_been_so_since_ever_and_what_cars_do_has_not(of, count):
+    text = f"""source bool map
+source text car
+strmgen map.left[l1] = map
+strmgen link[c] = car
+chronicle file "l.chr" with max delay 100, max age 5s, first values{of} since ever
+stream s = chronicle[turns]
+"""
+    assert parse_specification(print_specification(parse_specification(text))) == parse_specification(text)
+    run = Run(text, TWO)
+    for name, valid_ms, value in [("map", 1000, True), ("car", 20_000, "l1"), ("car", 22_000, "away")]:
+        run.feed(name, valid_ms, value)
+    run.at(60_000)
+    assert len([name for name, _ in run.told if name == "s"]) == count
 
 
 def test_with_a_maximum_age_longer_instances_are_not_recognised_and_what_is_older_is_forgotten():
@@ -233,6 +265,8 @@ def test_with_a_maximum_age_longer_instances_are_not_recognised_and_what_is_olde
     [
         (", max age 5s, max age 6s", "one such option"),
         (", first values since ever, first values since ever", "one such option"),
+        (", first values of lit since ever, first values since ever", "one such option"),
+        (", first values of lid since ever", "l.chr has no attribute of lid"),
         (", max age 0s", "lasts no time"),
         (", any change", "chronicles know max delay, max age and first values since ever"),
     ],
