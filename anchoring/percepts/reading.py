@@ -148,8 +148,10 @@ class PerceptReader:
     def _place(self, line: "_PerceptLine") -> tuple[float, float]:
         """East and north of a line's position."""
         record = line.record
-        local = "x_m" in record or "y_m" in record
-        if local and ("latitude_deg" in record or "longitude_deg" in record):
+        local, on_earth = ("x_m" in record or "y_m" in record), ("latitude_deg" in record or "longitude_deg" in record)
+        if not local and not on_earth:
+            raise line.error("x_m and y_m are missing", '"x_m": 1.0, "y_m": 2.0; where it has ended, "end": true')
+        if local and on_earth:
             raise line.error("x_m, y_m and latitude_deg, longitude_deg are two positions", "one of them")
         if self._is_local is not None and local is not self._is_local:
             other = "geographic" if local else "local"

@@ -56,7 +56,9 @@ def delegate(
     ] = None,
     *,
     to: Annotated[str | None, typer.Option(metavar="U", help="The platform that gets the task.")] = None,
-    wait: Annotated[bool, typer.Option("--wait", "-w", help="Continue with what it reports.")] = False,
+    wait: Annotated[
+        bool, typer.Option("--wait", "-w", help="Show its reports, until Ctrl-C; that does not end the task.")
+    ] = False,
     when: Annotated[
         str | None, typer.Option(metavar="FORMULA", help="Once this is true on that platform, and not before.")
     ] = None,

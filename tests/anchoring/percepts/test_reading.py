@@ -127,6 +127,11 @@ def test_a_line_that_is_wrong_is_reported_with_its_number_and_remedy_and_the_oth
     assert len(str(error)) < 1000
 
 
+def test_a_line_without_a_place_is_told_what_is_missing() -> None:
+    (error,) = read(PERCEPT, {"t_ms": 100, "percept": "vp9", "type": "vision_percept"})[1]
+    assert (error.message, '"end": true' in error.repair) == ("x_m and y_m are missing", True)
+
+
 def test_a_type_that_is_nearly_right_gets_a_suggestion() -> None:
     assert "vision_percept" in str(read({**PERCEPT, "type": "vision_precept"})[1][0])
 
