@@ -151,7 +151,7 @@ class Compute(NamedTuple):
 class RunSearch(NamedTuple):
     """Search for a plan in a process of its own, at most for `limit_us`; `SearchNews` and `SearchOver` tell what comes of it.
 
-    `units`: those that may act; None: all.
+    `units`: those that may act; None: all. `looking`: a problem of looking instead, as `planning/contingent/sent_problems.py` has it.
     """
 
     number: int
@@ -159,6 +159,7 @@ class RunSearch(NamedTuple):
     problem: str
     units: tuple[str, ...] | None
     limit_us: int
+    looking: Mapping[str, Any] | None = None
 
 
 class EndSearch(NamedTuple):

@@ -18,6 +18,7 @@ from agents.admission.admission import Admission
 from agents.admission.limits import ActLimits
 from agents.admission.message_log import MessageLog
 from agents.admission.trusted import PlatformTrust
+from agents.anchors.recovering import RecoveringAnchors
 from agents.areas.assignment import AreaAssignment
 from agents.areas.division import AreaDivision
 from agents.attention.camera_attention import CameraAttention
@@ -84,7 +85,7 @@ from reasoning import AlarmEvent
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, Following, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision,
+    Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision,
     Admission, PlatformTrust, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Learning, Wanting, Cooperation, Handover, MessageLog, DirectoryAgent,
@@ -135,7 +136,7 @@ class Ports:
         config = self.config
         attends = config.cameras is not None and config.vehicle
         wanted = (
-            (Cameras, config.cameras), (CameraAttention, attends), (FlightAgent, config.vehicle), (Following, attends),
+            (Cameras, config.cameras), (CameraAttention, attends), (FlightAgent, config.vehicle), (Following, attends), (RecoveringAnchors, attends),
             (WinchStream, config.vehicle), (Performing, config.vehicle), (MissionLeading, config.vehicle),
             (MissionProposals, config.vehicle), (Faults, config.simulated),
         )  # fmt: skip

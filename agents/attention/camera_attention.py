@@ -94,6 +94,7 @@ class CameraAttention(Part):
         network.add_source(self._label, translation.local_sort(ATTENTION))
         self._attention: Attention | None = None
         self._followed: dict[str, str] = {}
+        self._stared: dict[str, Gaze] = {}
         self._looked = PanTilt(0.0, 0.0)
         self._due_us = 0
         self._ordered: tuple[int, Gaze] | None = None
@@ -132,9 +133,14 @@ class CameraAttention(Part):
         self.seen.hold(task)
         self._followed[task] = followed
 
+    def stare(self, task: str, x_m: float, y_m: float, symbol: str) -> None:
+        """Look at one place for a task that attends, whatever else there is to see."""
+        self._stared[task] = Gaze(x_m, y_m, symbol, "it is looked at again", 1.0)
+
     def end(self, task: str) -> None:
         """The task is over; with the last one the camera is turned back."""
         self.seen.release(task)
+        self._stared.pop(task, None)
         if self._followed.pop(task, None) is not None and not self._followed:
             if self._attention is not None:
                 self._order(PointMountOrder(*self._looked))
@@ -156,6 +162,10 @@ class CameraAttention(Part):
             return
         if self._attention is None:
             self._attention, self._looked = Attention(), camera.pose.mount
+        if self._stared:
+            self.gaze = next(iter(self._stared.values()))
+            self._look(self.gaze, federation_us)
+            return
         self._search(self._attention, camera)
         objects = self.seen.read(federation_us, {each for each in self._followed.values() if each})
         self.gaze = self._attention.decide(federation_us, camera, objects)

@@ -4,11 +4,12 @@ What comes into view and is as described is given the symbol, whether a camera i
 requester is notified when it is found, tracked, lost and found again, at most once a second: of several changes the last one.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import Final, NamedTuple, Protocol
 
-from agents.actions import Offer
+from agents.actions import Offer, Role
 from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.part import Part
@@ -53,8 +54,28 @@ class _Search:
     due_us: int = 0
 
 
+class WantedTask(NamedTuple):
+    """An object that is looked for, for which task, and by what act's content; `on_event` takes what becomes of it."""
+
+    task: Task
+    content: WantObject
+    want: WantDeclaration
+    on_event: Callable[[LinkEvent], None]
+
+
+class AnchorRecoveries(Protocol):
+    """What looks again while it is open which object is the wanted one."""
+
+    def begin(self, wanted: WantedTask, now_us: int) -> Callable[[int], None]: ...
+    def on_event(self, conversation: str, event: LinkEvent) -> None: ...
+
+
 class Wanting(Part):
-    """The objects that others have looked for. Node clock."""
+    """The objects that others have looked for. Node clock.
+
+    Attributes:
+        recoveries: None: this platform has no vehicle with a camera.
+    """
 
     offers = (Offer(SPECIFICATION, (WANT,)),)
 
@@ -65,10 +86,13 @@ class Wanting(Part):
         agreements: LabelAgreements,
         tasks: TaskLife,
         instance: Instance,
+        role_of: Callable[[str], Role],
     ) -> None:
         self._agent, self._directory, self._agreements = agent, directory, agreements
         self._tasks, self._instance = tasks, instance
+        self._role_of = role_of
         self._searches: dict[str, _Search] = {}
+        self.recoveries: AnchorRecoveries | None = None
 
     def on_want(self, act: Act, content: WantObject, now_us: int) -> None:
         """Look for it until the task is cancelled.
@@ -85,17 +109,35 @@ class Wanting(Part):
         stream = self._stream(content.type)
         self._agreements.check_stream(sender, stream)
         want = self._declared(content, stream)
-        forget = self._instance.parts.want(want, partial(self._on_event, conversation))
+        task = Task(
+            conversation, sender, WantObject.head, lambda _at_us: (), state=f"looks for {want.symbol}", since_us=now_us
+        )
+        self._searches[conversation] = _Search(task, want.symbol)
+        try:
+            forget = self._begin(WantedTask(task, content, want, partial(self._on_event, conversation)), now_us)
+        except Refused:
+            del self._searches[conversation]
+            raise
 
-        def take_down(_at_us: int) -> tuple[str, ...]:
+        def take_down(at_us: int) -> tuple[str, ...]:
             self._searches.pop(conversation, None)
-            forget()
+            forget(at_us)
             return ()
 
-        task = Task(conversation, sender, WantObject.head, take_down, state=f"looks for {want.symbol}", since_us=now_us)
-        self._searches[conversation] = _Search(task, want.symbol)
+        task.take_down = take_down
         self._tasks.add(task)
         self._agent.answer(act, Performative.AGREE, None, now_us)
+
+    def _begin(self, wanted: WantedTask, now_us: int) -> Callable[[int], None]:
+        """Look for it; what ends that. Raises Refused."""
+        if wanted.content.recover == "no":
+            undo = self._instance.parts.want(wanted.want, wanted.on_event)
+            return lambda _at_us: undo()
+        if self.recoveries is None:
+            raise Refused("this platform has no vehicle with a camera, to look again with", "no-vehicle")
+        if self._role_of(wanted.task.initiator) is not Role.COMMAND_CENTRE:
+            raise Refused("recover flies the vehicle, which only a command centre may ask for", "role")
+        return self.recoveries.begin(wanted, now_us)
 
     def _stream(self, type_: str) -> Label:
         """The stream of objects of a type: its label, or the sort of its objects where that is of one stream."""
@@ -124,6 +166,8 @@ class Wanting(Part):
 
     def _on_event(self, conversation: str, event: LinkEvent) -> None:
         search = self._searches[conversation]
+        if self.recoveries is not None:
+            self.recoveries.on_event(conversation, event)
         search.task.state = f"{search.symbol} is {STATES[event.kind]}"
         shown = f" by {event.source}" if event.source else ""
         search.text = f"{search.symbol} is {STATES[event.kind]}{shown}: {in_one_line(because(event.reason))}"

@@ -5,10 +5,10 @@ vehicle takes part if the problem has it; other platforms are requested to, with
 searched for in a process of its own. Progress, questions and the end are reported to the delegator, and listed on request.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import count
-from typing import Final
+from typing import Any, Final, Protocol
 
 from agents.actions import COORDINATION, QUERIED, Action, Offer, Role
 from agents.effects import Effect, EndSearch, RunSearch, SearchNews, SearchOver, Tell
@@ -34,6 +34,7 @@ from federation.messages.contents import (
     ControlMission,
     Done,
     FlyMission,
+    MissionEntry,
     MissionList,
     MissionQuery,
     Progress,
@@ -53,12 +54,22 @@ LONGEST_SEARCH_US: Final = 120_000_000
 OnOver = Callable[[SearchOver, int], None]
 
 
+class ListedRecovery(Protocol):
+    """What else is listed as a mission is, and asks."""
+
+    def entry(self) -> MissionEntry: ...
+    def answer(self, number: int, answer: str, by: str, now_us: int, /) -> None: ...
+
+
 class MissionLeading(Part):
     """See the module.
 
     Args:
         performing: lends the platform's own vehicle; None: it has none.
         emit: takes searches, and output for followers of this process.
+
+    Attributes:
+        listed: recoveries of anchors, by name.
     """
 
     offers = (
@@ -94,6 +105,7 @@ class MissionLeading(Part):
         self._gateway, self._local, self._keeper, self._performing = gateway, local, keeper, performing
         self._tasks, self._origin, self._emit, self._note_of = tasks, origin, emit, note
         self._led: dict[str, LedMission] = {}
+        self.listed: dict[str, ListedRecovery] = {}
         self._over: dict[str, LedMission] = {}
         self._numbers = count(1)
         self._searches: dict[int, tuple[object, OnOver]] = {}
@@ -204,7 +216,8 @@ class MissionLeading(Part):
 
     def on_answer(self, act: Act, content: AnswerQuestion, now_us: int) -> None:
         """`(answer-question ...)`; raises Refused: the question is not open, or that is no answer."""
-        self._find(content.mission).answer(content.number, content.answer, act.sender.unit, now_us)
+        asking = self.listed.get(content.mission) or self._find(content.mission)
+        asking.answer(content.number, content.answer, act.sender.unit, now_us)
         self._agent.done(act, now_us)
 
     def _find(self, name: str) -> LedMission:
@@ -217,7 +230,7 @@ class MissionLeading(Part):
 
     def on_missions(self, act: Act, _content: MissionQuery, now_us: int) -> None:
         """`(missions)`: those that run, and the last ones that are over."""
-        entries = [led.entry() for led in (*self._led.values(), *reversed(self._over.values()))]
+        entries = [led.entry() for led in (*self._led.values(), *self.listed.values(), *reversed(self._over.values()))]
         self._agent.answer(act, P.INFORM, MissionList(missions=tuple(entries[:16])), now_us)
 
     # -- time --------------------------------------------------------------------------------------------------
@@ -259,7 +272,13 @@ class MissionLeading(Part):
         self._searches[number] = owner, on_over
         self._emit(RunSearch(number, *texts, units, limit_us))
 
-    def end_search(self, led: LedMission) -> None:
+    def run_looking(self, owner: object, problem: Mapping[str, Any], limit_us: int, on_over: OnOver) -> None:
+        """Plan in a worker how to look again."""
+        number = next(self._numbers)
+        self._searches[number] = owner, on_over
+        self._emit(RunSearch(number, "", "", None, limit_us, problem))
+
+    def end_search(self, led: object) -> None:
         """Its searches are wanted no more."""
         for number in [number for number, (owner, _) in self._searches.items() if owner is led]:
             del self._searches[number]

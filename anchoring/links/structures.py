@@ -352,10 +352,15 @@ class ObjectLinkage:
     # Top-down identification
 
     def want(
-        self, symbol: str, type_: str, description: Formula | Mapping[str, Value], place: ObjectState | None = None
+        self,
+        symbol: str,
+        type_: str,
+        description: Formula | Mapping[str, Value],
+        place: ObjectState | None = None,
+        only: str | None = None,
     ) -> None:
         """Look for an object that is described; see `TopDown.want`."""
-        self._top_down.want(symbol, type_, description, place)
+        self._top_down.want(symbol, type_, description, place, only)
 
     def unwant(self, symbol: str) -> None:
         """Look for it no more; see `TopDown.unwant`."""

@@ -40,6 +40,7 @@ class _Want(NamedTuple):
     type: str
     description: Formula
     place: ObjectState | None
+    only: str | None
 
 
 @dataclass(slots=True)
@@ -85,7 +86,12 @@ class TopDown:
         return tuple(symbol for symbol in self._wants if symbol not in self._found)
 
     def want(
-        self, symbol: str, type_: str, description: Formula | Mapping[str, Value], place: ObjectState | None = None
+        self,
+        symbol: str,
+        type_: str,
+        description: Formula | Mapping[str, Value],
+        place: ObjectState | None = None,
+        only: str | None = None,
     ) -> None:
         """Look for an object that is described: the first one below for which the description holds is given the symbol.
 
@@ -97,6 +103,7 @@ class TopDown:
             description: a formula over the symbol or `from`, and over `to` if a place is given, which may become true at
                 any time; or values of attributes.
             place: where it is thought to be.
+            only: the symbol of the one object that it is, whatever it is like; empty: none yet; None: the first as described.
 
         Raises:
             ValueError: there is no link into the type, or the symbol is taken.
@@ -107,7 +114,7 @@ class TopDown:
         if symbol in self._wants or (self._among.find(symbol) is not None and symbol not in self._released):
             raise ValueError(f"the symbol {symbol!r} is taken; give the wanted object another")
         formula = described(description) if isinstance(description, Mapping) else description
-        self._wants[symbol] = _Want(type_, Eventually(formula), place)
+        self._wants[symbol] = _Want(type_, Eventually(formula), place, only)
         self._seek(symbol)
 
     def unwant(self, symbol: str) -> None:
@@ -148,6 +155,10 @@ class TopDown:
         """Find wanted objects among those in view that are not linked to what excludes their type, or was wanted itself."""
         may_be: list[tuple[LinkObject, ObjectState]] | None = None
         for wanted in tuple(self._sought.get(process.name, ())):
+            only = self._wants[wanted.symbol].only
+            if only is not None:
+                self._take(valid_us, process, wanted.symbol, only, sources)
+                continue
             if may_be is None:
                 free = (one for one in sources if one.prediction is None and process.may_rename(one, self._found))
                 may_be = [(one, process.estimate(one)) for one in free]
@@ -159,6 +170,8 @@ class TopDown:
     def seek_composites(self, valid_us: int, composites: CompositeObjects, objects: Iterable[LinkObject]) -> None:
         """Find wanted objects among composites, whose own states are described."""
         for wanted in tuple(self._sought.get(composites.name, ())):
+            if self._wants[wanted.symbol].only is not None:
+                continue
             may_be = (one for one in objects if one.prediction is None and one.symbol not in self._found)
             sighting = wanted.step(valid_us, ((one, one.state) for one in may_be))
             if sighting is not None:
@@ -167,6 +180,14 @@ class TopDown:
                 self._rename(valid_us, one, wanted.symbol, reason)
                 self._found[wanted.symbol] = _FoundObject(one, valid_us)
                 self._tell(valid_us, "find", one, reason)
+
+    def _take(self, valid_us: int, process: LinkProcess, symbol: str, only: str, sources: Sequence[LinkObject]) -> None:
+        """It is decided elsewhere which object is the wanted one."""
+        for one in sources:
+            link = one.outgoing.get(process.name)
+            if one.prediction is None and link is not None and link.target.symbol == only and only not in self._found:
+                self._on_found(valid_us, process, symbol, one, LinkReason("wanted"))
+                return
 
     def _on_found(
         self, valid_us: int, process: LinkProcess, symbol: str, source: LinkObject, reason: LinkReason

@@ -23,6 +23,8 @@ def because(reason: "LinkReason") -> str:
         return f"in view for {reason.for_us / US_PER_S:g} s"
     if reason.cause == "released":
         return "it is wanted no more"
+    if reason.cause == "wanted" and reason.formula is None:
+        return "it was decided that it is this one"
     if reason.cause == "weighed":
         return "of the known objects that it may be, another has become the likelier one"
     if reason.cause == "forgotten" or reason.formula is None:

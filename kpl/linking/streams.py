@@ -85,7 +85,7 @@ class SharedLinkage:
                     self._linkage.unwant(each.symbol)
             for each in self._wanted:
                 if each not in before and each.type in self._types:
-                    self._linkage.want(each.symbol, each.type, each.description)
+                    self._linkage.want(each.symbol, each.type, each.description, only=each.only)
         return self._linkage
 
     def begin(self, stream: "LinkStream") -> None:

@@ -35,6 +35,7 @@ class Wanted(NamedTuple):
         description: over the symbol, in streams only.
         on_event: called when it is found, tracked, lost or found again.
         since_us: when it became wanted.
+        only: which object it is, where that is decided elsewhere; empty: that is not decided yet.
     """
 
     symbol: str
@@ -42,6 +43,7 @@ class Wanted(NamedTuple):
     description: Formula
     on_event: Callable[[LinkEvent], None] = lambda _event: None
     since_us: int = 0
+    only: str | None = None
 
 
 class Wants:

@@ -110,8 +110,10 @@ class Parts:
         """What is looked for."""
         return self._compiler.wants.all
 
-    def want(self, want: spec.WantDeclaration, on_event: Callable[[LinkEvent], None]) -> Undo:
+    def want(self, want: spec.WantDeclaration, on_event: Callable[[LinkEvent], None], only: str | None = None) -> Undo:
         """Look for an object of a stream of linked objects, which is made for that.
+
+        `only`: which object it is, where that is decided elsewhere; empty: that is not decided yet.
 
         Raises:
             Refused: nothing links objects of that stream, the symbol is that of an object, or too many are looked for.
@@ -123,7 +125,7 @@ class Parts:
         if process.running and process.linkage.find(symbol) is not None:
             raise Refused(f"{symbol} is the symbol of an object: give what is wanted another", "taken")
         description = Definitions(self._compiler.symbols).resolved(want.description, self._compiler.unit)
-        forget = self._compiler.wants.add(Wanted(symbol, str(label), description, on_event, self._network.now_us))
+        forget = self._compiler.wants.add(Wanted(symbol, str(label), description, on_event, self._network.now_us, only))
         proxy = self._network.connect(label, Policy(), lambda _sample: None)
 
         def undo() -> None:

@@ -10,16 +10,17 @@ A look in a search is a Find: what it sees may be ambiguous again, which is a re
 `RecoveryLimits.levels`. What does not come in time is not waited for: a plan is made without it, of the hypotheses that remain.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
 from anchoring.matching.candidates import PerceptProperties
-from anchoring.matching.descriptions import ObjectDescription
+from anchoring.matching.descriptions import AllowedValues, ObjectDescription
 from anchoring.matching.situations import AnchoringSituation, MatchingOptions, classify
 from dyknow import US_PER_S
-from planning.ambiguity.hypotheses import LookingKnowledge, identification_problem, search_problem
+from planning.ambiguity.hypotheses import LookingKnowledge, identification_problem, search_problem, shown_by_look
 from planning.ambiguity.recovery_messages import (
+    DelegatorAnswered,
     DelegatorAsked,
     FeatureObserved,
     FindRequested,
@@ -28,6 +29,8 @@ from planning.ambiguity.recovery_messages import (
     RecoveryEvent,
     RecoveryFailed,
     RecoveryPlanMade,
+    RecoveryPlanned,
+    RecoveryPlanWanted,
     SensingActionEnded,
     SensingActionStarted,
     SymbolAnchored,
@@ -37,6 +40,7 @@ from planning.ambiguity.recovery_messages import (
 from planning.ambiguity.remaining import RemainingProblem
 from planning.contingent.conditional_plans import NONE, ConditionalPlan, SensingAction
 from planning.contingent.recovery_planning import NoRecoveryPlan, plan_recovery
+from planning.contingent.sensing_problems import MOST_HYPOTHESES
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,18 +50,25 @@ class RecoveryLimits:
     Attributes:
         levels: recoveries within recoveries, the first included.
         replans: plans made again in one recovery.
+        at_once: plans over more hypotheses are made elsewhere.
+        answer_us: how long an answer of the delegator is waited for; 0: it is asked, and the recovery fails.
     """
 
     levels: int = 2
     replans: int = 3
     move_us: int = 60 * US_PER_S
     look_us: int = 10 * US_PER_S
+    plan_us: int = 30 * US_PER_S
+    at_once: int = MOST_HYPOTHESES
+    answer_us: int = 0
 
 
 class RecoveryPhase(Enum):
     """What a recovery waits for; the value is how messages name it."""
 
     FINDING = "percepts"
+    PLANNING = "a plan"
+    ASKING = "an answer"
     MOVING = "a move"
     LOOKING = "a look"
     ENDED = "nothing"
@@ -87,6 +98,8 @@ class AnchoringRecovery:
         self.level = 0
         self._is_halted = False
         self._number = self._replans = 0
+        self._percepts: Mapping[str, PerceptProperties] = {}
+        self._case = self._left_out = 0
         self._steps: list[SensingAction] = []
         self._rest: ConditionalPlan | None = None
         self._remaining: RemainingProblem | None = None
@@ -101,6 +114,12 @@ class AnchoringRecovery:
                 return self._found_in_search(percepts, now_us)
             case FeatureObserved(number, value) if number == self._number and self.phase is RecoveryPhase.LOOKING:
                 return [] if self._is_search else self._observed(value, now_us)
+            case RecoveryPlanned(number, plan, reason) if (
+                number == self._number and self.phase is RecoveryPhase.PLANNING
+            ):
+                return self._with_plan(plan, reason, now_us)
+            case DelegatorAnswered(answer) if self.phase is RecoveryPhase.ASKING:
+                return self._answered(answer)
             case SensingActionEnded(number, succeeded, reason) if number == self._number:
                 if self.phase is RecoveryPhase.MOVING:
                     return self._moved(now_us, "" if succeeded else reason or "the move failed")
@@ -115,7 +134,27 @@ class AnchoringRecovery:
         if self.phase is RecoveryPhase.LOOKING and self._remaining is not None:
             self._remaining.drop_look(self._steps[0].arguments[0], self.knowledge.start)
             return self._replanned("nothing was observed in time", now_us)
+        if self.phase is RecoveryPhase.PLANNING:
+            return self._failed("no plan was made in time")
+        if self.phase is RecoveryPhase.ASKING:
+            return self._failed("the description is insufficient, and no answer came")
         return []
+
+    def add_viewpoints(self, places: Sequence[str], names: Iterable[str]) -> None:
+        """Places from which these properties may be visible, found on the way; each can be reached from every other place."""
+        every = (*self.knowledge.ways, *places)
+        ways = {each: tuple(to for to in every if to != each and (each in places or to in places)) for each in every}
+        ways = {each: (*self.knowledge.ways.get(each, ()), *others) for each, others in ways.items()}
+        viewpoints = {**self.knowledge.viewpoints, **dict.fromkeys(names, tuple(places))}
+        self.knowledge = replace(self.knowledge, ways=ways, viewpoints=viewpoints)
+        if self._remaining is not None:
+            self._remaining.add_ways(ways)
+
+    def shown(self, target: str, properties: PerceptProperties) -> str:
+        """What a look at a candidate shows that has these properties, as the branches of plans name it."""
+        matches = () if self.situation is None else self.situation.matches
+        names = next((each.unobserved for each in matches if each.percept == target), ())
+        return shown_by_look(self.description, names, properties, self.options.gates, self.knowledge)
 
     @property
     def _is_search(self) -> bool:
@@ -124,6 +163,7 @@ class AnchoringRecovery:
     def _found(self, percepts: Mapping[str, PerceptProperties], now_us: int) -> list[RecoveryEffect]:
         """Steps 1 and 2: a Find or Reacquire has these percepts."""
         self.level += 1
+        self._percepts = percepts
         situation = self.situation = classify(self.description, percepts, self.options)
         if situation.recovery is None:
             return self._anchored(situation.anchors[0].percept)
@@ -133,7 +173,10 @@ class AnchoringRecovery:
             effects.append(TopPlanHalted(f"case {situation.case}: {situation.reasons()[0]}"))
         if situation.recovery == "description_insufficient" and situation.ask is not None:
             effects.append(DelegatorAsked(self.symbol, situation.ask.sentence(), situation.ask))
-            return [*effects, *self._failed("the description is insufficient")]
+            if not (self.limits.answer_us and situation.ask.name):
+                return [*effects, *self._failed("the description is insufficient")]
+            self.phase, self.deadline_us = RecoveryPhase.ASKING, now_us + self.limits.answer_us
+            return effects
         if self.level > self.limits.levels:
             return [*effects, *self._failed(f"recovery within recovery is limited to {self.limits.levels}")]
         self._replans = 0
@@ -143,20 +186,51 @@ class AnchoringRecovery:
             self.knowledge = replace(self.knowledge, searched=self.knowledge.searched | {here})
             built = search_problem(self.symbol, self.knowledge)
         else:
-            built = identification_problem(self.symbol, self.description, situation, self.knowledge)
+            built = identification_problem(
+                self.symbol, self.description, situation, self.knowledge, is_cautious=self.options.is_cautious
+            )
         self._remaining = RemainingProblem(built.problem)
         return [*effects, *self._planned(situation.case, built.left_out, now_us)]
+
+    def _answered(self, answer: str) -> list[RecoveryEffect]:
+        """The description has one more property."""
+        ask = None if self.situation is None else self.situation.ask
+        if ask is None or answer not in ask.values:
+            return []
+        seen = self._percepts[ask.values[answer][0]][ask.name]
+        if seen is None:
+            return []
+        properties = {**self.description.properties, ask.name: AllowedValues(((seen.value, 1.0),))}
+        self.description = replace(self.description, properties=properties)
+        self.level -= 1
+        self.phase, self.deadline_us = RecoveryPhase.FINDING, None
+        return [FindRequested(self.symbol)]
 
     def _planned(self, case: int, left_out: int, now_us: int) -> list[RecoveryEffect]:
         """Step 3."""
         if self._remaining is None:
             return []
+        self._case, self._left_out = case, left_out
         problem = self._remaining.problem_from(self.knowledge.start)
+        if len(problem.hypotheses) > self.limits.at_once:
+            self._number += 1
+            self.phase, self.deadline_us = RecoveryPhase.PLANNING, now_us + self.limits.plan_us
+            return [RecoveryPlanWanted(self._number, problem)]
         found = plan_recovery(problem)
         if isinstance(found, NoRecoveryPlan):
-            return self._failed(f"no plan: {found.reason}")
-        made = RecoveryPlanMade(self.level, case, len(problem.hypotheses), left_out, found.plan)
-        return [made, *self._continued(found.plan, now_us)]
+            return self._with_plan(None, found.reason, now_us)
+        return self._with_plan(found.plan, "", now_us)
+
+    def _with_plan(self, plan: ConditionalPlan | None, reason: str, now_us: int) -> list[RecoveryEffect]:
+        remaining = self._remaining
+        if remaining is None:
+            return []
+        if plan is None and remaining.take_back():
+            return self._planned(self._case, self._left_out, now_us)
+        if plan is None:
+            return self._failed(f"no plan: {reason}")
+        made = RecoveryPlanMade(self.level, self._case, len(remaining.problem.hypotheses), self._left_out, plan)
+        return [made, *self._continued(plan, now_us)]
 
     def _continued(self, plan: ConditionalPlan, now_us: int) -> list[RecoveryEffect]:
         """Step 4: the actions of a plan's part, one by one."""

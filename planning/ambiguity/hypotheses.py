@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from itertools import islice, product
 from typing import Final, NamedTuple, TypeAlias
 
-from anchoring.matching.candidates import CandidateMatch
+from anchoring.matching.candidates import CandidateMatch, ObservationGates, PerceptProperties
 from anchoring.matching.descriptions import AllowedValues, ObjectDescription, PropertyValue, same_value, shown_value
 from anchoring.matching.situations import AnchoringSituation
 from planning.contingent.conditional_plans import NONE
@@ -125,6 +125,28 @@ def identification_problem(
     whole = sensing_problem("identify", knowledge.ways, knowledge.start, (), symbol)
     problem = SensingProblem("identify", whole.ways, knowledge.start, tuple(hypotheses), looks, symbol)
     return BuiltProblem(problem, left_out)
+
+
+def shown_by_look(
+    description: ObjectDescription,
+    names: Sequence[str],
+    seen: PerceptProperties,
+    gates: ObservationGates,
+    knowledge: LookingKnowledge,
+) -> str:
+    """What a look shows that observes these properties of a percept, as plans name it; `names`: those it is to be looked at for."""
+    shown = []
+    for name in names:
+        found = seen.get(name)
+        if found is None or found.confidence < gates.confidence:
+            continue
+        described, others = _values(description, name, knowledge)
+        is_described = description.properties[name].degree(found.value) > 0.0
+        general = MATCHING if is_described else OTHER
+        value = general if general in (described if is_described else others) else _shown(found.value)
+        if value != ABSENT:
+            shown.append(value if len(names) == 1 else f"{name}:{value}")
+    return ",".join(shown) or ABSENT
 
 
 class _Worlds:

@@ -6,6 +6,7 @@ from typing import NamedTuple, TypeAlias
 from anchoring.matching.candidates import PerceptProperties
 from anchoring.matching.discrimination import Discriminating
 from planning.contingent.conditional_plans import ConditionalPlan, SensingAction
+from planning.contingent.sensing_problems import SensingProblem
 
 
 class PerceptsSeen(NamedTuple):
@@ -29,13 +30,34 @@ class SensingActionEnded(NamedTuple):
     reason: str = ""
 
 
-RecoveryEvent: TypeAlias = PerceptsSeen | FeatureObserved | SensingActionEnded
+class RecoveryPlanned(NamedTuple):
+    """Event: the answer to `RecoveryPlanWanted` of that number; without a plan `reason` says why there is none."""
+
+    number: int
+    plan: ConditionalPlan | None
+    reason: str = ""
+
+
+class DelegatorAnswered(NamedTuple):
+    """Event: the answer to `DelegatorAsked`, one of the values that it names."""
+
+    value: str
+
+
+RecoveryEvent: TypeAlias = PerceptsSeen | FeatureObserved | SensingActionEnded | RecoveryPlanned | DelegatorAnswered
 
 
 class TopPlanHalted(NamedTuple):
     """Effect: the plan that needs the symbol waits, at the action that does."""
 
     reason: str
+
+
+class RecoveryPlanWanted(NamedTuple):
+    """Effect: make a plan elsewhere, which may take long; answer with `RecoveryPlanned`."""
+
+    number: int
+    problem: SensingProblem
 
 
 class RecoveryPlanMade(NamedTuple):
@@ -105,6 +127,7 @@ class DelegatorAsked(NamedTuple):
 
 RecoveryEffect: TypeAlias = (
     TopPlanHalted
+    | RecoveryPlanWanted
     | RecoveryPlanMade
     | SensingActionStarted
     | FindRequested

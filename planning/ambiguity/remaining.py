@@ -1,9 +1,8 @@
 """What remains of a problem while its plan is executed: hypotheses, looks and ways."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
-from planning.contingent.recovery_planning import NoRecoveryPlan, plan_recovery
 from planning.contingent.sensing_problems import PossibleLook, SensingProblem, bits_of
 
 
@@ -12,6 +11,7 @@ class RemainingProblem:
 
     def __init__(self, problem: SensingProblem) -> None:
         self.problem = problem
+        self._with_look: SensingProblem | None = None
 
     def problem_from(self, place: str) -> SensingProblem:
         """The problem for an observer at a place."""
@@ -30,11 +30,16 @@ class RemainingProblem:
         self._keep(sum(1 << n for n, each in enumerate(self.problem.hypotheses) if each.answer not in answers))
 
     def drop_look(self, target: str, place: str) -> None:
-        """Plan without a look, unless the answer cannot be found without it."""
+        """Plan without a look; `take_back` has it again, if there is no plan without it."""
+        self._with_look = self.problem
         kept = tuple(look for look in self.problem.looks if (look.target, look.place) != (target, place))
-        without = replace(self.problem, looks=kept)
-        if not isinstance(plan_recovery(replace(without, start=place)), NoRecoveryPlan):
-            self.problem = without
+        self.problem = replace(self.problem, looks=kept)
+
+    def take_back(self) -> bool:
+        """Have the look again that was dropped last; whether there is one."""
+        before, self._with_look = self._with_look, None
+        self.problem = before or self.problem
+        return before is not None
 
     def drop_way(self, place: str, to: str) -> None:
         """Plan without a way."""
@@ -42,7 +47,15 @@ class RemainingProblem:
         ways.get(place, {}).pop(to, None)
         self.problem = replace(self.problem, ways=ways)
 
+    def add_ways(self, ways: Mapping[str, Iterable[str]]) -> None:
+        """Plan with these ways as well, each as long as one move."""
+        added = {
+            place: dict.fromkeys(others, 1) | dict(self.problem.ways.get(place, {})) for place, others in ways.items()
+        }
+        self.problem = replace(self.problem, ways={**self.problem.ways, **added})
+
     def _keep(self, mask: int) -> None:
+        self._with_look = None
         numbers = bits_of(mask & ((1 << len(self.problem.hypotheses)) - 1))
         hypotheses = tuple(self.problem.hypotheses[number] for number in numbers)
         self.problem = replace(

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from dyknow.model.errors import DyknowError
 from dyknow.model.instants import print_span
+from planning.contingent.sent_problems import planned_record
 from planning.domains.texts import parse_domain, parse_problem
 from planning.search.planner import PlanFound, find_plan
 
@@ -26,6 +27,8 @@ def found_record(
 ) -> dict[str, Any]:
     """Search: what the last line has; `stop` gives a reason to end, or nothing."""
     try:
+        if request.get("looking") is not None:
+            return planned_record(request["looking"], stop)
         domain = parse_domain(request["domain"])
         problem = parse_problem(request["problem"], domain)
         found = find_plan(domain, problem, stop=stop, progress=progress, units=request["units"])

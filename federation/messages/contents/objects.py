@@ -90,7 +90,12 @@ class ObjectEvents(parts.Content):
 
 
 class WantObject(parts.Content):
-    """Look for an object: of a stream of linked objects the first for which the formula over `symbol` holds is given it."""
+    """Look for an object: of a stream of linked objects the first for which the formula over `symbol` holds is given it.
+
+    Attributes:
+        recover: while it is open which object it is, the vehicle looks again from elsewhere, `standoff_m` from those that it may
+            be, or searches for it `within_m` around; `cautious`: also where one is as described, and others may be.
+    """
 
     head: ClassVar[str] = "want"
     symbol: parts.Word
@@ -98,3 +103,6 @@ class WantObject(parts.Content):
     description: Annotated[
         str, Field(min_length=1, max_length=1000), AfterValidator(parts.no_control), AfterValidator(QuotedText)
     ]
+    recover: Literal["no", "yes", "cautious"] = "no"
+    within_m: Annotated[float, Field(gt=0, le=500)] = Field(default=60.0, alias="within_m")
+    standoff_m: Annotated[float, Field(ge=1, le=200)] = Field(default=25.0, alias="standoff_m")

@@ -1,0 +1,178 @@
+"""A wanted object that may be one of several: the vehicle looks again from elsewhere until it is decided, and says what it does."""
+
+import pytest
+
+from agents.anchors.looking_again import MOST_RECOVERIES
+from agents.anchors.recovering import RecoveringAnchors
+from federation.messages.contents import AnswerQuestion
+from navigation.vehicle import HoldOrder
+from sim_uavs.dynamics.faults import parse_fault
+from tests.agents.anchors.field import Field, Standing
+from tests.agents.attention.chase import said
+
+TWO = {"a": Standing(20.0, 10.0), "b": Standing(-15.0, 12.0, mark_deg=270.0)}
+"""Two red cars; the mark of the western one is seen from its west."""
+
+
+def started(things: dict[str, Standing], seen_m: float = 70.0, **config: object) -> Field:
+    field = Field(things, seen_m, **config)
+    field.pass_time(3.0)
+    return field
+
+
+def kinds(told: list[str]) -> list[str]:
+    return [each.partition(":")[0] for each in told]
+
+
+def test_two_red_cars_are_looked_at_from_elsewhere_until_the_mark_of_one_is_seen() -> None:
+    field = started(TWO)
+    asked = field.want()
+    told = field.until(asked, "suspect is found")
+    assert kinds(told)[:4] == ["", "halted", "plan", "flies"]
+    assert told[1] == "halted: case 2: co1: colour red is as described"
+    assert told[2].startswith(
+        "plan: case 2, 9 hypotheses: ((move v1) (look-at co1) (cond ((mark! co1 = f) (look-at co2) "
+    )
+    assert "observed: look-at co1 from v1 shows f" in told
+    assert told[-4:-1] == [
+        "observed: look-at co2 from v2 shows t",
+        "anchored: suspect is co2: it was looked at again",
+        "resumed: the plan that needed it continues",
+    ]
+    east_m, _ = field.at_m
+    assert east_m < -15.0 - 20.0, "the vehicle is west of the car whose mark is seen from there"
+    assert len(field.looks) > 4
+    assert field.tasks() == ["resumed: the plan that needed it continues"]
+    entry = field.entry()
+    assert (entry.mission, entry.phase) == ("anchor-suspect", "anchored")
+    assert "flies: (move v2)" in entry.actions
+    assert field.platform.part(RecoveringAnchors).performing.deadline_us is None, "the vehicle is free again"
+
+
+def test_one_that_is_as_described_is_anchored_at_once_unless_it_is_cautious() -> None:
+    field = started({**TWO, "b": TWO["b"]._replace(mark_deg=90.0)})
+    assert "anchored: suspect is co2: case 4" in field.until(field.want(), "anchored")
+    assert field.orders == []
+
+
+def test_in_case_5_the_requester_is_asked_for_what_discriminates_and_the_answer_decides() -> None:
+    field = started({"a": Standing(5.0, 5.0, mark_deg=225.0), "b": Standing(25.0, 28.0)})
+    asked = field.want('colour[suspect] = "red"')
+    assert "asks: which x_m does it have: 25 (co2), 5 (co1)?" in field.until(asked, "asks")
+    question = field.entry().question
+    assert question is not None
+    wrong = AnswerQuestion(mission="anchor-suspect", number=question.number, answer="26")
+    assert said(field.ask(wrong))[-1] == ("refuse", "'26' is no answer; answers are 25, 5")
+    late = wrong.model_copy(update={"number": question.number + 1, "answer": "25"})
+    assert said(field.ask(late))[-1][0] == "refuse"
+    field.ask(wrong.model_copy(update={"answer": "25"}))
+    assert "anchored: suspect is co2: it was looked at again" in field.until(asked, "anchored")
+    assert field.orders == []
+
+
+@pytest.mark.parametrize(
+    ("description", "reason"),
+    [
+        ('eventually[0, 5s] colour[suspect] = "red"', "looking again is for properties compared with values"),
+        ("speed[suspect] > 5 and speed[suspect] < 2", "nothing could match"),
+        ('colour[suspect] < "red"', "only numbers are greater or less"),
+    ],
+)
+def test_a_description_that_is_none_of_properties_is_refused(description: str, reason: str) -> None:
+    ((performative, text),) = said(started({}).want(description))
+    assert performative == "refuse"
+    assert reason in text
+
+
+def test_without_control_it_is_refused() -> None:
+    ((performative, text),) = said(started({}, control=False).want())
+    assert (performative, "not given control" in text) == ("refuse", True)
+
+
+@pytest.mark.full
+def test_what_no_camera_sees_is_searched_for_over_the_area_and_is_not_present() -> None:
+    field = started({"a": Standing(5.0, 5.0, "blue")}, seen_m=25.0)
+    told = field.until(field.want(within_m=40.0), "not present", 300)
+    assert told[1] == "halted: case 1: no percept matches: the object may be elsewhere"
+    assert sum(each.startswith("observed: from p") for each in told) == 9
+    assert told[-1] == "not present: suspect is not present: 10 places were looked at"
+    sent = len(field.orders)
+    field.pass_time(20.0)
+    assert len(field.orders) == sent, "what was concluded is not searched for again"
+    field.things["c"] = Standing(*(each - 8.0 for each in field.at_m), mark_deg=45.0)
+    field.pass_time(8.0)
+    assert any("anchored" in each for each in field.tasks()), "it came into view by itself"
+
+
+@pytest.mark.full
+def test_a_candidate_that_a_search_sees_is_recovered_from_one_level_deeper() -> None:
+    field = started({"a": Standing(5.0, 5.0, "blue"), "b": Standing(25.0, 28.0, mark_deg=0.0)}, seen_m=25.0)
+    told = field.until(field.want(within_m=40.0), "resumed", 300)
+    assert any("recovery 2 within it" in each for each in told)
+    assert "anchored: suspect is co3: it was looked at again" in told
+
+
+@pytest.mark.full
+def test_one_that_is_seen_again_beside_another_is_looked_at_again() -> None:
+    field = started({"b": Standing(5.0, 28.0, mark_deg=180.0)})
+    asked = field.want()
+    field.until(asked, "anchored")
+    field.pass_time(3.0)
+    field.hidden = {"b", "c"}
+    field.things["c"] = Standing(12.0, 30.0)
+    field.pass_time(3.0)
+    field.things["b"] = Standing(9.0, 33.0, mark_deg=0.0)
+    field.hidden.clear()
+    told = field.until(asked, "resumed")
+    assert "lost: suspect is no longer anchored: case 2, co2: colour red is as described" in told
+    field.pass_time(3.0)
+    ((symbol, _),) = [pair for pair in field.marked() if pair[0] == "suspect"]
+    assert symbol == "suspect"
+
+
+@pytest.mark.full
+def test_in_its_pilots_hands_nothing_is_sent_and_that_is_told_within_two_seconds() -> None:
+    field = started(TWO)
+    asked = field.want()
+    field.until(asked, "flies: (move v1)")
+    field.vehicle.inject(parse_fault("takeover"), field.world.now_us)
+    field.pass_time(2.0)
+    assert any(each.startswith("waits: suspect is not looked at again: ") for _, each in said(asked))
+    sent = len(field.vehicle.commands)
+    field.pass_time(30.0)
+    assert not [each for _, each in field.vehicle.commands[sent:] if not hasattr(each.order, "pan_rad")]
+
+
+@pytest.mark.full
+def test_what_is_hidden_on_purpose_wears_out_no_vehicle() -> None:
+    field = started({"b": Standing(5.0, 28.0, mark_deg=180.0)})
+    asked = field.want()
+    field.until(asked, "anchored")
+    for number in range(MOST_RECOVERIES + 2):
+        field.things[f"c{number}"] = Standing(12.0 + 3.0 * number, 30.0)
+        field.hidden = set(field.things)
+        field.pass_time(6.0)
+        field.hidden = {"b"}
+        field.pass_time(6.0)
+        if any("is enough" in each for _, each in said(asked)):
+            break
+        field.hidden.clear()
+        field.pass_time(12.0)
+    told = [each for _, each in said(asked)]
+    assert sum(each.startswith("halted") for each in told) <= MOST_RECOVERIES
+
+
+@pytest.mark.full
+def test_cancelled_in_flight_the_vehicle_holds_and_is_free() -> None:
+    field = started(TWO)
+    asked = field.want()
+    field.until(asked, "flies: (move v1)")
+    field.world.cancel("cc", "0", asked.conversation)
+    field.pass_time(2.0)
+    assert isinstance(field.vehicle.commands[-1][1].order, HoldOrder) or any(
+        isinstance(each.order, HoldOrder) for _, each in field.vehicle.commands
+    )
+    assert field.tasks() == []
+    sent = len(field.orders)
+    field.pass_time(10.0)
+    assert len(field.orders) == sent
