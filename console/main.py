@@ -10,8 +10,8 @@ import typer
 
 from console.command import USAGE, CommandGroup, CommandTable
 
-_FLEET, _MEMBERS, _MISSIONS, _OBJECTS, _RECORDINGS, _TEXTS = (
-    f"console.commands.{each}" for each in ("fleet", "members", "missions", "objects", "recordings", "texts")
+_FLEET, _MEMBERS, _MISSIONS, _OBJECTS, _OUTWARD, _RECORDINGS, _TEXTS = (
+    f"console.commands.{each}" for each in ("fleet", "members", "missions", "objects", "outward", "recordings", "texts")
 )
 
 COMMANDS: CommandTable = {
@@ -56,6 +56,7 @@ COMMANDS: CommandTable = {
     ),
     "info": (f"{_RECORDINGS}.info:info", "What is in a recording: platforms, streams, gaps, alarms, acts."),
     "plot": (f"{_RECORDINGS}.plot:plot", "Values of streams over time as a picture, from platforms or a recording."),
+    "foxglove": (f"{_OUTWARD}.foxglove:foxglove", "Serve the federation to Foxglove, live, on this machine."),
     "fault": (f"{_MEMBERS}.delegate:fault", "A fault in a simulated UAV."),
     "demo": (f"{_FLEET}.demo:demo", "The main job end to end, in under a minute; exit 0 only if every step happened."),
     "doctor": (f"{_FLEET}.doctor:doctor", "What this machine lacks, and how to get it."),

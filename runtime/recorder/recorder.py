@@ -7,7 +7,7 @@ the rest, again whenever a platform is back. What one platform sends may fill it
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from dyknow.model.errors import TextError
 from dyknow.model.values import NO_VALUE, as_json
@@ -39,7 +39,7 @@ from runtime.library.jobs import SET_UP_S, Subscriptions
 from runtime.library.meanings import meaning_to, record_of
 from runtime.recorder.pictures import Pictures
 from runtime.recordings import foxglove
-from runtime.recordings.recording_file import ACT, ALARM, LOST, MONITOR, PLATFORM, SAMPLE, TASK, RecordingFile
+from runtime.recordings.recording_file import ACT, ALARM, LOST, MONITOR, PLATFORM, SAMPLE, TASK
 
 P = Performative
 PERIOD_US: Final = 100_000
@@ -51,6 +51,19 @@ _AGAIN_US = 5_000_000
 _LIST_US = 10_000_000
 _STEP_S = 0.1
 _TOLD = {P.REQUEST, P.REQUEST_WHEN, P.AGREE, P.REFUSE, P.FAILURE, P.CANCEL}
+
+
+class Sink(Protocol):
+    """Takes what is recorded: a file, or whatever else passes it on.
+
+    `add` takes topic, schema, message, when it came and when it held (federation time), and returns its bytes, 0 if it is
+    not kept; `on_time` is called with every step.
+    """
+
+    def add(
+        self, topic: str, schema: str, message: Mapping[str, Any], at_us: int, valid_us: int | None = None, /
+    ) -> int: ...
+    def on_time(self) -> None: ...
 
 
 @dataclass(slots=True)
@@ -85,7 +98,7 @@ class Recorder:
 
     Args:
         client: a member.
-        file: takes what is recorded.
+        file: takes what is recorded, such as a `RecordingFile`.
         labels: the streams that are wanted; none: all that are offered.
         every_us: their period; None: as they are offered.
         note: takes words for users, such as that a platform refuses a stream.
@@ -97,7 +110,7 @@ class Recorder:
     def __init__(
         self,
         client: Client,
-        file: RecordingFile,
+        file: Sink,
         labels: Iterable[str] = (),
         every_us: int | None = None,
         note: Callable[[str], None] = lambda _text: None,

@@ -1,0 +1,1 @@
+"""Commands that pass what the federation knows to other programs."""

@@ -1,0 +1,1 @@
+"""What recorders pass their messages to."""
