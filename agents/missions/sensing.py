@@ -1,11 +1,11 @@
-"""States of a mission from streams: what domains call `east`, `north`, `height`, `airborne` and `attached`, of each vehicle that
-takes part. What hangs on a line is the object that the vehicle's last action took hold of.
+"""States of a mission from streams: what domains call `east`, `north`, `height`, `airborne`, `load` and `attached`, of each vehicle that
+takes part. What hangs on a line is the object that the vehicle took hold of last.
 
 The streams of other platforms are imported while the mission lasts. Heights are above each vehicle's home; places are
 metres east and north of the mission's origin.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 from agents.exchange.gateway import Gateway
@@ -26,7 +26,14 @@ FLYING_M: Final = 1.0
 """Above its home a vehicle that does not say whether it flies does."""
 HELD_KG: Final = 0.3
 """What hangs on a line weighs so much at least."""
-_LABEL_OF: Final = {"east": POSITION, "north": POSITION, "height": HEIGHT, "airborne": HEIGHT, "attached": LOAD}
+_LABEL_OF: Final = {
+    "east": POSITION,
+    "north": POSITION,
+    "height": HEIGHT,
+    "airborne": HEIGHT,
+    "attached": LOAD,
+    "load": LOAD,
+}
 
 
 class UnitSensors:
@@ -53,7 +60,7 @@ class UnitSensors:
         self._own, self.frame, self._platforms, self._sensors = own, frame, dict(platforms), dict(sensors)
         self._gateway, self._local, self._keeper, self._airborne = gateway, local, keeper, airborne
         labels = {_LABEL_OF[sensor] for sensor in self._sensors.values() if sensor in _LABEL_OF}
-        self._taken: dict[str, str] = {}
+        self._taken: dict[str, dict[str, None]] = {}
         self._needs = tuple(
             (platform, (label, PERIOD_US, MAX_DELAY_US))
             for platform in sorted(set(self._platforms.values()) - {own})
@@ -73,19 +80,29 @@ class UnitSensors:
 
     def sample(self, federation_us: int) -> dict[str, Value]:
         """The value of each sensed feature of each unit, `NO_VALUE` where there is none that is new enough."""
-        return {
-            f"{feature}[{unit}, {self._taken[unit]}]" if sensor == "attached" else f"{feature}[{unit}]": self._value(
-                sensor, platform, federation_us
-            )
-            for feature, sensor in self._sensors.items()
-            if sensor in _LABEL_OF
-            for unit, platform in self._platforms.items()
-            if sensor != "attached" or unit in self._taken
-        }
+        found: dict[str, Value] = {}
+        for feature, sensor in self._sensors.items():
+            for unit, platform in self._platforms.items() if sensor in _LABEL_OF else ():
+                value = self._value(sensor, platform, federation_us)
+                if sensor == "attached":
+                    found |= {f"{feature}[{unit}, {thing}]": each for thing, each in self._held(unit, value)}
+                else:
+                    found[f"{feature}[{unit}]"] = value
+        return found
 
     def take(self, unit: str, thing: str) -> None:
         """An action of the unit takes hold of an object."""
-        self._taken[unit] = thing
+        taken = self._taken.setdefault(unit, {})
+        taken.pop(thing, None)
+        taken[thing] = None
+
+    def _held(self, unit: str, value: Value) -> Iterable[tuple[str, Value]]:
+        """What hangs on the line is what it took hold of last; what it took before does not."""
+        *before, last = self._taken.get(unit) or (None,)
+        if last is not None:
+            yield last, value
+        for thing in before:
+            yield str(thing), value if value is NO_VALUE else False
 
     def _value(self, sensor: str, platform: str, federation_us: int) -> Value:
         if sensor == "airborne" and platform == self._own and (airborne := self._airborne()) is not None:
@@ -98,7 +115,7 @@ class UnitSensors:
             return NO_VALUE
         if sensor == "attached":
             return bool(sample.value[0] >= HELD_KG)
-        if sensor == "height":
+        if sensor in {"height", "load"}:
             return float(sample.value[0])
         if sensor == "airborne":
             return bool(sample.value[0] > FLYING_M)

@@ -30,7 +30,7 @@ COMMANDS: Final = {
     "take-off": 1, "goto": 3, "climb": 1, "land": 0, "return-home": 0, "hold": 0, "wait": 1, "winch": 1, "magnet": 1,
 }  # fmt: skip
 """Commands to a vehicle, and how many numbers they take: metres east, north and above the origin of the mission, or seconds."""
-SENSORS: Final = ("east", "north", "height", "airborne", "attached")
+SENSORS: Final = ("east", "north", "height", "airborne", "attached", "load")
 """What is sensed of an object: metres from the origin of the mission, whether it flies, whether one unit carries another object."""
 
 

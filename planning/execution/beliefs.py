@@ -58,7 +58,7 @@ class Beliefs:
         found = {label: known.value for label, known in self._believed.items()}
         for label, known in self._sensed.items():
             believed = self._believed.get(label)
-            if not is_missing(known.value) and (believed is None or believed.at_us <= known.at_us):
+            if not is_missing(known.value) and (believed is None or believed.at_us < known.at_us):
                 found[label] = known.value
         return {label: value for label, value in found.items() if not is_missing(value)}
 

@@ -54,7 +54,7 @@ class Schemas:
 
     def __init__(self, declared: Declarations) -> None:
         self.task = PlanningTask(declared)
-        self.grounder = Grounder(self.task)
+        self.grounder = Grounder(self.task, remembers=False)
         units = frozenset(declared.units)
         self._of = {one.name: Schema(one, self.grounder, units) for one in declared.operators}
 

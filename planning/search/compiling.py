@@ -44,14 +44,17 @@ def _nodes(one: tree.Formula) -> Iterator[Any]:
 class SharingCompiler(EvaluationCompiler):
     """A compiler that compiles each node once, and counts it wherever it stands: that is what evaluating it may cost.
 
+    Args:
+        remembers: whether truths are kept until a label changes; tests that are given one state after another must not.
+
     Attributes:
         remembered: truths by the labels they depend on; a change of a label's value empties them. They are of
             one state: that which all tests are given.
     """
 
-    def __init__(self, poll: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, poll: Callable[[], None] = lambda: None, *, remembers: bool = True) -> None:
         super().__init__()
-        self._poll = poll
+        self._poll, self._remembers = poll, remembers
         self.remembered: dict[str, list[list[int | None]]] = {}
         self._labels_of: dict[int, tuple[tree.Formula, frozenset[str]]] = {}
         self._tests_of: dict[int, tuple[tree.Formula, Test, int]] = {}
@@ -102,7 +105,7 @@ class SharingCompiler(EvaluationCompiler):
         return known[1]
 
     def _remembering(self, formula: tree.Formula, test: Test, parts: int) -> Test:
-        labels = self._labels(formula) if parts >= REMEMBERED_FROM else _NO_LABELS
+        labels = self._labels(formula) if self._remembers and parts >= REMEMBERED_FROM else _NO_LABELS
         if not labels or any(label.startswith(BEFORE) for label in labels):
             return test
         cell: list[int | None] = [None]

@@ -52,11 +52,11 @@ class Grounder:
         missing: features that were met and have no value initially.
     """
 
-    def __init__(self, task: PlanningTask, poll: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, task: PlanningTask, poll: Callable[[], None] = lambda: None, *, remembers: bool = True) -> None:
         self.task, self.poll = task, poll
         self.goal: frozenset[tree.Formula] = frozenset()
         self.missing: dict[str, None] = {}
-        self.compiler = SharingCompiler(poll)
+        self.compiler = SharingCompiler(poll, remembers=remembers)
         self._known: dict[tuple[Any, ...], tuple[Any, tree.Formula]] = {}
         self._names: dict[int, tuple[Expression, tuple[str, ...]]] = {}
         self._features: dict[tuple[str, ...], tree.Feature] = {}

@@ -16,7 +16,7 @@ class PlanningTask:
 
     Attributes:
         values: of every label that was met, in the state that is looked at; the initial one at first.
-        fluents: features that operators or later observations change; the others are constants.
+        fluents: features that operators or later observations change, or that are sensed; the others are constants.
         events: observations after the initial state: (milliseconds, label, value), in order of time.
     """
 
@@ -29,7 +29,8 @@ class PlanningTask:
         for constant in found.constants:
             self.constants[constant.name] = self.constant(constant.value)
         written = {each.target.name for one in found.operators for each in one.effects}
-        self.fluents = written | {one.target.name for one in found.init if one.at_ms > 0}
+        self._changed = written | {one.target.name for one in found.init if one.at_ms > 0}
+        self.fluents = self._changed | {one.name for one in found.sensed}
         self.values: dict[str, Value] = {}
         events = []
         for one in found.init:
@@ -56,7 +57,7 @@ class PlanningTask:
         """The value of a label without an initial one: its default, false of a boolean that operators change, or no value."""
         name = label.partition("[")[0]
         feature = self.features.get(name)
-        if feature is None or (feature.default is None and name not in self.fluents):
+        if feature is None or (feature.default is None and name not in self._changed):
             return NO_VALUE
         value = self.value_of(feature, label)
         return NO_VALUE if value is None else value

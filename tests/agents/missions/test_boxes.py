@@ -6,11 +6,14 @@ from math import hypot
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from agents.config import PlatformConfig
 from agents.flight.places import FlightLimits
 from federation.messages.contents import AnswerQuestion, FlyMission, Resume
 from federation.messages.dialogue import Dialogue
 from navigation.vehicle import Report
+from planning import parse_domain
 from sim_uavs.boxes.handled import Placed
 from sim_uavs.boxes.shared import BoxesOnGround, HandlingList
 from sim_uavs.cameras.onboard import OnboardCameras
@@ -22,7 +25,7 @@ from tests.agents.missions.flown import Noting, is_over, told
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "logistics"
 DOMAIN = (EXAMPLES / "logistics.dom").read_text("utf-8")
-PROBLEM = (EXAMPLES / "one.prob").read_text("utf-8")
+PROBLEM, CARRIER = ((EXAMPLES / f"{name}.prob").read_text("utf-8") for name in ("one", "carrier"))
 IMAGE_US = 200_000
 
 
@@ -47,11 +50,11 @@ class Seeing(Noting):
 class Depot:
     """Platform 0 of the scenario `logistics`, which is to deliver one box."""
 
-    def __init__(self, seed: int = 2) -> None:
+    def __init__(self, seed: int = 2, problem: str = PROBLEM) -> None:
         situation = scenario("logistics", 1, seed)
         assert situation.depot is not None
         unit = situation.units[0]
-        self.boxes = boxes_of(situation, seed, HandlingList())
+        self.problem, self.boxes = problem, boxes_of(situation, seed, HandlingList())
         self.world = World(1, truth_us=None)
         onboard, rig = watching(situation, unit, seed, BoxesOnGround(self.boxes))
         self.vehicle = Seeing(onboard, loader(unit.vehicle(1), situation.depot), START_US)
@@ -64,10 +67,13 @@ class Depot:
 
     @property
     def box(self) -> Placed:
-        return next(each for each in self.boxes.at(self.world.now_us) if each.thing.name == "b1")
+        return self.thing("b1")
+
+    def thing(self, name: str) -> Placed:
+        return next(each for each in self.boxes.at(self.world.now_us) if each.thing.name == name)
 
     def begin(self) -> Dialogue:
-        return self.world.ask("cc", "0", FlyMission(mission="m1", domain=DOMAIN, problem=PROBLEM))
+        return self.world.ask("cc", "0", FlyMission(mission="m1", domain=DOMAIN, problem=self.problem))
 
     def until(self, dialogue: Dialogue, text: str = "", within_s: int = 300) -> None:
         for _ in range(within_s * 2):
@@ -93,6 +99,42 @@ def test_a_box_is_taken_and_put_down_near_its_goal() -> None:
     depot.until(dialogue)
     assert told(dialogue)[-1].startswith("inform"), told(dialogue)
     assert depot.is_delivered()
+
+
+OPERATORS = {one.name for one in parse_domain(DOMAIN).operators}
+ONE_ON_CARRIER = (
+    CARRIER.replace("b1 .. b2", "b1 .. b1")
+    .replace("#init xpos(b2) := 4.0, ypos(b2) := 0.0, goal-x(b2) := -20.0, goal-y(b2) := 450.0\n", "")
+    .replace(", colour(b2) := blue", "")
+)
+
+
+def flown_on_carrier(problem: str, seed: int) -> tuple[Depot, list[str]]:
+    depot = Depot(seed, problem)
+    dialogue = depot.begin()
+    depot.until(dialogue, within_s=500)
+    lines = told(dialogue)
+    assert lines[-1].startswith("inform"), lines
+    assert {each.split("started: ")[1].partition("(")[0] for each in lines if "started: " in each} == OPERATORS
+    return depot, lines
+
+
+def test_all_thirteen_operators_are_flown_with_a_box_on_a_carrier() -> None:
+    depot, _ = flown_on_carrier(ONE_ON_CARRIER, 1)
+    assert hypot(depot.box.place[0] - 20.0, depot.box.place[1] - 450.0) < 3.0
+    assert (depot.box.on, depot.box.holder) == (None, None)
+    carrier = depot.thing("c1")
+    assert hypot(carrier.place[0], carrier.place[1] - 440.0) < 3.0
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("seed", range(1, 13))
+def test_two_boxes_are_delivered_on_a_carrier_that_the_magnet_may_take_instead_of_them(seed: int) -> None:
+    depot, lines = flown_on_carrier(CARRIER, seed)
+    for name, x_m in (("b1", 20.0), ("b2", -20.0)):
+        box = depot.thing(name)
+        assert hypot(box.place[0] - x_m, box.place[1] - 450.0) < 3.0 and box.on is None, (name, box, lines)
+    assert all("wrong-cargo" in each for each in lines if each.startswith("fault: ")), lines
 
 
 def test_a_box_that_was_dropped_on_its_way_is_found_by_sight_and_delivered() -> None:

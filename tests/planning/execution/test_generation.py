@@ -124,7 +124,7 @@ def test_example_7_6_1_and_7_6_3_and_7_6_4_are_monitors_of_the_logistics_domain(
     asked = problem(boxes=1)
     made = plan_monitors(logistics().joined(asked), found(logistics(), asked).plan)
     texts = [one.text for one in made]
-    lifted = "attached[uav1, b1] and altitude[uav1] >= 7.0 -> attached[uav1, b1] until altitude[uav1] <= 4.0"
+    lifted = "attached[uav1, b1] and altitude[uav1] >= 7.0 -> attached[uav1, b1] until altitude[uav1] <= 5.0"
     assert f"always ({lifted})" in texts
     assert "executing-climb-for-flying-empty[uav1] until altitude[uav1] >= 6.0" in texts
     attach = "executing-attach-box[uav1, b1] until[0, 5s] attached[uav1, b1] until executing-detach-box[uav1, b1]"
