@@ -51,13 +51,14 @@ class LiveServer:
         self._schemas: dict[str, Any] = {}
         self._sdk, self._context = foxglove, foxglove.Context()
         foxglove.set_log_level("ERROR")
+        listener: Any = _Subscribers(self._catch_up)
         try:
             self._server: Any = foxglove.start_server(
                 name=name,
                 host=host,
                 port=port,
                 capabilities=[Capability.Time],
-                server_listener=_Subscribers(self._catch_up),
+                server_listener=listener,
                 context=self._context,
                 message_backlog_size=_BACKLOG,
             )
