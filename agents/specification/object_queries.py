@@ -1,6 +1,5 @@
 """The objects that are there, in the streams of object states of one platform, for other members (thesis 8.5.1)."""
 
-from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -11,7 +10,6 @@ from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.part import Part
 from agents.specification.specification_part import SPECIFICATION
-from anchoring.roads.fluents import ROUTE
 from dyknow import NO_VALUE, Label, Sample
 from dyknow.model.errors import Refused
 from dyknow.model.instants import US_PER_MS, print_span
@@ -23,6 +21,7 @@ from federation.messages.contents import ObjectEntry, ObjectEvent, ObjectEvents,
 from federation.messages.descriptions import in_one_line
 from kpl import Instance
 from kpl.introspection.link_reasons import because
+from kpl.linking.branches import ways
 from kpl.linking.streams import LinkStream
 from kpl.linking.wants import Wanted
 from kpl.syntax.printing import print_formula
@@ -207,13 +206,10 @@ def _named(event: ObjectEvent) -> tuple[str, ...]:
 
 def _branches(one: "LinkObject") -> str:
     """Where an object that is not seen may be: the links of the map with their weights, the most probable first."""
-    weights = defaultdict[str, float](float)
-    for each in one.whereabouts.hypotheses:
-        weights[str(each.state.attributes.get(ROUTE, ""))] += each.weight
-    if len(weights) < 2:
+    found = ways(one.whereabouts)
+    if len(found) < 2:
         return ""
-    heaviest = sorted(weights.items(), key=lambda each: -each[1])
-    return ", ".join(f"{link or 'off the roads'} {weight:.2f}" for link, weight in heaviest)[:LONGEST_TEXT]
+    return ", ".join(f"{way.link} {way.weight:.2f}" for way in found)[:LONGEST_TEXT]
 
 
 def _states(process: Process | None, table: ObjectTable) -> list[tuple[str, Sample]]:

@@ -50,6 +50,7 @@ class StateRecord(NamedTuple):
         linked_to: the objects below it, or percepts, from whose states it comes; empty where it is predicted itself.
         prediction: None where it was observed.
         weight: how probable its links are.
+        observed_us: the valid time of the latest state that was observed, by which it is known.
     """
 
     valid_us: int
@@ -59,6 +60,7 @@ class StateRecord(NamedTuple):
     linked_to: tuple[str, ...]
     prediction: ObjectPrediction | None
     weight: float = 1.0
+    observed_us: int = 0
 
 
 class LinkOutcome(NamedTuple):
@@ -402,4 +404,5 @@ def record_of(one: LinkObject) -> StateRecord:
     links = one.incoming.values()
     linked = tuple(link.source.symbol for link in links if link.source.state.valid_us == one.state.valid_us)
     weight = min((link.weight for link in links), default=1.0)
-    return StateRecord(one.state.valid_us, one.symbol, one.type, one.state, linked, one.prediction, weight)
+    observed_us = one.observed[-1].valid_us if one.observed else one.created_us
+    return StateRecord(one.state.valid_us, one.symbol, one.type, one.state, linked, one.prediction, weight, observed_us)

@@ -1,7 +1,7 @@
 """An overtake that begins in the area of one platform and ends in that of another, at each level of sharing.
 
 Platform 0 sees the beginning, and is to recognise it. `python -m bench.cooperation.handover` counts in how many of 200 seeded runs
-it does, from 0 to 199: exactly that overtake, and at most 5 s after it happened.
+it does, from 0 to 199: exactly that overtake, and at most 5 s after it happened. The figures are kept in bench/results/.
 """
 
 import sys
@@ -22,7 +22,8 @@ from anchoring.cooperation.manoeuvres import (
 from anchoring.cooperation.picture import HOLD_US, GlobalPicture
 from anchoring.cooperation.sharing import LEVELS, SharingLevel
 from bench.cooperation.areas import PERIOD_US, Area, Place, Watcher
-from bench.cooperation.wire import Wire
+from bench.cooperation.results import keep
+from bench.cooperation.wire import PerceptWire, Wire
 from bench.overtakes.drives import LANE_M, Drive, Run
 from bench.overtakes.recognition import chronicles
 
@@ -81,15 +82,20 @@ def outcome(seed: int, level: SharingLevel) -> Outcome:
     run, areas = spanning(rng)
     watching = {unit: Watcher(unit, area, each) for (unit, area), each in zip(areas.items(), rng.spawn(2), strict=True)}
     pictures = {unit: GlobalPicture(unit) for unit in (areas if level != "percepts" else "0")}
+    wire, percepts = Wire(pictures, rng, level), PerceptWire("1", rng)
     if level == "percepts":  # 1 links nothing: 0 links what it detects, and names it
         pictures["0"].name_for("1")
-    wire = Wire(pictures, rng, level)
     relations = {unit: PairRelations() for unit in pictures}
     events, spans = PairEvents(), SpanningManoeuvres(chronicles(), "passes")
     names: dict[str, str | None] = {}
     for now_us in range(START_US, START_US + round(run.last_s * 1e6), PERIOD_US):
         cars = places(run, (now_us - START_US) / 1e6)
-        reports = {unit: each.look(cars, now_us) for unit, each in watching.items()}
+        if level == "percepts":
+            reports = {"0": watching["0"].look(cars, now_us)}
+            for report in percepts.step(watching["1"].percepts(cars, now_us), now_us):
+                pictures["0"].report(report, now_us)
+        else:
+            reports = {unit: each.look(cars, now_us) for unit, each in watching.items()}
         wire.step(reports, now_us)
         if now_us % 200_000 == 0:
             at_us = now_us - HOLD_US
@@ -138,8 +144,14 @@ def counted(level: SharingLevel, runs: int = RUNS) -> int:
     return sum(is_right(seed, level) for seed in range(runs))
 
 
-if __name__ == "__main__":
+def main() -> None:
     number = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
+    figures = {"runs": number}
     for each in LEVELS:
-        sys.stdout.write(f"{each}: {counted(each, number)} of {number}\n")
-        sys.stdout.flush()
+        figures[each] = counted(each, number)
+        print(f"{each}: {figures[each]} of {number}", flush=True)
+    print(keep("cooperation-handover", figures))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,8 +1,10 @@
 """Identities over platforms, as py-motmetrics scores them."""
 
+import sys
 from collections import Counter, defaultdict
 from collections.abc import Mapping
 from math import hypot
+from statistics import fmean
 from typing import Final, NamedTuple
 
 import motmetrics
@@ -10,6 +12,7 @@ import numpy as np
 
 from anchoring.cooperation.picture import GlobalPicture
 from bench.cooperation.areas import PERIOD_US, Area, watchers
+from bench.cooperation.results import keep
 from bench.cooperation.wire import Wire
 from sim_uavs.roads.layouts import blocks
 from sim_uavs.roads.shared import SharedTraffic
@@ -74,10 +77,14 @@ def _enter(
     accumulator.update([int(name[3:]) for name in truth], list(shown), apart)
 
 
-if __name__ == "__main__":
-    import sys
-    import time
-
+def main() -> None:
+    scores = []
     for seed in range(int(sys.argv[1])):
-        begin = time.time()
-        print(seed, scored(seed), round(time.time() - begin, 1))
+        scores.append(scored(seed)._asdict())
+        print(seed, scores[-1], flush=True)
+    figures = {name: fmean(each[name] for each in scores) for name in ("idf1", "agreement")}
+    print(keep("cooperation-scores", {"mean": figures, "runs": scores}))
+
+
+if __name__ == "__main__":
+    main()

@@ -7,10 +7,18 @@ from typing import Final
 
 from numpy.random import Generator
 
+from agents.cooperation.remote_percepts import RemotePercepts
 from anchoring.cooperation.picture import GlobalPicture
 from anchoring.cooperation.reports import IdentityClaim, TrackReport
 from anchoring.cooperation.sharing import TRACKS_US, SharingLevel
+from anchoring.links.structures import Percept
+from bench.cooperation.areas import PERCEPT_SD_M
+from dyknow import NO_VALUE, Field, Sample, Sort
 
+PERCEPT: Final = Sort(
+    "camera-percept",
+    tuple(Field(*each) for each in (("symbol", "text"), ("x_m", "m"), ("y_m", "m"), ("sd_m", "m"), ("end", "bool"))),
+)
 LOSS: Final = 0.02
 DELAY_US: Final = (10_000, 250_000)
 CLAIMS_US: Final = 1_000_000
@@ -96,3 +104,23 @@ class Wire:
                 self._claimed[key] = claim.identity, now_us
                 new.append(claim)
         return new
+
+
+class PerceptWire:
+    """Brings the percepts of a member that links nothing to one that does, which makes tracks of them."""
+
+    def __init__(self, unit: str, rng: Generator) -> None:
+        self._linked, self._rng = RemotePercepts(unit, PERCEPT), rng
+        self._queue: list[tuple[int, int, Sample]] = []
+        self._order = count()
+
+    def step(self, percepts: Iterable[Percept], now_us: int) -> list[TrackReport]:
+        """One look: what is seen in it, and the tracks as far as percepts have come."""
+        for each in percepts:
+            if self._rng.random() >= LOSS:
+                place = (NO_VALUE, NO_VALUE) if each.state is None else (each.state.x_m, each.state.y_m)
+                sample = Sample(now_us, now_us, (each.symbol, *place, PERCEPT_SD_M, each.state is None))
+                heappush(self._queue, (now_us + int(self._rng.integers(*DELAY_US)), next(self._order), sample))
+        while self._queue and self._queue[0][0] <= now_us:
+            self._linked.take(heappop(self._queue)[-1])
+        return self._linked.reports(now_us)

@@ -5,6 +5,7 @@ from typing import Final
 
 from dyknow.model.sample import Sample
 from dyknow.model.values import NO_VALUE, Sort
+from dyknow.policies.ahead import moved_on
 from dyknow.policies.policy import Policy
 from dyknow.policies.sampling import Grid, PolicyAdapter
 
@@ -16,7 +17,8 @@ class ObjectAdapter(PolicyAdapter):
     """Adapts a stream of object states.
 
     Objects are seen at times of their own: with `sample every` each has one state at most in each period, with its own valid
-    time, and nothing is approximated. The last state of an object, whose `end` is true, always passes.
+    time, or one of each branch of that time, and nothing is approximated. What is to be predicted is moved on with its own
+    velocity. The last state of an object, whose `end` is true, always passes.
 
     Args:
         before: continue a stream that was adapted until now.
@@ -50,6 +52,13 @@ class ObjectAdapter(PolicyAdapter):
 
     def _of_object(self, sample: Sample, now_us: int) -> list[Sample]:
         symbol = "" if sample.value is NO_VALUE else sample.value[0]
+        ahead_us = self.policy.predict_us
+        if ahead_us is not None and symbol and not self._sort.is_end(sample.value):
+            moved = moved_on(sample, self._sort, ahead_us)
+            if moved is None:
+                self._unpredictable += 1
+                return []
+            sample = moved
         last = self._each.get(symbol)
         if not self._passes(sample, last, now_us):
             return []
@@ -70,11 +79,13 @@ class ObjectAdapter(PolicyAdapter):
             return True
         if quality.certainty < self._least_certainty or quality.deviation > self._most_deviation:
             self._uncertain += 1
+        elif quality.prediction is not None and sample.available_us - quality.prediction.made_us > self._oldest_us:
+            self._too_old += 1
         elif not self._from_us <= valid_us <= self._to_us:
             self._outside += 1
         elif now_us - valid_us > self._max_delay_us:
             self._late += 1
-        elif last is None:
+        elif last is None or _is_other_branch(sample, last):
             return True
         elif valid_us - last.valid_us < self._least_step_us:
             self._out_of_order += 1
@@ -89,6 +100,14 @@ class ObjectAdapter(PolicyAdapter):
     def _cell(self, valid_us: int) -> int:
         """Which period a time lies in, from `from` on."""
         return (valid_us - (self.policy.from_us or 0)) // self._period_us
+
+
+def _is_other_branch(sample: Sample, last: Sample) -> bool:
+    """Whether both are of one time, in different futures."""
+    one, other = sample.quality.prediction, last.quality.prediction
+    if one is None or other is None:
+        return False
+    return sample.valid_us == last.valid_us and one.branch != other.branch
 
 
 def adapted_to(adapter: PolicyAdapter, sort: Sort) -> PolicyAdapter:

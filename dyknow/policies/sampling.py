@@ -240,7 +240,8 @@ class PolicyAdapter:
 
     def _ahead(self, sample: Sample, now_us: int) -> list[Sample]:
         """In place of a sample the one that is predicted from it and the one before."""
-        if sample.quality.prediction is not None:
+        made = sample.quality.prediction
+        if made is not None and sample.valid_us > sample.available_us:
             return self._beyond(sample, now_us)
         before = self._before
         if before is not None and sample.valid_us <= before.valid_us:
@@ -254,7 +255,7 @@ class PolicyAdapter:
         if value is NO_VALUE:
             self._unpredictable += 1
             return self.on_time(now_us - 1)
-        quality = between(before, sample, valid_us)._replace(prediction=Predicted(sample.valid_us))
+        quality = between(before, sample, valid_us)._replace(prediction=made or Predicted(sample.valid_us))
         return self._beyond(Sample(sample.available_us, valid_us, value, quality), now_us)
 
     def _exact(self, sample: Sample, now_us: int) -> list[Sample]:

@@ -22,6 +22,14 @@ TRACKED_OBJECT = Sort(
     ),
 )  # fmt: skip
 
+CAMERA_PERCEPT = Sort(
+    "camera-percept",
+    (
+        Field("symbol", "text"), Field("x_m", "m"), Field("y_m", "m"), Field("sd_m", "m"), Field("colour", "text"),
+        Field("end", "bool"),
+    ),
+)  # fmt: skip
+
 
 def places(at_s: float) -> Iterator[tuple[str, float, float, float]]:
     """Colour, place and speed of both cars `at_s` seconds after the round began."""
@@ -56,3 +64,10 @@ def west(from_us: int) -> Iterator[tuple[int, Value]]:
 def east(from_us: int) -> Iterator[tuple[int, Value]]:
     """What the UAV in the east sees."""
     return seen(from_us, "e", BORDER_M - COMMON_M / 2, BORDER_M + 250.0)
+
+
+@source(CAMERA_PERCEPT)
+def detected(from_us: int) -> Iterator[tuple[int, Value]]:
+    """The same as it comes from detectors: places alone."""
+    for valid_us, (symbol, x_m, y_m, *_) in seen(from_us, "p", BORDER_M - COMMON_M / 2, BORDER_M + 250.0):
+        yield valid_us, (symbol, x_m, y_m, SD_M, "grey", False)

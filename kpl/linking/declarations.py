@@ -265,6 +265,12 @@ def check_percepts(made: Linked, label: Label, sort: Sort, origin: tuple[float, 
     raise TextError.at(made.place, said, repair=repair)
 
 
+def most_branches(label: Label, key: LinkageKey) -> int:
+    """How many futures of an object that is not seen a stream of linked objects has; of several links the most."""
+    found = (made.options.branches for each, made in key.links if each == label and isinstance(made, spec.Link))
+    return max(found, default=0)
+
+
 def declared_links(links: LinkDeclarations) -> dict[str, str]:
     """The unit and the options of each, as they are typed, by the name of the link."""
     return {

@@ -13,9 +13,10 @@ from anchoring.links.specification import LinkSpecification
 from anchoring.links.structures import AnySpecification, LinkOutcome, ObjectLinkage, StateRecord, record_of
 from anchoring.percepts.leaps import PerceptLeaps
 from anchoring.percepts.records import ObjectRecords, PerceptRecords
-from dyknow import SURE, US_PER_S, Quality, Sample, Sort, Value
+from dyknow import US_PER_S, Sample, Sort, Value
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.processes import OnDemand
+from kpl.linking.branches import branches
 from kpl.linking.ticks import PerceptTicks
 from kpl.linking.units import LinkedUnit
 from kpl.linking.wants import Wanted, Wants
@@ -168,13 +169,14 @@ class LinkStream(OnDemand):
     Args:
         type_: as it is called in the specifications.
         sort: of the states that it makes.
+        most: branches of an object that is not seen; fewer than 2: its most probable state alone.
     """
 
     arity, priority = 1, 0
 
-    def __init__(self, type_: str, shared: SharedLinkage, sort: Sort) -> None:
+    def __init__(self, type_: str, shared: SharedLinkage, sort: Sort, most: int = 0) -> None:
         super().__init__()
-        self.type, self._shared = type_, shared
+        self.type, self._shared, self._most = type_, shared, most
         self._records = ObjectRecords(sort, shared.frame)
 
     @property
@@ -250,8 +252,8 @@ class LinkStream(OnDemand):
         states = {each.symbol: each for each in outcome.states if each.type == self.type}
         for record in outcome.states:
             if record.type == self.type:
-                quality = SURE if record.weight == 1.0 else Quality(record.weight)
-                self.emit(record.valid_us, self._value(record), max(now_us, record.valid_us), quality)
+                for each, quality in branches(record, self._most):
+                    self.emit(record.valid_us, self._value(each), max(now_us, record.valid_us), quality)
         for event in outcome.events:
             if event.kind == "forgotten" and event.target_type == self.type:
                 known = states.get(event.target)

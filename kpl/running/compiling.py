@@ -34,6 +34,7 @@ from kpl.linking.declarations import (
     declared_links,
     link_specifications,
     linkage_of,
+    most_branches,
     percept_labels,
 )  # fmt: skip
 from kpl.linking.roads import check_on_road
@@ -182,9 +183,8 @@ class Compiler:
                 return self._linking(declaration.label, made)
             case spec.Belief():
                 sort = Streams(self.symbols).record(declaration.label) or BELIEF_SORT
-                return CompiledGenerator(
-                    sort, belief_stream(made, self.unit, self.label, self._sort_of, sort, origin_of(self.symbols))
-                )
+                stream = belief_stream(made, self.unit, self.label, self._sort_of, sort, origin_of(self.symbols))
+                return CompiledGenerator(sort, stream)
 
     def _linking(self, label: Label, made: Linked) -> CompiledGenerator:
         """The stream of linked objects of one type, by all declarations that are chained with it."""
@@ -209,7 +209,11 @@ class Compiler:
                 f"what {label} is made of are no states of objects: their sort is not declared, has no symbol, or each link has another",
                 "sort car(symbol in text, x_m in m, y_m in m, vx_m_s in m/s, vy_m_s in m/s, end in bool)",
             )
-        return CompiledGenerator(made_sort, LinkStream(str(self.label(label)), shared, made_sort), unit="")
+        return CompiledGenerator(
+            made_sort,
+            LinkStream(str(self.label(label)), shared, made_sort, most_branches(self.label(label), key)),
+            unit="",
+        )
 
     def _linked_unit(self, frame: LocalFrame | None, label: Label, made: spec.Link) -> LinkedUnit:
         """The unit of a user in a link."""

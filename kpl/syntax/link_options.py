@@ -22,11 +22,12 @@ _WORDS: Final[Mapping[str, tuple[str, ...]]] = {
 _COUNTS: Final[Mapping[str, tuple[int, int]]] = {
     "max_hyps": (1, 64),
     "candidates": (1, 16),
+    "branches": (0, 16),
     "least": (LEAST_PARTS, 1000),
 }
 _FORGET: Final = "forget"
 _FORGETS_US: Final = (US_PER_S // 10, 24 * 3600 * US_PER_S)
-LINK_OPTIONS: Final = (_FORGET, *_WORDS, "max_hyps", "candidates", "exclusive", "weigh")
+LINK_OPTIONS: Final = (_FORGET, *_WORDS, "max_hyps", "candidates", "branches", "exclusive", "weigh")
 COMPOSITE_OPTIONS: Final = ("least",)
 
 
@@ -40,6 +41,7 @@ class LinkOptions:
         predict: how objects are predicted that are not seen; empty: as is usual for the unit.
         max_hyps: most places at which one object is expected.
         candidates: most known objects that one percept may be at a time, each with a weight.
+        branches: most states of one time of an object that is not seen, one for each link of the map, with weights.
         exclusive: links of that name exclude each other for one object; empty: they exclude none.
         weigh: the stream of beliefs whose world model decides between several known objects instead; empty: none.
         errors: whether those of this link are known to be independent of those of others into the same type.
@@ -50,6 +52,7 @@ class LinkOptions:
     predict: str = ""
     max_hyps: int = 32
     candidates: int = 1
+    branches: int = 0
     exclusive: str = ""
     errors: str = "independent"
     weigh: str = ""

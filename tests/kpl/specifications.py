@@ -113,6 +113,7 @@ link_options = st.builds(
     predict=st.sampled_from(["", "velocity", "individual", "roads"]),
     max_hyps=st.integers(1, 64),
     candidates=st.integers(1, 16),
+    branches=st.integers(0, 16),
     exclusive=st.just("") | names,
     errors=st.sampled_from(["independent", "correlated"]),
 )

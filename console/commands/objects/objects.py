@@ -7,7 +7,7 @@ import typer
 
 from console.centre.client import connected
 from console.command import Call, command
-from console.commands.objects.picture import JointPicture, joint_picture, show, tell_changes
+from console.commands.objects.picture import FirstObjects, JointPicture, joint_picture, show, tell_changes
 from console.errors import DONE, NO
 from console.output.output import unit_json
 from dyknow import NO_VALUE, as_json
@@ -35,16 +35,19 @@ def objects(
     """The objects that platforms see, a line each; exit 1 if there is none.
 
     Platforms that export object-tracks have one picture, with one line for each object and the platforms that see it; with
-    --unit or --type it is what platforms see each for themselves.
+    --unit or --type it is what platforms see each for themselves. While there is none and a platform has just started, it waits.
     """
     with connected(call) as client:
-        units = client.chosen(unit)
-        if unit is None and type_ is None and (picture := joint_picture(client)) is not None:
-            return _picture(call, client, picture, follow=follow)
+        units, first = client.chosen(unit), FirstObjects(client)
+        while unit is None and type_ is None and (picture := joint_picture(client)) is not None:
+            if follow or picture.objects or not first.may_come():
+                return _picture(call, client, picture, follow=follow)
         seen: dict[Key, ObjectEntry] = {}
         while True:
             found = _listed(client.run(lists(client, units, ObjectList(type=type_), ObjectList)))
             if not follow:
+                if not found and first.may_come():
+                    continue
                 _show(call, found, client.federation_us())
                 break
             for key, entry in found.items():

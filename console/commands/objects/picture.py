@@ -1,15 +1,20 @@
 """The picture that platforms have together: a line for each object, with the platforms that see it."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from console.command import Call
 from console.output.output import unit_json
-from dyknow import NO_VALUE, as_json
+from dyknow import NO_VALUE, US_PER_MS, US_PER_S, as_json
 from dyknow.model.instants import print_span
 from federation.messages.contents import ObjectPicture, PictureEntry
 from runtime.client import Client
 from runtime.library.jobs import lists
+
+NEW_US: Final = 20 * US_PER_S
+LOOK_S: Final = 0.3
+OF_OBJECTS: Final = frozenset({"object-tracks", "believed-objects"})
+"""Labels of platforms that tell of objects."""
 
 
 class JointPicture(NamedTuple):
@@ -17,6 +22,26 @@ class JointPicture(NamedTuple):
 
     members: frozenset[str]
     objects: Mapping[str, PictureEntry]
+
+
+class FirstObjects:
+    """How long the first object of platforms is waited for that have just started: what they see has no name for two seconds."""
+
+    def __init__(self, client: Client) -> None:
+        self._client, self._until_us = client, client.now_us() + NEW_US
+
+    def may_come(self) -> bool:
+        """Wait a little, if a platform that tells of objects began `NEW_US` ago or later; False: there is none to wait for."""
+        now_us = self._client.now_us()
+        began_us = [
+            view.entry.boot * US_PER_MS
+            for view in self._client.centre.platforms()
+            if view.entry is not None and OF_OBJECTS.intersection(view.labels)
+        ]
+        if now_us >= self._until_us or not any(abs(now_us - each) < NEW_US for each in began_us):
+            return False
+        self._client.wait_for(lambda: False, LOOK_S)
+        return True
 
 
 def joint_picture(client: Client) -> JointPicture | None:

@@ -6,10 +6,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from console.command import Call
+from console.commands.members.query import prediction_text
 from console.output.output import counted
 from console.output.shown import Shown, line, styled
+from dyknow import Predicted
 from dyknow.model.instants import US_PER_S, print_span
 from runtime.configuration.instants import clock_time
+from runtime.library.results import prediction_json
 
 
 def tell_record(call: Call, said: dict[str, Any], *, begins_us: int | None = None) -> None:
@@ -41,6 +44,8 @@ def _sample(said: dict[str, Any]) -> Shown:
     ]
     how = f"; {', '.join(approximated)}" if approximated else ""
     value = f"  {_short(said['value'])}  "
+    if "prediction" in said:
+        how += prediction_text({"valid_us": said["valid_us"], **prediction_json(Predicted(*said["prediction"]))})
     return line(styled(said["stream"], "bold"), value, styled(f"{late_ms:g} ms later{how}", "dim"))
 
 

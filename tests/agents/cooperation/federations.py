@@ -10,6 +10,10 @@ SPEC = """source tracked-object seen
 strmgen cars = seen
 export object-tracks = cars
 """
+PERCEPTS = """source camera-percept seen
+strmgen percepts = seen
+export vision-percepts = percepts
+"""
 
 
 class Federation(Pair):
@@ -22,8 +26,12 @@ class Federation(Pair):
             at_us = self.world.now_us // period_us * period_us
             for unit, tracks in seen((at_us - self.world.start_us) / 1e6).items():
                 for symbol, *state in tracks:
-                    self.feed(unit, (symbol, *state, 0.36, 0.0, 0.36, 0.5, "red", True, False), at_us)
+                    self.feed(unit, self.record(unit, symbol, *state), at_us)
             self.world.run_for(period_us / 1e6)
+
+    def record(self, unit, symbol, *state):
+        """What a platform reports of one car."""
+        return (symbol, *state, 0.36, 0.0, 0.36, 0.5, "red", True, False)
 
     def feed(self, unit, value, valid_us):
         node = self.world.nodes[unit]

@@ -7,7 +7,7 @@ from agents.cooperation.handover import Handover
 from bench.cooperation.handover import places, spanning
 from federation.messages.acts import Performative
 from federation.messages.contents import ObjectEvents, Share
-from tests.agents.cooperation.federations import SPEC, Federation
+from tests.agents.cooperation.federations import PERCEPTS, SPEC, Federation
 
 P = Performative
 
@@ -15,11 +15,12 @@ P = Performative
 class Overtake(Federation):
     """Platform 0 sees the beginning, 1 the end; car a is 1 at platform 0, car b is 2; at platform 1 they are 3 and 4."""
 
-    def __init__(self, seed=3):
-        super().__init__(SPEC, SPEC)
+    def __init__(self, seed=3, level="states"):
+        self.level = level
+        super().__init__(SPEC, PERCEPTS if level == "percepts" else SPEC)
         self.spanning = spanning(np.random.default_rng((seed, 37)))
         self.rng = np.random.default_rng(seed)
-        self.world.run_for(1)
+        self.world.run_for(11 if level == "percepts" else 1)
         self.begins_s = (self.world.now_us - self.world.start_us) / 1e6
 
     def seen(self, t):
@@ -44,6 +45,11 @@ class Overtake(Federation):
                     )
         return found
 
+    def record(self, unit, symbol, *state):
+        if self.level == "percepts" and unit == "1":
+            return (symbol, *state[:2], 0.6, "red", False)
+        return super().record(unit, symbol, *state)
+
     def share(self, **content):
         asked = self.world.ask("1", "0", Share(**content))
         self.world.run_for(0.5)
@@ -57,9 +63,9 @@ class Overtake(Federation):
         self.world.run_for(5)
 
 
-@pytest.mark.parametrize("level", ["events", "states"])
+@pytest.mark.parametrize("level", ["events", pytest.param("relations", marks=pytest.mark.full), "states", "percepts"])
 def test_an_overtake_that_ends_in_the_area_of_another_platform_is_recognised(level):
-    federation = Overtake()
+    federation = Overtake(level=level)
     federation.share(level=level)
     federation.begins_s += 0.5
     federation.drive(8, federation.seen)

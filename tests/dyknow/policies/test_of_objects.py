@@ -1,15 +1,17 @@
 """Policies of streams about many objects: what they say holds of each object by itself (Def. 8.5.2)."""
 
+import math
+
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dyknow import Field, Label, Network, Policy, PolicyAdapter, Quality, Sample, Sort
+from dyknow import NO_VALUE, SURE, Field, Label, Network, Policy, PolicyAdapter, Predicted, Quality, Sample, Sort
 from dyknow.policies.of_objects import MOST_OBJECTS, adapted_to
 
 CAR = Sort("car", (Field("symbol", "text"), Field("x_m", "m"), Field("end", "bool")))
 POLICIES = st.sampled_from(
     ["max delay 30us", "strict order", "monotone order", "any change", "from 40us to 300us", "min certainty 0.9",
-     "strict order, max delay 50us", "max deviation 2"]
+     "strict order, max delay 50us", "max deviation 2", "max age of prediction 30us"]
 )  # fmt: skip
 
 
@@ -30,7 +32,8 @@ def states(draw):
         )
     ):
         now_us += later_us
-        quality = Quality(certainty, ((float(x_m) ** 2,),))
+        made = Predicted(max(0, now_us - 2 * delay_us)) if x_m else None
+        quality = Quality(certainty, ((float(x_m) ** 2,),), made)
         found.append(Sample(now_us, max(0, now_us - delay_us), (symbol, float(x_m), False), quality))
     return found
 
@@ -83,3 +86,57 @@ def test_what_is_remembered_of_objects_is_bounded():
     for i in range(MOST_OBJECTS + 10):
         adapter.on_sample(Sample(i, i, (f"car{i}", 0.0, False)), i)
     assert len(adapter._each) == MOST_OBJECTS
+
+
+TRACK = Sort(
+    "track",
+    (
+        Field("symbol", "text"), Field("x_m", "m"), Field("y_m", "m"), Field("latitude_deg", "deg"),
+        Field("longitude_deg", "deg"), Field("vx_m_s", "m/s"), Field("vy_m_s", "m/s"), Field("sd_m", "m"),
+        Field("v_sd_m_s", "m/s"), Field("colour", "text"), Field("end", "bool"),
+    ),
+)  # fmt: skip
+S = 1_000_000
+
+
+def adapted(policy, sort=TRACK):
+    return adapted_to(PolicyAdapter(Policy.of(policy)), sort)
+
+
+def state(valid_us, *, vx_m_s=10.0, end=False, quality=SURE):
+    value = ("a", 1.0, 2.0, 58.0, 15.0, vx_m_s, -5.0, 3.0, 2.0, "red", end)
+    return Sample(valid_us, valid_us, value, quality)
+
+
+def test_objects_are_predicted_with_their_own_velocity_and_become_vaguer():
+    adapter = adapted("predict 2s")
+    (found,) = adapter.on_sample(state(S), S)
+    assert (found.valid_us, found.quality.prediction) == (3 * S, Predicted(S))
+    record = dict(zip([each.name for each in TRACK.fields], found.value, strict=True))
+    assert (record["x_m"], record["y_m"], record["sd_m"], record["colour"]) == (21.0, -8.0, 5.0, "red")
+    assert math.isclose((58.0 - record["latitude_deg"]) * 111_195.0, 10.0, rel_tol=1e-4)
+    assert math.isclose((record["longitude_deg"] - 15.0) * 111_195.0 * math.cos(math.radians(58)), 20.0, rel_tol=1e-4)
+    hidden = Quality(0.5, (), Predicted(S, "left", 0.5))
+    (again,) = adapter.on_sample(state(2 * S, quality=hidden), 2 * S)
+    assert (again.valid_us, again.quality) == (4 * S, hidden), "what is not seen is moved on as well"
+    foreseen = state(9 * S, quality=hidden)._replace(available_us=3 * S)
+    assert adapter.on_sample(foreseen, 3 * S) == [foreseen]
+
+
+def test_objects_without_a_velocity_are_not_predictable_and_counted_and_their_end_passes():
+    adapter = adapted("predict 2s")
+    assert adapter.on_sample(state(S, vx_m_s=NO_VALUE), S) == []
+    assert adapter.dropped == {"not predictable": 1}
+    last = state(2 * S, end=True)
+    assert adapter.on_sample(last, 2 * S) == [last]
+    without = adapted("predict 2s", CAR)
+    assert without.on_sample(Sample(S, S, ("a", 1.0, False)), S) == []
+    assert without.dropped == {"not predictable": 1}
+
+
+def test_sampled_all_branches_of_one_time_pass():
+    adapter = adapted("sample every 1s")
+    left, right = (state(S, quality=Quality(w, (), Predicted(0, name, w))) for name, w in (("l", 0.3), ("r", 0.7)))
+    later = state(S + 1, quality=left.quality)
+    passed = [each for sample in (left, right, later) for each in adapter.on_sample(sample, sample.available_us)]
+    assert [each.quality for each in passed] == [left.quality, right.quality]

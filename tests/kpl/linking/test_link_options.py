@@ -25,7 +25,7 @@ def specification(options="", unit="WorldObject", roads=None):
 
 
 def test_options_are_printed_as_they_are_typed_and_usual_ones_are_not() -> None:
-    options = " with forget 1min, score distance, predict individual, errors correlated, max_hyps 8, candidates 3, exclusive kind"
+    options = " with forget 1min, score distance, predict individual, errors correlated, max_hyps 8, candidates 3, branches 4, exclusive kind"
     (declared,) = parse_specification(LINK + options)
     assert print_declaration(declared).endswith(options)
     (usual,) = parse_specification(
@@ -64,6 +64,7 @@ def test_predict_says_which_model_predicts_what_is_not_seen() -> None:
         ("max_hyps 0", "from 1 to 64, not 0", "max_hyps 1"),
         ("max_hyps 65", "from 1 to 64", ""),
         ("candidates 1e9", "from 1 to 16", ""),
+        ("branches 17", "from 0 to 16", ""),
         ("candidates 3s", "from 1 to 16", ""),
         ("exclusive 3", "exclusive is a word", "exclusive kind"),
         ("errors 3", "errors is a word", "errors independent"),
