@@ -142,7 +142,7 @@ class LookingAgain:
         return MatchingOptions(functionality, is_cautious=self._is_cautious, gates=ObservationGates(SHARE))  # type: ignore[arg-type]
 
     def _candidates(self, names: tuple[str, ...] = ()) -> dict[str, PerceptProperties]:
-        """Objects that may be it: seen now, and of those that were seen beside it none; where they are, if that matters."""
+        """Objects that may be it: seen now, and of those that were seen next to it none; where they are, if that matters."""
         found: dict[str, PerceptProperties] = dict(
             self._objects.percepts(placed=(*names, *self._description.properties))
         )

@@ -69,5 +69,5 @@ class Beliefs:
             self._sensed.pop(label, None)
 
     def settle(self, labels: Iterable[str]) -> None:
-        """What was seen once holds until an action changes it, unless states go on to show it."""
+        """What was seen once holds until an action changes it, unless states still show it."""
         self._believed |= {label: self._sensed.pop(label) for label in labels if label in self._sensed}

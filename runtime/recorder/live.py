@@ -26,7 +26,7 @@ class LiveServer:
         host: the address that is listened at.
         port: 0 for any that is free.
         name: what clients show.
-        now_us: federation time, which clients are told.
+        now_us: federation time, which clients are notified.
 
     Attributes:
         lost: messages that were not sent: too long, no JSON, or of one topic too many.

@@ -1,4 +1,4 @@
 """Commands that pass what the federation knows to other programs, live.
 
-Each joins as a member that only reads, and ends with Ctrl-C. None leaves this machine unless it is told to.
+Each joins as a member that only reads, and ends with Ctrl-C. None leaves this machine unless the user wants that.
 """
