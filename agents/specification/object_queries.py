@@ -80,19 +80,19 @@ class ObjectQueries(Part):
         self._cooperation, self._handover = cooperation, handover
 
     def on_object_list(self, act: Act, content: ObjectList, now_us: int) -> None:
-        """`(object-list)`, or `(object-list type: car)`."""
+        """`(object-list)`, or `(object-list type: car)`: of one type, or of the stream of that name."""
         entries = [
             entry
             for table in self._instance.parts.objects.tables()
             if self._may_see(act.sender.unit, table.label)
             for entry in self._entries(table)
-            if content.type in {None, entry.type}
+            if content.type in {None, entry.type, entry.stream}
         ]
         seen = {each.symbol for each in entries}
         entries += [
             _sought(each, sort)
             for each, sort in self._wanted(act.sender.unit)
-            if each.symbol not in seen and content.type in {None, sort}
+            if each.symbol not in seen and content.type in {None, sort, each.type}
         ]
         self._agent.answer_pages(
             act, entries, OBJECTS_A_PAGE, lambda page, more: ObjectList(objects=page, more=more), now_us

@@ -28,7 +28,7 @@ Key: TypeAlias = tuple[str, str, str]
 def objects(
     call: Call,
     *,
-    type_: Annotated[str | None, typer.Option("--type", metavar="T", help="Of one type only.")] = None,
+    type_: Annotated[str | None, typer.Option("--type", metavar="T", help="Of one type, or one stream, only.")] = None,
     unit: Annotated[str | None, typer.Option("--unit", metavar="U", help="Of one platform only.")] = None,
     follow: Annotated[bool, typer.Option("--follow", "-f", help="Also those that appear, move and vanish.")] = False,
 ) -> int:
@@ -49,6 +49,9 @@ def objects(
                 if not found and first.may_come():
                     continue
                 _show(call, found, client.federation_us())
+                if not found:
+                    others = client.run(lists(client, units, ObjectList(), ObjectList)) if type_ else ()
+                    _tell_none(call, type_, _listed(others))
                 break
             for key, entry in found.items():
                 if seen.get(key) != entry:
@@ -90,6 +93,13 @@ def _show(call: Call, found: dict[Key, ObjectEntry], now_us: int) -> None:
         ]
         belief = ("type", EXISTENCE, "seen by") if believed else ("type",)
         call.out.table("", ("by", "object", *belief, "stream", "age", "state"), rows, whole=("object",))
+
+
+def _tell_none(call: Call, type_: str | None, others: dict[Key, ObjectEntry]) -> None:
+    """That there is nothing, or nothing of a type, and what there is instead."""
+    types = sorted({name for each in others.values() for name in (each.type, each.stream)})
+    if types:
+        call.out.note(f"no platform sees an object of {type_}; there are objects of {', '.join(types)}.")
     else:
         call.out.note(
             "no platform sees an object: they are in streams of object states, sort car(symbol in text, x_m in m, ...)."

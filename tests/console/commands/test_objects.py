@@ -67,7 +67,19 @@ def test_objects_of_one_type_only(harbour: Box, call: Call, lines: Lines) -> Non
     assert [each["symbol"] for each in lines()] == ["car1", "car2"]
     assert ask(call, "ferry") == DONE
     assert [each["symbol"] for each in lines()] == ["s1"]
+    assert ask(call, "ships") == DONE, "also by its stream"
+    assert [each["symbol"] for each in lines()] == ["s1"]
     assert ask(call, "lorry") == NO
+
+
+def test_where_there_is_none_of_a_type_those_that_are_there_are_named(
+    harbour: Box, call: Call, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert harbour
+    assert ask(Call(call.settings, Output(json_lines=False)), "lorry") == NO
+    assert "no platform sees an object of lorry; there are objects of car, cars, ferry, ships" in " ".join(
+        capsys.readouterr().err.split()
+    )
 
 
 def test_where_none_is_seen_it_is_said_how_one_would_be(
