@@ -59,6 +59,7 @@ from agents.monitoring.monitors import Needs, UnitMonitors
 from agents.monitoring.recognitions import Recognitions
 from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.part import Part, PeerChange
+from agents.saliency.saliency import Saliency
 from agents.shedding import Shedding
 from agents.specification.declared_streams import DeclaredStreams
 from agents.specification.learning import Learning
@@ -88,7 +89,7 @@ PARTS: tuple[type[Part], ...] = (
     Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision,
     Admission, PlatformTrust, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
-    SpecificationChanges, ObjectQueries, Learning, Wanting, Cooperation, Handover, MessageLog, DirectoryAgent,
+    SpecificationChanges, ObjectQueries, Learning, Wanting, Cooperation, Handover, Saliency, MessageLog, DirectoryAgent,
 )  # fmt: skip
 """The classes of all parts there are, in their order; which of them a platform has, `Ports.kinds` decides."""
 

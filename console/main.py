@@ -38,6 +38,7 @@ COMMANDS: CommandTable = {
     ),
     "match": (f"{_OBJECTS}.match:match", "Which percepts match a description: the anchoring case, and the recovery."),
     "objects": (f"{_OBJECTS}.objects:objects", "The objects that platforms see, each with its newest state."),
+    "saliency": (f"{_OBJECTS}.saliency:saliency", "The persons that platforms have found, on one map."),
     "explain": (f"{_OBJECTS}.events:explain", "Why an object is what it is: its links, and what made and ended them."),
     "events": (f"{_OBJECTS}.events:events", "What happened to objects: links made and ended, what was recognised."),
     "delegate": (f"{_MEMBERS}.delegate:delegate", "A task for a platform, as a speech act to its interface agent."),

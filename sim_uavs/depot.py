@@ -12,10 +12,11 @@ from sim_uavs.boxes.bodies import Air
 from sim_uavs.boxes.handled import BoxWorld
 from sim_uavs.boxes.shared import BoxesOnGround, HandlingFile, HandlingList, HandlingLog, SharedBoxes
 from sim_uavs.boxes.winch import MagnetHoist
-from sim_uavs.cameras.onboard import OnboardCameras
+from sim_uavs.cameras.onboard import OnboardCameras, Scene
 from sim_uavs.dynamics.quadcopter import AirframeLimits
 from sim_uavs.dynamics.scenarios import Depot, Scenario, Unit
 from sim_uavs.dynamics.settings import VehicleConfig
+from sim_uavs.people.bodies import OnField, bodies_of
 from sim_uavs.streets import watching
 
 LOADER: Final = AirframeLimits(mass_kg=8.0, hover_w=900.0, capacity_wh=450.0)
@@ -42,6 +43,12 @@ def hoist_of(situation: Scenario, unit: Unit, seed: int, boxes: SharedBoxes) -> 
     return MagnetHoist(str(unit.number), boxes, (east_m, north_m), seed + unit.number)
 
 
+def scene_of(situation: Scenario, seed: int, boxes: SharedBoxes) -> Scene:
+    """What cameras see: boxes, and the bodies on the field of the scenario, if it has one."""
+    ground = BoxesOnGround(boxes)
+    return ground if situation.field is None else OnField(bodies_of(situation.field, seed), ground)
+
+
 def at_work(
     situation: Scenario, unit: Unit, seed: int, near: Path | None
 ) -> tuple[OnboardCameras, CameraRig, MagnetHoist]:
@@ -52,5 +59,5 @@ def at_work(
     """
     log = HandlingList() if near is None else HandlingFile(near.parent / HANDLINGS_FILE)
     boxes = boxes_of(situation, seed, log)
-    onboard, rig = watching(situation, unit, seed, BoxesOnGround(boxes))
+    onboard, rig = watching(situation, unit, seed, scene_of(situation, seed, boxes))
     return onboard, rig, hoist_of(situation, unit, seed, boxes)

@@ -15,12 +15,15 @@ from dyknow import NO_VALUE, Label, Network, Policy, Sample, Value
 from federation.members.clock import FederationClock
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from federation.sharing.translation import Translation
+from navigation.cameras.channels import PERSON
 from navigation.cameras.state import CameraState
 from navigation.geodesy import LocalFrame
 from navigation.vehicle import AttitudeReport, ImageReport, MountReport
 
-PERCEPTS, STATE, VIEW = "vision-percepts", "camera-state", "camera-view"
+PERCEPTS, STATE, VIEW, PERSONS = "vision-percepts", "camera-state", "camera-view", "person-percepts"
 """Semantic labels."""
+CHANNELS = ("thermal", "colour")
+"""Those of detectors of persons."""
 PERIOD_US = 100_000
 BLIND_US = 5_000_000
 """After so long without any image of known place that is a condition."""
@@ -56,8 +59,11 @@ class Cameras(Part):
         self._frame, self._clock, self._network, self._translation = config.rig.frame, clock, network, translation
         self._exporter, self._note, self._offer = exporter, note, offer
         self.perception = Perception(config.rig, f"vp{config.unit}_")
-        names = (PERCEPTS, STATE, VIEW)
-        self._percepts, self._state, self._view = (translation.local_label(name, config.unit) for name in names)
+        names = (PERCEPTS, STATE, VIEW, PERSONS)
+        self._percepts, self._state, self._view, self._persons = (
+            translation.local_label(name, config.unit) for name in names
+        )
+        self._scored: dict[str, tuple[Value, ...]] = {}
         self._to_local = {name: translation.to_local(name) for name in names}
         self._places: dict[str, tuple[Value, ...]] = {}
         self._images = 0
@@ -77,7 +83,8 @@ class Cameras(Part):
             LabelEntry(
                 label=name, sort=ontology[name].sort.name, type_hash=ontology[name].type_hash, period_us=period_us
             )
-            for name, period_us in ((PERCEPTS, 0), (STATE, PERIOD_US), (VIEW, 0))
+            for name, period_us in ((PERCEPTS, 0), (STATE, PERIOD_US), (VIEW, 0), (PERSONS, 0))
+            if name != PERSONS or self._network.has(self._persons)
         ]
 
     def conditions(self) -> Iterable[ConditionEntry]:
@@ -124,7 +131,23 @@ class Cameras(Part):
                     self._push(self._view, VIEW, valid_us, tuple(view_m.reshape(-1).tolist()), federation_us)
                 for percept in percepts:
                     self._push(self._percepts, PERCEPTS, valid_us, self._record(percept), federation_us)
+                    self._push_person(valid_us, percept, federation_us, now_us)
         self._judge(now_us)
+
+    def _push_person(self, valid_us: int, percept: Percept, federation_us: int, now_us: int) -> None:
+        """What detectors of persons have scored; the stream begins with the first of it."""
+        record = person_record(percept)
+        if record is None:
+            before = self._scored.pop(percept.symbol, None)
+            record = None if before is None or percept.state is not None else (*before[:-1], True)
+        else:
+            self._scored[percept.symbol] = record
+        if record is None:
+            return
+        if not self._network.has(self._persons):
+            self._network.add_source(self._persons, self._translation.local_sort(PERSONS))
+            self._offer(now_us)
+        self._push(self._persons, PERSONS, valid_us, record, federation_us)
 
     def _push_state(self, federation_us: int) -> None:
         """The state of the cameras on the grid of its period, as soon as it is known."""
@@ -181,6 +204,19 @@ class Cameras(Part):
         self._lossy = ConditionEntry(text=text[:200], since_us=now_us) if new else None
         self._note(text if new else "cameras: nothing is left out any longer")
         self._offer(now_us)
+
+
+def person_record(percept: Percept) -> tuple[Value, ...] | None:
+    """A percept as a value of `person-percepts`; None: no detector of persons has scored it."""
+    state = percept.state
+    if state is None:
+        return None
+    found = [state.attributes.get(f"{name} {channel}", NO_VALUE) for name in (PERSON, "image") for channel in CHANNELS]
+    if found[0] is NO_VALUE and found[1] is NO_VALUE:
+        return None
+    covariance = state.covariance
+    spread = float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
+    return (percept.symbol, state.x_m, state.y_m, *spread, *found, False)
 
 
 def _counts(left_out: Mapping[str, int]) -> str:

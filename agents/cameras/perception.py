@@ -12,7 +12,8 @@ from typing import Final, NamedTuple
 from anchoring.belief.cameras import camera_view
 from anchoring.links.structures import Percept
 from anchoring.percepts.tracking import PerceptTracker
-from navigation.cameras.channels import Detection, GroundDetection, fused, located
+from dyknow import Value
+from navigation.cameras.channels import PERSON, Detection, GroundDetection, fused, located
 from navigation.cameras.ground import FlatGround
 from navigation.cameras.pinhole import FloatArray, PanTilt, Pixel
 from navigation.cameras.rig import CameraRig
@@ -140,12 +141,22 @@ class Perception:
             if camera is None or not (0.0 <= each.u_px <= camera.width_px and 0.0 <= each.v_px <= camera.height_px):
                 self.left_out["detection outside of every image"] += 1
                 continue
-            seen[each.channel].append(Detection(each.channel, Pixel(each.u_px, each.v_px), _attributes(each)))
+            seen[each.channel].append(
+                Detection(each.channel, Pixel(each.u_px, each.v_px), _attributes(image.valid_us, each))
+            )
         self.left_out["too many detections"] += max(0, len(image.detections) - MOST_DETECTIONS)
         places = [located(one, cameras, state, self._ground) for one in seen.values()]
         return reduce(fused, places)
 
 
-def _attributes(detection: ImageDetection) -> dict[str, str]:
-    """Texts, cut off where they are too long."""
-    return {name: value[:LONGEST_TEXT] for name, value in detection.attributes if isinstance(value, str)}
+def _attributes(valid_us: int, detection: ImageDetection) -> dict[str, Value]:
+    """Texts, cut off where they are too long; the score of what may be a person, and where in which image that is, by channel."""
+    found: dict[str, Value] = {}
+    for name, value in detection.attributes:
+        if isinstance(value, str):
+            found[name] = value[:LONGEST_TEXT]
+        elif name == PERSON and isinstance(value, float) and 0.0 <= value <= 1.0:
+            found[f"{PERSON} {detection.channel}"] = value
+            place = f"@{detection.u_px:.0f},{detection.v_px:.0f}"
+            found[f"image {detection.channel}"] = f"{detection.channel}/{valid_us}{place}"
+    return found

@@ -187,7 +187,7 @@ class Locating:
             self._sought.pop(name, None)
 
     def locate(self, effect: events.Locate, federation_us: int) -> None:
-        """Look for objects; searches that have begun go on, those that were in vain begin again where they began."""
+        """Look for objects; searches that have begun continue, those that were in vain begin again where they began."""
         self.is_looking, self._refused, self._wanted = True, "", list(effect.objects)
         for name in effect.objects:
             sought = self._sought.get(name)

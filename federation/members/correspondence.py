@@ -333,6 +333,7 @@ def _is_paged(content: contents.Content) -> bool:
         | contents.ObjectEvents
         | contents.ObjectList
         | contents.ObjectPicture
+        | contents.SaliencyRows
         | contents.Specification,
     )
 

@@ -15,6 +15,8 @@ from navigation.cameras.ground import GroundModel
 from navigation.cameras.pinhole import FloatArray, Intrinsics, Pixel
 from navigation.cameras.state import CameraState
 
+PERSON = "person"
+"""The attribute of a detection by a detector of persons: how much like one it looks, from 0 to 1."""
 GATE = 9.21
 """The square of the distance, in standard deviations, that 99 of 100 pairs of one thing do not exceed."""
 

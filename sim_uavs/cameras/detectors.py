@@ -7,11 +7,13 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.random import Generator
 
-from navigation.cameras.channels import Detection
+from navigation.cameras.channels import PERSON, Detection
 from navigation.cameras.pinhole import CameraPose, FloatArray, Intrinsics, Pixel
 from sim_uavs.roads.drivers import COLOURS
 
 COLOUR, THERMAL = "colour", "thermal"
+SCORE_SD = 0.12
+"""How much the score of one thing differs from image to image."""
 
 
 class Visible(Protocol):
@@ -119,9 +121,12 @@ def detect(
     width_px, height_px = intrinsics[:2]
     found = []
     for state, pixel, long_px in in_view(intrinsics, pose, states, obstacles):
+        likeness = state.likeness(channel) if hasattr(state, "likeness") else None
+        if likeness == 0.0:
+            continue
         if rng.random() < noise.found * (1.0 - exp(-0.693 * (long_px / noise.half_px) ** 2)):
             right, down = rng.normal(0.0, noise.pixel_px, 2).tolist()
-            attributes = {"colour": _colour(state.colour, noise, rng)} if noise.colour_right else {}
+            attributes = _attributes(state, likeness, noise, rng)
             u, v = min(max(pixel.u_px + right, 0.0), width_px), min(max(pixel.v_px + down, 0.0), height_px)
             found.append(Detection(channel, Pixel(u, v), attributes))
     for _ in range(int(rng.poisson(noise.false_per_image))):
@@ -129,6 +134,14 @@ def detect(
         attributes = {"colour": _colour("", noise, rng)} if noise.colour_right else {}
         found.append(Detection(channel, Pixel(u, v), attributes))
     return [found[index] for index in rng.permutation(len(found))]
+
+
+def _attributes(state: Visible, likeness: float | None, noise: DetectorNoise, rng: Generator) -> dict[str, str | float]:
+    """The colour, if the camera sees colours, and the score of what may look like a person."""
+    found: dict[str, str | float] = {"colour": _colour(state.colour, noise, rng)} if noise.colour_right else {}
+    if likeness is not None:
+        found[PERSON] = min(max(likeness + SCORE_SD * float(rng.standard_normal()), 0.0), 1.0)
+    return found
 
 
 def _colour(right: str, noise: DetectorNoise, rng: Generator) -> str:

@@ -69,14 +69,26 @@ class Depot(NamedTuple):
     wind: Wind
 
 
+class SearchField(NamedTuple):
+    """A rectangle, metres east and north of the origin, on which persons lie, and things that look like them."""
+
+    west_m: float
+    south_m: float
+    east_m: float
+    north_m: float
+    persons: int
+    lookalikes: int
+
+
 class Scenario(NamedTuple):
-    """`streets`, `depot`: what the vehicles' cameras see; without either they carry none."""
+    """`streets`, `depot`, `field`: what the vehicles' cameras see; without any they carry none."""
 
     name: str
     units: tuple[Unit, ...]
     meetings: tuple[Meeting, ...] = ()
     streets: Streets | None = None
     depot: Depot | None = None
+    field: SearchField | None = None
     origin: HomePlace = ORIGIN
 
 
@@ -88,6 +100,14 @@ _THINGS = (
     Thing("b3", "box", "yellow", 8.0, 0.0),
     Thing("b4", "box", "green", 12.0, 0.0),
     Thing("c1", "carrier", "white", 0.0, 40.0),
+)
+_FIELD = SearchField(-145.0, 20.0, 145.0, 205.0, persons=11, lookalikes=12)
+"""As large, and with as many persons, as that of thesis 7.1.1."""
+_SHADES = ("red", "blue", "yellow", "green")
+_SUPPLIES = (
+    *(Thing(f"b{at + 1}", "box", _SHADES[at % 4], 4.0 * (at % 6), -6.0 * (at // 6)) for at in range(_FIELD.persons)),
+    Thing("c1", "carrier", "white", 32.0, 0.0),
+    Thing("c2", "carrier", "white", 32.0, -8.0),
 )
 _FRAME = LocalFrame(*ORIGIN)
 _UP = Vector(0.0, 0.0, -HEIGHT_M)
@@ -188,6 +208,13 @@ def _watching(name: str, count: int, seed: int) -> Scenario:
     return Scenario(name, units, (), _STREETS)
 
 
+def _rescuing(name: str, count: int, seed: int) -> Scenario:
+    """As for logistics, with a box for each person, next to the field on which the persons lie."""
+    found = _delivering(name, count, seed)
+    assert found.depot is not None  # noqa: S101 - that is what it is
+    return found._replace(depot=found.depot._replace(things=_SUPPLIES), field=_FIELD)
+
+
 def _delivering(name: str, count: int, seed: int) -> Scenario:
     """In a row to the west of boxes and carriers, 30 m apart; the seed draws the wind."""
     rng = np.random.default_rng((seed, _BETWEEN_RNG))
@@ -222,6 +249,7 @@ def _swarming(name: str, count: int, seed: int) -> Scenario:
 
 _SCENARIOS: dict[str, tuple[Callable[[str, int, int], Scenario], int, int]] = {
     "crossing": (_crossing, 2, 3),
+    "emergency": (_rescuing, 1, 2),
     "encounter": (_encountering, 2, 3),
     "hover": (_hovering, 1, 3),
     "logistics": (_delivering, 1, 2),

@@ -12,6 +12,7 @@ class ReadySpecification(NamedTuple):
 
 
 READY: Final = {
+    "emergency": ReadySpecification(Path(__file__).with_name("emergency.kpl"), ()),
     "logistics": ReadySpecification(Path(__file__).with_name("logistics.kpl"), ()),
     "traffic": ReadySpecification(Path(__file__).with_name("traffic.kpl"), ("sim_uavs.monitoring.units",)),
 }

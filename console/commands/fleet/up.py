@@ -28,7 +28,7 @@ from runtime.configuration.settings import Persona, UnitFile
 READY_S = 60.0
 _LEAD_US = 3_000_000
 _LEAD_PER_UNIT_US = 200_000
-_FLOORS_M = {"logistics": 2.0}
+_FLOORS_M = {"emergency": 2.0, "logistics": 2.0}
 """Where work is done lower than platforms usually fly."""
 
 
@@ -91,7 +91,7 @@ def up(
         str,
         typer.Option(
             metavar="NAME",
-            help="crossing, encounter, hover, logistics, patrol, swarm or traffic.",
+            help="crossing, emergency, encounter, hover, logistics, patrol, swarm or traffic.",
             autocompletion=_scenarios,
         ),
     ] = "patrol",

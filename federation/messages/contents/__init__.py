@@ -50,6 +50,8 @@ from federation.messages.contents.objects import (
     ObjectList,
     ObjectPicture,
     PictureEntry,
+    SaliencyRow,
+    SaliencyRows,
     Share,
     WantObject,
 )
@@ -177,6 +179,8 @@ __all__ = [
     "RestoreSpecification",
     "Resume",
     "ReturnHome",
+    "SaliencyRow",
+    "SaliencyRows",
     "Samples",
     "Search",
     "Share",

@@ -56,6 +56,35 @@ class ObjectPicture(parts.Content):
     more: bool = False
 
 
+class SaliencyRow(parts.ContentPart):
+    """A person whom platforms have found.
+
+    Attributes:
+        by: the platforms that have.
+        entries: `PLATFORM:SYMBOL`, what they call it.
+        attributes: its place, times, scores and images.
+    """
+
+    symbol: parts.Word
+    by: parts.Units = ()
+    entries: Annotated[tuple[parts.Line, ...], Field(max_length=parts.MAX_LIST)] = ()
+    attributes: parts.Values = Field(default_factory=dict)
+
+
+class SaliencyRows(parts.Content):
+    """The map of persons that a platform has: the query is without `rows`, the answer with them.
+
+    Attributes:
+        members: the platforms that have found persons.
+        refused: entries that the platform has refused, by member and reason.
+    """
+
+    members: parts.Units | None = None
+    rows: Annotated[tuple[SaliencyRow, ...], Field(max_length=parts.MAX_LIST)] | None = None
+    refused: Annotated[tuple[parts.Line, ...], Field(max_length=parts.MAX_LIST)] = ()
+    more: bool = False
+
+
 class Share(parts.Content):
     """What to share with one platform, or with all: a level for good or `auto`, and within which bandwidth; 0 is without a limit."""
 

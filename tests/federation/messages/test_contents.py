@@ -50,6 +50,8 @@ TEXTS = [
     "(object-list type: car)",
     "(object-events symbol: car1)",
     "(object-picture)",
+    "(saliency-rows)",
+    '(saliency-rows members: (sequence "0" "1") rows: (sequence (saliency-row symbol: "0:s1" by: (sequence 0) entries: (sequence "0:s1") attributes: (record x_m: 1.5))) refused: (sequence "of platform 2 3 entries: no score"))',
     "(share level: states unit: 1)",
     "(share kbit_s: 50.0)",
     '(object-picture members: (sequence "0" "1") objects: (sequence (picture-entry symbol: car0_1 by: (sequence 0) tracks: (sequence "0:co1") seen: 5)))',

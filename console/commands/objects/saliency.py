@@ -1,0 +1,55 @@
+"""`dyknow saliency`: the persons that platforms have found, as a table, as JSON or as GeoJSON."""
+
+import json
+from typing import Annotated, Literal, TypeAlias
+
+import typer
+
+from console.centre.client import connected
+from console.command import Call, command
+from console.errors import DONE, NO
+from dyknow.model.instants import print_span
+from runtime.library.pictures.saliency import FoundPerson, SaliencyPicture, geojson, saliency_map
+
+Format: TypeAlias = Literal["table", "json", "geojson"]
+
+
+@command(example="dyknow saliency --format geojson")
+def saliency(
+    call: Call,
+    *,
+    format_: Annotated[Format, typer.Option("--format", help="How the map is printed.")] = "table",
+    unit: Annotated[str | None, typer.Option("--unit", metavar="U", help="The map that this platform has.")] = None,
+) -> int:
+    """The persons that platforms have found, one map of all; exit 1 if there is none.
+
+    Every platform has the entries of all others in its map; --unit shows that of one. Entries that platforms
+    have refused are counted on standard error, with the member that sent them and the reason.
+    """
+    with connected(call) as client:
+        picture = client.run(saliency_map(client, unit))
+        if format_ == "geojson":
+            call.out.plain(json.dumps(geojson(picture), indent=2))
+        elif format_ == "json" or call.out.json_lines:
+            for each in picture.persons:
+                call.out.plain(json.dumps(each.as_json()))
+        elif picture.persons:
+            _table(call, picture, client.federation_us())
+        else:
+            call.out.note("no person was found: platforms whose cameras have detectors of persons look for them.")
+        for left_out in picture.refused:
+            call.out.note(f"left out: {left_out}", style="yellow")
+    return DONE if picture.persons else NO
+
+
+def _table(call: Call, picture: SaliencyPicture, now_us: int) -> None:
+    columns = ("person", "by", "place", "sd", "thermal", "colour", "observed", "age")
+    call.out.table("", columns, [_row(each, now_us) for each in picture.persons], whole=("person",))
+
+
+def _row(each: FoundPerson, now_us: int) -> tuple[str, ...]:
+    return (
+        each.name, ", ".join(each.by), f"({each.x_m:.1f}, {each.y_m:.1f}) m", f"{each.sd_m:.1f} m",
+        f"{each.thermal:.2f}", f"{each.colour:.2f}", f"{each.observed_s:.1f} s",
+        print_span(max(0, now_us - each.seen_us)),
+    )  # fmt: skip
