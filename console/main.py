@@ -24,6 +24,10 @@ COMMANDS: CommandTable = {
     "down": (f"{_FLEET}.up:down", "End the platforms that up and join started on this machine."),
     "ls": (f"{_MEMBERS}.ls:ls", "The platforms, a line each: state, battery, altitude, age of the oldest data."),
     "top": ("console.top.top:top", "Platforms, streams, monitors, alarms and acts in the terminal, kept up to date."),
+    "web": (
+        f"{_OUTWARD}.web:web",
+        "The operator's page in a browser: map, alarms, monitors, tasks, speech acts, streams; of now or a recording.",
+    ),
     "query": (f"{_MEMBERS}.query:query", "The latest value of a label, its value at a time, or all between two times."),
     "watch": (f"{_MEMBERS}.watch:watch", "A federated stream under a policy, sample by sample."),
     "call": (f"{_MEMBERS}.call:call", "A stream that platforms offer at a cost, of the cheapest that is good enough."),

@@ -24,6 +24,9 @@ from federation.messages.contents import (
     Alarms,
     Content,
     CreateMulticast,
+    ImportList,
+    MissionList,
+    MissionQuery,
     MonitorChange,
     MonitorChanges,
     MonitorEntry,
@@ -39,16 +42,17 @@ from runtime.library.jobs import SET_UP_S, Subscriptions
 from runtime.library.meanings import meaning_to, record_of
 from runtime.recorder.pictures import Pictures
 from runtime.recordings import foxglove
-from runtime.recordings.recording_file import ACT, ALARM, LOST, MONITOR, PLATFORM, SAMPLE, TASK
+from runtime.recordings.recording_file import ACT, ALARM, IMPORTS, LOST, MISSIONS, MONITOR, PLATFORM, SAMPLE, TASK
 
 P = Performative
 PERIOD_US: Final = 100_000
 """Of streams that are offered without a period."""
 BYTES_PER_S, BYTES_AT_ONCE = 500_000, 4_000_000
 """What one platform may add to a recording."""
+LIST_US: Final = 10_000_000
+_LISTS: Final = (Monitors(), Tasks(), ImportList(), MissionQuery())
 _DELAY_S = 1.0
 _AGAIN_US = 5_000_000
-_LIST_US = 10_000_000
 _STEP_S = 0.1
 _TOLD = {P.REQUEST, P.REQUEST_WHEN, P.AGREE, P.REFUSE, P.FAILURE, P.CANCEL}
 
@@ -102,6 +106,8 @@ class Recorder:
         labels: the streams that are wanted; none: all that are offered.
         every_us: their period; None: as they are offered.
         note: takes words for users, such as that a platform refuses a stream.
+        list_us: how often monitors, tasks, imports and missions are asked for.
+        is_watched: for a view of now: nothing is drawn for other programs, and acts with this member are kept as well.
 
     Attributes:
         counts: how many messages of each kind are in the file.
@@ -114,13 +120,18 @@ class Recorder:
         labels: Iterable[str] = (),
         every_us: int | None = None,
         note: Callable[[str], None] = lambda _text: None,
+        list_us: int = LIST_US,
+        *,
+        is_watched: bool = False,
     ) -> None:
         self._client, self._file, self._labels, self._every_us = client, file, frozenset(labels), every_us
+        self.list_us, self._is_watched = list_us, is_watched
         self._note, self.counts = note, Counter[str]()
         self._since_us = client.federation_us()
         self._peers: dict[str, _Peer] = {}
         self._shares: dict[str, _Share] = {}
         self._noted, self._edges, self._listed = set[str](), dict[tuple[str, str], None](), dict[str, Any]()
+        self._tasks: dict[str, dict[str, dict[str, Any]]] = {}
         self._news = [Subscriptions(client, content) for content in (Alarms(), MonitorChanges(), Acts())]
         self._pictures = Pictures(self._picture)
         client.centre.on_sample = self._on_sample
@@ -137,7 +148,7 @@ class Recorder:
         """The platforms that are recorded."""
         return list(self._peers)
 
-    def step(self) -> None:
+    def step(self, within_s: float = _STEP_S) -> None:
         """Take what comes within a moment, and ask for what does not come yet."""
         now_us = self._client.now_us()
         for view in self._client.centre.platforms():
@@ -146,7 +157,7 @@ class Recorder:
             self._changed(unit, "gone")
         for at, news in enumerate(self._news):
             is_last = at == len(self._news) - 1
-            for unit, content in self._client.run(news.news(_STEP_S if is_last else 0)):
+            for unit, content in self._client.run(news.news(within_s if is_last else 0)):
                 self._take(unit, content)
         self._file.on_time()
 
@@ -173,9 +184,9 @@ class Recorder:
         if peer.version != view.entry.version:
             peer.version = view.entry.version
             self._describe(view)
-        if now_us >= peer.listed_us + _LIST_US:
+        if now_us >= peer.listed_us + self.list_us:
             peer.listed_us = now_us
-            peer.lists += [self._client.say(view.unit, P.QUERY_REF, content) for content in (Monitors(), Tasks())]
+            peer.lists += [self._client.say(view.unit, P.QUERY_REF, content) for content in _LISTS]
         self._ask_for_streams(view, peer, now_us)
         for asked in peer.lists[:]:
             if asked.over:
@@ -256,7 +267,7 @@ class Recorder:
         if quality.prediction is not None:
             record["prediction"] = [*quality.prediction]
         self._keep(unit, f"/{unit}/{label}", SAMPLE, record, sample.valid_us)
-        if value is not None:
+        if value is not None and not self._is_watched:
             self._pictures.on_sample(unit, label, value, sample)
 
     def _take(self, unit: str, content: Content) -> None:
@@ -273,11 +284,18 @@ class Recorder:
                         name = f"{unit} {entry.name} {entry.units}"
                         self._keep_news(name, unit, "/monitors", MONITOR, _monitor(entry))
             case TaskList():
+                self._end_tasks(unit, {task.conversation for task in content.tasks})
                 for task in content.tasks:
-                    if (task.delegator or "").endswith(f"@{self._client.centre.unit}"):
+                    is_own = (task.delegator or "").endswith(f"@{self._client.centre.unit}")
+                    if is_own and not (self._is_watched and task.task != CreateMulticast.head):
                         continue
                     record = {"by": unit, **task.model_dump(mode="json", exclude_none=True)}
+                    self._tasks.setdefault(unit, {})[task.conversation] = record
                     self._keep_news(f"{unit} {task.conversation}", unit, "/tasks", TASK, record)
+            case ImportList():
+                self._keep_list(unit, "/imports", IMPORTS, content.model_dump(mode="json", exclude_none=True))
+            case MissionList():
+                self._keep_list(unit, "/missions", MISSIONS, content.model_dump(mode="json", exclude_none=True))
             case ActLog():
                 self._on_act(unit, content)
             case _:
@@ -302,7 +320,7 @@ class Recorder:
         self._pictures.on_alarm(alarm)
 
     def _on_act(self, unit: str, log: ActLog) -> None:
-        if log.peer == self._client.centre.unit:
+        if log.peer == self._client.centre.unit and not self._is_watched:
             return
         record = {"by": unit, **log.model_dump(mode="json", exclude_none=True)}
         self._keep(unit, "/acts", ACT, record)
@@ -318,6 +336,18 @@ class Recorder:
         if self._listed.get(name) != record and len(self._listed) < MOST_EDGES:
             self._listed[name] = record
             self._keep(unit, topic, schema, record)
+
+    def _end_tasks(self, unit: str, listed: set[str]) -> None:
+        """The tasks that a platform had are over once it lists them no more."""
+        had = self._tasks.get(unit, {})
+        for conversation in had.keys() - listed:
+            ended = {**had.pop(conversation), "state": "ended"}
+            self._keep_news(f"{unit} {conversation}", unit, "/tasks", TASK, ended)
+
+    def _keep_list(self, unit: str, topic: str, schema: str, listed: Mapping[str, Any]) -> None:
+        """Keep what one platform lists, if it is something, or was."""
+        if any(isinstance(each, list) and each for each in listed.values()) or f"{topic} {unit}" in self._listed:
+            self._keep_news(f"{topic} {unit}", unit, topic, schema, {"by": unit, **listed})
 
     def _picture(self, unit: str, topic: str, schema: str, message: Mapping[str, Any], valid_us: int) -> None:
         self._keep(unit, topic, schema, message, valid_us)

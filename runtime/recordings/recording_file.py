@@ -8,6 +8,8 @@
     /acts            dyknow.Act          a speech act as it passed an interface agent
     /directory       dyknow.Platform     a platform as it describes itself, or that it is gone
     /tasks           dyknow.Task         a delegated task as it is listed
+    /imports         dyknow.Imports      the streams that a platform receives, as it lists them
+    /missions        dyknow.Missions     the missions that a platform leads, as it lists them
     /lost            dyknow.Lost         what could not be kept, and why
     /log             foxglove.Log        all that in words; /scene foxglove.SceneUpdate: in a picture
 
@@ -29,8 +31,9 @@ from runtime.recordings.foxglove import schema_of
 PROFILE: Final = "dyknow-federation"
 ABOUT: Final = "federation"
 """The metadata that says whose recording it is."""
-SAMPLE, ALARM, MONITOR, ACT, PLATFORM, TASK, LOST = (
-    f"dyknow.{name}" for name in ("Sample", "Alarm", "Monitor", "Act", "Platform", "Task", "Lost")
+SAMPLE, ALARM, MONITOR, ACT, PLATFORM, TASK, IMPORTS, MISSIONS, LOST = (
+    f"dyknow.{name}"
+    for name in ("Sample", "Alarm", "Monitor", "Act", "Platform", "Task", "Imports", "Missions", "Lost")
 )
 FLUSH_US: Final = 500_000
 MOST_BYTES: Final = 100_000_000

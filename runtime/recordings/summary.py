@@ -9,7 +9,18 @@ from statistics import median_low
 from typing import Any, Final, TypeVar
 
 from runtime.recordings.recorded import FederationRecording, RecordedMessage
-from runtime.recordings.recording_file import ACT, ALARM, LOST, MONITOR, MOST_CHANNELS, PLATFORM, SAMPLE, TASK
+from runtime.recordings.recording_file import (
+    ACT,
+    ALARM,
+    IMPORTS,
+    LOST,
+    MISSIONS,
+    MONITOR,
+    MOST_CHANNELS,
+    PLATFORM,
+    SAMPLE,
+    TASK,
+)
 
 K = TypeVar("K")
 T = TypeVar("T")
@@ -137,7 +148,7 @@ def _took(found: RecordingSummary, each: RecordedMessage) -> bool:
     """Take a message in; False if it is not as a recorder writes it, or of one thing more than a summary lists."""
     takes = _TAKES.get(each.schema)
     if takes is None:
-        return not each.schema.startswith("dyknow.")
+        return each.schema in {IMPORTS, MISSIONS} or not each.schema.startswith("dyknow.")
     valid_us = each.message.get("valid_us", 0)
     return isinstance(valid_us, int) and 0 <= valid_us <= LATEST_US and takes(found, each)
 

@@ -1,0 +1,180 @@
+"""`dyknow web`: the operator's page, of the federation as it is or of a recording."""
+
+import asyncio
+import os
+import socket
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from console.centre.client import connected
+from console.command import Call, command
+from console.errors import DONE
+from console.output.shown import line, styled
+from console.web.access import Access
+from dyknow.model.errors import WrongCall
+from runtime.configuration.instants import SHORTEST_US, duration_us
+
+PORT = 8420
+
+
+@command(example="dyknow web")
+def web(
+    call: Call,
+    recording: Annotated[
+        Path | None, typer.Argument(metavar="[FILE.mcap]", help="A recording, looked at at any time of it.")
+    ] = None,
+    *,
+    port: Annotated[int, typer.Option(metavar="PORT", min=0, max=65_535, help="Where; 0: any free port.")] = PORT,
+    bind: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Where it is reached; 127.0.0.1: this machine only.")
+    ] = "127.0.0.1",
+    read_only: Annotated[
+        bool, typer.Option("--read-only", help="The page only shows; no speech act leaves it.")
+    ] = False,
+    label: Annotated[
+        list[str] | None, typer.Option(metavar="LABEL", help="Take streams of this label, too (repeatable).")
+    ] = None,
+    every: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Sample period of all streams. [default: as offered]")
+    ] = None,
+    origin: Annotated[
+        str | None, typer.Option(metavar="LAT,LON", help="Where the metres of objects are counted from.")
+    ] = None,
+    tiles: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Map tiles, Z/X/Y.png.")] = None,
+) -> int:
+    """The operator's page in a browser: map, alarms, monitors, tasks, speech acts, streams; of now or a recording."""
+    if tiles is not None and not tiles.is_dir():
+        raise WrongCall(f"--tiles: {tiles} is no folder; name one that has tiles as Z/X/Y.png.")
+    try:
+        import starlette  # noqa: F401
+        import uvicorn  # noqa: F401
+        import websockets  # noqa: F401
+    except ImportError:
+        raise WrongCall(
+            "the page needs what is not installed; install the extra: pip install 'dyknow-federation[web]'"
+        ) from None
+    every_us = duration_us(every, option="--every", least_us=SHORTEST_US) if every else None
+    place = _place(origin)
+    _check_reach(bind)
+    with _listening(bind, port) as listener:
+        hosts = _hosts(bind, listener.getsockname()[1])
+        access = Access(hosts, is_read_only=read_only)
+        if recording is not None:
+            return _show_recording(call, access, listener, recording, place, tiles)
+        return _show_federation(call, access, listener, place, tiles, tuple(label or ()), every_us)
+
+
+def _place(origin: str | None) -> tuple[float, float] | None:
+    if origin is None:
+        return None
+    with suppress(ValueError):
+        latitude, longitude = map(float, origin.split(","))
+        if abs(latitude) < 90 and abs(longitude) <= 180:
+            return latitude, longitude
+    raise WrongCall(f"--origin: {origin!r} is no place; write latitude and longitude in degrees, 58.4,15.6.")
+
+
+def _check_reach(bind: str) -> None:
+    try:
+        is_here = ip_address(bind).is_loopback
+    except ValueError:
+        raise WrongCall(f"--bind: {bind!r} is no address of this machine; write 127.0.0.1.") from None
+    if not is_here and os.environ.get("DYKNOW_OPEN") != "1":
+        raise WrongCall(
+            f"--bind {bind}: the page is not encrypted, so that every host on the way could read its token and command "
+            "aircraft. Reach this machine by ssh -L, or set DYKNOW_OPEN=1 to allow it all the same."
+        )
+
+
+def _listening(bind: str, port: int) -> socket.socket:
+    try:
+        return socket.create_server((bind, port), family=socket.AF_INET6 if ":" in bind else socket.AF_INET)
+    except OSError as error:
+        raise WrongCall(f"--port {port}: {error.strerror or error}; choose another one, or 0 for any.") from None
+
+
+def _hosts(bind: str, port: int) -> tuple[str, ...]:
+    shown = f"[{bind}]" if ":" in bind else bind
+    here = ("127.0.0.1", "localhost", "[::1]") if ip_address(bind).is_loopback else ()
+    return tuple(dict.fromkeys(f"{host}:{port}" for host in (shown, *here)))
+
+
+def _show_recording(
+    call: Call,
+    access: Access,
+    listener: socket.socket,
+    file: Path,
+    place: tuple[float, float] | None,
+    tiles: Path | None,
+) -> int:
+    from console.web.feeds import RecordedFeed, RecordingViewer
+    from console.web.server import PageServer
+    from runtime.recordings.recorded import FederationRecording
+
+    feed = RecordedFeed(FederationRecording(file), place)
+    threading.Thread(target=feed.load, name="recording", daemon=True).start()
+    server = PageServer(access, lambda: RecordingViewer(feed, time.monotonic), None, tiles)
+    return _serve(call, server.app, access, listener, f"recording {file}")
+
+
+def _show_federation(
+    call: Call,
+    access: Access,
+    listener: socket.socket,
+    place: tuple[float, float] | None,
+    tiles: Path | None,
+    labels: tuple[str, ...],
+    every_us: int | None,
+) -> int:
+    from console.web.feeds import LiveFeed
+    from console.web.member import FeedingMember
+    from console.web.picture import Picture
+    from console.web.server import PageServer
+    from runtime.configuration.wording import typed
+
+    with connected(call) as client:
+        feed = LiveFeed(Picture(place), call.settings.federation)
+        member = FeedingMember(client, feed, labels, every_us)
+
+        async def act(given: Mapping[str, Any]) -> Mapping[str, Any]:
+            return await asyncio.wrap_future(member.act(given))
+
+        about = {"tasks": sorted(typed(call.settings.extensions)), "unit": client.centre.unit}
+        server = PageServer(access, lambda: feed, None if access.is_read_only else act, tiles, about)
+        member.start()
+        try:
+            return _serve(call, server.app, access, listener, f"federation {call.settings.federation}")
+        finally:
+            member.close()
+
+
+def _serve(call: Call, app: Any, access: Access, listener: socket.socket, what: str) -> int:
+    import uvicorn
+
+    config = uvicorn.Config(app, **uvicorn_settings())
+    host, port = listener.getsockname()[:2]
+    shown = f"[{host}]" if ":" in host else host
+    url = f"http://{shown}:{port}/#{access.token}"
+    call.out.say(
+        line(styled("page", "green"), f" of {what}: {url}\nThe address gives access to it. Ctrl-C ends the page."),
+        event="serving", url=url, read_only=access.is_read_only,
+    )  # fmt: skip
+    with suppress(KeyboardInterrupt):
+        uvicorn.Server(config).run(sockets=[listener])
+    return DONE
+
+
+def uvicorn_settings() -> dict[str, Any]:
+    """Small messages, few connections, no log, no name of the program."""
+    return {
+        "log_config": None, "access_log": False, "server_header": False, "date_header": False, "lifespan": "off",
+        "ws": "websockets-sansio", "ws_max_size": 4096, "ws_per_message_deflate": False, "limit_concurrency": 64,
+        "timeout_graceful_shutdown": 1, "http": "h11", "loop": "asyncio", "proxy_headers": False,
+    }  # fmt: skip

@@ -1,0 +1,148 @@
+"""What messages of a recording become on the page: rows of short texts and numbers, whatever the message holds."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, TypeAlias
+
+from console.output.shown import printable
+from dyknow.model.errors import DyknowError, TextError
+from federation.messages.acts import Act, parse_act
+from federation.messages.contents.parts import read
+
+Row: TypeAlias = Mapping[str, Any]
+"""What one thing is shown as; never changed, only replaced."""
+LONGEST: Final = 240
+LONGEST_ACT: Final = 2000
+MOST_PARTS: Final = 64
+_PLACES: Final = ("latitude_deg", "longitude_deg", "altitude_m")
+
+
+def text(value: object, most: int = LONGEST) -> str:
+    """A text as it is shown: no control characters, not endless."""
+    shown = printable(value[: most + 1] if isinstance(value, str) else str(value)[: most + 1])
+    return shown if len(shown) <= most else shown[: most - 1] + "…"
+
+
+def number(value: object) -> float | None:
+    """A number that can be drawn; None for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if abs(value) < 1e18 and math.isfinite(value) else None
+
+
+def numbers(value: object, names: Sequence[str]) -> list[float] | None:
+    """The fields of these names; None unless all are numbers."""
+    if not isinstance(value, Mapping):
+        return None
+    found = [number(value.get(name)) for name in names]
+    return [one for one in found if one is not None] if None not in found else None
+
+
+def place(value: object) -> list[float] | None:
+    """Latitude and longitude in degrees; None where there is no such place."""
+    found = numbers(value, _PLACES[:2])
+    return found if found is not None and abs(found[0]) <= 90 and abs(found[1]) <= 180 else None
+
+
+def instant(value: object) -> int | None:
+    """Microseconds of federation time, of a clock that there can be."""
+    return value if isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 1 << 53 else None
+
+
+def texts(value: object) -> list[str]:
+    """The parts of a list as they are shown."""
+    return [text(each) for each in value[:MOST_PARTS]] if isinstance(value, list | tuple) else []
+
+
+def figures(value: object) -> dict[str, Any]:
+    """Values by name: numbers, and texts of what is none."""
+    if not isinstance(value, Mapping):
+        return {}
+    some = [*value.items()][:MOST_PARTS]
+    return {text(name): text(each) if (found := number(each)) is None else found for name, each in some}
+
+
+def fields(message: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
+    """The texts of these names, those that there are."""
+    return {name: text(message[name]) for name in names if message.get(name) is not None}
+
+
+def alarm_row(before: Row | None, message: Mapping[str, Any]) -> Row:
+    """An alarm after this edge; `before` is what it was."""
+    event = text(message.get("event"))
+    row = {
+        **fields(message, ("monitor", "by")),
+        "units": texts(message.get("units")),
+        "event": event,
+        "values": figures(message.get("values")),
+        "because": texts(message.get("because")),
+        "opened_us": before.get("opened_us") if before else None,
+        "closed_us": None,
+    }
+    row["opened_us" if event == "opened" else "closed_us"] = instant(message.get("valid_us"))
+    if event != "opened" and before:
+        row |= {"values": before["values"], "because": before["because"]}
+    return row
+
+
+def mission_row(by: str, entry: Mapping[str, Any]) -> Row:
+    """A mission as its leader lists it, with what it asks."""
+    question = entry.get("question")
+    asked = None
+    if isinstance(question, Mapping):
+        asked = {
+            "number": question.get("number") if isinstance(question.get("number"), int) else 0,
+            "text": text(question.get("text"), LONGEST_ACT),
+            "options": texts(question.get("options")),
+            "default": text(question.get("default", "")),
+            "until_us": instant(question.get("until_us")),
+        }
+    row = fields(entry, ("mission", "conversation", "phase", "why"))
+    return {
+        **row, "by": by, "since_us": instant(entry.get("since_us")), "actions": texts(entry.get("actions")),
+        "question": asked,
+    }  # fmt: skip
+
+
+def parsed(message: Mapping[str, Any]) -> Act | None:
+    """The act in a line of a message log, if it is one."""
+    written = message.get("act")
+    try:
+        return parse_act(written) if isinstance(written, str) else None
+    except TextError:
+        return None
+
+
+def act_row(by: str, message: Mapping[str, Any], act: Act | None) -> Row:
+    """A speech act as it passed a platform."""
+    is_out = message.get("direction") == "out"
+    peer = text(message.get("peer", ""))
+    return {
+        "at_us": instant(message.get("at_us")),
+        "from": by if is_out else peer,
+        "to": peer if is_out else by,
+        "what": "" if act is None else act.performative.value,
+        "head": "" if act is None or act.content is None else text(act.content.head),
+        "conversation": "" if act is None else text(act.conversation_id or ""),
+        "outcome": text(message.get("outcome", "")),
+        "act": text(message.get("act", ""), LONGEST_ACT),
+    }
+
+
+def target_row(act: Act) -> Row | None:
+    """Where an act sends a vehicle, or what manoeuvre it proposes; empty: that it flies there no more. None: neither."""
+    if act.content is None or act.performative.value not in {"request", "propose"}:
+        return None
+    head = act.content.head
+    if head in {"hold", "land", "return-home", "resume", "follow"}:
+        return {}
+    if head not in {"goto", "avoid"}:
+        return None
+    try:
+        said = read(act.content).model_dump()
+    except (DyknowError, ValueError):
+        return None
+    if head == "goto":
+        return {"kind": "goto", "at": [said[name] for name in _PLACES]}
+    manoeuvre = fields(said, ("climber", "because"))
+    return {"kind": "avoid", "units": texts(said["units"]), "climb_m": number(said["climb_m"]), **manoeuvre}

@@ -1,0 +1,232 @@
+"""The picture of a federation: what messages make of it, and how little of it is sent."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from console.web.feeds import RecordedFeed, RecordingViewer
+from console.web.picture import MOST_OTHERS, SECTIONS, Picture, Sections, close_pairs, difference
+from runtime.recordings import foxglove
+from runtime.recordings import recording_file as kinds
+from runtime.recordings.recorded import FederationRecording
+
+RECORDING = Path(__file__).parents[3] / "examples/recordings/encounter.mcap"
+KINDS = [
+    kinds.SAMPLE,
+    kinds.PLATFORM,
+    kinds.ALARM,
+    kinds.MONITOR,
+    kinds.TASK,
+    kinds.MISSIONS,
+    kinds.IMPORTS,
+    kinds.ACT,
+    kinds.LOST,
+]
+EVIL = "<img src=x onerror=alert(1)>\x1b]0;owned\x07\u202e"
+
+
+def sample(unit: str, label: str, valid_us: int, **value: Any) -> dict[str, Any]:
+    return {"unit": unit, "label": label, "valid_us": valid_us, "value": value}
+
+
+def applied(before: Sections, changes: Any) -> dict[str, dict[str, Any]]:
+    """As the page does it."""
+    after = {name: dict(rows) for name, rows in before.items()}
+    for section, rows in changes.items():
+        for name, row in rows.items():
+            if row is None:
+                del after[section][name]
+            else:
+                after[section][name] = row
+    return after
+
+
+def test_a_platform_is_where_its_newest_sample_says_and_leaves_a_trail() -> None:
+    picture = Picture()
+    for second in range(3):
+        us = 1_000_000 * (second + 1)
+        picture.take(us, kinds.SAMPLE, sample("7", "heli-position", us, latitude_deg=58.0 + second, longitude_deg=15.0))
+        picture.take(us, kinds.SAMPLE, sample("7", "heli-velocity", us, north_m_s=0.0, east_m_s=3.0, down_m_s=-1.0))
+    row = picture.sections()["platforms"]["7"]
+    assert (row["at"], row["course"], row["speed"], row["climb"]) == ([60.0, 15.0], 90.0, 3.0, 1.0)
+    assert picture.trails() == {"7": [[58.0, 15.0], [59.0, 15.0], [60.0, 15.0]]}
+
+
+def test_a_close_pair_has_its_distance_and_a_far_one_is_none() -> None:
+    platforms = {
+        "0": {"at": [58.0, 15.0], "altitude": 60.0},
+        "1": {"at": [58.0001, 15.0], "altitude": 72.5},
+        "2": {"at": [58.1, 15.0]},
+    }
+    [pair] = close_pairs(platforms).values()
+    assert pair == {"units": ["0", "1"], "apart": 11.1, "above": 12.5}
+
+
+def test_an_alarm_opens_with_its_reasons_and_keeps_them_when_it_closes() -> None:
+    picture = Picture()
+    alarm = {"id": "a", "monitor": "proximity", "by": "0", "units": ["0", "1"], "values": {"xy_dist[0, 1]": 14.5}}
+    picture.take(1, kinds.ALARM, {**alarm, "event": "opened", "valid_us": 1_000, "because": ["xy_dist >= 15 is false"]})
+    assert picture.sections()["alarms"]["a"]["event"] == "opened"
+    picture.take(2, kinds.ALARM, {**alarm, "event": "closed", "valid_us": 3_000, "values": {}})
+    row = picture.sections()["alarms"]["a"]
+    assert (row["event"], row["opened_us"], row["closed_us"]) == ("closed", 1_000, 3_000)
+    assert row["because"] == ["xy_dist >= 15 is false"]
+    assert row["values"] == {"xy_dist[0, 1]": 14.5}
+
+
+def test_a_monitor_remembers_since_when_it_shows_what() -> None:
+    picture = Picture()
+    entry = {
+        "by": "0",
+        "monitor": "proximity",
+        "units": ["0", "1"],
+        "which": [],
+        "verdict": "undecided",
+        "inputs": "fresh",
+    }
+    for at_us, shows in ((1, "ok"), (2, "alarm"), (3, "alarm"), (4, "ok")):
+        picture.take(at_us, kinds.MONITOR, {**entry, "shows": shows})
+    picture.take(5, kinds.MONITOR, {**entry, "change": "unknown", "which": ["heli-position[1]"]})
+    [row] = picture.sections()["monitors"].values()
+    assert row["history"] == [[1, "ok"], [2, "alarm"], [4, "ok"], [5, "unknown"]]
+    assert row["which"] == ["heli-position[1]"]
+
+
+def test_objects_stand_where_their_metres_are_from_the_origin_and_go_when_they_end() -> None:
+    picture = Picture((58.0, 15.0))
+    car = {"symbol": "car1", "x_m": 0.0, "y_m": 111.4, "existence": 0.9, "end": False}
+    picture.take(1, kinds.SAMPLE, sample("0", "believed-objects", 1, **car))
+    [row] = picture.sections()["objects"].values()
+    assert round(row["at"][0], 3) == 58.001
+    picture.take(2, kinds.SAMPLE, sample("0", "believed-objects", 2, **{**car, "end": True}))
+    assert not picture.sections()["objects"]
+
+
+def test_a_goto_shows_where_the_vehicle_flies_until_it_holds() -> None:
+    picture = Picture()
+    act = "(request :sender user@cc-1 :receiver interface@0 :content {} :conversation-id cc-1-1)"
+    log = {"by": "0", "at_us": 5, "direction": "in", "peer": "cc-1", "outcome": "accepted"}
+    goto = "(goto latitude_deg: 58.01 longitude_deg: 15.02 altitude_m: 80.0)"
+    picture.take(5, kinds.ACT, {**log, "act": act.format(goto)})
+    [target] = picture.sections()["targets"].values()
+    assert target["at"] == [58.01, 15.02, 80.0]
+    picture.take(6, kinds.ACT, {**log, "act": act.format("(hold)")})
+    assert not picture.sections()["targets"]
+    assert [row["head"] for row in picture.sections()["acts"].values()] == ["goto", "hold"]
+
+
+def test_a_stream_between_platforms_has_the_rate_of_its_receiver() -> None:
+    picture = Picture()
+    entry = {"owner": "1", "semantic_label": "heli-position", "hash": "ab", "received": 100, "lost": 0, "missing": 0}
+    picture.take(1_000_000, kinds.IMPORTS, {"by": "0", "imports": [entry]})
+    picture.take(3_000_000, kinds.IMPORTS, {"by": "0", "imports": [{**entry, "received": 120, "lost": 2}]})
+    [link] = picture.sections()["links"].values()
+    assert (link["from"], link["to"], link["rate"], link["lost"]) == ("1", "0", 10.0, 2)
+
+
+def test_a_question_of_a_mission_is_there_until_the_mission_is_not() -> None:
+    picture = Picture()
+    question = {"number": 1, "text": "Drop it?", "options": ["yes", "no"], "default": "no", "until_us": 9}
+    entry = {
+        "mission": "m1",
+        "conversation": "c",
+        "phase": "asks",
+        "since_us": 1,
+        "actions": ["fly"],
+        "question": question,
+    }
+    picture.take(1, kinds.MISSIONS, {"by": "0", "missions": [entry]})
+    [row] = picture.sections()["missions"].values()
+    assert row["question"]["options"] == ["yes", "no"]
+    picture.take(2, kinds.MISSIONS, {"by": "0", "missions": []})
+    assert not picture.sections()["missions"]
+
+
+def test_text_from_others_has_no_control_characters_and_is_not_endless() -> None:
+    picture = Picture()
+    picture.take(1, foxglove.LOG, foxglove.log_entry(1, foxglove.ERROR, EVIL * 100, "7"))
+    picture.take(1, kinds.PLATFORM, {"unit": EVIL, "state": EVIL})
+    [event] = picture.sections()["events"].values()
+    assert event["text"].isprintable()
+    assert len(event["text"]) <= 400
+    assert all(name.isprintable() for name in picture.sections()["platforms"])
+
+
+def test_a_section_keeps_the_newest_rows_only() -> None:
+    picture = Picture()
+    for at in range(2 * MOST_OTHERS):
+        picture.take(at, foxglove.LOG, foxglove.log_entry(at, foxglove.INFO, str(at), ""))
+    assert [row["text"] for row in picture.sections()["events"].values()][-1] == str(2 * MOST_OTHERS - 1)
+    assert len(picture.sections()["events"]) == MOST_OTHERS
+
+
+values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.just(EVIL),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(
+        ["unit", "label", "value", "labels", "by", "monitor", "units", "imports", "missions", "mission", "question", "id"]
+    ), inner, max_size=4),
+    max_leaves=8,
+)  # fmt: skip
+messages = st.tuples(
+    st.sampled_from(KINDS),
+    st.dictionaries(st.sampled_from([
+        "unit", "label", "valid_us", "value", "state", "labels", "id", "event", "monitor", "by", "units", "which", "change",
+        "conversation", "missions", "imports", "act", "direction", "peer", "level", "message", "messages", "values", "because",
+    ]), values, max_size=8),
+)  # fmt: skip
+
+
+@given(st.lists(messages, max_size=12))
+def test_no_message_breaks_the_picture_and_all_of_it_can_be_sent(sent: list[tuple[str, dict[str, Any]]]) -> None:
+    picture = Picture((58.0, 15.0))
+    for at_us, (schema, message) in enumerate(sent):
+        picture.take(at_us, schema, message)
+    json.dumps(picture.sections(), allow_nan=False)
+
+
+@given(st.lists(messages, max_size=10), st.lists(messages, max_size=10))
+def test_the_difference_of_two_pictures_makes_the_one_the_other(
+    first: list[tuple[str, dict[str, Any]]], then: list[tuple[str, dict[str, Any]]]
+) -> None:
+    picture = Picture()
+    for at_us, (schema, message) in enumerate(first):
+        picture.take(at_us, schema, message)
+    before = picture.sections()
+    for at_us, (schema, message) in enumerate(then):
+        picture.take(at_us, schema, message)
+    after = picture.sections()
+    assert applied(before, difference(before, after)) == after
+    assert not difference(after, picture.sections())
+
+
+def test_any_moment_of_a_recording_is_the_picture_that_was_then() -> None:
+    feed = RecordedFeed(FederationRecording(RECORDING), None)
+    feed.load()
+    first_us, last_us = feed.span_us
+    player = RecordingViewer(feed, lambda: 0.0)
+    for at_us in (last_us, first_us + 9_000_000, first_us + 9_500_000, first_us, last_us - 1):
+        player.steer({"at_us": at_us})
+        stepped = Picture()
+        for each in feed.recording.messages(lambda topic: not topic.endswith(("/fix", "/pose"))):
+            if each.at_us <= at_us:
+                stepped.take(each.at_us, each.schema, each.message)
+        shown = player.look()
+        assert shown.at_us == at_us
+        assert {name: shown.sections[name] for name in SECTIONS} == stepped.sections()
+
+
+def test_a_playback_runs_at_its_speed_and_stops_at_the_end() -> None:
+    feed = RecordedFeed(FederationRecording(RECORDING), None)
+    feed.load()
+    seconds = [0.0]
+    player = RecordingViewer(feed, lambda: seconds[0])
+    first_us, last_us = feed.span_us
+    player.steer({"play": True, "speed": 2})
+    seconds[0] = 3.0
+    assert player.look().at_us == first_us + 6_000_000
+    player.steer({"play": True, "speed": float("nan"), "at_us": True})
+    seconds[0] = 1000.0
+    assert player.look().at_us == last_us
