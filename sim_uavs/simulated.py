@@ -9,7 +9,7 @@ from proxies.mavlink.feed import MavlinkFeed
 from runtime.configuration.config import SimulatedVehicleConfig
 from runtime.vehicles import Vehicle, VehiclePorts, vehicle_kind
 from sim_uavs.autopilot.server import AutopilotServer
-from sim_uavs.dynamics.faults import parse_fault
+from sim_uavs.dynamics.faults import parse_fault, parse_fault_at
 from sim_uavs.dynamics.flight_plans import plan_of
 from sim_uavs.dynamics.scenarios import ORIGIN, scenario
 from sim_uavs.dynamics.settings import HomePlace, Peer
@@ -23,7 +23,7 @@ def simulated(table: SimulatedVehicleConfig, ports: VehiclePorts) -> Vehicle:
     """One vehicle of a scenario.
 
     Raises:
-        TextError: there is no such scenario.
+        TextError: there is no such scenario, or fault.
         Refused: the ground station's address is none.
     """
     origin = ORIGIN if table.origin is None else HomePlace(*table.origin)
@@ -47,6 +47,7 @@ def simulated(table: SimulatedVehicleConfig, ports: VehiclePorts) -> Vehicle:
         flown = loader(flown, situation.depot)
     if table.gcs is not None:
         flown = replace(flown, peers=(*flown.peers, _address(table.gcs)))
+    flown = replace(flown, faults=tuple(map(parse_fault_at, table.faults)))
     server = AutopilotServer(
         flown, clock=ports.clock, wall_us=ports.node_clock.now_us, carried=carried, on_image=ports.post, hoist=hoist
     )

@@ -192,6 +192,7 @@ class RecoveryOperator(tree.Node):
 
     Attributes:
         parameters: named as those of the operator, or the free variables of the formula, that names it.
+        when: it is done only where this holds; otherwise there is a new plan and nothing else.
         act: what units do at once.
         assumptions: by clause; each clause changes all its features at once, from the values before it.
         located: features of objects that are to be found by sight.
@@ -201,6 +202,7 @@ class RecoveryOperator(tree.Node):
 
     name: str
     parameters: tuple[Parameter, ...] = ()
+    when: Expression | None = None
     act: Literal["loiter", "brake", "land"] = "loiter"
     assumptions: tuple[tuple[Effect, ...], ...] = ()
     located: tuple[Application, ...] = ()

@@ -56,6 +56,7 @@ def _feature(one: model.FeatureDeclaration) -> str:
 
 def _recovery(one: model.RecoveryOperator) -> str:
     lines = [f"#recovery {one.name}{_params(one.parameters)}", f"  :act {one.act}"]
+    lines += [] if one.when is None else [f"  :when {print_expression(one.when)}"]
     lines += [f"  :assume {', '.join(map(_assumption, each))}" for each in one.assumptions]
     lines += [f"  :locate {', '.join(map(print_expression, one.located))}"] if one.located else []
     lines += [f"  :without {', '.join(map(print_expression, one.without))}"] if one.without else []

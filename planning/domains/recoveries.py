@@ -22,6 +22,8 @@ def check_recoveries(
         for name, words, given in (("act", model.ACTS, one.act), ("times", model.LAST_RESORTS, one.then)):
             if given not in words:
                 errors.error(f"{given} is no word for :{name}", one.place, nearest(given, words) or ", ".join(words))
+        if one.when is not None:
+            sorts.formula(one.when, bound)
         for clause in one.assumptions:
             for effect in clause:
                 check_effect(effect, bound)

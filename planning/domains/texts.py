@@ -211,6 +211,8 @@ class _StatementReader(ExpressionReader):
             match clause.data:
                 case "act":
                     found["act"] = name_in(parts[0])
+                case "when":
+                    found["when"] = self.read(parts[0])
                 case "assume":
                     changes = _Clauses(self, "start", "end").changes(parts)
                     found["assumptions"] = (*found["assumptions"], changes)

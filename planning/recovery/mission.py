@@ -19,7 +19,7 @@ from planning.execution.flags import ExecutionFlags
 from planning.execution.generation import PlanMonitor
 from planning.recovery.goals import MissionGoals, name_of
 from planning.recovery.options import DROP, GIVE_UP, MissionOptions, MissionPhase, MissionStatus
-from planning.recovery.situation import assume, bound_terms, objects_of, past_events, problem_now
+from planning.recovery.situation import assume, bound_terms, objects_of, past_events, problem_now, recovery_from
 from planning.recovery.units import MissionUnits
 from planning.search.plans import MissionPlan
 from planning.search.tasks import PlanningTask
@@ -233,7 +233,7 @@ class Mission:
 
     def _recover(self, fault: ExecutionFault, now_us: int) -> list[MissionEffect]:
         """Hold, assume what the recovery operator says, find what is lost, and make a new plan."""
-        recovery = self._recoveries.get(fault.recovery or "", model.RecoveryOperator("replanning alone"))
+        recovery = recovery_from(fault, self._recoveries, self._declared, self._beliefs)
         self._faults[fault.name] += 1
         times = self._faults[fault.name]
         found = self._leave(fault.text, recovery.act, now_us)

@@ -8,10 +8,24 @@ from planning.domains import model
 from planning.domains.model import Application, Declarations, Expression, GoalStatement
 from planning.domains.sorts import free_variables
 from planning.execution.beliefs import Beliefs
+from planning.execution.executor import ExecutionFault
 from planning.search.control import closed
 from planning.search.grounding import FALSE, TRUE, Grounder
 from planning.search.tasks import PlanningTask
 from reasoning.formulas import tree
+
+
+def recovery_from(
+    fault: ExecutionFault, recoveries: Mapping[str, model.RecoveryOperator], declared: Declarations, beliefs: Beliefs
+) -> model.RecoveryOperator:
+    """The recovery operator that the fault names, if it is to be done in this state; otherwise one that changes nothing."""
+    found = recoveries.get(fault.recovery or "")
+    if found is not None and found.when is not None:
+        task = PlanningTask(declared)
+        task.fluents |= set(task.features)
+        if not holds(Grounder(task), found.when, _constants(fault.bound), state_of(task, beliefs)):
+            found = None
+    return found or model.RecoveryOperator("replanning alone")
 
 
 def assume(
@@ -24,7 +38,7 @@ def assume(
     """Change assumptions as a recovery operator says, clause by clause, from the values before each; return what changed."""
     task = PlanningTask(declared)
     task.fluents |= set(task.features)
-    grounder = Grounder(task)
+    grounder = Grounder(task, remembers=False)
     changed: list[tuple[str, Value]] = []
     for clause in recovery.assumptions:
         values = state_of(task, beliefs)
@@ -37,8 +51,7 @@ def assume(
 def _changes(
     grounder: Grounder, effect: model.Effect, bound: Mapping[str, Value], values: dict[str, Value]
 ) -> Iterable[tuple[str, Value]]:
-    env: dict[str, tree.Formula] = {name: tree.Const(value) for name, value in bound.items() if _is_plain(value)}
-    for inside in grounder.bindings(effect.variables, env):
+    for inside in grounder.bindings(effect.variables, _constants(bound)):
         if effect.condition is not None and not holds(grounder, effect.condition, inside, values):
             continue
         target = grounder.term(effect.target, inside)
@@ -49,6 +62,10 @@ def _changes(
 
 def _is_plain(value: Value) -> bool:
     return isinstance(value, bool | int | float | str)
+
+
+def _constants(bound: Mapping[str, Value]) -> dict[str, tree.Formula]:
+    return {name: tree.Const(value) for name, value in bound.items() if _is_plain(value)}
 
 
 def holds(grounder: Grounder, formula: Expression, env: Mapping[str, tree.Formula], values: dict[str, Value]) -> bool:

@@ -52,6 +52,8 @@ class SimulatedVehicleConfig(Strict):
     """Where the scenario takes place: latitude and longitude in degrees, metres above mean sea level of the ground."""
     start_us: int | None = None
     """Federation time at which routes begin; None: when the process starts."""
+    faults: tuple[str, ...] = ()
+    """Faults that begin by themselves, as `dropped-box at load+4s`."""
 
 
 class MavlinkVehicle(Strict):

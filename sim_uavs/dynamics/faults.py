@@ -12,11 +12,18 @@ at which a ground station repeats the target that the vehicle had), `takeover` (
 How work with boxes fails: `failed-take-off` (it stays on the ground), `failed-attach` (the magnet takes hold of nothing),
 `dropped-box` (what hangs on the line falls, at once), `misplaced-box=3` (what is let go comes down 3 m from where it should),
 `late=3` (it flies at a third of its speed).
+
+Faults that begin by themselves: `0 dropped-box at load+4s`, `1 late=3 at 30s for 20s`: the unit, the fault, when it begins, and how
+long it lasts (without that: for good). Times count from the start of the vehicle, from its first arming (`arm+5s`), or from when
+its winch has held something for the first time (`load+4s`).
 """
 
+from collections.abc import Iterable
 from difflib import get_close_matches
 from math import nan, sqrt
-from typing import NamedTuple
+from typing import Final, Literal, NamedTuple
+
+import numpy as np
 
 from dyknow.model.errors import TextError
 from dyknow.model.instants import US_PER_S, parse_duration, print_duration
@@ -57,6 +64,9 @@ _KINDS = {
     "late": _Kind(3.0, 1.0, 100.0),
 }
 KINDS = tuple(_KINDS)
+Beginning = Literal["start", "arm", "load"]
+_DRAWN_RNG: Final = 43  # keeps the generator of schedules apart from others of the same seed
+_EXAMPLE: Final = "0 dropped-box at load+4s"
 
 
 class SimulatedFault(NamedTuple):
@@ -161,3 +171,87 @@ def spoil(reading: GpsReading, last: GpsReading | None, faults: ActiveFaults, no
         side = far / sqrt(2.0)
         return reading._replace(position=reading.position.plus(Vector(side, side, 0.0)))
     return reading
+
+
+class ScheduledFault(NamedTuple):
+    """`after_us` counts from `since`; `for_us` None: it lasts."""
+
+    fault: SimulatedFault
+    after_us: int
+    since: Beginning = "start"
+    for_us: int | None = None
+
+    def __str__(self) -> str:
+        since = "" if self.since == "start" else f"{self.since}+"
+        lasts = "" if self.for_us is None else f" for {print_duration(self.for_us)}"
+        return f"{self.fault} at {since}{print_duration(self.after_us)}{lasts}"
+
+
+def parse_scheduled(text: str) -> tuple[str, ScheduledFault]:
+    """The unit and its fault.
+
+    Raises:
+        TextError: it is none, and what would be.
+    """
+    unit, _, rest = text.strip().partition(" ")
+    return unit, parse_fault_at(rest)
+
+
+def parse_fault_at(text: str) -> ScheduledFault:
+    """What `str(scheduled)` writes; raises TextError."""
+    match text.split():
+        case [fault, "at", when]:
+            lasts = None
+        case [fault, "at", when, "for", lasts]:
+            pass
+        case _:
+            raise TextError(f"{text!r} is no fault of a schedule", text=text, width=len(text), repair=_EXAMPLE)
+    anchor, plus, after = when.partition("+")
+    if not plus:
+        anchor, after = ("start", when) if when not in {"arm", "load"} else (when, "0s")
+    if anchor not in {"start", "arm", "load"}:
+        raise TextError(f"{anchor!r}: a fault begins after start, arm or load", text=text, repair=_EXAMPLE)
+    since: Beginning = "arm" if anchor == "arm" else "load" if anchor == "load" else "start"
+    for_us = None if lasts is None else parse_duration(lasts, "s")
+    return ScheduledFault(parse_fault(fault), parse_duration(after, "s"), since, for_us)
+
+
+def drawn(seed: int, index: int) -> ScheduledFault:
+    """One fault of work with boxes, for the vehicle of this index."""
+    rng = np.random.default_rng((seed, index, _DRAWN_RNG))
+    after_us = int(rng.integers(20, 80)) * US_PER_S // 10
+    match int(rng.integers(5)):
+        case 0:
+            return ScheduledFault(SimulatedFault("dropped-box"), after_us, "load")
+        case 1:
+            return ScheduledFault(SimulatedFault("failed-attach"), 0, "arm", 30 * US_PER_S)
+        case 2:
+            return ScheduledFault(SimulatedFault("failed-take-off"), 0, "arm", 15 * US_PER_S)
+        case 3:
+            away_m = float(rng.integers(40, 100)) / 10.0
+            return ScheduledFault(SimulatedFault("misplaced-box", away_m), 0, "load", 30 * US_PER_S)
+        case _:
+            return ScheduledFault(SimulatedFault("late", float(rng.integers(3, 7))), after_us, "arm", 40 * US_PER_S)
+
+
+class FaultSchedule:
+    """The faults of one vehicle that have not begun.
+
+    Args:
+        now_us: when the vehicle starts.
+    """
+
+    def __init__(self, faults: Iterable[ScheduledFault], now_us: int) -> None:
+        self._waiting = list(faults)
+        self._since_us: dict[str, int] = {"start": now_us}
+
+    def due(self, now_us: int, *, is_armed: bool, holds: bool) -> list[tuple[SimulatedFault, int | None]]:
+        """Those that begin now, and until when they last."""
+        if not self._waiting:
+            return []
+        for name, is_so in (("arm", is_armed), ("load", holds)):
+            if is_so:
+                self._since_us.setdefault(name, now_us)
+        found = [each for each in self._waiting if now_us >= self._since_us.get(each.since, now_us + 1) + each.after_us]
+        self._waiting = [each for each in self._waiting if each not in found]
+        return [(each.fault, None if each.for_us is None else now_us + each.for_us) for each in found]

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias
 
+from sim_uavs.dynamics.faults import ScheduledFault
 from sim_uavs.dynamics.quadcopter import AirframeLimits, Wind
 from sim_uavs.dynamics.sensors import GpsNoise, ImuNoise
 
@@ -57,7 +58,7 @@ class VehicleSettings:
 class VehicleConfig:
     """One vehicle. `airborne_m` above 0 starts it armed and guided, hovering at that height above home.
 
-    `has_mount`: whether it carries a camera on a mount. `peers` are sent everything from the start and never forgotten; others are learned when they speak.
+    `has_mount`: whether it carries a camera on a mount. `faults` begin by themselves. `peers` are sent everything from the start and never forgotten; others are learned when they speak.
     """
 
     system_id: int
@@ -69,6 +70,7 @@ class VehicleConfig:
     seed: int = 0
     peers: tuple[Peer, ...] = ()
     has_mount: bool = False
+    faults: tuple[ScheduledFault, ...] = ()
     limits: AirframeLimits = field(default_factory=AirframeLimits)
     wind: Wind = field(default_factory=Wind)
     gps: GpsNoise = field(default_factory=GpsNoise)

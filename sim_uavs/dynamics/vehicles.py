@@ -12,7 +12,7 @@ from navigation import vehicle
 from navigation.cameras.pinhole import Attitude, PanTilt
 from navigation.geodesy import LocalFrame
 from sim_uavs.cameras.mount import Mount, MountLimits
-from sim_uavs.dynamics.faults import ActiveFaults, SimulatedFault, spoil
+from sim_uavs.dynamics.faults import ActiveFaults, FaultSchedule, SimulatedFault, spoil
 from sim_uavs.dynamics.flight import GUIDED_MODES, Flight, FlightAnswer, GoingTo, Mode
 from sim_uavs.dynamics.quadcopter import ZERO, Vector
 from sim_uavs.dynamics.sensors import GpsReading, next_wander, read_gps
@@ -58,6 +58,7 @@ class SensedFlight:
         self.flight = Flight(config, now_us, rest_mode)
         self._frame = LocalFrame(*config.home)
         self._faults = ActiveFaults()
+        self._schedule = FaultSchedule(config.faults, now_us)
         self._rng = np.random.default_rng((config.seed, config.system_id, 2))
         self._wander = ZERO
         self._gps: GpsReading | None = None
@@ -148,7 +149,10 @@ class SensedFlight:
             flight.set_mode(Mode.LOITER if taken else Mode.GUIDED)
 
     def _fail(self, now_us: int) -> None:
-        """What does not work while that holds."""
+        """What does not work while that holds; faults of the schedule begin."""
+        holds = self.hoist is not None and self.hoist.load_kg > 0.0
+        for fault, until_us in self._schedule.due(now_us, is_armed=self.flight.armed, holds=holds):
+            self.inject(fault, now_us, until_us)
         self.flight.is_stuck = self._faults.holds("failed-take-off", now_us)
         self.flight.takes = self._faults.amount("late", now_us) or 1.0
         if self.hoist is not None:

@@ -17,6 +17,7 @@ TEXT = """
 #operator lift(uav, box) :effects monitored [end] on(uav, box) :recovery lighter
 #monitor few: always forall uav: load(uav) >= 0 :recovery replan
 #recovery lighter(uav, box)
+  :when !on(uav, box)
   :act brake
   :assume load(uav) := load(uav) - 1, forall box2: on(uav, box2) -> !on(uav, box2)
   :assume !on(uav, box)
@@ -47,6 +48,7 @@ def test_recoveries_are_read_and_printed_back() -> None:
         (":recovery lighter", ":recovery ligther", "there is no recovery ligther"),
         (":recovery replan", ":recovery lighter", "lighter is about box, and there is none here"),
         (":locate x(box)", ":locate box", "what is located is a feature of an object"),
+        (":when !on(uav, box)", ":when !onn(uav, box)", "there is no feature onn"),
         (":assume !on(uav, box)", ":assume !onn(uav, box)", "there is no feature onn"),
         ("replan :assume", "replan(uav) :assume", "replan is done before every new plan"),
         (":within 0.5", ":within -1", "a tolerance is a number that is not negative"),

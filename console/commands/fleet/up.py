@@ -15,6 +15,7 @@ from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, 
 from console.output.output import unit_json
 from console.output.shown import line, styled
 from console.processes.launch import FleetPlan, clock_of, fleet_of, specified, together, with_metrics
+from console.processes.scheduled import with_faults
 from console.processes.standing import forget, missing, note_state, running_units, started_units
 from console.processes.supervision import GRACE_S, Fleet, end, interruptible, outlasting, uninterrupted
 from dyknow.model.errors import FederationFailed, TextError, WrongCall, did_you_mean
@@ -103,6 +104,11 @@ def up(
     persona: Annotated[Persona, typer.Option(help="Whose MAVLink dialect the autopilots speak.")] = "ardupilot",
     avoidance: Avoidance = True,
     speed: Speed = 1.0,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FAULT", help="One that begins by itself: '0 dropped-box at load+4s' (repeatable)."),
+    ] = None,
+    fault_seed: Annotated[int | None, typer.Option(metavar="K", min=0, help="A fault for each, drawn from K.")] = None,
     detach: Annotated[
         bool, typer.Option("--detach", "-d", help="Return when all are ready; end them with down.")
     ] = False,
@@ -140,13 +146,15 @@ def up(
     plan = FleetPlan(units, scenario, seed, persona, gcs, avoidance, speed, tuple(only or ()), each=each)
     directory = run_directory.run_directory(call.settings.federation)
     present = sorted(running_units(directory), key=unit_order)
-    configs = missing(directory, with_metrics(planned(call, plan, duration), metrics))
+    faulty = with_faults(planned(call, plan, duration), fault or (), fault_seed)
+    configs = missing(directory, with_metrics(faulty, metrics))
     if not present:
         (directory / run_directory.HANDLINGS_FILE).unlink(missing_ok=True)
     if not configs:
         _say_present(call, present)
         return DONE
     fleet = Fleet(directory, lifeline=not detach)
+    _say_faults(call, configs)
     return _run(call, fleet, configs, present, detach=detach)
 
 
@@ -234,6 +242,12 @@ def _say_present(call: Call, present: list[str]) -> None:
         event="running",
         units=[unit_json(unit) for unit in present],
     )
+
+
+def _say_faults(call: Call, configs: Iterable[NodeConfig]) -> None:
+    for each in configs:
+        for text in each.vehicle.faults if isinstance(each.vehicle, SimulatedVehicleConfig) else ():
+            call.out.say(f"fault of {each.unit}: {text}", event="fault", unit=unit_json(each.unit), fault=text)
 
 
 def _say_ready(call: Call, fleet: Fleet, gathering: FleetStart, present: list[str]) -> None:

@@ -17,7 +17,7 @@ from federation.messages.contents import (
 )
 from federation.messages.dialogue import Dialogue
 from navigation.vehicle import Command, Order, Report
-from sim_uavs.dynamics.faults import parse_fault
+from sim_uavs.dynamics.faults import SimulatedFault, parse_fault
 from sim_uavs.dynamics.scenarios import scenario
 from sim_uavs.dynamics.vehicles import SimulatedVehicle
 from sim_uavs.world.world import START_US, World
@@ -34,6 +34,11 @@ class Noting(SimulatedVehicle):
     def __init__(self, *given: Any, **more: Any) -> None:
         super().__init__(*given, **more)
         self.commands: list[tuple[int, Order]] = []
+        self.injected: list[tuple[int, str]] = []
+
+    def inject(self, fault: SimulatedFault, now_us: int, until_us: int | None = None) -> None:
+        self.injected.append((now_us, fault.kind))
+        super().inject(fault, now_us, until_us)
 
     def on_command(self, command: Command, now_us: int, stamp_us: int) -> Sequence[tuple[int, Report]]:
         self.commands.append((now_us, command.order))

@@ -2,6 +2,7 @@
 was dropped is looked for by sight."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import hypot
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from sim_uavs.boxes.handled import Placed
 from sim_uavs.boxes.shared import BoxesOnGround, HandlingList
 from sim_uavs.cameras.onboard import OnboardCameras
 from sim_uavs.depot import boxes_of, hoist_of, loader
+from sim_uavs.dynamics.faults import ScheduledFault
 from sim_uavs.dynamics.scenarios import scenario
 from sim_uavs.streets import watching
 from sim_uavs.world.world import START_US, World
@@ -50,14 +52,15 @@ class Seeing(Noting):
 class Depot:
     """Platform 0 of the scenario `logistics`, which is to deliver one box."""
 
-    def __init__(self, seed: int = 2, problem: str = PROBLEM) -> None:
+    def __init__(self, seed: int = 2, problem: str = PROBLEM, faults: tuple[ScheduledFault, ...] = ()) -> None:
         situation = scenario("logistics", 1, seed)
         assert situation.depot is not None
         unit = situation.units[0]
         self.problem, self.boxes = problem, boxes_of(situation, seed, HandlingList())
         self.world = World(1, truth_us=None)
         onboard, rig = watching(situation, unit, seed, BoxesOnGround(self.boxes))
-        self.vehicle = Seeing(onboard, loader(unit.vehicle(1), situation.depot), START_US)
+        flown = replace(loader(unit.vehicle(1), situation.depot), faults=faults)
+        self.vehicle = Seeing(onboard, flown, START_US)
         self.vehicle.carry(hoist_of(situation, unit, seed, self.boxes))
         limits = FlightLimits(2.0, 120.0, 1000.0)
         config = PlatformConfig("0", 1, control=True, simulated=True, cameras=rig, limits=limits)
