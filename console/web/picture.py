@@ -12,6 +12,7 @@ from typing import Any, Final, TypeAlias
 
 from console.web import rows
 from console.web.rows import Row, number, text
+from federation.messages.acts import Act
 from navigation.geodesy import metres_per_degree
 from runtime.recordings import foxglove
 from runtime.recordings import recording_file as kinds
@@ -322,16 +323,24 @@ class Picture:
     def _on_act(self, message: Mapping[str, Any]) -> None:
         by = text(message.get("by", ""))
         act = rows.parsed(message)
-        is_in = message.get("direction") == "in"
-        if act is not None and act.conversation_id and message.get("outcome") in {"sent", "accepted"}:
-            target = rows.target_row(act)
-            if target is not None and (is_in or target.get("kind") == "avoid"):
-                name = f"{by} {target.get('kind')}" if target else f"{by} goto"
-                if target:
-                    self._put("targets", name, {**target, "unit": by, "at_us": rows.instant(message.get("at_us"))})
-                else:
-                    self._remove("targets", name)
+        if act is not None and message.get("outcome") in {"sent", "accepted"}:
+            self._follow(by, act, message)
         self._append("acts", rows.act_row(by, message, act))
+
+    def _follow(self, by: str, act: Act, message: Mapping[str, Any]) -> None:
+        """Where a vehicle was sent, or what manoeuvre is proposed; no longer where that has ended."""
+        target = rows.target_row(act)
+        if target is None:
+            ended = [n for n, row in self._sections["targets"].items() if row["conversation"] == act.conversation_id]
+            for name in ended if rows.ends_target(act) else ():
+                self._remove("targets", name)
+        elif target.get("kind") == "avoid" or message.get("direction") == "in":
+            name = f"{by} {target.get('kind', 'goto')}"
+            about = {"unit": by, "conversation": act.conversation_id, "at_us": rows.instant(message.get("at_us"))}
+            if target:
+                self._put("targets", name, {**target, **about})
+            else:
+                self._remove("targets", name)
 
     def _on_log(self, at_us: int, message: Mapping[str, Any]) -> None:
         level = message.get("level")

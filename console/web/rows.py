@@ -146,3 +146,9 @@ def target_row(act: Act) -> Row | None:
         return {"kind": "goto", "at": [said[name] for name in _PLACES]}
     manoeuvre = fields(said, ("climber", "because"))
     return {"kind": "avoid", "units": texts(said["units"]), "climb_m": number(said["climb_m"]), **manoeuvre}
+
+
+def ends_target(act: Act) -> bool:
+    """Whether the vehicle is not, or no longer, on its way: refused, failed, cancelled, there."""
+    is_there = act.performative.value == "inform" and act.content is not None and act.content.head == "done"
+    return is_there or act.performative.value in {"refuse", "failure", "cancel", "not-understood"}

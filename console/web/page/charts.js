@@ -59,7 +59,7 @@ export function drawSequence(canvas, rows, choose) {
     c.strokeStyle = c.fillStyle = isGood ? colour : p.bad; c.lineWidth = 1.6; c.setLineDash(isGood ? [] : [4, 3]);
     c.beginPath(); c.moveTo(from, y + 3); c.lineTo(to, y + 3); c.stroke(); c.setLineDash([]);
     c.beginPath(); c.moveTo(to, y + 3); c.lineTo(to - 7 * way, y - 1); c.lineTo(to - 7 * way, y + 7); c.closePath(); c.fill();
-    const words = `${row.what}${row.head ? ` ${row.head}` : ""}`, middle = Math.max(left + 40, Math.min(w - 60, (from + to) / 2));
+    const words = `${row.what}${row.head ? ` ${row.head}` : ""}`, half = c.measureText(words).width / 2, middle = Math.max(left - 8 + half, Math.min(w - half - 2, (from + to) / 2));
     c.textAlign = "center"; c.lineWidth = 3; c.strokeStyle = p.raised; c.strokeText(words, middle, y); c.fillStyle = p.text; c.fillText(words, middle, y);
   });
   canvas.onclick = (event) => { const found = rows[Math.floor((event.offsetY - 30) / LANE)]; choose(found ? found[1] : null); };
@@ -72,7 +72,7 @@ export function drawGraph(canvas, units, links, taken) {
   for (const link of links) add(link.from, link.to, link.rate, (link.lost || 0) + (link.missing || 0));
   for (const row of taken) add(row.unit, "page", row.rate, 0);
   const members = [...new Set([...units, ...[...all.keys()].flatMap((key) => key.split("\n"))])].slice(0, 60);
-  const [c, w, h] = prepared(canvas, 300), p = paint(), r = Math.min(w, h) / 2 - 30;
+  const [c, w, h] = prepared(canvas, 300), p = paint(), r = Math.min(w, h) / 2 - 34;
   const place = new Map(members.map((name, at) => { const a = (at / members.length) * 2 * Math.PI - Math.PI / 2; return [name, [w / 2 + Math.cos(a) * r * Math.min(1.5, w / h), h / 2 + Math.sin(a) * r]]; }));
   for (const [key, [count, rate, lost]] of all) {
     const [from, to] = key.split("\n").map((name) => place.get(name));

@@ -245,7 +245,8 @@ export class MapView {
         c.beginPath(); c.arc(x, y, 8, 0, 7); c.moveTo(x - 12, y); c.lineTo(x + 12, y); c.moveTo(x, y - 12); c.lineTo(x, y + 12); c.stroke();
         this.note(row.at, `${row.unit} to ${figure(row.at[2], " m", 0)}`, this.paint.good, 12);
       } else if (row.kind === "avoid" && from && from.at && state.t - row.at_us < 15e6) {
-        this.note(from.at, row.climber === row.unit ? `climbs ${figure(row.climb_m, " m", 0)}` : row.because ? "leaves it to the other" : "makes room", this.paint.good, 30);
+        const [x, y] = this.toScreen(from.at);
+        this.text(x + 15, y + 26, row.climber === row.unit ? `climbs ${figure(row.climb_m, " m", 0)}` : row.because ? "leaves it to the other" : "makes room", this.paint.good, "600 12px system-ui");
       }
     }
   }
@@ -273,7 +274,7 @@ export class MapView {
       if (!one || !other) continue;
       this.path([one, other]);
       c.lineWidth = 1.5; c.strokeStyle = this.paint.warn; c.setLineDash([5, 4]); c.stroke(); c.setLineDash([]);
-      this.note([(one[0] + other[0]) / 2, (one[1] + other[1]) / 2], `${row.apart.toFixed(0)} m${row.above === null ? "" : ` ↕ ${row.above.toFixed(0)} m`}`, this.paint.warn, 3);
+      this.side([(one[0] + other[0]) / 2, (one[1] + other[1]) / 2], `${row.apart.toFixed(0)} m${row.above === null ? "" : ` ↕ ${row.above.toFixed(0)} m`}`, this.paint.warn);
     }
   }
   drawAlarms() {
@@ -309,6 +310,7 @@ export class MapView {
     }
   }
   note(at, words, paint, lift = 0) { if (this.layers.labels) { const [x, y] = this.toScreen(at); this.text(x + 6, y - 6 - lift, words, paint, "12px system-ui"); } }
+  side(at, words, paint) { if (this.layers.labels) { const [x, y] = this.toScreen(at); this.c.font = "12px system-ui"; this.text(x - 8 - this.c.measureText(words).width, y + 4, words, paint, "12px system-ui"); } }
   text(x, y, words, paint, font) {
     const c = this.c;
     c.font = font; c.lineWidth = 3; c.lineJoin = "round"; c.strokeStyle = this.paint.sunk; c.globalAlpha = 0.85; c.strokeText(words, x, y); c.globalAlpha = 1; c.fillStyle = paint; c.fillText(words, x, y);

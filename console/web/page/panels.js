@@ -87,6 +87,8 @@ export class Panels {
       const age = row.valid_us ? Math.max(0, state.t - row.valid_us) : null, isOld = age === null || age > 3e6;
       const link = row.state !== "alive" ? [row.state || "", "bad"] : isOld ? [age === null ? "no position" : `old: ${span(age)}`, "warn"] : [age < 1e6 ? "now" : span(age), "good"];
       const battery = row.battery ?? null;
+      if (link[1] === "good" && battery !== null && battery < 0.2) link[1] = "bad";
+      else if (link[1] === "good" && row.conditions && row.conditions.length) link[1] = "warn";
       const figures = [link, row.altitude?.toFixed(0), row.speed?.toFixed(0), battery?.toFixed(2), row.conditions, row.load, state.selected === unit];
       return [unit, JSON.stringify(figures), () => {
         const bar = el("div", { cls: `bar${battery !== null && battery < 0.2 ? " low" : ""}`, title: "battery" }, el("i"));
@@ -97,7 +99,7 @@ export class Panels {
             el("span", { cls: "figure", text: figure(row.altitude, " m", 0) }), el("span", { cls: "figure", text: figure(row.speed, " m/s", 0) }),
             el("span", {}, battery === null ? "" : bar, el("small", { cls: "dim", text: battery === null ? "" : `${Math.round(battery * 100)} %` })), el("span", { cls: "figure", text: link[0] })),
           row.load > 0.05 ? el("div", { cls: "small dim", text: `on the line: ${row.load.toFixed(1)} kg` }) : null,
-          ...(row.conditions || []).map((text) => el("div", { cls: "small mark-warn", text: `▲ ${text}` })));
+          ...(row.conditions || []).map((text) => el("div", { cls: "small warn-text", text: `▲ ${text}` })));
       }];
     }));
   }
@@ -195,10 +197,10 @@ export class Panels {
       const taken = byStream.get(name) || [], lost = taken.reduce((sum, link) => sum + (link.lost || 0), 0), missing = taken.reduce((sum, link) => sum + (link.missing || 0), 0);
       const age = row.valid_us ? Math.max(0, state.t - row.valid_us) : null, isOld = age !== null && row.period_us && age > 10 * row.period_us + 2e6;
       const rates = [...taken.map((link) => link.rate), row.rate].filter((rate) => rate !== null && rate !== undefined);
-      return el("tr", { cls: lost || isOld ? "bad" : missing ? "warn" : "" }, el("td", { text: row.unit }), el("td", { text: row.label }), el("td", { cls: "n", text: row.period_us ? `${(1e6 / row.period_us).toPrecision(2)}` : "" }), el("td", { cls: "n", text: rates.length ? Math.min(...rates).toPrecision(2) : "" }),
+      return el("tr", { cls: lost || isOld ? "bad" : missing ? "warn" : "" }, el("td", { text: row.unit }), el("td", { text: row.label }), el("td", { cls: "n", text: `${rates.length ? Number(Math.min(...rates).toPrecision(2)) : "–"}${row.period_us ? ` / ${Number((1e6 / row.period_us).toPrecision(2))}` : ""}` }),
         el("td", { cls: "n", text: age === null ? "" : span(age) }), el("td", { cls: "n", text: row.delay_us === undefined ? "" : span(row.delay_us) }), el("td", { text: [...new Set(taken.map((link) => link.to))].join(" ") }), el("td", { cls: "n", text: missing || lost ? `${missing} / ${lost}` : "" }));
     });
-    const table = el("table", {}, el("tr", {}, ...["of", "label", "offers Hz", "has Hz", "age", "delay", "to", "missing / lost"].map((words, at) => el("th", { cls: at > 1 && at !== 6 ? "n" : "", text: words }))), ...lines);
+    const table = el("table", {}, el("tr", {}, ...["of", "label", "Hz / offered", "age", "delay", "to", "missing / lost"].map((words, at) => el("th", { cls: at > 1 && at !== 5 ? "n" : "", text: words }))), ...lines);
     if (performance.now() - (this.tableAt || 0) > 900 || !$("stream-table").firstChild) { this.tableAt = performance.now(); $("stream-table").replaceChildren(table); }
   }
 
