@@ -62,6 +62,8 @@ COMMANDS: CommandTable = {
     "info": (f"{_RECORDINGS}.info:info", "What is in a recording: platforms, streams, gaps, alarms, acts."),
     "plot": (f"{_RECORDINGS}.plot:plot", "Values of streams over time as a picture, from platforms or a recording."),
     "foxglove": (f"{_OUTWARD}.foxglove:foxglove", "Serve the federation to Foxglove, live, on this machine."),
+    "cot": (f"{_OUTWARD}.cot:cot", "Send Cursor on Target events about platforms, objects and alarms."),
+    "remote-id": (f"{_OUTWARD}.remote_id:remote_id", "Send Remote ID messages about platforms."),
     "fault": (f"{_MEMBERS}.delegate:fault", "A fault in a simulated UAV."),
     "demo": (f"{_FLEET}.demo:demo", "The main job end to end, in under a minute; exit 0 only if every step happened."),
     "doctor": (f"{_FLEET}.doctor:doctor", "What this machine lacks, and how to get it."),

@@ -13,7 +13,7 @@ HEAVY = ("zenoh", "pymavlink", "numpy", "scipy", "filterpy", "pydantic", "crypto
 CALLED = [tuple(name.split()) for name, (where, _summary) in COMMANDS.items() if where]
 WANTED = """
     up join host down ls top web query watch call hz imports objects saliency explain events delegate tasks
-    cancel alarms monitors acts record replay info plot foxglove fault check chronicle link world match
+    cancel alarms monitors acts record replay info plot foxglove cot remote-id fault check chronicle link world match
     recover plan mission kpl ontology roads roster doctor demo
 """
 

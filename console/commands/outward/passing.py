@@ -1,6 +1,7 @@
 """What commands have in common that pass on what the federation knows: how far it may go, and for how long."""
 
 import ipaddress
+import math
 from collections.abc import Iterable
 from contextlib import suppress
 from typing import Annotated, Final, TypeAlias
@@ -8,7 +9,10 @@ from typing import Annotated, Final, TypeAlias
 import typer
 
 from console.command import Call
+from console.output.output import counted
+from console.output.shown import line, styled
 from dyknow.model.errors import WrongCall
+from proxies.outward.outlets import Outlet
 from runtime.client import Client
 from runtime.recorder.recorder import Recorder, Sink
 
@@ -16,6 +20,17 @@ THERE: Final = "127.0.0.1"
 Beyond: TypeAlias = Annotated[
     bool, typer.Option("--beyond-this-machine", help="Other machines may be reached; nothing there is encrypted.")
 ]
+To: TypeAlias = Annotated[
+    str, typer.Option("--to", metavar="DESTINATION", help="An address and port, udp://127.0.0.1:6969.")
+]
+Every: TypeAlias = Annotated[str, typer.Option(metavar="TIME", help="How often each platform is sent.")]
+Undulation: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        metavar="METRES", min=-107, max=107, help="How far mean sea level lies above the ellipsoid there (geoid)."
+    ),
+]
+SHORTEST_PERIOD_US: Final = 100_000
 _STEP_S = 0.1
 
 
@@ -52,3 +67,43 @@ def pass_on(call: Call, client: Client, sink: Sink, labels: Iterable[str], lasts
             recorder.step()
     recorder.close()
     return recorder
+
+
+def say_begun(call: Call, to: str) -> None:
+    """That messages go there now."""
+    call.out.say(line(styled("sending", "green"), f" to {to}; Ctrl-C ends it"), event="sending", to=to)
+
+
+def say_ended(call: Call, outlet: Outlet, recorder: Recorder, refused: int) -> None:
+    """What was sent and what was not, by reason."""
+    counts = outlet.counts
+    if outlet.lost or refused:
+        why = ", ".join(f"{reason}: {count}" for reason, count in sorted(counts.items()) if reason != "sent")
+        call.out.note(
+            f"{counted(outlet.lost, 'message')} lost{f' ({why})' if why else ''}, "
+            f"{counted(refused, 'value')} of other members not usable.",
+            style="yellow",
+        )
+    call.out.say(
+        line(
+            styled("sent", "green"),
+            f": {counted(counts['sent'], 'message')} of {counted(len(recorder.units), 'platform')}",
+        ),
+        event="sent",
+        to=str(outlet.to),
+        units=recorder.units,
+        sent=counts["sent"],
+        lost={reason: count for reason, count in sorted(counts.items()) if reason != "sent"},
+        refused=refused,
+    )
+
+
+def place(text: str, *, option: str) -> tuple[float, float]:
+    """Latitude and longitude of `58.4,15.6`; raises WrongCall."""
+    try:
+        latitude_deg, longitude_deg = map(float, text.split(","))
+    except ValueError:
+        latitude_deg = longitude_deg = math.nan
+    if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180):
+        raise WrongCall(f"{option}: {text!r} is no place; write latitude and longitude, as in 58.4,15.6.")
+    return latitude_deg, longitude_deg

@@ -1,0 +1,149 @@
+"""`dyknow cot`: platforms, and by option objects and alarms, as Cursor on Target events."""
+
+from dataclasses import dataclass
+from math import atan2, degrees, hypot
+from typing import Annotated, Literal
+
+import typer
+
+from console.centre.client import connected
+from console.command import Call, command
+from console.commands.outward.passing import (
+    SHORTEST_PERIOD_US,
+    Beyond,
+    Every,
+    To,
+    Undulation,
+    pass_on,
+    place,
+    say_begun,
+    say_ended,
+)
+from console.errors import DONE, INTERRUPTED
+from console.options.arguments import Duration
+from console.processes.supervision import interruptible
+from dyknow.model.errors import WrongCall
+from proxies.outward.cot import ALARM, UAV, UNKNOWN_GROUND, CotMotion, CotPoint, cot_event
+from proxies.outward.outlets import Outlet, parse_destination
+from runtime.client import Client
+from runtime.configuration.instants import SHORTEST_US, duration_us
+from runtime.recorder.things import PLATFORM_LABELS, AlarmEdge, ThingState, ThingStates
+
+
+@command(example="dyknow cot --to udp://127.0.0.1:6969 --alarms")
+def cot(
+    call: Call,
+    *,
+    to: To,
+    every: Every = "1s",
+    objects: Annotated[
+        Literal["global-objects", "object-tracks", "believed-objects"] | None,
+        typer.Option(help="Objects of this label as well; they need --origin."),
+    ] = None,
+    origin: Annotated[
+        str | None, typer.Option(metavar="LAT,LON", help="The federation's origin, which places of objects refer to.")
+    ] = None,
+    alarms: Annotated[bool, typer.Option("--alarms", help="Alarms as well.")] = False,
+    undulation: Undulation = None,
+    beyond: Beyond = False,
+    duration: Duration = None,
+) -> int:
+    """Send Cursor on Target events about platforms until Ctrl-C, over UDP (an event a datagram) or TCP."""
+    destination = parse_destination(to, beyond=beyond)
+    period_us = duration_us(every, option="--every", least_us=SHORTEST_PERIOD_US)
+    lasts_us = duration_us(duration, option="--duration", least_us=SHORTEST_US) if duration else None
+    if objects and not origin:
+        raise WrongCall(
+            "--objects: their places are metres from the federation's origin; say where it is: --origin LAT,LON."
+        )
+    at = place(origin, option="--origin") if origin else None
+    with connected(call) as client:
+        outlet = Outlet(destination)
+        sender = CotSender(client, outlet, call.settings.federation, period_us, undulation)
+        tracks = ThingStates(
+            period_us, client.federation_us, sender.on_track, sender.on_alarm if alarms else _nothing, at
+        )
+        try:
+            with interruptible():
+                say_begun(call, str(destination))
+                recorder = pass_on(call, client, tracks, (*PLATFORM_LABELS, *filter(None, [objects])), lasts_us)
+        except KeyboardInterrupt:
+            return INTERRUPTED
+        finally:
+            outlet.close()
+    say_ended(call, outlet, recorder, tracks.refused)
+    return DONE
+
+
+def _nothing(_alarm: AlarmEdge, _tracks: list[ThingState]) -> None:
+    """Alarms are not wanted."""
+
+
+@dataclass(frozen=True)
+class CotSender:
+    """Events of tracks and alarms, each valid for five periods."""
+
+    client: Client
+    outlet: Outlet
+    federation: str
+    period_us: int
+    undulation_m: float | None = None
+
+    def on_track(self, track: ThingState) -> None:
+        """A platform as a friendly drone, an object as an unknown thing on the ground."""
+        name = ".".join(filter(None, (track.label, track.unit, track.symbol)))
+        velocity = track.part("heli-velocity")
+        motion = None
+        if velocity is not None and len(velocity) == 3:
+            motion = CotMotion(degrees(atan2(velocity[1], velocity[0])), hypot(velocity[0], velocity[1]))
+        kind = UNKNOWN_GROUND if track.label else UAV
+        self._send(name, kind, track.symbol or track.unit, point_of(track), track.valid_us, motion)
+
+    def on_alarm(self, alarm: AlarmEdge, tracks: list[ThingState]) -> None:
+        """In the middle of those that it is about; when it closes the event ends."""
+        if not tracks:
+            return
+        middle = CotPoint(
+            sum(track.latitude_deg for track in tracks) / len(tracks),
+            sum(track.longitude_deg for track in tracks) / len(tracks),
+        )
+        words = f"{alarm.monitor} of {', '.join(alarm.units)} by {alarm.by} {alarm.event}"
+        at_us = max(track.valid_us for track in tracks)
+        self._send(
+            f"alarm.{alarm.by}.{alarm.id}", ALARM, alarm.monitor, middle, at_us, text=words, is_over=alarm.event != "opened"
+        )  # fmt: skip
+
+    def _send(
+        self, name: str, kind: str, callsign: str, point: CotPoint, at_us: int, motion: CotMotion | None = None, *,
+        text: str = "", is_over: bool = False,
+    ) -> None:  # fmt: skip
+        now_us = self.client.federation_us()
+        lasts_us = _ALARM_LASTS_US if kind == ALARM else 5 * self.period_us
+        event = cot_event(
+            f"dyknow.{self.federation}.{name}",
+            kind,
+            callsign,
+            point,
+            time_us=min(at_us, now_us),
+            now_us=now_us,
+            stale_us=now_us if is_over else now_us + lasts_us,
+            motion=motion,
+            text=text,
+            undulation_m=self.undulation_m,
+        )
+        self.outlet.send(event, self.client.now_us())
+
+
+_ALARM_LASTS_US = 60_000_000
+
+
+def point_of(track: ThingState) -> CotPoint:
+    """Where it is, as far as that is known."""
+    altitude, altitude_sd = track.part("heli-altitude"), track.part("altitude sd")
+    return CotPoint(
+        track.latitude_deg,
+        track.longitude_deg,
+        altitude[0] if altitude else None,
+        track.horizontal_sd_m,
+        altitude_sd[0] if altitude_sd else None,
+    )

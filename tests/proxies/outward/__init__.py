@@ -1,0 +1,1 @@
+"""Formats of others, and the sockets through which they leave."""
