@@ -15,7 +15,7 @@ from itertools import count
 from typing import Any, Final, TypeAlias
 
 from dyknow.model.errors import TextError
-from planning.domains.model import Declarations, GoalStatement, InGoal
+from planning.domains.model import Declarations, GoalStatement, InGoal, calls
 from planning.domains.sorts import free_variables
 from planning.search.control import ControlFormulas, closed
 from planning.search.estimates import Estimator, TooManyInstances
@@ -243,6 +243,7 @@ class _Search:
         parts: list[tree.Formula] = []
         grounds = []
         self._grounds: list[tuple[tree.Formula, bool]] = []
+        self._urgent: dict[str, int] = {}
         for one in self._statements:
             formula = closed(one.formula, free_variables(one.formula, self._declared))
             ground = grounder.ground(formula, {})
@@ -265,6 +266,8 @@ class _Search:
             if one.deadline_ms is not None:
                 self._control.add(f"deadline of {name}", tree.Always(formula, one.deadline_ms * 1000))
                 events.append((one.deadline_ms, "", None))
+                for each in calls(one.formula):
+                    self._urgent[each.name] = min(one.deadline_ms, self._urgent.get(each.name, one.deadline_ms))
         return True
 
     def _is_goal(self, node: SearchNode) -> bool:
@@ -324,7 +327,8 @@ class _Search:
                         return self._found(node, is_cheapest=False)
                     best, bound = node, node.cost
                     continue
-                stack.append(self._successors.of(node, prefer_waiting=self._goals.hold(self._state.values)))
+                is_there = self._goals.hold(self._state.values)
+                stack.append(self._successors.of(node, prefer_waiting=is_there, urgent=self._urgent))
                 if node.depth % STRAIGHT == 0:
                     yield
         except Stopped:

@@ -5,9 +5,9 @@ effect comes about. An action does not start while another one is about to chang
 what it writes.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from math import isfinite
+from math import inf, isfinite
 from typing import Any, Final
 
 from dyknow.model.sample import Value
@@ -41,8 +41,13 @@ class Successors:
         self._state, self._events = state, events
         self.conflicts: dict[str, int] = {}
 
-    def of(self, node: SearchNode, *, prefer_waiting: bool = False) -> Iterator[SearchNode]:
-        """Nodes after this one, those to be tried first first; the state is moved to each before it is given."""
+    def of(
+        self, node: SearchNode, *, prefer_waiting: bool = False, urgent: Mapping[str, int] = _NONE
+    ) -> Iterator[SearchNode]:
+        """Nodes after this one, those to be tried first first; the state is moved to each before it is given.
+
+        Of one operator what is about `urgent` objects goes first, by their deadlines, then what is cheap.
+        """
         unit = next(one for one in self._units if self._is_idle(node, one))
         can_wait = bool(node.pending or node.running or node.events < len(self._events)) or any(
             self._is_idle(node, one) for one in self._units if one != unit
@@ -53,7 +58,7 @@ class Successors:
             self._state.go_to(node)
             found = list(schema.instances(unit, self._state.values))
             started = [child for each in found if (child := self._started(node, unit, each)) is not None]
-            started.sort(key=lambda child: child.cost)
+            started.sort(key=lambda child: (_due_ms(child, urgent), child.cost))
             for child in started:
                 yield from self._settled(child)
         if can_wait and not prefer_waiting:
@@ -201,6 +206,11 @@ class Successors:
 def _acts_at_once(node: SearchNode) -> bool:
     """Whether an effect of a start is due: it is seen by every action that starts after."""
     return bool(node.pending) and node.pending[0].at_ms <= node.at_ms + 1
+
+
+def _due_ms(node: SearchNode, urgent: Mapping[str, int]) -> float:
+    objects = node.action.objects if urgent and node.action is not None else ()
+    return min((urgent[one] for one in objects if one in urgent), default=inf)
 
 
 def _time(one: Pending) -> int:

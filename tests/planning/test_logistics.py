@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from planning import Declarations, NoPlan, find_plan, parse_domain, parse_problem
+from planning import Declarations, NoPlan, PlanFound, find_plan, parse_domain, parse_problem
 from planning.domains.model import Application
 from tests.planning.logistics import FOLDER, domain, found, problem, problem_text, text
 from tests.planning.replay import Replay, replayed
@@ -131,3 +131,17 @@ def test_a_box_that_is_where_it_should_be_is_left_alone() -> None:
         domain(),
     )
     assert found(domain(), asked).plan.actions == ()
+
+
+@pytest.mark.parametrize(
+    ("boxes", "seconds"), [(6, 400), pytest.param(10, 300, marks=pytest.mark.full)], ids=["six", "ten"]
+)
+def test_a_box_with_a_deadline_goes_on_the_carrier_first(boxes: int, seconds: int) -> None:
+    """By its order in the text it would be the last one: the search would not come back to where that was decided."""
+    lines = [one for one in problem_text(boxes=boxes, uavs=2).splitlines() if not one.startswith("#goal")]
+    goals = f"#goal all: forall box: delivered(box)\n#goal medicine: delivered(b{boxes}) :deadline {seconds}s\n"
+    asked = parse_problem("\n".join([*lines, goals]), domain())
+    nodes = iter(range(40_000))
+    plan = find_plan(domain(), asked, stop=lambda: "" if next(nodes, None) is not None else "enough")
+    assert isinstance(plan, PlanFound), plan
+    assert replayed(domain(), asked, plan.plan) == []
