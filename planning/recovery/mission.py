@@ -148,8 +148,7 @@ class Mission:
             case events.UnitLost(unit, reason):
                 return self._on_lost(unit, reason, now_us)
             case events.UnitBack(unit, _):
-                self._units.lost.discard(unit)
-                return [MissionNote("unit back", f"{unit} can act again")]
+                return self._on_back(unit, now_us)
             case events.MissionSuspended(reason):
                 found = self._leave(reason or "the mission is suspended", "loiter", now_us)
                 return [*found, *self._wait(MissionPhase.SUSPENDED, reason or "a user asked for it", now_us)]
@@ -241,7 +240,7 @@ class Mission:
             MissionNote("fault", f"{fault.text}; {recovery.name}, time {times} of {recovery.times}", fault.step)
         )
         found += self._assume(recovery, fault.bound, now_us)
-        found += self._leave_out(recovery, fault)
+        found += self._units.leave_out(str(fault.bound.get(term.name, term.name)) for term in recovery.without)
         if times > recovery.times:
             return [*found, *self._last_resort(recovery.then, fault.text, now_us)]
         if recovery.located:
@@ -254,16 +253,6 @@ class Mission:
         texts = [f"{label} := {value}" for label, value in changed]
         self._assumed += texts
         return [MissionNote("assumed", ", ".join(texts))] if texts else []
-
-    def _leave_out(self, recovery: model.RecoveryOperator, fault: ExecutionFault) -> list[MissionEffect]:
-        """Plans are made without these units from now on, as long as another one can act."""
-        found: list[MissionEffect] = []
-        for term in recovery.without:
-            unit = str(fault.bound.get(term.name, term.name))
-            is_left_out = self._units.leave_out(unit)
-            text = f"{unit} takes no part in new plans" if is_left_out else f"{unit} stays: no other unit can act"
-            found.append(MissionNote("left out", text))
-        return found
 
     def _locate(self, why: str, now_us: int) -> list[MissionEffect]:
         objects = tuple(dict.fromkeys(one for label in self._unknown for one in objects_of(label)))
@@ -383,6 +372,17 @@ class Mission:
         if self._phase is MissionPhase.SEARCHING:
             return [note, events.CancelSearch(self._search), *self._search_plan(why, now_us)]
         return [note]
+
+    def _on_back(self, unit: str, now_us: int) -> list[MissionEffect]:
+        """A unit can act again: where there is no plan, or it leaves goals aside, there is a new one."""
+        if unit not in self._units.lost:
+            return []
+        self._units.lost.discard(unit)
+        why = f"{unit} can act again"
+        is_in_need = self._phase is MissionPhase.EXECUTING and self._goals.unreached
+        if is_in_need or self._phase in {MissionPhase.SEARCHING, MissionPhase.ASKING}:
+            return [MissionNote("unit back", why), *self._leave(why, "loiter", now_us), *self._replan(why, now_us)]
+        return [MissionNote("unit back", why)]
 
     def _leave(self, why: str, how: HoldWay, now_us: int) -> list[MissionEffect]:
         """Leave the plan, the search or the question; units that the mission has commanded hold."""

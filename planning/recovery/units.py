@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from planning.execution.events import HoldUnit, HoldWay
+from planning.execution.events import HoldUnit, HoldWay, MissionNote
 
 
 @dataclass(slots=True)
@@ -37,12 +37,16 @@ class MissionUnits:
     def flown_by_hand(self) -> str:
         return ", ".join(sorted(self.pilots))
 
-    def leave_out(self, unit: str) -> bool:
-        """Do without a unit from now on, unless no other one is left; return whether that is done."""
-        others = set(self.everyone) - self.lost - self.left_out - {unit}
-        if others:
-            self.left_out.add(unit)
-        return bool(others)
+    def leave_out(self, units: Iterable[str]) -> list[MissionNote]:
+        """Do without units from now on, but not without the last one."""
+        found = []
+        for unit in units:
+            if set(self.everyone) - self.lost - self.left_out - {unit}:
+                self.left_out.add(unit)
+                found.append(MissionNote("left out", f"{unit} takes no part in new plans"))
+            else:
+                found.append(MissionNote("left out", f"{unit} stays: no other unit can act"))
+        return found
 
     def hold(self, units: Iterable[str], how: HoldWay, why: str) -> list[HoldUnit]:
         """Have units hold that do not yet, those of pilots left alone."""

@@ -241,6 +241,29 @@ def test_a_pause_is_not_ended_by_a_pilot_and_a_resumed_mission_still_waits_for_o
     assert drive.phase == "executing"
 
 
+def test_a_unit_that_is_back_ends_the_question_that_its_loss_has_led_to() -> None:
+    drive = Driven(ALONE)
+    drive.begin()
+    drive.send(events.UnitLost("k1", "no heartbeat"))
+    assert drive.phase == "asking"
+    drive.send(events.UnitBack("k1"))
+    assert drive.phase == "executing"
+    drive.begin()
+    assert drive.mission.status.question is None
+    searches = len(drive.searches)
+    drive.send(events.UnitBack("k1"))
+    assert len(drive.searches) == searches, "it was not away"
+
+
+def test_a_unit_that_is_back_changes_no_plan_that_reaches_all_goals() -> None:
+    drive = Driven()
+    drive.begin()
+    drive.send(events.UnitLost("k1", "no heartbeat"))
+    searches = len(drive.searches)
+    drive.send(events.UnitBack("k1"))
+    assert drive.phase == "executing" and len(drive.searches) == searches
+
+
 def test_plans_do_without_a_unit_that_is_lost_until_it_is_back() -> None:
     drive = Driven()
     drive.begin()
