@@ -21,6 +21,7 @@ from agents.admission.trusted import PlatformTrust
 from agents.anchors.recovering import RecoveringAnchors
 from agents.areas.assignment import AreaAssignment
 from agents.areas.division import AreaDivision
+from agents.areas.scanning import Scanning
 from agents.attention.camera_attention import CameraAttention
 from agents.attention.following import Following
 from agents.attention.wanting import Wanting
@@ -86,7 +87,7 @@ from reasoning import AlarmEvent
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision,
+    Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision, Scanning,
     Admission, PlatformTrust, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Learning, Wanting, Cooperation, Handover, Saliency, MessageLog, DirectoryAgent,
@@ -137,7 +138,7 @@ class Ports:
         config = self.config
         attends = config.cameras is not None and config.vehicle
         wanted = (
-            (Cameras, config.cameras), (CameraAttention, attends), (FlightAgent, config.vehicle), (Following, attends), (RecoveringAnchors, attends),
+            (Cameras, config.cameras), (CameraAttention, attends), (FlightAgent, config.vehicle), (Following, attends), (Scanning, attends), (RecoveringAnchors, attends),
             (WinchStream, config.vehicle), (Performing, config.vehicle), (MissionLeading, config.vehicle),
             (MissionProposals, config.vehicle), (Faults, config.simulated),
         )  # fmt: skip

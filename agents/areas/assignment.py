@@ -51,6 +51,7 @@ class AreaAssignment(Part):
         pieces: by task.
         refused: assignments that were not taken, by reason.
         on_led: takes a task that another platform leads from now on.
+        on_piece: called when the pieces have changed.
     """
 
     offers = (Offer(COORDINATION, (Action(AssignArea, "on_assign", INFORMED),)),)
@@ -76,6 +77,7 @@ class AreaAssignment(Part):
         )
         self._directory, self._translation, self._local = directory, translation, translation.local_label(LABEL, unit)
         self.on_led: Callable[[str], None] = lambda _task: None
+        self.on_piece: Callable[[], None] = lambda: None
         self.pieces: dict[str, AssignedPiece] = {}
         self.refused: Counter[str] = Counter()
         self._generations: dict[tuple[str, str], int] = {}
@@ -149,6 +151,7 @@ class AreaAssignment(Part):
         if self.pieces and not self._network.has(self._local):
             self._network.add_source(self._local, self._translation.local_sort(LABEL))
         self._due_us = now_us if self.pieces else None
+        self.on_piece()
         if has_been is not bool(self.pieces):
             self._offer(now_us)
 

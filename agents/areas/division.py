@@ -88,6 +88,7 @@ class DividedArea:
     sensor: str | None
     delegate_boot: int
     generation: int = 0
+    scan_m: float | None = None
     pieces: dict[str, Piece] = field(default_factory=dict)
     asked: dict[str, PlatformAbility] = field(default_factory=dict)
     open: int = 0
@@ -138,6 +139,7 @@ class AreaDivision(Part):
         if not task.endswith(f".{self._unit}"):
             raise Refused(f"{task} does not name {self._unit} as the platform that it was delegated to")
         divided = DividedArea(task, act.sender.unit, content.area, _area(content.area), content.sensor, self._boot)
+        divided.scan_m = content.scan_m
         self.areas[task] = divided
         self._tasks.add(Task(task, act.sender.unit, DivideArea.head, partial(self._end, task), since_us=now_us))
         self._agent.answer(act, P.AGREE, None, now_us)
@@ -242,6 +244,7 @@ class AreaDivision(Part):
             middle=_text(piece.middle),
             whole=divided.whole,
             sensor=divided.sensor,
+            scan_m=divided.scan_m,
             delegator=divided.delegator,
             units=tuple(divided.pieces),
             delegate_boot=divided.delegate_boot,
@@ -331,6 +334,7 @@ class AreaDivision(Part):
             piece.delegate_boot,
             content.generation,
         )
+        divided.scan_m = content.scan_m
         divided.pieces = dict.fromkeys(content.units, Piece((), 0.0, (0.0, 0.0)))
         self.areas[task] = divided
         self._tasks.add(Task(task, delegator, DivideArea.head, partial(self._end, task), since_us=now_us))

@@ -22,14 +22,19 @@ def _corner(text: str) -> str:
 
 
 Corner = Annotated[str, Field(max_length=48), AfterValidator(_corner)]
+ScanHeight = Annotated[float, Field(ge=5, le=500)]
 Ring = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=4 * MAX_CORNERS)]
 
 
 class DivideArea(parts.Content):
-    """Divide an area, by its corners in order, among the platforms that offer `sensor`, or among all."""
+    """Divide an area, by its corners in order, among the platforms that offer `sensor`, or among all.
+
+    With `scan_m` each scans its piece with its cameras, flying at that height above its home.
+    """
 
     area: Annotated[tuple[Corner, ...], Field(min_length=3, max_length=MAX_CORNERS)]
     sensor: SemanticLabel | None = None
+    scan_m: ScanHeight | None = Field(default=None, alias="scan_m")
 
 
 class AreaRing(parts.ContentPart):
@@ -42,7 +47,7 @@ class AssignArea(parts.Content):
     """The piece of the receiver in a division: its borders, none if it has no part in it (any longer).
 
     `generation` counts the divisions of one task; the latest holds. The rest is what a successor of the leader needs:
-    the whole area, its delegator and sensor; the platforms that have a piece; which life of the
+    the whole area, its delegator, sensor and height of scanning; the platforms that have a piece; which life of the
     platform that the task was delegated to is its leader.
     """
 
@@ -54,6 +59,7 @@ class AssignArea(parts.Content):
     middle: Corner = "0 0"
     whole: Annotated[tuple[Corner, ...], Field(max_length=MAX_CORNERS)] = ()
     sensor: SemanticLabel | None = None
+    scan_m: ScanHeight | None = Field(default=None, alias="scan_m")
     delegator: parts.Unit | None = None
     units: parts.Units = ()
     delegate_boot: Count = 0

@@ -6,10 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from agents.areas.scanning import Scanning
 from agents.config import PlatformConfig
 from agents.flight.places import FlightLimits
 from agents.saliency.saliency import Saliency
 from anchoring.saliency.map import SalientPlace
+from federation.messages.contents import DivideArea
+from federation.messages.dialogue import Dialogue
 from navigation.geodesy import LocalFrame, distance_m
 from navigation.vehicle import Command, Order, Report
 from sim_uavs.boxes.shared import HandlingList
@@ -110,3 +113,27 @@ class Rescue:
             else:
                 errors[nearest] = away[nearest]
         return list(errors.values()), wrong
+
+    def corners(self) -> tuple[str, ...]:
+        """Of the field, as acts have them."""
+        field = self.field
+        places = ((field.west_m, field.south_m), (field.east_m, field.south_m), (field.east_m, field.north_m), (field.west_m, field.north_m))  # fmt: skip
+        found = (self.frame.from_ned(y_m, x_m, 0.0) for x_m, y_m in places)
+        return tuple(f"{latitude_deg:.7f} {longitude_deg:.7f}" for latitude_deg, longitude_deg, _ in found)
+
+    def scan(self, height_m: float = 45.0, to: str = "0") -> Dialogue:
+        """Delegate the scan of the field to one platform, which divides it."""
+        return self.world.ask("cc", to, DivideArea(area=self.corners(), sensor="camera-view", scan_m=height_m))
+
+    def until_scanned(self, units: Sequence[str] = ("0", "1"), within_s: int = 600, step_s: float = 2.0) -> float:
+        """Run until all have ended their scans; seconds since now."""
+        begin_us = self.world.now_us
+        while (self.world.now_us - begin_us) / 1e6 < within_s:
+            self.world.run_for(step_s)
+            scans = [self.world.platform(unit).part(Scanning).scan for unit in units]
+            if all(scan is not None and scan.is_over for scan in scans):
+                break
+        return (self.world.now_us - begin_us) / 1e6
+
+    def notes(self, unit: str) -> list[str]:
+        return self.world.nodes[unit].notes

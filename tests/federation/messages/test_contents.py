@@ -50,6 +50,7 @@ TEXTS = [
     "(object-list type: car)",
     "(object-events symbol: car1)",
     "(object-picture)",
+    '(divide-area area: (sequence "58.0 15.0" "58.0 15.1" "58.1 15.1") scan_m: 45.0)',
     "(saliency-rows)",
     '(saliency-rows members: (sequence "0" "1") rows: (sequence (saliency-row symbol: "0:s1" by: (sequence 0) entries: (sequence "0:s1") attributes: (record x_m: 1.5))) refused: (sequence "of platform 2 3 entries: no score"))',
     "(share level: states unit: 1)",
