@@ -82,7 +82,7 @@ class Scanning(Part):
         self._view: Label = translation.local_label(VIEW, config.unit)
         self._looking: Subscription | None = None
         self._joined = ""
-        self._shown = ""
+        self._shown, self._shown_us = "", 0
         self._due_us: int | None = None
         self.scan: _Scan | None = None
         assignment.on_piece = self._on_piece
@@ -94,7 +94,7 @@ class Scanning(Part):
         return (LabelEntry(label=SCANNED, sort=known.sort.name, type_hash=known.type_hash, period_us=PERIOD_US),)
 
     def conditions(self) -> Iterable[ConditionEntry]:
-        return (ConditionEntry(text=self._shown, since_us=0),) if self._shown else ()
+        return (ConditionEntry(text=self._shown, since_us=self._shown_us),) if self._shown else ()
 
     # -- what is assigned --------------------------------------------------------------------------------------
 
@@ -256,5 +256,5 @@ class Scanning(Part):
 
     def _show(self, text: str, now_us: int) -> None:
         if text != self._shown:
-            self._shown = text[:200]
+            self._shown, self._shown_us = text[:200], now_us
             self._offer(now_us)

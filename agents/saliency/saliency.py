@@ -90,7 +90,7 @@ class Saliency(Part):
         self._taken: Subscription | None = None
         self._sent: dict[str, PersonEntry] = {}
         self._shown = set[str]()
-        self._refused = Counter[tuple[str, str]]()
+        self._refused, self._refused_us = Counter[tuple[str, str]](), 0
         self._rounds = 0
         self._due_us: int | None = None
         network.meet(self._on_label)
@@ -107,7 +107,7 @@ class Saliency(Part):
     def conditions(self) -> Iterable[ConditionEntry]:
         """What is refused of other members."""
         text = "; ".join(refusals(self._refused))
-        return (ConditionEntry(text=f"saliency: left out: {text}"[:200], since_us=0),) if text else ()
+        return (ConditionEntry(text=f"saliency: left out: {text}"[:200], since_us=self._refused_us),) if text else ()
 
     # -- what is seen ------------------------------------------------------------------------------------------
 
@@ -181,7 +181,7 @@ class Saliency(Part):
         if self.map.gate.refused.keys() - self._refused.keys():
             new = Counter({key: n for key, n in self.map.gate.refused.items() if key not in self._refused})
             self._note(f"saliency: left out: {'; '.join(refusals(new))}")
-            self._refused = Counter(self.map.gate.refused)
+            self._refused, self._refused_us = Counter(self.map.gate.refused), now_us
             self._offer(now_us)
 
     def _send(self, valid_us: int, federation_us: int) -> None:
