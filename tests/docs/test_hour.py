@@ -12,6 +12,8 @@ pytestmark = [pytest.mark.live, pytest.mark.full]
 README = ROOT / "README.md"
 WALKED = [page for page in (README, *PAGES) if steps(page)]
 PROMISED = {
+    "first-alarm.md": ("Five minutes from a fresh clone", "", 5 * 60),
+    "hour.md": ("the commands take five minutes", "", 60 * 60),
     "tutorial.md": ("To type and run all of it takes a quarter of an hour", "", 15 * 60),
     "README.md": ("flies an encounter end to end, in under a minute", "make demo", 60),
 }
