@@ -9,7 +9,7 @@ import numpy as np
 
 from anchoring.cooperation.evidence import SHARED_SD_M, SHARED_SD_M_S
 from anchoring.cooperation.reports import TrackKey
-from anchoring.cooperation.tracks import NOISE
+from anchoring.cooperation.tracks import FRESH_US, NOISE
 from anchoring.links.states import ObjectState, moved
 from compunits.covariances import Matrix
 from dyknow import US_PER_S
@@ -97,9 +97,11 @@ def matches(candidates: Mapping[TrackKey, ObjectState], objects: Iterable[Rememb
 
     A track has to be where an object may have got by any turn. Which track is which object is decided for all together by how
     vehicles drive that do not turn, if any other choice would fit worse by `MATCH_MARGIN`. `candidates` are states of the tracks,
-    best the first ones: the sooner after it was lost, the better is known where an object is.
+    best the first ones: the sooner after it was lost, the better is known where an object is. What was not reported for `FRESH_US` may
+    be lost soon: a track that may be that is open.
     """
-    expected = [each for each in objects if not each.is_seen and each.at(at_us).deviation_m / sqrt(2.0) <= MATCH_SD_M]
+    missing = [each for each in objects if not each.is_seen or at_us - each.seen_us > FRESH_US]
+    expected = [each for each in missing if each.at(at_us).deviation_m / sqrt(2.0) <= MATCH_SD_M]
     keys = list(candidates)
     if not keys or not expected:
         return Matches({}, frozenset())
@@ -116,6 +118,8 @@ def matches(candidates: Mapping[TrackKey, ObjectState], objects: Iterable[Rememb
     for row, column in pairs:
         without = costs.copy()
         without[row, column] = np.inf
+        if expected[column].is_seen:
+            continue
         if np.isfinite(costs[row, column]) and _assigned(without)[0] - best >= MATCH_MARGIN:
             found[keys[row]] = expected[column].name, float(gates[row, column])
     return Matches(found, frozenset(may_be - found.keys()))

@@ -231,15 +231,16 @@ class GlobalPicture:
         unnamed: dict[TrackKey, ObjectState] = {}
         due: dict[TrackKey, int] = {}
         for at, each in enumerate(made):
-            for key in each.tracks:
-                if key.unit in self._names and self._is_live(key, at_us):
-                    state = self._tracks.of(key.unit)[key].course
-                    if each.name is not None:
-                        self._adopt(key, each, at_us)
-                    elif state is not None:
-                        unnamed[key] = state
-                        if self._is_due(key, each, at_us):
-                            due[key] = at
+            keys = [key for key in sorted(each.tracks) if key.unit in self._names and self._is_live(key, at_us)]
+            if each.name is not None:
+                for key in keys:
+                    self._adopt(key, each, at_us)
+            elif keys:  # tracks of one object are no rivals: one stands for all
+                key, state = keys[0], self._tracks.of(keys[0].unit)[keys[0]].course
+                if state is not None:
+                    unnamed[key] = state
+                    if self._is_due(key, each, at_us):
+                        due[key] = at
         found = matches(unnamed, self._objects.values(), at_us)
         for key, at in due.items():
             if key in found.found:

@@ -1,7 +1,7 @@
 """Cooperative anchoring: one name for one car at all members, through overlaps, gaps, splits, cuts and returns."""
 
 from anchoring.cooperation.picture import NEW_US
-from tests.anchoring.cooperation.skies import Sky, along
+from tests.anchoring.cooperation.skies import START_US, Sky, along
 
 CAR, NEXT = along(0.0), along(25.0, 3.5)
 
@@ -141,3 +141,34 @@ def test_pictures_do_not_depend_on_the_order_in_which_reports_come() -> None:
         sky.run(4, lambda t, cars=cars: {"0": {f"a{n}": car(t) for n, car in enumerate(cars)}, "1": {}})
         names.append(len({*map(str, (sky.name(f"a{n}", "0") for n in range(5)))}))
     assert names == [5, 5]
+
+
+def test_a_car_that_two_see_after_a_gap_is_the_one_that_was_lost() -> None:
+    """They link nothing themselves, so that one member names the tracks of both: those are of one car, not rivals."""
+    sky = Sky("01")
+    sky.pictures["1"].name_for("2")
+
+    def seen(t):
+        there = {"a": CAR(t)} if t > 4.2 else {}
+        return {"0": {"a": CAR(t)} if t <= 4 else {}, "1": there, "2": there}
+
+    sky.run(4, seen)
+    name = sky.name("a", "0")
+    sky.wire.pictures["1"].arrive("2", sky.now_us)
+    begin = len(sky.pictures["1"].recent)
+    for _ in range(25):
+        sky.run(0.2, seen)
+        for report in sky.reports("2", seen((sky.now_us - START_US) / 1e6)["2"]):
+            sky.pictures["1"].report(report, sky.now_us)
+    assert sky.pictures["1"].name_of("1", "a") == sky.pictures["1"].name_of("2", "a") == name
+    assert "appeared" not in {each.kind for each in [*sky.pictures["1"].recent][begin:]}
+
+
+def test_what_may_be_a_car_that_is_about_to_be_lost_is_not_named_before_that() -> None:
+    """Seen for a second elsewhere, and no longer where it was: that is known half a second later."""
+    sky = Sky()
+    sky.run(3, lambda t: {"0": {"a": CAR(t)}, "1": {}})
+    name = sky.name("a", "0")
+    sky.run(5, lambda t: {"0": {}, "1": {"b": CAR(t)} if t > 3.4 else {}})
+    assert sky.names("b", "1") == {name}
+    assert "appeared" not in {each.kind for each in sky.pictures["1"].recent if each.by == "1"}
