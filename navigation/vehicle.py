@@ -201,6 +201,14 @@ class LinkReport(NamedTuple):
     text: str
 
 
+class StationReport(NamedTuple):
+    """What a ground station to which the vehicle is forwarded does, in words; `commands`: it has commanded the vehicle."""
+
+    valid_us: int
+    commands: bool
+    text: str
+
+
 class CommandResult(NamedTuple):
     """The vehicle's answer to `Command.number`: accepted, or why not: "denied", or one of the reasons above."""
 
@@ -227,6 +235,7 @@ Report: TypeAlias = (
     | WinchReport
     | ImageReport
     | LinkReport
+    | StationReport
     | CommandResult
 )
 

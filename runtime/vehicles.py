@@ -151,8 +151,17 @@ def _mavlink(table: Any, ports: VehiclePorts) -> Vehicle:
     insist_on_key(endpoint, "mavlink", control=bool(table.control), has_key=key is not None, unsigned=table.unsigned)
     port = (ports.shared or SharedPorts()).port(table.endpoint, key)
     feed = MavlinkFeed(port, table.sysid, ports.post, ports.now_us, compid=table.compid)
+    parts: list[VehiclePart] = [feed]
+    if table.forward is not None:
+        from proxies.outward.forwarding import Forwarder
+        from proxies.outward.outlets import parse_destination
+
+        to = parse_destination(table.forward, beyond=True, kinds=("udp",))
+        forwarder = Forwarder(to, lambda: feed.system, port, ports.post, ports.now_us, commands=table.forward_commands)
+        port.forwards += (forwarder.on_frame,)
+        parts.insert(0, forwarder)
     settings = {"control": bool(table.control), "missions": table.control == "auto", "limits": ports.limits}
-    return Vehicle((feed,), settings, feed.command)
+    return Vehicle(parts, settings, feed.command)
 
 
 @vehicle_kind("replay")

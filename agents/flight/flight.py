@@ -27,6 +27,7 @@ from navigation.vehicle import (
     LinkReport,
     Order,
     ReturnHomeOrder,
+    StationReport,
     StatusReport,
 )
 
@@ -88,6 +89,9 @@ class FlightAgent(Part):
         if isinstance(event.report, LinkReport):
             self._on_link(event.report, now_us)
             return None
+        if isinstance(event.report, StationReport):
+            self._on_station(event.report)
+            return None if self._tell(now_us) else self._followed
         self._fly(self.pilot.on_report(event.report, federation_us))
         self._on_estimates(self.streams.on_report(event.report, federation_us), now_us)
         changed = isinstance(event.report, StatusReport) and self._on_status(now_us)
@@ -97,6 +101,13 @@ class FlightAgent(Part):
         self._note(report.text)
         self._link = None if report.ok else ConditionEntry(text=report.text[:200], since_us=now_us)
         self._offer(now_us)
+
+    def _on_station(self, report: StationReport) -> None:
+        """Another station that commands is the pilot's own hands."""
+        if not report.commands:
+            self._note(report.text)
+        elif self.pilot.control:
+            self.pilot.take_over(report.text)
 
     def _on_status(self, now_us: int) -> bool:
         """Show why the vehicle would not give way; whether that changed."""

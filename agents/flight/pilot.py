@@ -107,9 +107,7 @@ class Pilot(HeardVehicle):
             )
             if ours and not is_ending:
                 reason = f"the vehicle was taken over: mode {status.mode}"
-                if self.diversion is not None and not self.diversion.is_over:
-                    self.diversion.end(OrderProgress.OVERTAKEN, reason)
-                self._take_over(reason)
+                self.take_over(reason)
 
     def _flies_mission(self, before: vehicle.StatusReport | None, status: vehicle.StatusReport, now_us: int) -> bool:
         """Whether the vehicle flies its mission as before, or since an errand of ours resumed it."""
@@ -124,7 +122,10 @@ class Pilot(HeardVehicle):
         self._raised_to_m = self._lowered_to_m = None
         self._moved, self._attempts = False, 0
 
-    def _take_over(self, reason: str) -> None:
+    def take_over(self, reason: str) -> None:
+        """Send nothing until a user asks for it; a mission waits."""
+        if self.diversion is not None and not self.diversion.is_over:
+            self.diversion.end(OrderProgress.OVERTAKEN, reason)
         self.mission.wait(reason)
         if not self._suspended:
             self.note(f"{reason}; nothing is sent until you ask for it (dyknow delegate resume, goto or hold)")
@@ -144,7 +145,7 @@ class Pilot(HeardVehicle):
         if current is not None and current is self.errand and current.progress is OrderProgress.OVERTAKEN:
             is_missions, self.standing = bool(self.mission.name and self.standing is not None), None
             if self._goal is not None or is_missions:
-                self._take_over("another ground station has sent the vehicle elsewhere")
+                self.take_over("another ground station has sent the vehicle elsewhere")
                 self.target = target
 
     def _on_result(self, result: vehicle.CommandResult, now_us: int) -> None:
@@ -159,7 +160,7 @@ class Pilot(HeardVehicle):
         elif is_leg and result.reason == vehicle.NO_ANSWER and self._attempts < ATTEMPTS:
             self._again_us = now_us + RETRY_US
         elif is_leg and errand.progress is OrderProgress.REFUSED:
-            self._take_over(f"the plan is not flown: {errand.reason}")
+            self.take_over(f"the plan is not flown: {errand.reason}")
 
     def _on_mission(self, report: vehicle.MissionReport) -> list[vehicle.Command]:
         """A mission that was resumed elsewhere than where it was interrupted is sent to its item, once."""

@@ -232,6 +232,7 @@ def _vehicle(
     unit: str, own: UnitFile, simulated: list[str], plan: FleetPlan, now_us: int
 ) -> config.SimulatedVehicleConfig | config.MavlinkVehicle | config.ReplayedVehicle:
     """What the platform flies: the file's vehicle or recording, else a simulated UAV."""
+    check_forward(own, place=f"[unit.{unit}]")
     if own.mavlink:
         return mavlink_vehicle(own, place=f"[unit.{unit}] mavlink")
     if own.replay:
@@ -257,10 +258,19 @@ def _address(text: str | None) -> str | None:
     return text
 
 
+def check_forward(own: UnitFile, *, place: str) -> None:
+    """Raise WrongCall if something is to be forwarded, and there is no vehicle or no ground station."""
+    if own.forward is not None and own.mavlink is None:
+        raise WrongCall(f"{place}: forward belongs to mavlink: there is no vehicle whose messages could be forwarded.")
+    if own.forward is None and (own.forward_commands or own.forward_beyond):
+        raise WrongCall(f"{place}: there is no ground station; name one with forward, udp://127.0.0.1:14550.")
+
+
 def mavlink_vehicle(own: UnitFile, *, place: str) -> config.MavlinkVehicle:
     """A vehicle that speaks MAVLink, its endpoint and its key looked at; raises WrongCall."""
     from proxies.mavlink.endpoints import parse_endpoint
     from proxies.mavlink.signing import insist_on_key, read_key
+    from proxies.outward.outlets import parse_destination
 
     text, key = own.mavlink or "", own.signing_key
     try:
@@ -270,6 +280,12 @@ def mavlink_vehicle(own: UnitFile, *, place: str) -> config.MavlinkVehicle:
     if key is not None:
         read_key(key)
     insist_on_key(endpoint, place, control=bool(own.control), has_key=key is not None, unsigned=own.unsigned)
+    if own.forward is not None:
+        to = parse_destination(own.forward, beyond=own.forward_beyond, kinds=("udp",))
+        if to.port == endpoint.number and endpoint.kind == "udpin":
+            raise WrongCall(
+                f"{place}: forward: {to} is where the vehicle is heard; the ground station needs a port of its own."
+            )
     return config.MavlinkVehicle(
         endpoint=str(endpoint),
         sysid=own.sysid,
@@ -277,6 +293,8 @@ def mavlink_vehicle(own: UnitFile, *, place: str) -> config.MavlinkVehicle:
         control=own.control,
         signing_key=None if key is None else key.absolute(),
         unsigned=own.unsigned,
+        forward=own.forward,
+        forward_commands=own.forward_commands,
     )
 
 

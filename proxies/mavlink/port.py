@@ -8,6 +8,7 @@ answered in the version of the protocol that it speaks: 1, or 2 once a frame of 
 import threading
 import time
 from collections import Counter
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -48,6 +49,9 @@ class MavlinkPort:
         key: 32 bytes; frames without a valid signature are then refused, and ours are signed.
         source: our own system and component id.
 
+    Attributes:
+        forwards: take each intact frame of a system that is heard, from the address that may speak for it.
+
     Raises:
         TextError: the endpoint does not parse.
         EndpointFailed: it cannot be opened, and what to do.
@@ -68,6 +72,7 @@ class MavlinkPort:
         self._peers: dict[int, tuple[Peer, float]] = {}
         self._versions: dict[int, int] = {}
         self._cutters: dict[Peer, Cutter] = {}
+        self.forwards: tuple[Callable[[Frame], None], ...] = ()
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._stopping = threading.Event()
@@ -133,6 +138,19 @@ class MavlinkPort:
         peer = known[0] if known is not None else self._link.callee
         return peer is not None and self._send_to(peer, message, self.version(system))
 
+    def pass_on(self, system: int, data: bytes) -> bool:
+        """Send a frame of another station, unchanged, to where `system` was heard from. From any thread."""
+        known = self._peers.get(system)
+        if known is None:
+            return False
+        with self._lock:
+            try:
+                self._link.send(data, known[0])
+            except OSError:
+                self.counts["not sent"] += 1
+                return False
+        return True
+
     def _send_to(self, peer: Peer, message: Any, version: int) -> bool:
         with self._lock:
             data = message.pack(self._codec, force_mavlink1=version == 1)
@@ -169,6 +187,10 @@ class MavlinkPort:
     def _on_frame(self, frame: Frame, peer: Peer) -> None:
         now_s = time.monotonic()
         self.hearing.on_frame(frame, now_s)
+        known = self._peers.get(frame.system)
+        if known is not None and known[0] == peer:
+            for forward in self.forwards:
+                forward(frame)
         if frame.message_id not in WANTED:
             self.counts["not wanted"] += 1
             return

@@ -67,6 +67,10 @@ class MavlinkVehicle(Strict):
     control: bool | Literal["auto"] = False
     """Whether the platform may command it; `auto`: and interrupt its missions to give way."""
     signing_key: Path | None = None
+    forward: str | None = None
+    """A ground station that gets what the vehicle sends, `udp://127.0.0.1:14550`."""
+    forward_commands: bool = False
+    """Whether what that station sends reaches the vehicle."""
     unsigned: bool = False
     """Whether the vehicle may be commanded over a network without a key."""
 

@@ -63,6 +63,12 @@ class UnitFile(Strict):
     range_m: float | None = None
     signing_key: Path | None = None
     unsigned: bool = False
+    forward: str | None = None
+    """A ground station that gets what the vehicle sends."""
+    forward_commands: bool = False
+    """Whether what that station sends reaches the vehicle."""
+    forward_beyond: bool = False
+    """Whether that station may be on another machine."""
     replay: Path | None = None
     from_: str | None = Field(default=None, alias="from")
     epoch: InstantText | None = None

@@ -18,7 +18,15 @@ from console.errors import DONE, INTERRUPTED
 from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Metrics, Roads, Speed, UnitModules
 from console.output.output import unit_json
 from console.output.shown import line, styled
-from console.processes.launch import clock_of, mavlink_vehicle, platform_config, replayed, together, with_metrics
+from console.processes.launch import (
+    check_forward,
+    clock_of,
+    mavlink_vehicle,
+    platform_config,
+    replayed,
+    together,
+    with_metrics,
+)
 from console.processes.supervision import Fleet, interruptible, outlasting, uninterrupted
 from dyknow.model.errors import FederationFailed, WrongCall
 from runtime.configuration.config import ClockConfig, MavlinkVehicle, NodeConfig, NoVehicle, Vehicle
@@ -61,6 +69,19 @@ def join(
     unsigned: Annotated[
         bool, typer.Option("--unsigned", help="Command the vehicle over a network without a key.")
     ] = False,
+    forward: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DESTINATION", help="A ground station that hears the vehicle, too: udp://127.0.0.1:14550."
+        ),
+    ] = None,
+    forward_commands: Annotated[
+        bool,
+        typer.Option("--forward-commands", help="What that station sends reaches the vehicle; missions then wait."),
+    ] = False,
+    forward_beyond: Annotated[
+        bool, typer.Option("--forward-beyond", help="That station may be on another machine.")
+    ] = False,
     replay: Annotated[
         Path | None, typer.Option(metavar="FILE", help="A recorded flight: .tlog, .bin, .ulg or .mcap.")
     ] = None,
@@ -98,7 +119,8 @@ def join(
         own = UnitFile(
             mavlink=mavlink, sysid=sysids[at] if sysids else None, compid=compid, control="auto" if control == "auto" else control is not None,
             floor_m=floor, ceiling_m=ceiling, range_m=range_,
-            signing_key=signing_key, unsigned=unsigned, replay=replay, from_=from_, epoch=epoch, translation=translation,
+            signing_key=signing_key, unsigned=unsigned, forward=forward, forward_commands=forward_commands,
+            forward_beyond=forward_beyond, replay=replay, from_=from_, epoch=epoch, translation=translation,
             spec=spec, modules=tuple(modules or ()), feed=feed, roads=roads, govern=govern, admit=admit,
         )  # fmt: skip
         if at == 0:
@@ -232,6 +254,7 @@ def fits_in(call: Call, configs: list[NodeConfig]) -> None:
 def _vehicle(call: Call, own: UnitFile, speed: float) -> tuple[Vehicle, ClockConfig]:
     """What the platform flies, and the federation's clock as it needs it; raises WrongCall."""
     now_us = time.time_ns() // 1000
+    check_forward(own, place="--forward")
     if own.replay is None:
         if own.mavlink is None:
             return NoVehicle(), clock_of(call.settings, None, now_us)

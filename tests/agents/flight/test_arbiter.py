@@ -105,6 +105,18 @@ def test_a_mission_never_sends_anything_while_another_goes_before_it(events: lis
         assert (pilot.claims.commander is Commander.MISSION) <= (not hands)
 
 
+def test_a_ground_station_that_commands_the_vehicle_has_the_mission_wait_until_a_user_resumes_it() -> None:
+    pilot = flown()
+    pilot.order(THERE, Commander.MISSION)
+    pilot.take_over("ground station 255/190 has commanded the vehicle (SET_MODE)")
+    assert pilot.claims.commander is Commander.HANDS
+    with pytest.raises(Refused, match="ground station 255/190"):
+        pilot.order(THERE, Commander.MISSION)
+    pilot.proceed()
+    pilot.take_over("again")
+    assert pilot.mission.waits == "again"
+
+
 def test_a_change_of_mode_in_the_middle_has_the_mission_wait_until_a_user_resumes_it() -> None:
     pilot = flown()
     pilot.order(THERE, Commander.MISSION)
