@@ -1,6 +1,6 @@
 """A joined vehicle's MAVLink for a ground station: its frames unchanged, and by option the station's commands back.
 
-What the station commands is never passed on unnoticed: the platform is told first, so that it counts as the pilot's own hands.
+What the station commands is never passed on unnoticed: the platform is notified first, so that it counts as the pilot's own hands.
 Only the station's address may answer, in frames that do not claim to be the vehicle's, a limited number a second.
 """
 
