@@ -3,11 +3,14 @@
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 from federation.messages.acts import Act
 
 Direction = Literal["in", "out"]
+RECORDED: Final = "recorded"
+"""How the outcome of an act begins that a recording has, and that is only played."""
+_NO_REFUSALS = frozenset({"accepted", RECORDED})
 
 
 class AuditEntry(NamedTuple):
@@ -63,4 +66,6 @@ class AuditLog:
     @property
     def refused(self) -> Counter[str]:
         """How many incoming acts were not accepted, by reason."""
-        return Counter({reason: n for (way, reason), n in self.counts.items() if way == "in" and reason != "accepted"})
+        return Counter(
+            {reason: n for (way, reason), n in self.counts.items() if way == "in" and reason not in _NO_REFUSALS}
+        )

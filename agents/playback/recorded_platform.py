@@ -1,5 +1,7 @@
 """The part of a platform that is played back: recorded samples become streams, recorded alarms are raised again.
 
+Recorded speech acts enter its audit log, marked as recorded: subscribers get them, nothing is done on them.
+
 Everything else, from queries to monitors of its own, is what every platform has. Times of samples and alarms are
 federation time, moved by the recording's reader to when they are played.
 """
@@ -7,13 +9,16 @@ federation time, moved by the recording's reader to when they are played.
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
+from agents.audit_log import RECORDED, Direction
 from agents.exchange.label_agreements import LabelAgreements
 from agents.exchange.local_instance import LocalInstance
+from agents.interface import InterfaceAgent
 from agents.part import Followed, Part
 from dyknow import NO_VALUE, SURE, Network, Quality, Value
 from dyknow.model.errors import Refused, SortError
 from dyknow.model.semantic_labels import SemanticLabel
 from federation.members.clock import FederationClock
+from federation.messages.acts import Act
 from federation.messages.descriptions import LabelEntry
 from federation.sharing.translation import Translation
 from reasoning import AlarmEvent
@@ -28,6 +33,15 @@ class PlayedSample(NamedTuple):
     quality: Quality = SURE
 
 
+class PlayedAct(NamedTuple):
+    """A speech act as it passed the recorded platform; `act` is None where the recording has no whole text of it."""
+
+    direction: Direction
+    peer: str
+    outcome: str
+    act: Act | None
+
+
 class OffersPlayed(NamedTuple):
     """From now on the platform offers these labels, with the period of each, 0 for none."""
 
@@ -39,13 +53,14 @@ class Played(NamedTuple):
     """What the recording has of one moment, in its order."""
 
     at_us: int
-    happened: tuple[PlayedSample | AlarmEvent, ...]
+    happened: tuple[PlayedSample | PlayedAct | AlarmEvent, ...]
 
 
 class RecordedPlatform(Part):
     """See the module.
 
     Args:
+        agent: whose audit log takes recorded acts.
         local: the part whose deadline samples may move.
         on_alarm: takes the alarms, as of monitors of this platform.
         offer: tells the directory that labels have changed, at a time.
@@ -57,6 +72,7 @@ class RecordedPlatform(Part):
     def __init__(
         self,
         unit: str,
+        agent: InterfaceAgent,
         network: Network,
         clock: FederationClock,
         translation: Translation,
@@ -69,7 +85,7 @@ class RecordedPlatform(Part):
     ) -> None:
         self._unit, self._network, self._clock, self._translation = unit, network, clock, translation
         self._agreements, self._on_alarm, self._offer = agreements, on_alarm, offer
-        self._note, self._refuse = note, refuse
+        self._note, self._refuse, self._audit_log = note, refuse, agent.audit_log
         self._followed: Followed = (local,)
         self._entries: dict[str, LabelEntry] = {}
 
@@ -101,15 +117,18 @@ class RecordedPlatform(Part):
         )
 
     def on_played(self, event: Played, now_us: int) -> Followed:
-        """Samples reach the streams, alarms those that subscribed to them. Node clock."""
-        has_alarms = False
+        """Samples reach the streams, alarms and acts those that subscribed to them. Node clock."""
+        is_reported = False
         for each in event.happened:
             if isinstance(each, PlayedSample):
                 self._push(each, self._clock.federation_us(now_us))
+            elif isinstance(each, PlayedAct):
+                self._audit_log.enter(now_us, each.direction, each.peer, each.act, f"{RECORDED}: {each.outcome}")
+                is_reported = True
             else:
                 self._on_alarm(each)
-                has_alarms = True
-        return None if has_alarms else self._followed
+                is_reported = True
+        return None if is_reported else self._followed
 
     def _push(self, sample: PlayedSample, federation_us: int) -> None:
         if sample.label not in self._entries:

@@ -11,15 +11,18 @@ from typing import Any, Final, NamedTuple
 
 from pydantic import ValidationError
 
-from agents.playback.recorded_platform import OffersPlayed, Played, PlayedSample
+from agents.playback.recorded_platform import OffersPlayed, Played, PlayedAct, PlayedSample
 from dyknow import NO_VALUE, SURE, Predicted, Quality, Value, of_json
+from dyknow.model.errors import TextError
 from dyknow.model.instants import US_PER_S
 from dyknow.model.semantic_labels import SemanticLabel
+from federation.messages.acts import parse_act
+from federation.messages.contents import ActLog
 from federation.messages.descriptions import DefinitionEntry
 from reasoning import AlarmEvent
 from runtime.configuration.config import RecordedVehicle
 from runtime.recordings.recorded import FederationRecording, RecordedMessage
-from runtime.recordings.recording_file import ALARM, PLATFORM, SAMPLE
+from runtime.recordings.recording_file import ACT, ALARM, PLATFORM, SAMPLE
 from runtime.recordings.summary import LATEST_US
 
 AT_ONCE: Final = 256
@@ -28,10 +31,10 @@ _MOST_LABELS = 256
 
 
 class Due(NamedTuple):
-    """What is played at `at_us`, moved: labels that are offered from then on, a sample or an alarm."""
+    """What is played at `at_us`, moved: labels that are offered from then on, a sample, an act or an alarm."""
 
     at_us: int
-    what: OffersPlayed | PlayedSample | AlarmEvent
+    what: OffersPlayed | PlayedSample | PlayedAct | AlarmEvent
 
 
 def shift_us(first_us: int, from_us: int, begin_us: int) -> int:
@@ -51,7 +54,9 @@ def schedule(recording: FederationRecording, unit: str, played: RecordedVehicle)
     definitions: dict[str, SemanticLabel] = {}
     before: dict[object, Due] | None = {}
     has_offers = False
-    for each in recording.messages(lambda topic: topic in {"/directory", "/alarms"} or topic.startswith(f"/{unit}/")):
+    for each in recording.messages(
+        lambda topic: topic in {"/directory", "/alarms", "/acts"} or topic.startswith(f"/{unit}/")
+    ):
         what = _read(each, unit, definitions, moved_us)
         if what is None or (isinstance(what, AlarmEvent) and not played.alarms):
             continue
@@ -71,11 +76,13 @@ def schedule(recording: FederationRecording, unit: str, played: RecordedVehicle)
     yield from before.values() if before is not None else ()
 
 
-def _keep(before: dict[object, Due], what: OffersPlayed | PlayedSample | AlarmEvent, begin_us: int) -> None:
+def _keep(before: dict[object, Due], what: OffersPlayed | PlayedSample | PlayedAct | AlarmEvent, begin_us: int) -> None:
     if isinstance(what, OffersPlayed):
         before[OffersPlayed] = Due(begin_us, what)
     elif isinstance(what, PlayedSample):
         before[what.label] = Due(begin_us, what)
+    elif isinstance(what, PlayedAct):
+        return
     elif what.event == "opened":
         before[what.id, "alarm"] = Due(begin_us, what)
     else:
@@ -84,7 +91,7 @@ def _keep(before: dict[object, Due], what: OffersPlayed | PlayedSample | AlarmEv
 
 def _read(
     each: RecordedMessage, unit: str, definitions: dict[str, SemanticLabel], moved_us: int
-) -> OffersPlayed | PlayedSample | AlarmEvent | None:
+) -> OffersPlayed | PlayedSample | PlayedAct | AlarmEvent | None:
     """A message about this platform; None for another one, or one that is not as a recorder writes it."""
     match each.schema, each.message:
         case str(schema), {"unit": str(of), "labels": list(labels), "definitions": list(given)} if (
@@ -102,6 +109,8 @@ def _read(
             )
         case str(schema), {"by": str(by)} if schema == ALARM and by == unit:
             return _alarm(each.message, moved_us)
+        case str(schema), {"by": str(by)} if schema == ACT and by == unit:
+            return _act(each.message)
     return None
 
 
@@ -165,6 +174,19 @@ def _alarm(message: Mapping[str, Any], moved_us: int) -> AlarmEvent | None:
     return None
 
 
+def _act(message: Mapping[str, Any]) -> PlayedAct | None:
+    """An act of the message log; its text may have been cut off, which is no act."""
+    try:
+        log = ActLog.model_validate({name: value for name, value in message.items() if name != "by"})
+    except ValidationError:
+        return None
+    act = None
+    if log.act is not None:
+        with suppress(TextError):
+            act = parse_act(log.act)
+    return PlayedAct(log.direction, log.peer, log.outcome, act)
+
+
 class Playback:
     """Posts what is due of one platform, from a thread of its own.
 
@@ -203,7 +225,7 @@ class Playback:
             self._thread.join(timeout=2.0)
 
     def _run(self) -> None:
-        together: list[PlayedSample | AlarmEvent] = []
+        together: list[PlayedSample | PlayedAct | AlarmEvent] = []
         try:
             for at_us, what in schedule(self._recording, self._unit, self._played):
                 left_us = at_us - self._now_us()
@@ -222,7 +244,7 @@ class Playback:
             if not self._stopping.is_set():
                 self._on_end()
 
-    def _play(self, together: list[PlayedSample | AlarmEvent]) -> None:
+    def _play(self, together: list[PlayedSample | PlayedAct | AlarmEvent]) -> None:
         if together:
             self._post(Played(self._node_us(), tuple(together)))
             together.clear()

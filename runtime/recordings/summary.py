@@ -108,6 +108,7 @@ class RecordingSummary:
     Attributes:
         kinds: messages by schema.
         platforms: each platform's newest state.
+        monitors: which there were, by name, platform and units.
         unknown: how often each monitor became unknown, by its name, platform and units.
         lost: messages that the recorder did not keep, by platform.
     """
@@ -125,6 +126,7 @@ class RecordingSummary:
     unknown: Counter[tuple[str, str, tuple[str, ...]]] = field(default_factory=Counter)
     acts: Counter[str] = field(default_factory=Counter)
     tasks: dict[str, str] = field(default_factory=dict)
+    monitors: set[tuple[str, str, tuple[str, ...]]] = field(default_factory=set)
     lost: Counter[str] = field(default_factory=Counter)
 
 
@@ -183,6 +185,8 @@ def _on_monitor(found: RecordingSummary, each: RecordedMessage) -> bool:
     match each.message:
         case {"monitor": str(name), "by": str(by), "units": list(about), **rest}:
             key = name, by, tuple(map(str, about))
+            if len(found.monitors) < MOST_CHANNELS:
+                found.monitors.add(key)
             if rest.get("change") == "unknown" and (key in found.unknown or len(found.unknown) < MOST_CHANNELS):
                 found.unknown[key] += 1
             return True

@@ -12,7 +12,7 @@ from console.commands.fleet.up import READY_S, FleetStart
 from console.commands.recordings.info import Recording
 from console.errors import DONE, INTERRUPTED
 from console.options.arguments import Speed
-from console.output.output import unit_json
+from console.output.output import counted, unit_json
 from console.output.shown import line, styled
 from console.processes.launch import platform_config
 from console.processes.supervision import Fleet, interruptible, outlasting, uninterrupted
@@ -131,7 +131,13 @@ def _say_begun(call: Call, units: list[str], found: RecordingSummary, recorded: 
         from_us=first_us,
         to_us=found.last_us,
         shift_us=moved_us,
+        not_set_up={"tasks": len(found.tasks), "monitors": len(found.monitors)},
     )
+    if found.tasks or found.monitors:
+        call.out.note(
+            f"{counted(len(found.tasks), 'task')} and {counted(len(found.monitors), 'monitor')} of the recording are not set up "
+            "again: their alarms and the speech acts are played, marked as recorded; dyknow info lists them."
+        )
 
 
 def _until_played(call: Call, fleet: Fleet) -> int:

@@ -13,7 +13,7 @@ from federation.messages.contents import MonitorProximity, Query, Samples
 from runtime.configuration.config import RecordedVehicle
 from runtime.recordings.playback import Playback, schedule, shift_us
 from runtime.recordings.recorded import FederationRecording
-from runtime.recordings.recording_file import ALARM, PLATFORM, SAMPLE, RecordingFile
+from runtime.recordings.recording_file import ACT, ALARM, PLATFORM, SAMPLE, RecordingFile
 from runtime.recordings.summary import summary_of
 from tests.box import Box, P
 from tests.console.commands.recordings.encounter import EXAMPLE
@@ -83,6 +83,23 @@ def test_the_same_alarms_are_raised_with_the_same_edges_and_streams_have_the_sam
     answers = world.asked("cc", "1", between, P.QUERY_REF).contents
     samples = [each for page in answers if isinstance(page, Samples) for each in page.samples]
     assert {each.valid_us - moved_us: each.value["altitude_m"] for each in samples} == pytest.approx(wanted)
+
+
+def test_speech_acts_are_in_the_log_again_marked_as_recorded_and_nothing_is_done_on_them() -> None:
+    world = Box()
+    play(world, recorded(world.now_us + 3_000_000))
+    acts = [each for each in FederationRecording(EXAMPLE).messages() if each.schema == ACT]
+    assert len(acts) > 20
+    for unit in ("0", "1"):
+        audit_log = world.platforms[unit].part(RecordedPlatform)._audit_log
+        played = [entry for entry in audit_log.entries if entry.outcome.startswith("recorded: ")]
+        told = [each.message for each in acts if each.message["by"] == unit]
+        assert [(entry.direction, entry.peer, entry.outcome.removeprefix("recorded: ")) for entry in played] == [
+            (each["direction"], each["peer"], each["outcome"]) for each in told
+        ]
+        whole = [each["act"] for each in told if "act" in each and not each["act"].endswith("...")]
+        assert [str(entry.act) for entry in played if entry.act is not None] == whole
+        assert not audit_log.refused["recorded"]
 
 
 def test_from_a_time_on_the_alarms_that_were_open_come_first_and_the_newest_samples_with_them() -> None:
@@ -162,12 +179,17 @@ FIELDS = (
     "covariance",
     "certainty",
     "prediction",
+    "direction",
+    "peer",
+    "outcome",
+    "act",
 )
 
 
 @given(
     st.lists(
-        st.tuples(st.sampled_from([SAMPLE, ALARM, PLATFORM]), st.dictionaries(st.sampled_from(FIELDS), ODD)), max_size=8
+        st.tuples(st.sampled_from([SAMPLE, ALARM, PLATFORM, ACT]), st.dictionaries(st.sampled_from(FIELDS), ODD)),
+        max_size=8,
     )
 )
 def test_no_message_of_a_hostile_recording_ends_a_platform(
