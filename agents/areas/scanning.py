@@ -33,7 +33,7 @@ from navigation.scanning import Floats, ScanGrid, lawn_mower, swath_m, within
 SCANNED: Final = "scanned-area"
 PERIOD_US: Final = US_PER_S
 ROUNDS: Final = 3
-"""Of lanes over one piece: after that what is not seen is said to be unseen."""
+"""Of lanes over one piece: after that the rest counts as unseen."""
 ENOUGH: Final = 0.002
 """A smaller part of a piece than this is not flown to again."""
 
@@ -178,7 +178,7 @@ class Scanning(Part):
     # -- the flight --------------------------------------------------------------------------------------------
 
     def _step(self, scan: _Scan, piece: AssignedPiece, now_us: int) -> None:
-        """Fly over what is left of the piece, in a few rounds; then home."""
+        """Fly over the unseen rest of the piece, in a few rounds; then home."""
         if scan.is_flying or scan.is_over:
             return
         left = scan.mine & ~scan.grid.seen

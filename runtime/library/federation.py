@@ -5,7 +5,6 @@ import os
 from collections.abc import Generator
 from itertools import count
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from federation.members.command_centre import PlatformView
@@ -13,13 +12,13 @@ from federation.messages.contents import Content, MonitorEntry
 from federation.messages.dialogue import Dialogue
 from runtime.client import Job, command_centre, surroundings
 from runtime.configuration.reach import COMMAND_CENTRE, client_wire
-from runtime.configuration.settings import Settings, load
 from runtime.library import jobs
 from runtime.library.alarm_news import AlarmItem, follow_alarms
 from runtime.library.calls import CallItem, call_for, wanted_of
 from runtime.library.feed import Feed
-from runtime.library.member_thread import MemberThread
+from runtime.library.member_thread import MemberThread, settings_of
 from runtime.library.missions import mission_of
+from runtime.library.pictures.saliency import FoundPerson, saliency_map
 from runtime.library.questions import Which
 from runtime.library.results import QueryResult, UnitSample
 from runtime.library.watched import WatchedStreams
@@ -29,22 +28,6 @@ Time: TypeAlias = str | int
 """An instant of federation time: microseconds since 1970, or a text: `-5s` (ago), `now`, ISO 8601."""
 TaskState: TypeAlias = Literal["running", "done", "failed", "cancelled"]
 _CONNECTIONS = count()
-
-
-def settings_of(federation: str | Path, **options: Any) -> Settings:
-    """The options as the command finds them: these arguments, then `DYKNOW_*` variables, then the federation's file.
-
-    Raises:
-        WrongCall: an option or file that is not right, with the remedy.
-    """
-    given = {name: value for name, value in options.items() if value is not None}
-    flags = {
-        name: (value,) if name in {"listen", "connect", "extensions"} and isinstance(value, str) else value
-        for name, value in given.items()
-    }
-    if str(federation):
-        flags["federation"] = str(federation)
-    return load(flags, None)
 
 
 def connect(
@@ -98,9 +81,9 @@ class Connection:
         unit = f"{COMMAND_CENTRE}-{f'{number}{os.getpid():08}' if number else os.getpid()}"
 
         centre = command_centre(settings, unit, self._key)
-        self._thread = MemberThread(
-            surroundings(client_wire(settings)), centre, settings.federation, settings.extensions, settings.ontology
-        )
+        wire, named = surroundings(client_wire(settings)), settings.federation
+        centre = command_centre(settings, unit, self._key)
+        self._thread = MemberThread(wire, centre, named, settings.extensions, settings.ontology)
         return self._thread
 
     def _close(self) -> None:
@@ -110,17 +93,13 @@ class Connection:
     def __enter__(self) -> "FederationClient":
         return FederationClient(self._open())
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_raised: object) -> None:
         self._close()
 
     async def __aenter__(self) -> "AsyncFederationClient":
         return AsyncFederationClient(await asyncio.to_thread(self._open))
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *_raised: object) -> None:
         await asyncio.to_thread(self._close)
 
 
@@ -338,6 +317,10 @@ class FederationClient(_Face):
         """Have platforms reach the goals of a problem, as `dyknow mission start` does; texts, and fields of `MissionRequest`."""
         return DelegatedTask(self, *self._do(self._begun(mission_of(self._client, domain, problem, to, given))))
 
+    def saliency(self, unit: str | int | None = None) -> list[FoundPerson]:
+        """The persons that platforms have found, on the map of one platform or of all; `.name`, `.x_m`, `.y_m`, `.by`, ..."""
+        return list(self._do(saliency_map(self._client, _name(unit))).persons)
+
     def monitors(self, *, explain: bool = False) -> list[MonitorEntry]:
         """The monitors of all platforms: `.by`, `.name`, `.units`, `.verdict`, `.inputs`, `.shows`, `.since_us`.
 
@@ -403,8 +386,13 @@ class AsyncFederationClient(_Face):
 
     async def mission(self, domain: str, problem: str, *, to: str | int | None = None, **given: Any) -> DelegatedTask:
         """See `FederationClient.mission`."""
-        begun = self._begun(mission_of(self._client, domain, problem, to, given))
-        return AsyncDelegatedTask(self, *await self._done(begun))
+        return AsyncDelegatedTask(
+            self, *await self._done(self._begun(mission_of(self._client, domain, problem, to, given)))
+        )
+
+    async def saliency(self, unit: str | int | None = None) -> list[FoundPerson]:
+        """See `FederationClient.saliency`."""
+        return list((await self._done(saliency_map(self._client, _name(unit)))).persons)
 
     async def monitors(self, *, explain: bool = False) -> list[MonitorEntry]:
         """See `FederationClient.monitors`."""

@@ -11,9 +11,26 @@ from typing import Any, Generic, TypeVar
 from dyknow.model.errors import SessionFailed
 from federation.members.command_centre import CommandCentre
 from runtime.client import Client, Job, Surroundings, Wait
+from runtime.configuration.settings import Settings, load
 
 T = TypeVar("T")
 _CLOSE_S = 5.0
+
+
+def settings_of(federation: str | Path, **options: Any) -> Settings:
+    """The options as the command finds them: these arguments, then `DYKNOW_*` variables, then the federation's file.
+
+    Raises:
+        WrongCall: an option or file that is not right, with the remedy.
+    """
+    given = {name: value for name, value in options.items() if value is not None}
+    flags = {
+        name: (value,) if name in {"listen", "connect", "extensions"} and isinstance(value, str) else value
+        for name, value in given.items()
+    }
+    if str(federation):
+        flags["federation"] = str(federation)
+    return load(flags, None)
 
 
 class _RunningJob(Generic[T]):

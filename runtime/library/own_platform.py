@@ -14,8 +14,8 @@ from dyknow.model.labels import Label
 from federation.keys import unit as unit_name
 from runtime.configuration.config import NodeConfig, NoVehicle
 from runtime.configuration.reach import client_wire, trust_files
-from runtime.library.federation import settings_of
 from runtime.library.feed import Feed
+from runtime.library.member_thread import settings_of
 from runtime.process import PlatformProcess
 from runtime.vehicles import Vehicle
 

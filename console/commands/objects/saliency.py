@@ -1,15 +1,18 @@
 """`dyknow saliency`: the persons that platforms have found, as a table, as JSON or as GeoJSON."""
 
 import json
+from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
 import typer
 
 from console.centre.client import connected
 from console.command import Call, command
+from console.commands.texts.specification_files import read_text
 from console.errors import DONE, NO
 from dyknow.model.instants import print_span
 from runtime.library.pictures.saliency import FoundPerson, SaliencyPicture, geojson, saliency_map
+from runtime.library.pictures.supplies import supply_goals
 
 Format: TypeAlias = Literal["table", "json", "geojson"]
 
@@ -19,6 +22,12 @@ def saliency(
     call: Call,
     *,
     format_: Annotated[Format, typer.Option("--format", help="How the map is printed.")] = "table",
+    supplies: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PROBLEM.prob", help="Print goals that bring its boxes to the persons (mission --constraints)."
+        ),
+    ] = None,
     unit: Annotated[str | None, typer.Option("--unit", metavar="U", help="The map that this platform has.")] = None,
 ) -> int:
     """The persons that platforms have found, one map of all; exit 1 if there is none.
@@ -28,7 +37,12 @@ def saliency(
     """
     with connected(call) as client:
         picture = client.run(saliency_map(client, unit))
-        if format_ == "geojson":
+        if supplies is not None:
+            goals = supply_goals(picture.persons, read_text(supplies))
+            call.out.plain(goals.text)
+            for name in goals.unsupplied:
+                call.out.note(f"there is no box for {name}", style="yellow")
+        elif format_ == "geojson":
             call.out.plain(json.dumps(geojson(picture), indent=2))
         elif format_ == "json" or call.out.json_lines:
             for each in picture.persons:
