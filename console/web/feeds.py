@@ -5,7 +5,8 @@ from bisect import bisect_right
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple, Protocol
 
-from console.web.picture import Picture, Sections
+from console.web.differences import Sections
+from console.web.picture import Picture
 from console.web.rows import instant, number
 from runtime.recordings.recorded import FederationRecording
 from runtime.recordings.recording_file import SAMPLE
@@ -23,14 +24,21 @@ class PageView(NamedTuple):
 
     at_us: int
     sections: Sections
-    trails: dict[str, list[list[float]]]
     run: int = 0
+
+
+class Past(NamedTuple):
+    """What a page that opens is given of before: where platforms were, and how far apart pairs that are monitored were."""
+
+    trails: dict[str, list[list[float]]]
+    curves: dict[str, list[list[float]]]
 
 
 class Viewer(Protocol):
     """What one page looks through."""
 
     def look(self) -> PageView: ...
+    def past(self) -> Past: ...
     def steer(self, wish: Mapping[str, Any]) -> None: ...
     def about(self) -> dict[str, Any]: ...
 
@@ -40,7 +48,7 @@ class LiveFeed:
 
     def __init__(self, picture: Picture, federation: str) -> None:
         self._picture, self._federation, self._lock = picture, federation, threading.Lock()
-        self._moment = PageView(0, picture.sections(), {})
+        self._moment = PageView(0, picture.sections())
         self._is_changed = True
         self.now_us = 0
         self.trouble = ""
@@ -62,8 +70,13 @@ class LiveFeed:
         with self._lock:
             if self._is_changed:
                 self._is_changed = False
-                self._moment = PageView(self.now_us, self._picture.sections(), self._picture.trails())
+                self._moment = PageView(self.now_us, self._picture.sections())
             return self._moment._replace(at_us=max(self.now_us, self._picture.now_us))
+
+    def past(self) -> Past:
+        """Of the last minutes."""
+        with self._lock:
+            return Past(self._picture.trails(), self._picture.curves())
 
     def steer(self, wish: Mapping[str, Any]) -> None:
         """Now is now."""
@@ -145,7 +158,11 @@ class RecordingViewer:
             self._run += 1
         self._count = self._feed.take_until(self._picture, self._count, at_us)
         self._shown_us = at_us
-        return PageView(at_us, self._picture.sections(), self._picture.trails(), self._run)
+        return PageView(at_us, self._picture.sections(), self._run)
+
+    def past(self) -> Past:
+        """Of the minutes before."""
+        return Past(self._picture.trails(), self._picture.curves())
 
     def _now_us(self) -> int:
         first_us, last_us = self._feed.span_us

@@ -8,17 +8,16 @@ import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 from console.web import rows
+from console.web.differences import Sections, close_pairs
 from console.web.rows import Row, number, text
 from federation.messages.acts import Act
 from navigation.geodesy import metres_per_degree
 from runtime.recordings import foxglove
 from runtime.recordings import recording_file as kinds
 
-Sections: TypeAlias = dict[str, dict[str, Row]]
-Difference: TypeAlias = dict[str, dict[str, Row | None]]
 SECTIONS: Final = (
     "platforms", "streams", "links", "monitors", "alarms", "tasks", "missions", "acts", "events", "objects", "views",
     "areas", "salient", "targets", "pairs", "lost",
@@ -28,9 +27,8 @@ MOST_OTHERS: Final = 256
 """Rows of a section; the oldest go first."""
 STREAM_US: Final = 1_000_000
 """How often the row of a stream is replaced."""
-CLOSE_M: Final = 60.0
-"""Platforms nearer than this are a close pair."""
 TRAIL_US, TRAIL_POINTS = 1_000_000, 90
+CURVE_POINTS: Final = 120
 HISTORY: Final = 64
 """Changes that are kept of what a monitor shows."""
 _SLOW_M_S: Final = 0.5
@@ -69,11 +67,16 @@ class Picture:
     _sections: Sections = field(default_factory=lambda: {name: {} for name in SECTIONS})
     _streams: dict[str, _Stream] = field(default_factory=dict)
     _trails: dict[str, "deque[tuple[int, float, float]]"] = field(default_factory=dict)
+    _curves: dict[str, "deque[tuple[int, float]]"] = field(default_factory=dict)
     _numbers: int = 0
+    _curve_us: int = 0
 
     def take(self, at_us: int, schema: str, message: Mapping[str, Any]) -> None:
         """A message; what is not as a recorder writes it is passed over."""
         self.now_us = max(self.now_us, at_us)
+        if self.now_us - self._curve_us >= TRAIL_US:
+            self._curve_us = self.now_us
+            self._measure()
         match schema:
             case kinds.SAMPLE:
                 self._on_sample(at_us, message)
@@ -107,6 +110,21 @@ class Picture:
             unit: [[latitude, longitude] for _, latitude, longitude in trail] for unit, trail in self._trails.items()
         }
 
+    def curves(self) -> dict[str, list[list[float]]]:
+        """How far apart the two platforms of each monitor were, in metres, in the last two minutes: pairs of time and distance."""
+        return {name: [[at_us, apart_m] for at_us, apart_m in curve] for name, curve in self._curves.items()}
+
+    def _measure(self) -> None:
+        platforms = self._sections["platforms"]
+        for name, row in self._sections["monitors"].items():
+            places = [platforms.get(unit, {}).get("at") for unit in row["units"]]
+            if len(places) == 2 and all(places):
+                (one, other), (north_m, east_m) = places, metres_per_degree(places[0][0])
+                apart_m = math.hypot((one[0] - other[0]) * north_m, (one[1] - other[1]) * east_m)
+                self._curves.setdefault(name, deque(maxlen=CURVE_POINTS)).append((self.now_us, round(apart_m, 1)))
+        for name in self._curves.keys() - self._sections["monitors"].keys():
+            del self._curves[name]
+
     def copy(self) -> "Picture":
         """The same picture, stepped by itself from now on."""
         copies = {name: dict(rows) for name, rows in self._sections.items()}
@@ -115,7 +133,8 @@ class Picture:
             for name, s in self._streams.items()
         }
         trails = {unit: deque(trail, TRAIL_POINTS) for unit, trail in self._trails.items()}
-        return Picture(self.origin, self.now_us, copies, streams, trails, self._numbers)
+        curves = {name: deque(curve, CURVE_POINTS) for name, curve in self._curves.items()}
+        return Picture(self.origin, self.now_us, copies, streams, trails, curves, self._numbers, self._curve_us)
 
     # -- rows --------------------------------------------------------------------------------------------------
 
@@ -369,42 +388,6 @@ _OBJECT_NUMBERS: Final = (
     "observed_s",
 )
 _OBJECT_TEXTS: Final = ("type", "types", "colour", "status", "seen_by", "by", "because", "known")
-
-
-def close_pairs(platforms: Mapping[str, Row], before: Mapping[str, Row] = {}) -> dict[str, Row]:
-    """The pairs that are near each other, horizontally, and how high above each other they are, in metres."""
-    flying = [(unit, row["at"], row.get("altitude")) for unit, row in platforms.items() if row.get("at")]
-    if not flying:
-        return {}
-    north_m, east_m = metres_per_degree(flying[0][1][0])
-    spots = [(unit, at[1] * east_m, at[0] * north_m, altitude) for unit, at, altitude in flying]
-    found: dict[str, Row] = {}
-    for index, (unit, x, y, altitude) in enumerate(spots):
-        for other, other_x, other_y, other_altitude in spots[index + 1 :]:
-            if abs(x - other_x) < CLOSE_M and abs(y - other_y) < CLOSE_M:
-                apart_m = math.hypot(x - other_x, y - other_y)
-                if apart_m < CLOSE_M:
-                    above = (
-                        None if altitude is None or other_altitude is None else round(abs(altitude - other_altitude), 1)
-                    )
-                    row = {"units": [unit, other], "apart": round(apart_m, 1), "above": above}
-                    name = f"{unit} {other}"
-                    found[name] = before[name] if before.get(name) == row else row
-    return found
-
-
-def difference(before: Sections, after: Sections) -> Difference:
-    """What makes the one picture the other: rows that are new, None for those that are gone."""
-    found: Difference = {}
-    for section, rows_after in after.items():
-        rows_before = before.get(section, {})
-        changed: dict[str, Row | None] = {
-            name: row for name, row in rows_after.items() if rows_before.get(name) is not row
-        }
-        changed |= {name: None for name in rows_before if name not in rows_after}
-        if changed:
-            found[section] = changed
-    return found
 
 
 def _degrees(radians: float) -> float:

@@ -16,8 +16,8 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from console.web.access import ACT, LARGEST_BODY, LIVE, PAGE, SESSION, Access, Demand, Refusal
+from console.web.differences import difference
 from console.web.feeds import PageView, Viewer
-from console.web.picture import difference
 from dyknow.model.errors import DyknowError
 
 TICK_S: Final = 0.1
@@ -177,7 +177,8 @@ class PageServer:
                     about = now
                     parts.append(f'"about":{_json(about)}')
             if sent is None or sent.run != moment.run:
-                parts.append(f'"whole":{_json(moment.sections)},"trails":{_json(moment.trails)}')
+                trails, curves = viewer.past()
+                parts.append(f'"whole":{_json(moment.sections)},"trails":{_json(trails)},"curves":{_json(curves)}')
             elif changed := self._difference(sent, moment):
                 parts.append(f'"changed":{changed}')
             await socket.send_text(f"{{{','.join(parts)}}}")

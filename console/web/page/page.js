@@ -60,7 +60,7 @@ function take(message) {
   state.t = message.t;
   if (message.about) { state.about = message.about; showAbout(); }
   if (message.whole) {
-    state.sections = message.whole; state.trails = message.trails; state.history.clear(); map.fitOnce();
+    state.sections = message.whole; state.trails = message.trails; state.history = new Map(Object.entries(message.curves)); map.fitOnce();
   } else if (message.changed) {
     applyChanges(message.changed); extendTrails(message.changed.platforms); map.fitOnce();
   }

@@ -44,7 +44,8 @@ export class Panels {
     this.draw();
   }
 
-  changed() {
+  changed(changed) {
+    if (changed && (changed.alarms || changed.missions)) { this.draw(); return; }
     if (this.isWaiting) return;
     this.isWaiting = true;
     setTimeout(() => { this.isWaiting = false; this.draw(); }, Math.max(0, this.drawnAt + DRAW_MS - performance.now()));
@@ -200,7 +201,7 @@ export class Panels {
       return el("tr", { cls: lost || isOld ? "bad" : missing ? "warn" : "" }, el("td", { text: row.unit }), el("td", { text: row.label }), el("td", { cls: "n", text: `${rates.length ? Number(Math.min(...rates).toPrecision(2)) : "–"}${row.period_us ? ` / ${Number((1e6 / row.period_us).toPrecision(2))}` : ""}` }),
         el("td", { cls: "n", text: age === null ? "" : span(age) }), el("td", { cls: "n", text: row.delay_us === undefined ? "" : span(row.delay_us) }), el("td", { text: [...new Set(taken.map((link) => link.to))].join(" ") }), el("td", { cls: "n", text: missing || lost ? `${missing} / ${lost}` : "" }));
     });
-    const table = el("table", {}, el("tr", {}, ...["of", "label", "Hz / offered", "age", "delay", "to", "missing / lost"].map((words, at) => el("th", { cls: at > 1 && at !== 5 ? "n" : "", text: words }))), ...lines);
+    const table = el("table", {}, el("tr", {}, ...["of", "label", "Hz", "age", "delay", "to", "gaps"].map((words, at) => el("th", { cls: at > 1 && at !== 5 ? "n" : "", text: words }))), ...lines);
     if (performance.now() - (this.tableAt || 0) > 900 || !$("stream-table").firstChild) { this.tableAt = performance.now(); $("stream-table").replaceChildren(table); }
   }
 

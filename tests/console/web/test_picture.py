@@ -7,8 +7,9 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
+from console.web.differences import Sections, close_pairs, difference
 from console.web.feeds import RecordedFeed, RecordingViewer
-from console.web.picture import MOST_OTHERS, SECTIONS, Picture, Sections, close_pairs, difference
+from console.web.picture import MOST_OTHERS, SECTIONS, Picture
 from runtime.recordings import foxglove
 from runtime.recordings import recording_file as kinds
 from runtime.recordings.recorded import FederationRecording
