@@ -2,15 +2,15 @@
 
 import math
 from collections.abc import Mapping
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 from console.web.rows import Row
 from navigation.geodesy import metres_per_degree
 
 Sections: TypeAlias = dict[str, dict[str, Row]]
 Difference: TypeAlias = dict[str, dict[str, Row | None]]
-CLOSE_M: Final = 60.0
-"""Platforms nearer than this are a close pair."""
+CLOSE_M, CLOSE_ABOVE_M = 60.0, 30.0
+"""Platforms nearer than this, horizontally and vertically, are a close pair."""
 
 
 def close_pairs(platforms: Mapping[str, Row], before: Mapping[str, Row] = {}) -> dict[str, Row]:
@@ -25,7 +25,9 @@ def close_pairs(platforms: Mapping[str, Row], before: Mapping[str, Row] = {}) ->
         for other, other_x, other_y, other_altitude in spots[index + 1 :]:
             if abs(x - other_x) < CLOSE_M and abs(y - other_y) < CLOSE_M:
                 apart_m = math.hypot(x - other_x, y - other_y)
-                if apart_m < CLOSE_M:
+                if apart_m < CLOSE_M and (
+                    altitude is None or other_altitude is None or abs(altitude - other_altitude) < CLOSE_ABOVE_M
+                ):
                     above = (
                         None if altitude is None or other_altitude is None else round(abs(altitude - other_altitude), 1)
                     )

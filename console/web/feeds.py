@@ -7,12 +7,13 @@ from typing import Any, Final, NamedTuple, Protocol
 
 from console.web.differences import Sections
 from console.web.picture import Picture
-from console.web.rows import instant, number
+from console.web.rows import LONGEST, instant, number
 from runtime.recordings.recorded import FederationRecording
-from runtime.recordings.recording_file import SAMPLE
+from runtime.recordings.recording_file import ALARM, SAMPLE
 
 KEYFRAME_US: Final = 5_000_000
 MOST_MESSAGES: Final = 3_000_000
+MOST_MARKS: Final = 1000
 SLOWEST, FASTEST = 0.05, 100.0
 SHOWN_TOPICS: Final = frozenset(
     {"/alarms", "/monitors", "/acts", "/tasks", "/imports", "/missions", "/directory", "/log", "/lost"}
@@ -98,6 +99,8 @@ class RecordedFeed:
         self._messages: list[tuple[str, Mapping[str, Any]]] = []
         self._frames: list[tuple[int, Picture]] = [(0, Picture(origin))]
         self._frame_us: list[int] = [0]
+        self._open_us: dict[str, int] = {}
+        self.marks: list[tuple[int, int | None]] = []
 
     def load(self) -> None:
         """Read all messages that are shown."""
@@ -111,9 +114,20 @@ class RecordedFeed:
                 self._frames.append((len(self._times), picture.copy()))
                 self._frame_us.append(at_us)
             picture.take(at_us, each.schema, each.message)
+            if each.schema == ALARM:
+                self._mark(at_us, each.message)
             self._messages.append((each.schema, each.message))
             self._times.append(at_us)
+        self.marks += [(opened_us, None) for opened_us in self._open_us.values()]
         self.is_loaded = True
+
+    def _mark(self, at_us: int, alarm: Mapping[str, Any]) -> None:
+        """When an alarm was open, for the slider."""
+        name = str(alarm.get("id"))[:LONGEST]
+        if alarm.get("event") == "opened":
+            self._open_us.setdefault(name, at_us)
+        elif name in self._open_us and len(self.marks) < MOST_MARKS:
+            self.marks.append((self._open_us.pop(name), at_us))
 
     @property
     def span_us(self) -> tuple[int, int]:
@@ -195,6 +209,7 @@ class RecordingViewer:
             "playing": self._is_playing,
             "speed": self._speed,
             "file": self._feed.recording.path.name,
+            "marks": self._feed.marks if self._feed.is_loaded else [],
         }
 
 

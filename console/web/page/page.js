@@ -225,6 +225,11 @@ function showChips(changed) {
   const asked = state.questions().length;
   chip("chip-asked", `${asked} question${asked === 1 ? "" : "s"}`, "ask", asked > 0);
   if (!changed || changed.platforms || changed.streams) showSelected();
+  if (!changed || changed.objects || changed.salient) {
+    const homeless = ["objects", "salient"].flatMap((section) => Object.values(state.rows(section))).filter((row) => !row.at).length;
+    $("notice").hidden = !homeless;
+    if (homeless) $("notice").textContent = `${homeless} object${homeless === 1 ? " is" : "s are"} not on the map: start dyknow web with --origin LAT,LON, from where their metres count`;
+  }
 }
 
 let selectedShown = null;

@@ -231,3 +231,13 @@ def test_a_playback_runs_at_its_speed_and_stops_at_the_end() -> None:
     player.steer({"play": True, "speed": float("nan"), "at_us": True})
     seconds[0] = 1000.0
     assert player.look().at_us == last_us
+
+
+def test_the_slider_has_when_alarms_were_open() -> None:
+    feed = RecordedFeed(FederationRecording(RECORDING), None)
+    feed.load()
+    first_us, last_us = feed.span_us
+    assert len(feed.marks) == 4
+    assert all(
+        closed_us is not None and first_us <= opened_us < closed_us <= last_us for opened_us, closed_us in feed.marks
+    )
