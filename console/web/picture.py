@@ -117,8 +117,8 @@ class Picture:
     def _measure(self) -> None:
         platforms = self._sections["platforms"]
         for name, row in self._sections["monitors"].items():
-            places = [platforms.get(unit, {}).get("at") for unit in row["units"]]
-            if len(places) == 2 and all(places):
+            places = [at for unit in row["units"] if (at := platforms.get(unit, {}).get("at"))]
+            if len(row["units"]) == len(places) == 2:
                 (one, other), (north_m, east_m) = places, metres_per_degree(places[0][0])
                 apart_m = math.hypot((one[0] - other[0]) * north_m, (one[1] - other[1]) * east_m)
                 self._curves.setdefault(name, deque(maxlen=CURVE_POINTS)).append((self.now_us, round(apart_m, 1)))
