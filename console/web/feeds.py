@@ -196,6 +196,7 @@ class RecordingViewer:
             self._is_playing = wish["play"]
         if at_us is not None:
             self._at_us = at_us
+            self._run += 1
 
     def about(self) -> dict[str, Any]:
         """What the page says about the whole."""

@@ -94,6 +94,6 @@ export function drawGraph(canvas, units, links, taken) {
 /** Where alarms were open in the recording as far as it is shown. */
 export function drawTimeline(canvas, alarms, about) {
   const [c, w, h] = prepared(canvas), p = paint(), whole = about.last_us - about.first_us || 1, x = (us) => ((us - about.first_us) / whole) * w;
-  for (const alarm of about.marks || []) { c.fillStyle = p.bad; c.globalAlpha = 0.5; c.fillRect(x(alarm[0]), 4, Math.max(2, x(alarm[1] ?? about.last_us) - x(alarm[0])), h - 8); }
+  for (const alarm of about.marks || []) { c.fillStyle = p.bad; c.globalAlpha = 0.5; c.fillRect(x(alarm[0]), h - 9, Math.max(2, x(alarm[1] ?? about.last_us) - x(alarm[0])), 5); }
   c.globalAlpha = 1;
 }

@@ -241,3 +241,14 @@ def test_the_slider_has_when_alarms_were_open() -> None:
     assert all(
         closed_us is not None and first_us <= opened_us < closed_us <= last_us for opened_us, closed_us in feed.marks
     )
+
+
+def test_a_leap_in_a_recording_brings_the_trails_of_that_moment() -> None:
+    feed = RecordedFeed(FederationRecording(RECORDING), None)
+    feed.load()
+    player = RecordingViewer(feed, lambda: 0.0)
+    before = player.look()
+    player.steer({"at_us": feed.span_us[0] + 8_000_000})
+    assert player.look().run != before.run
+    assert all(len(trail) >= 7 for trail in player.past().trails.values())
+    assert all(len(curve) >= 7 for curve in player.past().curves.values())
