@@ -57,7 +57,10 @@ class UnitBack(NamedTuple):
 
 
 class MissionSuspended(NamedTuple):
+    """A pause; `keeps_plan`: the plan continues after it at the actions that it has interrupted, if they can begin then."""
+
     reason: str = ""
+    keeps_plan: bool = False
 
 
 class MissionResumed(NamedTuple):

@@ -138,6 +138,10 @@ class PlanExecutor:
     def is_done(self) -> bool:
         return all(one.phase is StepPhase.DONE for one in self.steps.values())
 
+    def needs(self, unit: str) -> bool:
+        """Whether the unit still has something to do."""
+        return any(one.unit == unit and one.phase is not StepPhase.DONE for one in self.steps.values())
+
     @property
     def acting(self) -> tuple[PlanStep, ...]:
         """Steps whose flags are set."""

@@ -61,6 +61,11 @@ class Schemas:
     def instance(self, action: PlannedAction) -> OperatorInstance:
         return self._of[action.operator.name].instance(action.objects)
 
+    def holds(self, action: PlannedAction, state: State) -> bool:
+        """Whether an action can begin in a state."""
+        found = self._of[action.operator.name].instances(action.unit, state)
+        return any(one.objects == action.objects for one in found)
+
 
 def changes_of(instance: OperatorInstance, state: State, start_ms: int, end_ms: int) -> tuple[ExpectedChange, ...]:
     """What an action changes that starts in this state."""

@@ -18,6 +18,7 @@ from planning.execution.executor import ExecutionFault, PlanExecutor
 from planning.execution.flags import ExecutionFlags
 from planning.execution.generation import PlanMonitor
 from planning.recovery.goals import MissionGoals, name_of
+from planning.recovery.interrupted import hindrance, rest_of
 from planning.recovery.options import DROP, GIVE_UP, MissionOptions, MissionPhase, MissionStatus
 from planning.recovery.situation import assume, bound_terms, objects_of, past_events, problem_now, recovery_from
 from planning.recovery.units import MissionUnits
@@ -57,6 +58,8 @@ class Mission:
         self._beliefs = Beliefs({}, 0, 0, self._task.default_of)
         self._flags = ExecutionFlags()
         self._executor: PlanExecutor | None = None
+        self._plan: MissionPlan | None = None
+        self._rest: MissionPlan | None = None
         self._phase, self._since_us, self._why = MissionPhase.READY, 0, "it has not begun"
         self._begun_us, self._told_ms = 0, 0
         self._next_step, self._search, self._question = 1, 0, 0
@@ -149,12 +152,12 @@ class Mission:
                 return self._on_lost(unit, reason, now_us)
             case events.UnitBack(unit, _):
                 return self._on_back(unit, now_us)
-            case events.MissionSuspended(reason):
+            case events.MissionSuspended(reason, keeps_plan):
+                self._rest = rest_of(self._executor, self._plan) if keeps_plan else None
                 found = self._leave(reason or "the mission is suspended", "loiter", now_us)
                 return [*found, *self._wait(MissionPhase.SUSPENDED, reason or "a user asked for it", now_us)]
             case events.MissionResumed():
-                is_waiting = self._phase is MissionPhase.SUSPENDED
-                return self._replan("the mission is resumed", now_us) if is_waiting else []
+                return self._resume(now_us) if self._phase is MissionPhase.SUSPENDED else []
             case events.MissionAborted(reason):
                 found = self._leave(reason or "the mission is aborted", "loiter", now_us)
                 return [*found, *self._end("aborted", reason or "a user asked for it", now_us)]
@@ -222,7 +225,7 @@ class Mission:
             )
         except TextError as error:
             return self._end("gave up", f"the plan cannot be monitored: {error}", now_us)
-        self._executor, self._goals.unreached = executor, plan.unreached
+        self._executor, self._plan, self._goals.unreached = executor, plan, plan.unreached
         self._next_step += len(plan.actions)
         self._units.release()
         self._turn(MissionPhase.EXECUTING, f"{len(plan.actions)} actions", now_us)
@@ -316,16 +319,31 @@ class Mission:
         return [*found, *self._search_plan(why, now_us)]
 
     def _search_plan(self, why: str, now_us: int) -> list[MissionEffect]:
-        self._let_happen(now_us)
-        elapsed_ms = (now_us - self._begun_us) // 1000
-        if elapsed_ms or self._replans:
-            goals = [one for one in self._problem.goals if name_of(one) not in self._goals.dropped]
-            self._problem_now = problem_now(self._problem, self._task, self._beliefs, self._unknown, goals, elapsed_ms)
+        self._rebuild(now_us)
         self._search += 1
         self._executor = None
         limit_us = self.options.search_us
         self._turn(MissionPhase.SEARCHING, why, now_us, limit_us + _GRACE_US)
         return [events.SearchPlan(self._search, self._domain, self._problem_now, self._units.acting, limit_us, why)]
+
+    def _rebuild(self, now_us: int) -> None:
+        """The problem as it is now."""
+        self._let_happen(now_us)
+        elapsed_ms = (now_us - self._begun_us) // 1000
+        if elapsed_ms or self._replans:
+            goals = [one for one in self._problem.goals if name_of(one) not in self._goals.dropped]
+            self._problem_now = problem_now(self._problem, self._task, self._beliefs, self._unknown, goals, elapsed_ms)
+
+    def _resume(self, now_us: int) -> list[MissionEffect]:
+        """After a pause: the plan where it was interrupted, if it was kept and can go on, else a new one."""
+        rest, self._rest = self._rest, None
+        if rest is None or self._units.pilots or self._unknown:
+            return self._replan("the mission is resumed", now_us)
+        self._rebuild(now_us)
+        why = hindrance(self._domain.joined(self._problem_now), rest)
+        if why:
+            return [MissionNote("replans", why), *self._replan(why, now_us)]
+        return [MissionNote("continues", f"at {rest.actions[0].shown}"), *self._execute(rest, now_us)]
 
     def _on_searched(self, event: events.PlanSearched, now_us: int) -> list[MissionEffect]:
         if self._phase is not MissionPhase.SEARCHING or event.search != self._search:
@@ -363,11 +381,7 @@ class Mission:
         why = f"{unit} is lost{f': {reason}' if reason else ''}"
         note = MissionNote("unit lost", why)
         executor = self._executor
-        if (
-            self._phase is MissionPhase.EXECUTING
-            and executor is not None
-            and any(one.unit == unit and one.phase != "done" for one in executor.steps.values())
-        ):
+        if self._phase is MissionPhase.EXECUTING and executor is not None and executor.needs(unit):
             return [note, *self._leave(why, "loiter", now_us), *self._replan(why, now_us)]
         if self._phase is MissionPhase.SEARCHING:
             return [note, events.CancelSearch(self._search), *self._search_plan(why, now_us)]
