@@ -73,8 +73,8 @@ class LookingAgain:
 
     Attributes:
         state: for lists, in words.
-        lines: what was done last.
-        question: the values that the delegator is asked to choose from.
+        history: what was done last: when, what kind of thing, and what.
+        question: the values between which the delegator is to choose.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class LookingAgain:
         self._is_cautious, self._within_m, self._standoff_m = is_cautious, within_m, standoff_m
         self._objects = ObservedObjects(type_)
         self.state, self.since_us = f"looks for {symbol}", begun_us
-        self.lines: deque[str] = deque(maxlen=KEPT)
+        self.history: deque[tuple[int, str, str]] = deque(maxlen=KEPT)
         self.question: tuple[str, ...] = ()
         self.asked = ""
         self.questions = 0
@@ -154,14 +154,14 @@ class LookingAgain:
     # -- anchored ----------------------------------------------------------------------------------------------
 
     def _anchor(self, percept: str, why: str, now_us: int) -> None:
-        self._end(now_us)
         refused = self._ports.anchor(percept, now_us)
         if refused:
             self._say("fails", f"{percept} is not given the symbol: {refused}", now_us)
-            return
-        self._objects.renamed(percept, self.symbol)
-        self.anchored, self._lost_us, self._stuck = percept, None, ""
-        self._say("anchored", f"{self.symbol} is {percept}: {why}", now_us)
+        else:
+            self._objects.renamed(percept, self.symbol)
+            self.anchored, self._lost_us, self._stuck = percept, None, ""
+            self._say("anchored", f"{self.symbol} is {percept}: {why}", now_us)
+        self._end(now_us)
 
     def on_lost(self, federation_us: int) -> None:
         """Nothing shows it any longer."""
@@ -359,7 +359,7 @@ class LookingAgain:
                 case messages.RecoveryFailed(_, reason, is_absent):
                     self._fail(reason, federation_us, now_us, is_absent=is_absent)
                 case messages.TopPlanResumed():
-                    self._say("resumed", "the plan that needed it continues", now_us)
+                    pass  # the vehicle was given back with the anchor
 
     def _on_plan(self, made: messages.RecoveryPlanMade, now_us: int) -> None:
         self.plans += 1
@@ -390,13 +390,13 @@ class LookingAgain:
 
     def _fail(self, reason: str, federation_us: int, now_us: int, *, is_absent: bool) -> None:
         looked = len(self.recovery.knowledge.searched) if self.recovery is not None else 0
-        self._end(now_us)
         self._stuck = "absent" if is_absent else reason
         self._due_us = federation_us + (AGAIN_US if is_absent else BUDGET_US // MOST_RECOVERIES)
         text = (
             f"{self.symbol} is not present: {looked} places were looked at" if is_absent else f"{self.symbol}: {reason}"
         )
         self._say("not present" if is_absent else "fails", text, now_us)
+        self._end(now_us)
 
     def _end(self, now_us: int) -> None:
         if self.recovery is not None:
@@ -409,7 +409,7 @@ class LookingAgain:
 
     def _say(self, kind: str, text: str, now_us: int) -> None:
         self.state = f"{kind}: {text}"
-        self.lines.append(self.state)
+        self.history.append((self._stepped_us or self.since_us, kind, text))
         self._ports.say(kind, text, now_us)
 
 

@@ -5,9 +5,10 @@ hold, and a vehicle that a mission has is not taken from it. What is halted, pla
 is in the log, and is the state of the task; a question is answered as that of a mission is. Times are the node clock.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Final
 
+from agents.anchors.borrowed import BorrowedVehicle
 from agents.anchors.described import described
 from agents.anchors.looking_again import LIMITS, LookingAgain
 from agents.anchors.viewpoints import Viewpoint
@@ -20,15 +21,15 @@ from agents.flight.pilot import Pilot
 from agents.interface import InterfaceAgent
 from agents.missions.command_run import VehicleCommand
 from agents.missions.leading import MissionLeading
-from agents.missions.mission_units import OwnUnit
 from agents.missions.performing import Performing
 from agents.part import Part
+from agents.specification.object_queries import LONGEST_REASON, ObjectQueries
 from anchoring.links.objects import LinkEvent
-from dyknow import NO_VALUE, Network, Policy, Sample
+from dyknow import NO_VALUE, Label, Network, Policy, Sample
 from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
 from federation.members.directory import DirectoryFacilitator
-from federation.messages.contents import MissionEntry, MissionQuestion, Progress
+from federation.messages.contents import MissionEntry, MissionQuestion, ObjectEvent, Progress
 from federation.sharing.translation import Translation
 from kpl import Instance
 from kpl.linking.streams import LinkStream
@@ -51,7 +52,13 @@ class _Recovery:
         self._part, self._wanted = part, wanted
         self._undo: Undo | None = None
         self._only: str | None = None
-        self._unit: OwnUnit | None = None
+
+        def on_performed(number: int, failure: str, at_us: int) -> None:
+            self.looking.on_moved(number, failure, part.federation_us(at_us), at_us)
+
+        self._vehicle = BorrowedVehicle(
+            part.performing, part.leading, f"anchor-{wanted.want.symbol}", part.unit, on_performed
+        )
         self._attends = False
         content = wanted.content
         self.looking = LookingAgain(
@@ -70,6 +77,10 @@ class _Recovery:
     @property
     def symbol(self) -> str:
         return self._wanted.want.symbol
+
+    @property
+    def stream(self) -> Label:
+        return self._wanted.want.stream
 
     @property
     def conversation(self) -> str:
@@ -127,19 +138,12 @@ class _Recovery:
         height_m = part.height_m
         if height_m is None or not part.performing.is_airborne():
             return "the vehicle does not fly" if height_m is not None else "its height is not known"
-        if self._unit is None or not self._unit.is_ready:
-
-            def on_performed(step: int, failure: str, at_us: int) -> None:
-                self.looking.on_moved(step, failure, part.federation_us(at_us), at_us)
-
-            self._unit = OwnUnit(part.performing, on_performed)
-            self._unit.join(f"anchor-{self.symbol}", part.unit, now_us)
-            if self._unit.lost:
-                refused, self._unit = self._unit.lost, None
-                return refused
+        refused = self._vehicle.take(f"anchor {self.symbol} is recovered", now_us)
+        if refused:
+            return refused
         latitude_deg, longitude_deg, _ = part.frame.from_ned(place.y_m, place.x_m, 0.0)
         commands = (VehicleCommand("goto", (latitude_deg, longitude_deg, height_m)),)
-        self._unit.perform(number, why, commands, now_us)
+        self._vehicle.fly(number, why, commands, now_us)
         return ""
 
     def stare(self, place: Viewpoint, symbol: str) -> None:
@@ -154,9 +158,7 @@ class _Recovery:
         if self._attends:
             self._attends = False
             self._part.attention.end(self.conversation)
-        unit, self._unit = self._unit, None
-        if unit is not None:
-            unit.leave(now_us)
+        self._vehicle.end(self.looking.state, now_us)
         self._part.leading.end_search(self)
 
     def plan(self, number: int, problem: SensingProblem) -> None:
@@ -191,7 +193,7 @@ class _Recovery:
 
     @property
     def waits(self) -> str:
-        return "" if self._unit is None else self._unit.waits
+        return self._vehicle.waits
 
     # -- as a mission is listed ----------------------------------------------------------------------------------
 
@@ -210,7 +212,7 @@ class _Recovery:
         return MissionEntry(
             mission=f"anchor-{self.symbol}"[:64], conversation=self.conversation, phase=phase, since_us=looking.since_us,
             why=looking.state[:1000], replans=max(0, looking.plans - 1), question=question,
-            actions=tuple(each[:1000] for each in looking.lines),
+            actions=tuple(f"{kind}: {text}"[:1000] for _, kind, text in looking.history),
         )  # fmt: skip
 
     def answer(self, number: int, answer: str, by: str, now_us: int) -> None:
@@ -231,6 +233,7 @@ class RecoveringAnchors(Part):
         attention: turns the camera.
         leading: has plans made, lists missions and takes answers to their questions.
         wanting: takes what is wanted, and hands on what is to be recovered.
+        queries: lists what happened to objects.
     """
 
     def __init__(
@@ -246,6 +249,7 @@ class RecoveringAnchors(Part):
         performing: Performing,
         leading: MissionLeading,
         wanting: Wanting,
+        queries: ObjectQueries,
         pilot: Pilot,
         instance: Instance,
         emit: Callable[[Effect], None],
@@ -261,6 +265,7 @@ class RecoveringAnchors(Part):
         self._now_us = 0
         network.subscribe(translation.local_label(VIEW, unit), Policy(), self._on_view)
         wanting.recoveries = self
+        queries.histories.append(self.events)
 
     def _on_view(self, sample: Sample) -> None:
         if sample.value is not NO_VALUE:
@@ -292,6 +297,16 @@ class RecoveringAnchors(Part):
         """Something happened to a wanted object."""
         if conversation in self._recoveries:
             self._recoveries[conversation].on_event(event, self._now_us)
+
+    def events(self, symbol: str | None) -> Iterator[tuple[Label, ObjectEvent]]:
+        """What was done for one wanted object, or for all, each with the stream that it is of."""
+        for each in self._recoveries.values():
+            if symbol in {None, each.symbol}:
+                for at_us, kind, text in each.looking.history:
+                    event = ObjectEvent(
+                        at_us=at_us, event=kind.replace(" ", "-"), target=each.symbol, because=text[:LONGEST_REASON]
+                    )
+                    yield each.stream, event
 
     # -- time --------------------------------------------------------------------------------------------------
 

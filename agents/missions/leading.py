@@ -43,6 +43,7 @@ from federation.messages.contents import (
 from navigation.geodesy import LocalFrame
 from planning.domains.model import Declarations
 from planning.execution import events
+from planning.recovery.options import MissionPhase
 from planning.search.plans import MissionPlan, plan_of
 
 P = Performative
@@ -227,6 +228,25 @@ class MissionLeading(Part):
                 f"mission {name} is not one of platform {self._unit}; missions are: {known}", "unknown-mission"
             )
         return self._led[name]
+
+    def halt(self, mission: str, reason: str, now_us: int) -> bool:
+        """Have a mission of this platform wait, with its plan; whether there is one."""
+        led = self._led.get(mission)
+        if led is not None:
+            led.take(events.MissionSuspended(reason, keeps_plan=True), now_us)
+        return led is not None
+
+    def is_halted(self, mission: str) -> bool:
+        """Whether a mission of this platform waits."""
+        led = self._led.get(mission)
+        return led is not None and led.mission is not None and led.mission.status.phase is MissionPhase.SUSPENDED
+
+    def go_on(self, mission: str, result: str, now_us: int) -> None:
+        """What a mission was halted for is over: it continues where it was interrupted."""
+        led = self._led.get(mission)
+        if led is not None:
+            self.report(led, "anchor", result, now_us)
+            led.take(events.MissionResumed(), now_us)
 
     def on_missions(self, act: Act, _content: MissionQuery, now_us: int) -> None:
         """`(missions)`: those that run, and the last ones that are over."""

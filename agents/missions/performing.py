@@ -107,6 +107,16 @@ class Performing(Part):
         status = self._pilot.status
         return None if status is None else status.airborne
 
+    @property
+    def mission(self) -> str:
+        """The mission that has the vehicle; empty: none."""
+        return "" if self._joined is None else self._joined.mission
+
+    @property
+    def waits(self) -> str:
+        """Why it takes no commands of that mission now."""
+        return self._pilot.mission.waits
+
     # -- joined ------------------------------------------------------------------------------------------------
 
     def on_permit(self, act: Act, content: PermitMission, now_us: int) -> None:

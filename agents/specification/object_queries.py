@@ -1,7 +1,7 @@
 """The objects that are there, in the streams of object states of one platform, for other members (thesis 8.5.1)."""
 
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from agents.actions import QUERIED, Action, Offer, Role
 from agents.cooperation.cooperation import Cooperation
@@ -55,6 +55,10 @@ class BeliefHistory(Protocol):
     def explain(self, name: str) -> "Iterable[LifeEvent]": ...
 
 
+ObjectHistories: TypeAlias = Callable[[str | None], Iterable[tuple[Label, ObjectEvent]]]
+"""What else happened to one object, or to all, each with the stream that it is of."""
+
+
 class ObjectQueries(Part):
     """Lists the objects of the streams that the requester may see, each with its newest state, and what happened to them."""
 
@@ -76,6 +80,7 @@ class ObjectQueries(Part):
         cooperation: Cooperation,
         handover: Handover,
     ) -> None:
+        self.histories: list[ObjectHistories] = []
         self._agent, self._agreements, self._instance = agent, agreements, instance
         self._cooperation, self._handover = cooperation, handover
 
@@ -125,6 +130,8 @@ class ObjectQueries(Part):
         for each, _ in self._wanted(unit):
             if symbol in {None, each.symbol}:
                 yield ObjectEvent(at_us=each.since_us, event="wanted", target=each.symbol, because=_described(each))
+        for histories in self.histories:
+            yield from (event for label, event in histories(symbol) if self._may_see(unit, label))
         if picture is not None and self._may_see(unit, self._cooperation.tracks):
             for event in (*picture.events(symbol), *self._handover.events(symbol)):
                 why = event.because[:LONGEST_REASON]

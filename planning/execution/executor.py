@@ -107,7 +107,7 @@ class PlanExecutor:
         patience_us: int,
         missing: Collection[str] = (),
     ) -> None:
-        self._schemas = Schemas(declared)
+        self._schemas, self.plan = Schemas(declared), plan
         actions = expected_actions(self._schemas, plan, first)
         monitors = monitors_of(declared, actions)
         self.steps = {

@@ -9,9 +9,9 @@ from planning.execution.timeline import Schemas, expected_actions
 from planning.search.plans import MissionPlan
 
 
-def rest_of(executor: PlanExecutor | None, plan: MissionPlan | None) -> MissionPlan | None:
+def rest_of(executor: PlanExecutor | None) -> MissionPlan | None:
     """The actions of a plan that are not done, those under way from their beginning; None: there are none."""
-    if executor is None or plan is None:
+    if executor is None:
         return None
     over = {StepPhase.ENDING, StepPhase.DONE}
     left = [one.expected.action for one in executor.steps.values() if one.phase not in over]
@@ -19,7 +19,7 @@ def rest_of(executor: PlanExecutor | None, plan: MissionPlan | None) -> MissionP
         return None
     first_ms = min(one.start_ms for one in left)
     moved = (replace(one, start_ms=one.start_ms - first_ms, end_ms=one.end_ms - first_ms) for one in left)
-    return MissionPlan(tuple(moved), plan.cost, plan.unreached)
+    return MissionPlan(tuple(moved), executor.plan.cost, executor.plan.unreached)
 
 
 def hindrance(declared: Declarations, rest: MissionPlan) -> str:

@@ -52,13 +52,11 @@ class Mission:
         self._declared = domain.joined(problem)
         self._task = PlanningTask(self._declared)
         self._recoveries = {one.name: one for one in self._declared.recoveries}
-        members = self._task.types.members
-        self._units = MissionUnits(tuple(one for sort in self._declared.units for one in members[sort]))
+        self._units = MissionUnits(tuple(u for sort in self._declared.units for u in self._task.types.members[sort]))
         self._goals = MissionGoals(problem.goals)
         self._beliefs = Beliefs({}, 0, 0, self._task.default_of)
         self._flags = ExecutionFlags()
         self._executor: PlanExecutor | None = None
-        self._plan: MissionPlan | None = None
         self._rest: MissionPlan | None = None
         self._phase, self._since_us, self._why = MissionPhase.READY, 0, "it has not begun"
         self._begun_us, self._told_ms = 0, 0
@@ -73,9 +71,8 @@ class Mission:
 
     def start(self, now_us: int, plan: MissionPlan | None = None) -> list[MissionEffect]:
         """Begin: with a plan that is given, or by a search for one."""
-        period_us = self.options.period_us
-        self._begun_us = now_us
-        self._beliefs = Beliefs(dict(self._task.values), now_us, _FRESH_PERIODS * period_us, self._task.default_of)
+        self._begun_us, fresh_us = now_us, _FRESH_PERIODS * self.options.period_us
+        self._beliefs = Beliefs(dict(self._task.values), now_us, fresh_us, self._task.default_of)
         if plan is not None:
             return self._execute(plan, now_us)
         return self._search_plan("the mission begins", now_us)
@@ -153,7 +150,7 @@ class Mission:
             case events.UnitBack(unit, _):
                 return self._on_back(unit, now_us)
             case events.MissionSuspended(reason, keeps_plan):
-                self._rest = rest_of(self._executor, self._plan) if keeps_plan else None
+                self._rest = rest_of(self._executor) if keeps_plan else None
                 found = self._leave(reason or "the mission is suspended", "loiter", now_us)
                 return [*found, *self._wait(MissionPhase.SUSPENDED, reason or "a user asked for it", now_us)]
             case events.MissionResumed():
@@ -225,7 +222,7 @@ class Mission:
             )
         except TextError as error:
             return self._end("gave up", f"the plan cannot be monitored: {error}", now_us)
-        self._executor, self._plan, self._goals.unreached = executor, plan, plan.unreached
+        self._executor, self._goals.unreached = executor, plan.unreached
         self._next_step += len(plan.actions)
         self._units.release()
         self._turn(MissionPhase.EXECUTING, f"{len(plan.actions)} actions", now_us)
@@ -313,15 +310,16 @@ class Mission:
         self._replans += 1
         if self._replans > self.options.most_replans:
             return self._end("gave up", f"{self._replans - 1} plans were made: {why}", now_us)
-        found: list[MissionEffect] = []
-        if model.REPLANNING in self._recoveries:
-            found = self._assume(self._recoveries[model.REPLANNING], {}, now_us)
-        return [*found, *self._search_plan(why, now_us)]
+        return [*self._assume_anew(now_us), *self._search_plan(why, now_us)]
+
+    def _assume_anew(self, now_us: int) -> list[MissionEffect]:
+        """What is assumed of any plan that was left."""
+        recovery = self._recoveries.get(model.REPLANNING)
+        return [] if recovery is None else self._assume(recovery, {}, now_us)
 
     def _search_plan(self, why: str, now_us: int) -> list[MissionEffect]:
         self._rebuild(now_us)
-        self._search += 1
-        self._executor = None
+        self._search, self._executor = self._search + 1, None
         limit_us = self.options.search_us
         self._turn(MissionPhase.SEARCHING, why, now_us, limit_us + _GRACE_US)
         return [events.SearchPlan(self._search, self._domain, self._problem_now, self._units.acting, limit_us, why)]
@@ -339,11 +337,12 @@ class Mission:
         rest, self._rest = self._rest, None
         if rest is None or self._units.pilots or self._unknown:
             return self._replan("the mission is resumed", now_us)
+        found = self._assume_anew(now_us)
         self._rebuild(now_us)
         why = hindrance(self._domain.joined(self._problem_now), rest)
         if why:
-            return [MissionNote("replans", why), *self._replan(why, now_us)]
-        return [MissionNote("continues", f"at {rest.actions[0].shown}"), *self._execute(rest, now_us)]
+            return [*found, MissionNote("replans", why), *self._replan(why, now_us)]
+        return [*found, MissionNote("continues", f"at {rest.actions[0].shown}"), *self._execute(rest, now_us)]
 
     def _on_searched(self, event: events.PlanSearched, now_us: int) -> list[MissionEffect]:
         if self._phase is not MissionPhase.SEARCHING or event.search != self._search:
@@ -380,8 +379,7 @@ class Mission:
         self._units.lost.add(unit)
         why = f"{unit} is lost{f': {reason}' if reason else ''}"
         note = MissionNote("unit lost", why)
-        executor = self._executor
-        if self._phase is MissionPhase.EXECUTING and executor is not None and executor.needs(unit):
+        if self._phase is MissionPhase.EXECUTING and self._executor is not None and self._executor.needs(unit):
             return [note, *self._leave(why, "loiter", now_us), *self._replan(why, now_us)]
         if self._phase is MissionPhase.SEARCHING:
             return [note, events.CancelSearch(self._search), *self._search_plan(why, now_us)]

@@ -10,6 +10,7 @@ from federation.messages.contents import (
     MissionEntry,
     MissionList,
     MissionQuery,
+    ObjectEvents,
     ObjectList,
     TaskList,
     Tasks,
@@ -109,3 +110,9 @@ class Field(Chase):
         ((_, listed),) = self.ask(ObjectList(), 1.0).said
         assert isinstance(listed, ObjectList)
         return [(each.symbol, each.attributes.get("mark")) for each in listed.objects or ()]
+
+    def explained(self) -> list[str]:
+        """What `dyknow explain suspect` has, by kind."""
+        ((_, listed),) = self.ask(ObjectEvents(symbol="suspect"), 1.0).said
+        assert isinstance(listed, ObjectEvents)
+        return [each.event for each in listed.events or ()]

@@ -4,11 +4,12 @@ import pytest
 
 from agents.anchors.looking_again import MOST_RECOVERIES
 from agents.anchors.recovering import RecoveringAnchors
-from federation.messages.contents import AnswerQuestion
+from federation.messages.contents import AnswerQuestion, ControlMission, FlyMission
 from navigation.vehicle import HoldOrder
 from sim_uavs.dynamics.faults import parse_fault
 from tests.agents.anchors.field import Field, Standing
 from tests.agents.attention.chase import said
+from tests.agents.missions.flown import DOMAIN, ONE
 
 TWO = {"a": Standing(20.0, 10.0), "b": Standing(-15.0, 12.0, mark_deg=270.0)}
 """Two red cars; the mark of the western one is seen from its west."""
@@ -34,19 +35,21 @@ def test_two_red_cars_are_looked_at_from_elsewhere_until_the_mark_of_one_is_seen
         "plan: case 2, 9 hypotheses: ((move v1) (look-at co1) (cond ((mark! co1 = f) (look-at co2) "
     )
     assert "observed: look-at co1 from v1 shows f" in told
-    assert told[-4:-1] == [
+    assert told[-3:-1] == [
         "observed: look-at co2 from v2 shows t",
         "anchored: suspect is co2: it was looked at again",
-        "resumed: the plan that needed it continues",
     ]
     east_m, _ = field.at_m
     assert east_m < -15.0 - 20.0, "the vehicle is west of the car whose mark is seen from there"
     assert len(field.looks) > 4
-    assert field.tasks() == ["resumed: the plan that needed it continues"]
+    assert field.tasks() == ["anchored: suspect is co2: it was looked at again"]
     entry = field.entry()
     assert (entry.mission, entry.phase) == ("anchor-suspect", "anchored")
     assert "flies: (move v2)" in entry.actions
-    assert field.platform.part(RecoveringAnchors).performing.deadline_us is None, "the vehicle is free again"
+    assert [kind for kind in field.explained() if kind in {"halted", "plan", "observed", "anchored"}] == [
+        "halted", "plan", *["observed"] * 4, "anchored"
+    ]  # fmt: skip
+    assert field.platform.part(RecoveringAnchors).performing.mission == "", "the vehicle is free again"
 
 
 def test_one_that_is_as_described_is_anchored_at_once_unless_it_is_cautious() -> None:
@@ -90,6 +93,46 @@ def test_without_control_it_is_refused() -> None:
 
 
 @pytest.mark.full
+def test_the_mission_that_has_the_vehicle_is_halted_and_continues_at_the_action_that_was_interrupted() -> None:
+    field = started(TWO, seen_m=150.0)
+    mission = field.world.ask("cc", "0", FlyMission(mission="m1", domain=DOMAIN, problem=ONE))
+    field.until(mission, "started: fly-to(uav0, pond)")
+    field.until(field.want(), "it was looked at again")
+    told = field.until(mission, "reached")
+    halted = told.index("waits: suspended: anchor suspect is recovered")
+    assert told[halted + 1 : halted + 4] == [
+        "anchor: anchored: suspect is co2: it was looked at again",
+        "assumed: claimed[pond] := False",
+        "continues: at fly-to(uav0, pond)",
+    ]
+    assert not any(each.startswith(("searched", "fault")) for each in told[halted:])
+
+
+@pytest.mark.full
+def test_an_action_that_cannot_begin_any_longer_has_the_mission_replan() -> None:
+    field = started(TWO, seen_m=150.0)
+    domain = DOMAIN.replace(
+        "  :assume forall place: claimed(place) := false", "  :assume forall place: seen(place) := seen(place)"
+    )
+    mission = field.world.ask("cc", "0", FlyMission(mission="m1", domain=domain, problem=ONE))
+    field.until(mission, "started: fly-to(uav0, pond)")
+    field.until(field.want(), "it was looked at again")
+    assert "replans: the preconditions of fly-to(uav0, pond) do not hold any longer" in field.until(mission, "replans")
+
+
+@pytest.mark.full
+def test_a_user_who_continues_the_mission_ends_the_recovery() -> None:
+    field = started(TWO, seen_m=150.0)
+    mission = field.world.ask("cc", "0", FlyMission(mission="m1", domain=DOMAIN, problem=ONE))
+    field.until(mission, "started: fly-to(uav0, pond)")
+    asked = field.want()
+    field.until(asked, "looks: ")
+    field.ask(ControlMission(mission="m1", how="resume"))
+    assert any("mission m1 was continued, or is over" in each for each in field.until(asked, "fails: "))
+    field.until(mission, "reached")
+
+
+@pytest.mark.full
 def test_what_no_camera_sees_is_searched_for_over_the_area_and_is_not_present() -> None:
     field = started({"a": Standing(5.0, 5.0, "blue")}, seen_m=25.0)
     told = field.until(field.want(within_m=40.0), "not present", 300)
@@ -107,7 +150,7 @@ def test_what_no_camera_sees_is_searched_for_over_the_area_and_is_not_present() 
 @pytest.mark.full
 def test_a_candidate_that_a_search_sees_is_recovered_from_one_level_deeper() -> None:
     field = started({"a": Standing(5.0, 5.0, "blue"), "b": Standing(25.0, 28.0, mark_deg=0.0)}, seen_m=25.0)
-    told = field.until(field.want(within_m=40.0), "resumed", 300)
+    told = field.until(field.want(within_m=40.0), "anchored", 300)
     assert any("recovery 2 within it" in each for each in told)
     assert "anchored: suspect is co3: it was looked at again" in told
 
@@ -123,7 +166,7 @@ def test_one_that_is_seen_again_beside_another_is_looked_at_again() -> None:
     field.pass_time(3.0)
     field.things["b"] = Standing(9.0, 33.0, mark_deg=0.0)
     field.hidden.clear()
-    told = field.until(asked, "resumed")
+    told = field.until(asked, "it was looked at again")
     assert "lost: suspect is no longer anchored: case 2, co2: colour red is as described" in told
     field.pass_time(3.0)
     ((symbol, _),) = [pair for pair in field.marked() if pair[0] == "suspect"]
