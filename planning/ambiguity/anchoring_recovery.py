@@ -51,7 +51,7 @@ class RecoveryLimits:
         levels: recoveries within recoveries, the first included.
         replans: plans made again in one recovery.
         at_once: plans over more hypotheses are made elsewhere.
-        answer_us: how long an answer of the delegator is waited for; 0: it is asked, and the recovery fails.
+        answer_us: how long an answer of the delegator is waited for; 0: the recovery fails with the question.
     """
 
     levels: int = 2

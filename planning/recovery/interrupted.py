@@ -1,4 +1,4 @@
-"""What is left of a plan that was interrupted, and whether it can go on from the state now."""
+"""The rest of a plan that was interrupted, and whether it can continue from the state now."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ def rest_of(executor: PlanExecutor | None) -> MissionPlan | None:
 
 
 def hindrance(declared: Declarations, rest: MissionPlan) -> str:
-    """Why it cannot go on from the initial state of these declarations; empty: the preconditions of each action will hold."""
+    """Why it cannot continue from the initial state of these declarations; empty: the preconditions of each action will hold."""
     try:
         schemas = Schemas(declared)
         for one in expected_actions(schemas, rest):

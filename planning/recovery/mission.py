@@ -108,20 +108,11 @@ class Mission:
     def status(self) -> MissionStatus:
         steps = () if self._executor is None else tuple(self._executor.steps.values())
         return MissionStatus(
-            self.name,
-            self._phase,
-            self._since_us,
-            self._why,
+            self.name, self._phase, self._since_us, self._why,
             tuple((one.number, one.unit, one.shown, str(one.phase), one.since_us) for one in steps),
-            self._flags.now(),
-            tuple(self._faults.items()),
-            self._replans,
-            tuple(self._assumed),
-            self._goals.kept,
-            tuple(self._goals.dropped),
-            self._units.missing,
-            self._asked,
-        )
+            self._flags.now(), tuple(self._faults.items()), self._replans, tuple(self._assumed),
+            self._goals.kept, tuple(self._goals.dropped), self._units.missing, self._asked,
+        )  # fmt: skip
 
     def on_event(self, event: events.MissionEvent, now_us: int) -> list[MissionEffect]:
         """Take an event; after the end of the mission nothing follows from any."""
@@ -333,7 +324,7 @@ class Mission:
             self._problem_now = problem_now(self._problem, self._task, self._beliefs, self._unknown, goals, elapsed_ms)
 
     def _resume(self, now_us: int) -> list[MissionEffect]:
-        """After a pause: the plan where it was interrupted, if it was kept and can go on, else a new one."""
+        """After a pause: the plan where it was interrupted, if it was kept and can continue, else a new one."""
         rest, self._rest = self._rest, None
         if rest is None or self._units.pilots or self._unknown:
             return self._replan("the mission is resumed", now_us)
