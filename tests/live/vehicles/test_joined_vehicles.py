@@ -3,8 +3,10 @@
 import time
 from collections.abc import Iterator
 from contextlib import closing
+from typing import Any
 
 import pytest
+from pymavlink import mavutil
 
 from console.processes.launch import free_ports
 from sim_uavs.autopilot.server import AutopilotServer
@@ -80,3 +82,29 @@ def test_a_platform_whose_vehicle_is_another_one_says_so_in_ls(dyknow: Dyknow, p
         (found,) = [each for each in dyknow.run("doctor", "--mavlink", f"udpin:127.0.0.1:{port}", code=1)
                     if "mavlink" in each["finding"]]  # fmt: skip
     assert "another ground station" in found["detail"]
+
+
+@pytest.mark.full
+def test_a_ground_station_hears_a_joined_vehicle_and_its_command_is_the_pilots_hands(
+    dyknow: Dyknow, port: int, vehicles: list[AutopilotServer]
+) -> None:
+    (behind,) = free_ports(1)
+    station: Any = mavutil.mavlink_connection(f"udpin:127.0.0.1:{behind}", source_system=255)
+    started = dyknow.start(
+        "join", "--unit", "a", "--sysid", "1", "--mavlink", f"udpin:127.0.0.1:{port}", "--control",
+        "--forward", f"udp://127.0.0.1:{behind}", "--forward-commands", "--json",
+    )  # fmt: skip
+    said = lines(started)
+    heard(said, 1)
+    beat = station.recv_match(type="HEARTBEAT", blocking=True, timeout=20)
+    assert beat.get_srcSystem() == 1
+    place = station.recv_match(type="GLOBAL_POSITION_INT", blocking=True, timeout=20)
+    assert place.lat / 1e7 == pytest.approx(47.0, abs=1e-4)
+    dyknow.run("delegate", "goto", "latitude_deg=47.0003", "longitude_deg=8.0", "altitude_m=520", "--to", "a")
+    station.mav.command_long_send(1, 1, mavutil.mavlink.MAV_CMD_DO_SET_MODE, 0, 1, 4, 0, 0, 0, 0, 0)
+    notes = (record["text"] for record in said if record.get("event") == "note")
+    note = next(text for text in notes if "ground station" in text and "commanded" in text)
+    assert note.startswith(
+        "ground station 255/0 has commanded the vehicle (MAV_CMD_DO_SET_MODE); nothing is sent until"
+    )
+    station.close()
