@@ -49,15 +49,16 @@ class Field(Chase):
         super().__init__(SEEN, **config)
         self.things, self.seen_m = dict(things), seen_m
         self.hidden: set[str] = set()
+        self.is_blind = False
         self._tracks: dict[str, str] = {}
         self._count = 0
 
     def pass_time(self, seconds: float) -> None:
         for _ in range(round(seconds * 10)):
             now_us = self.world.now_us
-            if now_us % 200_000 == 0:
+            if now_us % 200_000 == 0 and not self.is_blind:
                 self.happens(Reported(now_us, ImageReport(now_us, ())))
-            for number, (name, one) in enumerate(sorted(self.things.items())):
+            for number, (name, one) in enumerate(() if self.is_blind else sorted(self.things.items())):
                 self._show(name, one, now_us + number)
             self.world.run_for(0.1)
 

@@ -219,3 +219,26 @@ def test_cancelled_in_flight_the_vehicle_holds_and_is_free() -> None:
     sent = len(field.orders)
     field.pass_time(10.0)
     assert len(field.orders) == sent
+
+
+@pytest.mark.full
+def test_a_look_that_shows_nothing_in_time_is_replanned_without() -> None:
+    field = started(TWO)
+    asked = field.want()
+    field.until(asked, "looks: (look-at co1)")
+    field.is_blind = True
+    field.pass_time(13.0)
+    field.is_blind = False
+    told = field.until(asked, "it was looked at again")
+    plans = [at for at, each in enumerate(told) if each.startswith("plan: ")]
+    assert len(plans) == 2
+    assert not any(each.startswith("observed") for each in told[: plans[1]])
+    assert "anchored: suspect is co2: it was looked at again" in told
+
+
+@pytest.mark.full
+def test_one_that_is_seen_by_half_is_looked_at_from_where_the_rest_is_seen() -> None:
+    field = started({"p": Standing(10.0, 15.0, mark_deg=0.0)})
+    told = field.until(field.want(), "anchored")
+    assert told[1] == "halted: case 2: co1: colour red is as described"
+    assert "anchored: suspect is co1: it was looked at again" in told
