@@ -49,7 +49,7 @@ def supply_goals(persons: Sequence[FoundPerson], problem: str) -> SupplyGoals:
     ]
     stays = {box: match.groups() for match in _PLACES.finditer(problem) if (box := match[1]) in boxes[len(pairs) :]}
     lines += [f"#init goal-x({box}) := {x}, goal-y({box}) := {y}" for box, (_, x, y) in stays.items()]
-    lines += [f"#goal supply-{box}: delivered({box})" for box, _ in pairs]
+    lines += [f"#goal brought-{box}: delivered({box})" for box, _ in pairs]
     given = {each.name: box for box, each in pairs}
     text = f"// Supplies for persons of the saliency map.\n{chr(10).join(lines)}\n"
     return SupplyGoals(text, given, tuple(each.name for each in ordered[len(pairs) :]))
