@@ -3,6 +3,6 @@ import os
 from hypothesis import HealthCheck, settings
 
 # Properties are judged by what they find, not by how busy the machine is.
-settings.register_profile("normal", deadline=None, max_examples=35, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("normal", deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("full", settings.get_profile("normal"), max_examples=1_000)
 settings.load_profile("full" if os.environ.get("DYKNOW_FULL") else "normal")
