@@ -78,6 +78,7 @@ def test_cancelled_it_is_looked_for_no_more_and_nothing_is_linked_for_it() -> No
     asked = street.want()
     street.see(1.0, a="blue")
     street.world.cancel("cc", "0", asked.conversation)
+    street.see(1.0, a="blue")
     street.see(2.0, a="blue", b="red")
     assert street.tasks() == []
     assert "suspect" not in street.objects()
