@@ -62,9 +62,7 @@ INSTEAD = {
     r"\btokens? (?:went|goes|is gone)\b": "token withdrawn",
     r"\binquir\w+|\bbrought forth\b": "checks, produced",
 }
-_WORDS = re.compile(
-    rf"\b(?:{'|'.join(f'(?P<w{n}>{words})' for n, words in enumerate(INSTEAD))})", re.IGNORECASE
-)
+_WORDS = re.compile(rf"\b(?:{'|'.join(f'(?P<w{n}>{words})' for n, words in enumerate(INSTEAD))})", re.IGNORECASE)
 _SAY = list(INSTEAD.values())
 
 
