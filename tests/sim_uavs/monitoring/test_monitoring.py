@@ -79,7 +79,7 @@ def test_turns_under_trees_are_predicted_and_no_others(seed: int) -> None:
 
 
 def test_the_ready_files_are_installed_with_the_package_and_their_chronicles_are_read() -> None:
-    linked = {"traffic": {"cars", "road_cars"}, "logistics": {"boxes"}}
+    linked = {"traffic": {"cars", "road_cars"}, "logistics": {"boxes"}, "emergency": {"boxes"}}
     assert READY.keys() == linked.keys()
     for name, ready in READY.items():
         specification = parse_specification(ready.file.read_text("utf-8"), beside(ready.file))
