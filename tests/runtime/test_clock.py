@@ -37,4 +37,4 @@ def test_a_process_that_is_interrupted_between_the_two_clocks_has_the_right_time
 
     monkeypatch.setattr("time.monotonic_ns", monotonic)
     monkeypatch.setattr("time.time_ns", utc)
-    assert NodeClock().monotonic_offset_us == 1_700_000_000_000_000
+    assert abs(NodeClock().monotonic_offset_us - 1_700_000_000_000_000) <= 1
