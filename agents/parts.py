@@ -51,6 +51,7 @@ from agents.interface import InterfaceAgent
 from agents.missions.leading import MissionLeading
 from agents.missions.performing import Performing
 from agents.missions.proposing import MissionProposals
+from agents.missions.relaying import MissionRelay
 from agents.monitoring.alarm_log import AlarmLog
 from agents.monitoring.checks import Checks
 from agents.monitoring.coordination import Coordination
@@ -87,7 +88,7 @@ from reasoning import AlarmEvent
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision, Scanning,
+    Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, MissionRelay, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision, Scanning,
     Admission, PlatformTrust, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Learning, Wanting, Cooperation, Handover, Saliency, MessageLog, DirectoryAgent,
@@ -140,7 +141,7 @@ class Ports:
         wanted = (
             (Cameras, config.cameras), (CameraAttention, attends), (FlightAgent, config.vehicle), (Following, attends), (Scanning, attends), (RecoveringAnchors, attends),
             (WinchStream, config.vehicle), (Performing, config.vehicle), (MissionLeading, config.vehicle),
-            (MissionProposals, config.vehicle), (Faults, config.simulated),
+            (MissionProposals, config.vehicle), (MissionRelay, not config.vehicle), (Faults, config.simulated),
         )  # fmt: skip
         missing = {kind for kind, has in wanted if not has}
         return [kind for kind in (*PARTS[:-1], *config.extensions, PARTS[-1]) if kind not in missing]

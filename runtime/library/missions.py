@@ -96,9 +96,10 @@ def begin_mission(
     taking_part = list(dict.fromkeys(texts.platforms.values()))
     leaders = [client.pick(unit)[0] for unit in to or taking_part[:1]]
     name = keys.conversation(wanted.name or name_of(Path("mission"), client.now_us()))
+    trusted = tuple(dict.fromkeys(leaders if set(leaders) <= set(taking_part) else (*leaders, *taking_part)))
     for platform in taking_part:
-        if set(leaders) - {platform}:
-            permit = PermitMission(mission=name, leaders=tuple(leaders))
+        if set(trusted) - {platform}:
+            permit = PermitMission(mission=name, leaders=trusted)
             yield from _asked(client, client.pick(platform)[0], permit)
     content = FlyMission(
         mission=name, domain=wanted.domain, problem=wanted.problem, constraints=wanted.constraints,
