@@ -57,10 +57,14 @@ def drawing(found: Mapping[str, list[Seen]]) -> str:
         f'<line x1="{left}" y1="{border}" x2="{right}" y2="{border}" stroke="#999999" stroke-dasharray="4 3"/>',
         f'<text x="{right - 4}" y="{border - 4}" text-anchor="end" fill="#777777">the areas meet</text>',
     ]
-    for t_s in range(0, round(_LASTS_S) + 1, 5):
-        parts.append(f'<text x="{_at(t_s, 0)[0]:.0f}" y="{bottom + 16}" text-anchor="middle">{t_s} s</text>')
-    for x_m in range(round(_FROM_M), round(_TO_M), 50):
-        parts.append(f'<text x="{left - 6}" y="{_at(0, x_m)[1] + 4:.0f}" text-anchor="end">{x_m} m</text>')
+    parts += [
+        f'<text x="{_at(t_s, 0)[0]:.0f}" y="{bottom + 16}" text-anchor="middle">{t_s} s</text>'
+        for t_s in range(0, round(_LASTS_S) + 1, 5)
+    ]
+    parts += [
+        f'<text x="{left - 6}" y="{_at(0, x_m)[1] + 4:.0f}" text-anchor="end">{x_m} m</text>'
+        for x_m in range(round(_FROM_M), round(_TO_M), 50)
+    ]
     for name, every in found.items():
         seen = [each for each in every if each.at_s <= _LASTS_S and _FROM_M <= each.x_m <= _TO_M]
         if len({each.by for each in seen}) > 1:
