@@ -140,6 +140,7 @@ def test_weights_sum_to_one_and_hypotheses_stay_on_links_in_a_direction_that_is_
 
 
 @given(first=st.floats(0.0, 300.0), second=st.floats(0.0, 300.0))
+@example(first=279.0, second=283.0)
 def test_two_steps_are_one_step(first: float, second: float) -> None:
     """Where nothing is pruned and nothing meets."""
     keep = Pruning(least_weight=0.0, most=10_000)
@@ -150,8 +151,9 @@ def test_two_steps_are_one_step(first: float, second: float) -> None:
     weights: dict[tuple[DirectedLink, int], float] = {}
     for sign, found in ((1, at_once), (-1, stepwise)):
         for each in found:
-            key = (each.way, round(each.travelled_m))
-            if 1.0 < each.travelled_m < 96.0:
+            travelled_m = each.travelled_m + 1e-6  # whole metres are on one side of the limits, however they are summed
+            key = (each.way, round(travelled_m))
+            if 1.0 < travelled_m < 96.0:
                 weights[key] = weights.get(key, 0.0) + sign * each.weight
     assert sum(abs(weight) for weight in weights.values()) < 0.02 or abs(round(first + second) % 97 - 84) < 3
 
