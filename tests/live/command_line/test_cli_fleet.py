@@ -159,9 +159,13 @@ def test_a_frozen_platform_is_listed_as_missed_and_named_by_a_query(dyknow: Dykn
 
 def test_a_killed_platform_is_gone_at_once_and_the_rest_goes_on(dyknow: Dyknow) -> None:
     os.kill(_pid(dyknow, "2"), signal.SIGKILL)
-    for _ in range(2):
-        # A command is not in the federation before half a second is over.
-        assert {line["unit"]: line["state"] for line in dyknow.run("ls")} == {0: "alive", 1: "alive", 2: "gone"}
+    states: dict[str, str] = {}
+    for _ in range(3):
+        # The others suspect it when its token is withdrawn, and miss it half a second later; a command may come between.
+        states = {line["unit"]: line["state"] for line in dyknow.run("ls")}
+        assert (states[0], states[1]) == ("alive", "alive")
+        assert states[2] in {"suspect", "gone"}
+    assert states[2] == "gone"
     answers = dyknow.run("query", "heli-position")
     assert {line["unit"]: "error" in line for line in answers} == {0: False, 1: False, 2: True}
 
