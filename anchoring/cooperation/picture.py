@@ -40,8 +40,6 @@ WAIT_US: Final = 3 * US_PER_S
 """How long a track waits for a name if it may be that of another member's."""
 STABLE_US: Final = 400_000
 """A name is given up when it has been another's for so long."""
-GAP_US: Final = 2 * US_PER_S
-"""What was not seen for so long is held again since it was seen."""
 MOST_EVENTS: Final = 1000
 _ALL: Final[Mapping[str, float]] = MappingProxyType({})
 
@@ -74,7 +72,6 @@ class GlobalPicture:
         self._next_us: int | None = None
         self._named: list[Named] = []
         self._wrong_since_us: dict[TrackKey, int] = {}
-        self._seen_before_us: dict[TrackKey, int] = {}
         self._news: list[PictureEvent] = []
         self._reported: dict[tuple[str, str], int] = {}
 
@@ -216,15 +213,17 @@ class GlobalPicture:
         return self._trusted.get(key.unit, 1.0) if self._is_live(key, at_us) else 0.0
 
     def _possess(self, at_us: int) -> None:
-        """A track of ours that was not seen for a while holds its name since it was seen again."""
-        for key, track in self._tracks.of(self.unit).items():
-            before_us = self._seen_before_us.get(key)
-            held = self._claims.held.get(key)
-            if held is not None and before_us is not None and track.seen_us - before_us > GAP_US:
-                held.since_us = at_us
-            self._seen_before_us[key] = track.seen_us
-        if len(self._seen_before_us) > 2 * len(self._tracks.of(self.unit)) + 64:
-            self._seen_before_us = {key: track.seen_us for key, track in self._tracks.of(self.unit).items()}
+        """A track that we name holds its name at most since it is one thing."""
+        for unit in self._names:
+            for key, track in self._tracks.of(unit).items():
+                held = self._claims.held.get(key)
+                if held is None or not track.seen:
+                    continue
+                if track.check_course():
+                    self._note(
+                        at_us, "doubted", held.name, f"{key} turned as no vehicle does: it may be another", self.unit
+                    )
+                held.since_us = max(held.since_us, track.steady_us)
 
     def _decide(self, made: list[Named], at_us: int) -> list[Named]:
         """Names for tracks of ours: that of the group, of what is expected there, or a new one."""

@@ -9,6 +9,7 @@ PictureEventKind: TypeAlias = Literal[
     "appeared",
     "joined",
     "split",
+    "doubted",
     "renamed",
     "lost",
     "reacquired",

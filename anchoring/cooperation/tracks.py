@@ -24,6 +24,11 @@ NOISE: Final = 4.0
 COURSE_S: Final = 0.8
 COURSE_NOISE: Final = 0.5
 """Of the acceleration of what drives on, m^2/s^3."""
+GAP_US: Final = US_PER_S
+"""What was not seen for so long may be another thing since it was seen again."""
+BREAK_US: Final = 1_500_000
+BREAK: Final = 32.0
+"""Above every d^2 that cars came to, turning within `BREAK_US`; two that meet and are mistaken for each other come to 50."""
 _SLACK_M: Final = 20.0
 
 
@@ -33,6 +38,7 @@ class Track:
 
     Attributes:
         first_us, seen_us: when it was seen first and last; 0: never.
+        steady_us: since when it is one thing as far as is known: there was no gap, and no turn that vehicles cannot make.
         seen: states that were seen, in the order of time.
     """
 
@@ -41,6 +47,7 @@ class Track:
     latest: ObjectState | None = None
     first_us: int = 0
     seen_us: int = 0
+    steady_us: int = 0
     has_ended: bool = False
 
     def take(self, report: TrackReport) -> None:
@@ -48,6 +55,8 @@ class Track:
         state = sound(report.state)
         self.latest = state
         if report.is_anchored:
+            if state.valid_us - self.seen_us > GAP_US:
+                self.steady_us = state.valid_us
             self.seen.append(state)
             self.first_us = self.first_us or state.valid_us
             self.seen_us = state.valid_us
@@ -55,6 +64,21 @@ class Track:
     def is_live(self, at_us: int) -> bool:
         """Whether it was seen shortly before."""
         return not self.has_ended and bool(self.seen_us) and at_us - self.seen_us <= LIVE_US
+
+    def check_course(self) -> bool:
+        """Whether it is where what was seen `BREAK_US` before cannot have got: it is steady from now on only."""
+        latest = self.seen[-1]
+        before_us = latest.valid_us - BREAK_US
+        before = next((each for each in reversed(self.seen) if each.valid_us <= before_us), None)
+        if before is None or before_us < self.steady_us:
+            return False
+        expected = moved(before, latest.valid_us, NOISE)
+        between = np.array([latest.x_m - expected.x_m, latest.y_m - expected.y_m])
+        total = (latest.covariance + expected.covariance)[:2, :2]
+        if float(between @ np.linalg.solve(total, between)) <= BREAK:
+            return False
+        self.steady_us = latest.valid_us
+        return True
 
     @property
     def course(self) -> ObjectState | None:

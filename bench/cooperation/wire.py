@@ -41,7 +41,7 @@ class Wire:
         self._queue: list[tuple[int, int, str, TrackReport | IdentityClaim]] = []
         self._order = count()
         self._cut: dict[str, int] = {}
-        self._claimed: dict[tuple[str, str], tuple[str, int]] = {}
+        self._claimed: dict[tuple[str, str], tuple[IdentityClaim | None, int]] = {}
         for unit, picture in pictures.items():
             for other in pictures:
                 if other != unit:
@@ -99,9 +99,9 @@ class Wire:
         new: list[IdentityClaim] = []
         for claim in self.pictures[unit].claims():
             key = unit, claim.symbol
-            name, told_us = self._claimed.get(key, ("", 0))
-            if name != claim.identity or now_us - told_us >= CLAIMS_US:
-                self._claimed[key] = claim.identity, now_us
+            known, told_us = self._claimed.get(key, (None, 0))
+            if known != claim or now_us - told_us >= CLAIMS_US:
+                self._claimed[key] = claim, now_us
                 new.append(claim)
         return new
 

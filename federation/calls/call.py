@@ -33,7 +33,8 @@ BEGIN_WITHIN_US: Final = 1_000_000
 """How long after its proposal was taken a stream may take to begin."""
 SILENT_LEAST_US: Final = 500_000
 SILENT_PERIODS: Final = 3
-"""A stream fails that brings nothing for this number of periods, and its delay."""
+OVERDUE_US: Final = 1_000_000
+"""A stream fails that brings nothing for this number of periods, or for one and this, and the delay that was promised."""
 WINDOW_US: Final = 2_000_000
 LEAST_PART: Final = 0.4
 """Of the samples that are due within a window, at least this part must come as promised."""
@@ -110,9 +111,11 @@ class StreamCall:
         if self._decide_us is not None and (now_us >= self._decide_us or not self._awaited):
             self._decide(now_us)
         if self.taken is not None:
-            why = self._failure(now_us)
-            if why:
-                self._blamed_us[self.taken.unit] = now_us
+            unit = self.taken.unit
+            if not self._is_heard(unit):  # however rarely it is to bring something
+                self._fail("its platform is no longer heard", now_us, cancel=True)
+            elif why := self._failure(self.taken, now_us):
+                self._blamed_us[unit] = now_us
                 self._fail(why, now_us, cancel=True)
         elif self._decide_us is None and now_us >= self._again_us and self._asked:
             self._ask_again(now_us)
@@ -182,10 +185,12 @@ class StreamCall:
     def _forgive(self, now_us: int) -> None:
         """One that is not heard either, soon after its stream has failed, did not withhold it: it was cut off, or died."""
         for unit, since_us in list(self._blamed_us.items()):
-            entry = self._directory.entry(unit)
-            is_heard = entry is not None and entry.state is PeerState.ALIVE
-            if not is_heard and now_us <= since_us + FORGIVEN_US:
+            if not self._is_heard(unit) and now_us <= since_us + FORGIVEN_US:
                 del self._blamed_us[unit]
+
+    def _is_heard(self, unit: str) -> bool:
+        entry = self._directory.entry(unit)
+        return entry is not None and entry.state is PeerState.ALIVE
 
     def _ask(self, entry: DirectoryEntry, now_us: int) -> None:
         unit, wanted = entry.unit, self.wanted
@@ -282,11 +287,12 @@ class StreamCall:
         self._acts.decide(chosen.unit, chosen.conversation, P.ACCEPT_PROPOSAL, TakeProposal(), now_us)
         self._news("taken", chosen.unit, f"cost {chosen.cost:g}", now_us)
 
-    def _failure(self, now_us: int) -> str:
+    def _failure(self, taken: Proposal, now_us: int) -> str:
         """Why the stream that was taken is not as promised; empty while it is."""
         period_us = self.wanted.period_us / self._speed
         silent_us = now_us - self._good_us
-        patience_us = self.wanted.delay_us / self._speed + max(SILENT_LEAST_US, SILENT_PERIODS * period_us)
+        overdue_us = max(SILENT_LEAST_US, min(SILENT_PERIODS * period_us, period_us + OVERDUE_US))
+        patience_us = taken.delay_us / self._speed + overdue_us
         if silent_us > patience_us:
             return f"no sample as promised for {print_span(round(patience_us))}"
         if now_us >= self._window_us + max(WINDOW_US, 10 * period_us):

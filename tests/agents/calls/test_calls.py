@@ -143,6 +143,47 @@ def test_a_third_of_what_was_promised_is_too_little(wire):
     assert any("samples came as promised" in note for note in wire.nodes["0"].notes)
 
 
+@pytest.mark.parametrize(
+    ("how", "period"),
+    [("killed", "60s"), ("frozen", "500ms"), ("frozen", "60s")]
+    + [
+        pytest.param(how, each, marks=pytest.mark.full)
+        for how in ("killed", "frozen")
+        for each in ("100ms", "2s", "10s")
+    ],
+)
+def test_however_rarely_it_is_to_bring_something_one_that_is_no_longer_heard_is_replaced_within_two_seconds(
+    wire, how, period
+):
+    market = Market(wire, {"1": offer(1), "2": offer(2)}, CALL.replace("every 100ms", f"every {period}"))
+    wire.run(2)
+    assert market.news("taken") == [("taken", "1")]
+    since_us = wire.now_us
+    if how == "killed":
+        wire.kill("1")
+    else:
+        wire.cut(["1"], ["0", "2"])
+    while len(market.news("taken")) < 2:
+        wire.run(0.05)
+    assert wire.now_us - since_us < 2_000_000
+    assert market.news("taken", "failed")[1:] == [("failed", "1"), ("taken", "2")]
+    wire.wire.mend_all()
+    wire.run(3)
+    assert market.news("taken", "failed", "open")[-1] == ("taken", "2")
+
+
+def test_a_sample_that_is_rarely_due_and_does_not_come_is_missed_within_two_seconds(wire):
+    market = Market(wire, {"1": offer(1), "2": offer(2)}, CALL.replace("every 100ms", "every 5s"))
+    wire.run(12)
+    assert market.news("taken") == [("taken", "1")]
+    market.certainty["1"] = None
+    due_us = -(-wire.now_us // 5_000_000) * 5_000_000
+    while len(market.news("taken")) < 2:
+        wire.run(0.05)
+    assert wire.now_us - due_us < 2_000_000
+    assert any("no sample as promised for 6.2" in note for note in wire.nodes["0"].notes)
+
+
 def test_a_call_without_offers_waits_says_so_and_takes_the_first_that_comes(wire):
     market = Market(wire, {})
     wire.run(2)

@@ -1,5 +1,7 @@
 """Cooperative anchoring: one name for one car at all members, through overlaps, gaps, splits, cuts and returns."""
 
+import numpy as np
+
 from anchoring.cooperation.picture import NEW_US
 from tests.anchoring.cooperation.skies import START_US, Sky, along
 
@@ -70,6 +72,36 @@ def test_what_was_taken_for_one_car_is_split_when_it_drives_apart_and_the_reason
     assert name in sky.names("a", "0") | sky.names("b", "1")
     (split,) = (event for event in sky.pictures["0"].recent if event.kind == "split")
     assert "d^2" in split.because
+
+
+def test_where_one_mistakes_the_car_that_comes_for_the_one_that_leaves_both_keep_their_names() -> None:
+    sky = Sky("12")
+
+    def west(t):
+        return (200.0 - 10.0 * t, 4.0, -10.0, 0.0)
+
+    def seen(t):  # they meet at 100 m, where the area of 1 ends
+        return {"1": {"a": CAR(t) if t < 10 else west(t)}, "2": {"c": CAR(t), "d": west(t)}}
+
+    sky.run(9.8, seen)
+    leaves, comes = sky.name("c", "2"), sky.name("d", "2")
+    assert sky.names("a", "1") == {leaves}
+    sky.run(8, seen)
+    assert (sky.name("c", "2"), sky.name("d", "2")) == (leaves, comes)
+    assert sky.names("a", "1") == {comes}
+    (doubted,) = (event for event in sky.pictures["1"].recent if event.kind == "doubted")
+    assert (doubted.name, doubted.by) == (leaves, "1")
+
+
+def test_a_car_that_turns_as_fast_as_cars_do_is_not_doubted() -> None:
+    sky = Sky("0")
+
+    def circling(t):  # 10 m/s about a circle of 12 m: 8 m/s^2
+        east, north = np.cos(10.0 / 12.0 * t), np.sin(10.0 / 12.0 * t)
+        return (12.0 * east, 12.0 * north, -10.0 * north, 10.0 * east)
+
+    sky.run(20, lambda t: {"0": {"a": circling(t)}})
+    assert "doubted" not in sky.kinds()
 
 
 def test_two_names_of_one_car_become_the_older_one_everywhere() -> None:
