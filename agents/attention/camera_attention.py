@@ -157,6 +157,9 @@ class CameraAttention(Part):
         if not self._followed or federation_us < self._due_us:
             return
         self._due_us = federation_us + PERIOD_US
+        if self._pilot.mission.looks:
+            self._ordered = None
+            return
         camera = self._camera(federation_us)
         if camera is None:
             return

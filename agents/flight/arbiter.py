@@ -46,11 +46,13 @@ class MissionClaim:
         name: of the mission; empty: there is none.
         waits: why it commands nothing now; empty: it does.
         refusal: why the autopilot did not do what was last ordered on the ground.
+        looks: whether it needs the camera, which then looks straight down.
     """
 
     name: str = ""
     waits: str = ""
     refusal: str = ""
+    looks: bool = False
 
     def wait(self, reason: str) -> None:
         """Command nothing until a user has it continue; the first reason counts."""

@@ -84,8 +84,8 @@ class HeardVehicle:
         self._number += 1
         return vehicle.Command(self._number, order)
 
-    def handle(self, order: vehicle.GripOrder | vehicle.LineOrder) -> vehicle.Command:
-        """An order to winch or gripper, which moves the vehicle nowhere; `handled` is its answer. Raises Refused."""
+    def handle(self, order: vehicle.GripOrder | vehicle.LineOrder | vehicle.PointMountOrder) -> vehicle.Command:
+        """An order to winch, gripper or mount, which moves the vehicle nowhere; `handled` is its answer. Raises Refused."""
         self.check(order)
         self.handled, command = None, self.numbered(order)
         self._handling = command.number

@@ -8,6 +8,7 @@
 | winch m | so much line out | it is, within 15 cm |
 | magnet 1, magnet 0 | the gripper | it is acknowledged; what hangs on the line shows whether it holds something |
 | hold | guided target where it is | slower than 1 m/s |
+| look-down | the camera's mount straight down, and it stays so for the other commands | at once: a camera without a mount looks down |
 | wait s | nothing | the time is over |
 
 Heights are metres above the vehicle's home. Nothing is sent while the pilot gives way or its vehicle is in other hands; a
@@ -15,6 +16,7 @@ target is ordered again after that. Times are federation time.
 """
 
 from dataclasses import dataclass
+from math import pi
 from typing import Final, NamedTuple
 
 from agents.flight.arbiter import Commander
@@ -30,6 +32,7 @@ from navigation.vehicle import (
     LandOrder,
     LineOrder,
     Order,
+    PointMountOrder,
     ReturnHomeOrder,
     SetGuided,
     TakeOffOrder,
@@ -42,6 +45,7 @@ AGAIN_US: Final = 3_000_000
 """After this long an order for taking off is repeated whose effect does not show."""
 ATTEMPTS: Final = 4
 LINE_M: Final = 0.15
+DOWN: Final = PointMountOrder(0.0, pi / 2.0)
 _WAITED_FOR: Final = frozenset({"hands", "giving-way"})
 
 
@@ -105,7 +109,7 @@ class CommandRun:
             return self._take_off(command.numbers[0], pilot, now_us)
         if isinstance(self._order, TakeOffOrder):
             return []  # it rises
-        if command.name in {"winch", "magnet"}:
+        if command.name in {"winch", "magnet", "look-down"}:
             return self._handle(command, pilot, now_us)
         wanted = self._wanted(command, pilot)
         if wanted is None or self._is_shown(wanted, pilot):
@@ -134,11 +138,12 @@ class CommandRun:
         return None
 
     def _handle(self, command: VehicleCommand, pilot: Pilot, now_us: int) -> list[Command]:
-        """Winch and gripper; raises Refused."""
-        number = command.numbers[0]
-        wanted = LineOrder(number) if command.name == "winch" else GripOrder(bool(number))
+        """Winch, gripper, and the camera's mount; raises Refused."""
+        number = next(iter(command.numbers), 0.0)
+        handlings: dict[str, LineOrder | GripOrder] = {"winch": LineOrder(number), "magnet": GripOrder(bool(number))}
+        wanted = handlings.get(command.name, DOWN)
         if self._order == wanted:
-            if pilot.handled is not None and not pilot.handled.accepted:
+            if wanted != DOWN and pilot.handled is not None and not pilot.handled.accepted:
                 self.failure = f"{command.name}: autopilot: {pilot.handled.reason}"
             return []
         pilot.claims.check(Commander.MISSION)
@@ -194,6 +199,8 @@ class CommandRun:
                 return bool(status.airborne) and fix.altitude_m >= _altitude_m(pilot, command.numbers[0]) - UPRIGHT_M
             case "land" | "return-home":
                 return not status.armed
+            case "look-down":
+                return True
             case "magnet":
                 return pilot.handled is not None and pilot.handled.accepted
             case "winch":

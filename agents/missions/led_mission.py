@@ -3,12 +3,13 @@ is reported to `planning` again. Times are the node clock, but for those of the 
 """
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
 
 from agents.missions.command_run import VehicleCommand
 from agents.missions.locating import Locating, UnitSights
+from agents.missions.looking import FIRST_LOOK, EffectLooks
 from agents.missions.mission_texts import ActionCommands, MissionTexts, texts_of, with_initial
 from agents.missions.sensing import UnitSensors
 from dyknow import Value
@@ -18,7 +19,7 @@ from federation.messages.contents import MissionEntry, MissionQuestion
 from planning.execution import events
 from planning.recovery.mission import Mission
 from planning.recovery.options import MissionOptions, MissionPhase
-from planning.search.plans import MissionPlan, PlannedAction
+from planning.search.plans import MissionPlan
 
 PERIOD_US: Final = 200_000
 NOTES: Final = 32
@@ -81,7 +82,10 @@ class LedMission:
         self.order, self.texts, self.units, self.sensors = order, texts, units, sensors
         self._ports, self._begun_us = ports, begun_us
         self._sights, self._locating = sights, Locating(sights, units)
-        self._locates = any(one.located for one in (*texts.domain.recoveries, *texts.problem.recoveries))
+        self._effects = EffectLooks(sights, units)
+        recoveries = (*texts.domain.recoveries, *texts.problem.recoveries)
+        operators = (*texts.domain.operators, *texts.problem.operators)
+        self._locates = any(one.located for one in recoveries) or any(one.located for one in operators)
         self._commands = ActionCommands(texts, sensors.frame)
         self.mission: Mission | None = None
         self.notes: deque[str] = deque(maxlen=NOTES)
@@ -107,11 +111,11 @@ class LedMission:
             return
         self._look(now_us)
         self.take(events.StateSampled(federation_us, values), now_us)
+        for ended in self._effects.step(now_us, federation_us):
+            self._end_action(ended, now_us)
         for event in self._locating.step(now_us, federation_us):
             if isinstance(event, events.StateSampled):
-                self._note(
-                    "found", ", ".join(f"{label} = {value:.1f}" for label, value in event.values.items()), now_us
-                )
+                self._note("found", _shown(event.values), now_us)
             self.take(event, now_us)
         if self.mission.ended is None:
             self._do(self.mission.on_time(federation_us), now_us)
@@ -158,8 +162,15 @@ class LedMission:
 
     def on_performed(self, step: int, why: str, now_us: int) -> None:
         """A vehicle has done the commands of a step, or not."""
-        if not self._locating.on_performed(step, why):
-            self.take(events.ActionEnded(step, not why, why), now_us)
+        if step >= FIRST_LOOK or not self._locating.on_performed(step, why):
+            ended = self._effects.on_performed(step, why, now_us, self._ports.federation_us(now_us))
+            if ended is not None:
+                self._end_action(ended, now_us)
+
+    def _end_action(self, ended: events.ActionEnded, now_us: int) -> None:
+        if ended.seen:
+            self._note("seen", _shown(ended.seen), now_us)
+        self.take(ended, now_us)
 
     def on_searched(self, search: int, plan: MissionPlan | None, reason: str, *, is_certain: bool, now_us: int) -> None:
         """A search is over."""
@@ -187,6 +198,7 @@ class LedMission:
         """It is over: vehicles are free, streams are needed no more."""
         self._ports.end_search(self)
         self._locating.pause(now_us)
+        self._effects.end(now_us)
         for unit in self.units.values():
             unit.leave(now_us)
         self.sensors.end(now_us)
@@ -199,9 +211,10 @@ class LedMission:
         mission = self.mission
         for effect in effects:
             match effect:
-                case events.StartAction(step, unit, action):
-                    self._start(step, unit, action, now_us)
+                case events.StartAction():
+                    self._start(effect, now_us)
                 case events.AbortAction(step, unit):
+                    self._effects.abort(step, now_us)
                     self.units[unit].abort(step, now_us)
                 case events.HoldUnit(unit, how, _):
                     self.units[unit].hold(how, now_us)
@@ -222,7 +235,8 @@ class LedMission:
         if self._locating.is_looking and (status is None or status.phase is not MissionPhase.LOCATING):
             self._locating.pause(now_us)
 
-    def _start(self, step: int, unit: str, action: PlannedAction, now_us: int) -> None:
+    def _start(self, start: events.StartAction, now_us: int) -> None:
+        step, unit, action = start[:3]
         try:
             commands = self._commands.of(action)
         except Refused as refused:
@@ -231,6 +245,7 @@ class LedMission:
         if len(action.objects) > 1 and VehicleCommand("magnet", (1.0,)) in commands:
             self.sensors.take(unit, action.objects[1])
         self._locating.on_started(unit, action)
+        self._effects.on_started(start, now_us)
         self.units[unit].perform(step, action.shown, commands, now_us)
 
     def _note(self, kind: str, text: str, now_us: int) -> None:
@@ -257,3 +272,7 @@ class LedMission:
             why=f"{status.why}{searched}"[:1000], replans=status.replans, chain=order.chain, question=question,
             actions=tuple(f"{phase}  {shown}" for _, _, shown, phase, _ in status.steps[:128]),
         )  # fmt: skip
+
+
+def _shown(places: Mapping[str, Value]) -> str:
+    return ", ".join(f"{label} = {value:.1f}" for label, value in places.items())

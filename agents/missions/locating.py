@@ -5,7 +5,7 @@ label of a lost object is its position east, the second one north, in metres. Af
 place. Times of streams are federation time.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from typing import Final, Protocol
@@ -18,7 +18,7 @@ from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.flight.vehicle_streams import LOAD
 from agents.missions.command_run import VehicleCommand
 from agents.missions.sensing import HEIGHT, HELD_KG, MAX_DELAY_US, PERIOD_US, POSITION
-from dyknow import NO_VALUE, Sample
+from dyknow import NO_VALUE, Sample, Value
 from dyknow.model.errors import DyknowError
 from navigation.geodesy import LocalFrame
 from navigation.searching.landing import Drop, LandingPrior, landing
@@ -38,7 +38,7 @@ NOTICED_US: Final = 5_000_000
 """A line that became light so long before is what the search is about."""
 HANGS_M: Final = 0.4
 """The lower side of what hangs on a line is so far below its end."""
-LAID_SD_M: Final = 1.5
+LAID_SD_M: Final = 3.0
 """Of the place of what was not dropped: it lies near the vehicle."""
 SETTLED_US: Final = 500_000
 """Images are looked at when their percepts have had so long to come."""
@@ -118,6 +118,17 @@ class UnitSights:
         height_m = float(heights[-1].value[0]) - float(held[-1].value[1]) - HANGS_M
         return Drop(x_m, y_m, max(0.0, height_m), vx_m_s, vy_m_s)
 
+    def place(self, unit: str) -> tuple[float, float] | None:
+        """Where it is, metres east and north; None: that is not known."""
+        try:
+            sample = self._gateway.latest(POSITION, self._platforms[unit])
+        except DyknowError:
+            return None
+        if sample.value is NO_VALUE:
+            return None
+        north_m, east_m, _ = self.frame.to_ned(sample.value[0], sample.value[1], 0.0)
+        return float(east_m), float(north_m)
+
     def looks(self, unit: str, from_us: int, to_us: int) -> list[tuple[int, np.ndarray | None, list[PlacedPercept]]]:
         """What was seen after one time, up to another: each time with the corners in view (4, 2), and percepts."""
         platform = self._platforms[unit]
@@ -143,6 +154,24 @@ class UnitSights:
         except DyknowError:
             return []
         return [each for each in found if each.value is not NO_VALUE]
+
+
+def other_things(
+    labels: Sequence[str], without: set[str], values: Mapping[str, Value]
+) -> Iterable[tuple[float, float]]:
+    """Places of other things, metres east and north, which are not what is looked for."""
+    x_name, y_name = (label.partition("[")[0] for label in labels)
+    for label, x_m in values.items():
+        if label.partition("[")[0] == x_name and objects_of(label)[0] not in without:
+            y_m = values.get(f"{y_name}[{objects_of(label)[0]}]")
+            if isinstance(x_m, int | float) and isinstance(y_m, int | float):
+                yield float(x_m), float(y_m)
+
+
+def wanted_colour(name: str, values: Mapping[str, Value]) -> str | None:
+    """By which detectors know it; None: nothing is said of that."""
+    colour = values.get(f"{COLOUR}[{name}]")
+    return colour if isinstance(colour, str) else None
 
 
 @dataclass(slots=True)
@@ -208,9 +237,8 @@ class Locating:
         if unit is None or prior is None:
             why = "no unit can look" if unit is None else f"the place of {unit} is not known"
             return f"{name} cannot be looked for: {why}"
-        colour = effect.values.get(f"{COLOUR}[{name}]")
-        others = self._others(labels, {*effect.objects, unit}, effect)
-        search = SightSearch(prior, others, colour if isinstance(colour, str) else None)
+        others = other_things(labels, {*effect.objects, unit}, effect.values)
+        search = SightSearch(prior, others, wanted_colour(name, effect.values))
         self._sought[name] = SoughtObject(
             name, (labels[0], labels[1]), unit, prior, search, looked_us=federation_us + RESTS_US, saw_us=federation_us
         )
@@ -219,15 +247,6 @@ class Locating:
     def _prior(self, unit: str | None, federation_us: int) -> LandingPrior | None:
         drop = None if unit is None else self._sights.drop(unit, federation_us)
         return None if drop is None else landing(drop)
-
-    def _others(self, labels: list[str], without: set[str], effect: events.Locate) -> Iterable[tuple[float, float]]:
-        """Places of other things, which are not what is looked for."""
-        x_name, y_name = (label.partition("[")[0] for label in labels)
-        for label, x_m in effect.values.items():
-            if label.partition("[")[0] == x_name and objects_of(label)[0] not in without:
-                y_m = effect.values.get(f"{y_name}[{objects_of(label)[0]}]")
-                if isinstance(x_m, int | float) and isinstance(y_m, int | float):
-                    yield float(x_m), float(y_m)
 
     def _unit_for(self, name: str, failed: Iterable[str]) -> str | None:
         """The unit that acted last on it, or the first one that can look."""
@@ -310,8 +329,9 @@ class Locating:
         latitude_deg, longitude_deg, _ = self._sights.frame.from_ned(place.y_m, place.x_m, 0.0)
         goto = VehicleCommand("goto", (latitude_deg, longitude_deg, place.height_m))
         climb = () if sought.there is not None else (VehicleCommand("take-off", (place.height_m,)),)
+        down = VehicleCommand("look-down")
         sought.there, sought.step, sought.stops = place, next(self._steps), sought.stops + 1
-        self._units[sought.unit].perform(sought.step, f"looks for {sought.name}", (*climb, goto), now_us)
+        self._units[sought.unit].perform(sought.step, f"looks for {sought.name}", (down, *climb, goto), now_us)
 
     def _watch(self, unit: str | None, now_us: int) -> None:
         """Have what the cameras of one unit show come."""

@@ -217,6 +217,7 @@ class Performing(Part):
             return
         self._end(joined, "overtaken by other commands", now_us)
         joined.run, joined.action, joined.answer = CommandRun(commands), action, answer
+        self._pilot.mission.looks = any(one.name == "look-down" for one in commands)
         self._due_us = now_us
         self._show(now_us)
 
@@ -225,6 +226,7 @@ class Performing(Part):
         joined, status = self._joined, self._pilot.status
         if joined is not None and joined.run is not None and not joined.run.is_over:
             joined.run.failure = "aborted"
+        self._pilot.mission.looks = False
         if status is None or not status.airborne:
             return
         if how == "land" and joined is not None:

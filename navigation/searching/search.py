@@ -157,7 +157,7 @@ class SightSearch:
         )
 
     def _take(self, valid_us: int, percept: PlacedPercept) -> None:
-        if not self._is_possible(percept):
+        if self.found is not None or not self._is_possible(percept):
             return
         seen = self._candidates.setdefault(percept.symbol, _Candidate(valid_us))
         seen.looks, seen.last_us = seen.looks + 1, valid_us

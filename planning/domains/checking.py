@@ -10,7 +10,7 @@ from typing import Any, Final
 from kpl.diagnostics.collector import ErrorCollector, nearest
 from planning.domains import model
 from planning.domains.model import BOOLEAN, NUMBER, Application, Declarations
-from planning.domains.recoveries import check_recoveries
+from planning.domains.recoveries import check_located, check_recoveries
 from planning.domains.sorts import SortChecker
 from reasoning.formulas import tree
 
@@ -209,6 +209,7 @@ class _Checks:
             self._effect(effect, bound)
         for command in one.commands:
             self._command(command, bound)
+        check_located(one.located, bound, sorts, self._errors)
         self._contradictions(one)
 
     def _command(self, one: Application, bound: dict[str, str | None]) -> None:

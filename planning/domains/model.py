@@ -28,6 +28,7 @@ FUNCTIONS: Final = {"abs": 1, "hypot": 2, "min": 2, "max": 2}
 """Functions of numbers by name, and how many numbers they take."""
 COMMANDS: Final = {
     "take-off": 1, "goto": 3, "climb": 1, "land": 0, "return-home": 0, "hold": 0, "wait": 1, "winch": 1, "magnet": 1,
+    "look-down": 0,
 }  # fmt: skip
 """Commands to a vehicle, and how many numbers they take: metres east, north and above the origin of the mission, or seconds."""
 SENSORS: Final = ("east", "north", "height", "airborne", "attached", "load")
@@ -169,7 +170,8 @@ class Operator(tree.Node):
     """An operator in the order of its clauses; `duration` is the expected one, else the middle of `timeconstraint`.
 
     `recovery` is run if an action fails, or violates what its conditions, effects and durations are monitored by.
-    `commands` are what the unit's vehicle is to do, one after another.
+    `commands` are what the unit's vehicle is to do, one after another. `located` are features of one object that are looked
+    at then: the action has not ended before they were seen, and what was seen counts, not what the effects say.
     """
 
     name: str
@@ -184,6 +186,7 @@ class Operator(tree.Node):
     monitors: tuple[MonitorFormula, ...] = ()
     recovery: str | None = None
     commands: tuple[Application, ...] = ()
+    located: tuple[Application, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -104,6 +104,7 @@ def _operator(one: model.Operator) -> str:
     lines += [f"  :recovery {one.recovery}"] if one.recovery else []
     lines += [f"  :monitor {_monitor(each)}" for each in one.monitors]
     lines += [f"  :commands {', '.join(map(print_expression, one.commands))}" for _ in one.commands[:1]]
+    lines += [f"  :locate {', '.join(map(print_expression, one.located))}" for _ in one.located[:1]]
     return "\n".join(lines)
 
 

@@ -1,6 +1,6 @@
 """Recovery operators checked: what they change, and that operators and monitors that name one have its parameters."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from kpl.diagnostics.collector import ErrorCollector, nearest
 from planning.domains import model
@@ -27,10 +27,7 @@ def check_recoveries(
         for clause in one.assumptions:
             for effect in clause:
                 check_effect(effect, bound)
-        for term in one.located:
-            sorts.sort(term, bound)
-            if not isinstance(term, model.Application) or term.name not in sorts.features:
-                errors.error("what is located is a feature of an object", term.place, ":locate xpos(box), ypos(box)")
+        check_located(one.located, bound, sorts, errors)
         for unit in one.without:
             sort = sorts.sort(unit, bound)
             if sort is not None and not set(declared.units) & set(sorts.types.above(sort)):
@@ -50,6 +47,16 @@ def check_recoveries(
             if parameter.name not in names:
                 repair = f"names here: {', '.join(names) or 'none'}"
                 errors.error(f"{name} is about {parameter.name}, and there is none here", place, repair)
+
+
+def check_located(
+    located: Iterable[model.Application], bound: dict[str, str | None], sorts: SortChecker, errors: ErrorCollector
+) -> None:
+    """What is looked for, or at, are features of objects."""
+    for term in located:
+        sorts.sort(term, bound)
+        if not isinstance(term, model.Application) or term.name not in sorts.features:
+            errors.error("what is located is a feature of an object", term.place, ":locate xpos(box), ypos(box)")
 
 
 def _uses(found: Declarations, sorts: SortChecker) -> Iterator[tuple[str, Place, list[str]]]:

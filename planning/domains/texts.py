@@ -257,6 +257,7 @@ class _Clauses:
             "controls": [],
             "monitors": [],
             "commands": [],
+            "located": [],
         }
 
     def made(self, name: str, params: tuple[model.Parameter, ...], place: tree.Place) -> model.Operator:
@@ -297,6 +298,8 @@ class _Clauses:
                 self._once("recovery", name_in(parts[0]), place)
             case "commands":
                 self._several["commands"] += [reader.read(each) for each in parts]
+            case "locate":
+                self._several["located"] += [reader.read(each) for each in parts]
             case "effects":
                 self._effects(parts, monitored)
 

@@ -1,6 +1,7 @@
 """Events that a mission takes, and effects that it returns. Times are federation time in microseconds."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias
 
 from dyknow.model.sample import Value
@@ -19,11 +20,12 @@ class StateSampled(NamedTuple):
 
 
 class ActionEnded(NamedTuple):
-    """What `StartAction` began has ended, or could not be begun."""
+    """What `StartAction` began has ended, or could not be begun; `seen` are labels that were looked at then."""
 
     step: int
     succeeded: bool
     reason: str = ""
+    seen: Mapping[str, Value] = MappingProxyType({})
 
 
 class NotLocated(NamedTuple):
@@ -103,11 +105,16 @@ MissionEvent: TypeAlias = (
 
 
 class StartAction(NamedTuple):
-    """Have the unit do it; the answer is `ActionEnded` with this step."""
+    """Have the unit do it; the answer is `ActionEnded` with this step.
+
+    `located` are labels that are to be looked at when its commands are done, `values` all that is held for true now.
+    """
 
     step: int
     unit: str
     action: PlannedAction
+    located: tuple[str, ...] = ()
+    values: Mapping[str, Value] = MappingProxyType({})
 
 
 class AbortAction(NamedTuple):

@@ -21,7 +21,7 @@ from planning.execution.flags import ExecutionFlags
 from planning.execution.generation import PlanMonitor, monitors_of, parameters_of
 from planning.execution.timeline import ExpectedAction, ExpectedChange, Schemas, changes_of, expected_actions
 from planning.execution.watching import MonitorSet
-from planning.search.plans import MissionPlan
+from planning.search.plans import MissionPlan, bound_labels
 
 _RANKS: Final = {"operator": 1, "link": 2, "global": 3}
 """Monitors that may be about an earlier action, and those of the whole plan, come after those of the action."""
@@ -214,6 +214,7 @@ class PlanExecutor:
             one.phase = StepPhase.ABORTED
             return [MissionNote("failed", text, one.number)]
         self._take_effect(one, now_us, ended=True)
+        self._beliefs.change(now_us, event.seen.items())
         one.phase, one.since_us = StepPhase.ENDING, now_us
         return [MissionNote("ended", one.shown, one.number)]
 
@@ -235,7 +236,9 @@ class PlanExecutor:
         one.phase, one.since_us = StepPhase.RUNNING, now_us
         values = self._schemas.task.values | self._beliefs.values()
         one.changes = list(changes_of(one.expected.instance, values, 0, action.end_ms - action.start_ms))
-        return [MissionNote("started", one.shown, one.number), StartAction(one.number, one.unit, action)]
+        located = bound_labels(action.operator.located, action.bound)
+        start = StartAction(one.number, one.unit, action, located, values if located else {})
+        return [MissionNote("started", one.shown, one.number), start]
 
     def _take_effect(self, one: PlanStep, now_us: int, *, ended: bool) -> None:
         """Effects that count from the start when their time has come; all of them at the end."""

@@ -128,12 +128,7 @@ def _link(writer: ConditionWriter, link: CausalLink) -> PlanMonitor:
 
 def parameters_of(one: ExpectedAction) -> dict[str, Value]:
     """The parameters of an action by name."""
-    numbers = dict(one.action.values)
-    objects = iter(one.action.objects)
-    return {
-        each.name: numbers[each.name] if each.name in numbers else next(objects)
-        for each in one.action.operator.parameters
-    }
+    return one.action.bound
 
 
 class _Generation:

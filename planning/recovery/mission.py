@@ -20,9 +20,9 @@ from planning.execution.generation import PlanMonitor
 from planning.recovery.goals import MissionGoals, name_of
 from planning.recovery.interrupted import hindrance, rest_of
 from planning.recovery.options import DROP, GIVE_UP, MissionOptions, MissionPhase, MissionStatus
-from planning.recovery.situation import assume, bound_terms, objects_of, past_events, problem_now, recovery_from
+from planning.recovery.situation import assume, objects_of, past_events, problem_now, recovery_from
 from planning.recovery.units import MissionUnits
-from planning.search.plans import MissionPlan
+from planning.search.plans import MissionPlan, bound_labels
 from planning.search.tasks import PlanningTask
 
 _FRESH_PERIODS = 3
@@ -235,7 +235,7 @@ class Mission:
         if times > recovery.times:
             return [*found, *self._last_resort(recovery.then, fault.text, now_us)]
         if recovery.located:
-            self._unknown = tuple(label for label, _ in bound_terms(recovery.located, fault.bound))
+            self._unknown = bound_labels(recovery.located, fault.bound)
             self._beliefs.forget(self._unknown)
         return [*found, *self._replan(fault.text, now_us)]
 

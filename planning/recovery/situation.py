@@ -98,15 +98,6 @@ def state_of(task: PlanningTask, beliefs: Beliefs) -> dict[str, Value]:
     return task.values | beliefs.values()
 
 
-def bound_terms(terms: Iterable[Application], bound: Mapping[str, Value]) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    """Labels of features of bound objects, with the objects."""
-    found = []
-    for term in terms:
-        objects = tuple(str(bound.get(arg.name, arg.name)) for arg in term.args)
-        found.append((tree.label_text(term.name, objects), objects))
-    return tuple(found)
-
-
 def problem_now(
     problem: Declarations,
     task: PlanningTask,

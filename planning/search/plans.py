@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from dyknow.model.sample import Value
-from planning.domains.model import Operator
+from planning.domains.model import Application, Operator
+from reasoning.formulas.tree import label_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +27,13 @@ class PlannedAction:
     objects: tuple[str, ...]
     values: tuple[tuple[str, Value], ...]
     cost: float
+
+    @property
+    def bound(self) -> dict[str, Value]:
+        """The parameters by name."""
+        numbers, objects = dict(self.values), iter(self.objects)
+        names = [one.name for one in self.operator.parameters]
+        return {name: numbers[name] if name in numbers else next(objects) for name in names}
 
     def as_json(self) -> dict[str, Any]:
         record: dict[str, Any] = {
@@ -69,6 +77,11 @@ class MissionPlan:
     def lines(self) -> tuple[str, ...]:
         """One line for each action: start, end, action."""
         return tuple(f"{one.start_ms / 1000:9.1f} s {one.end_ms / 1000:9.1f} s  {one.shown}" for one in self.actions)
+
+
+def bound_labels(terms: Iterable[Application], bound: Mapping[str, Value]) -> tuple[str, ...]:
+    """Labels of features of bound objects."""
+    return tuple(label_text(one.name, tuple(str(bound.get(arg.name, arg.name)) for arg in one.args)) for one in terms)
 
 
 def plan_of(record: Mapping[str, Any], operators: Iterable[Operator]) -> MissionPlan:

@@ -55,6 +55,17 @@ def test_cancelled_it_turns_the_camera_back_and_leaves_it() -> None:
     assert len(chase.vehicle.commands) == sent
 
 
+def test_while_a_mission_looks_the_camera_is_its_own_and_attention_continues_afterwards() -> None:
+    chase = attending()
+    claim = chase.platform.ports.pilot.mission
+    claim.looks, looks = True, len(chase.looks)
+    chase.drive(4.0, 8.0)
+    assert len(chase.looks) == looks
+    claim.looks = False
+    chase.drive(2.0, 8.0)
+    assert len(chase.looks) > looks
+
+
 def test_untold_it_leaves_the_camera_alone() -> None:
     chase = Chase()
     chase.drive(5.0, 8.0)

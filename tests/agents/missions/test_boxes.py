@@ -11,7 +11,7 @@ import pytest
 
 from agents.config import PlatformConfig
 from agents.flight.places import FlightLimits
-from federation.messages.contents import AnswerQuestion, FlyMission, Resume
+from federation.messages.contents import AnswerQuestion, Attend, FlyMission, Resume
 from federation.messages.dialogue import Dialogue
 from navigation.vehicle import Report
 from planning import parse_domain
@@ -19,7 +19,7 @@ from sim_uavs.boxes.handled import Placed
 from sim_uavs.boxes.shared import BoxesOnGround, HandlingList
 from sim_uavs.cameras.onboard import OnboardCameras
 from sim_uavs.depot import boxes_of, hoist_of, loader
-from sim_uavs.dynamics.faults import ScheduledFault
+from sim_uavs.dynamics.faults import ScheduledFault, SimulatedFault
 from sim_uavs.dynamics.scenarios import scenario
 from sim_uavs.streets import watching
 from sim_uavs.world.world import START_US, World
@@ -96,12 +96,17 @@ class Depot:
         return self.box.holder is None and hypot(self.box.place[0] - 30.0, self.box.place[1] - 20.0) < 3.0
 
 
-def test_a_box_is_taken_and_put_down_near_its_goal() -> None:
-    depot = Depot()
+def test_a_box_that_comes_down_elsewhere_is_seen_there_and_delivered_again() -> None:
+    depot = Depot(faults=(ScheduledFault(SimulatedFault("misplaced-box", 8.0), 0, "load", 30 * 1_000_000),))
     dialogue = depot.begin()
+    depot.until(dialogue, "fault: ")
+    assert not depot.is_delivered()
+    (fault,) = [each for each in told(dialogue) if each.startswith("fault: ")]
+    assert fault.startswith("fault: operator of detach-box(uav0, b1) is violated") and "; misplaced, time 1" in fault
     depot.until(dialogue)
-    assert told(dialogue)[-1].startswith("inform"), told(dialogue)
-    assert depot.is_delivered()
+    lines = told(dialogue)
+    assert lines[-1].startswith("inform: reached"), lines
+    assert len([each for each in lines if each.startswith("seen: ")]) == 2 and depot.is_delivered()
 
 
 OPERATORS = {one.name for one in parse_domain(DOMAIN).operators}
@@ -142,6 +147,7 @@ def test_two_boxes_are_delivered_on_a_carrier_that_the_magnet_may_take_instead_o
 
 def test_a_box_that_was_dropped_on_its_way_is_found_by_sight_and_delivered() -> None:
     depot = Depot()
+    depot.world.ask("cc", "0", Attend())
     dialogue = depot.begin()
     depot.drop(dialogue)
     depot.until(dialogue, "found: ")

@@ -19,6 +19,7 @@ class Outcome(NamedTuple):
     seed: int
     kind: str
     begun: bool
+    said_so: bool
     reached: bool
     noticed_s: float | None
     lines: list[str]
@@ -35,8 +36,8 @@ def flown(seed: int) -> Outcome:
             noticed_us = depot.world.now_us
     lines, injected = told(dialogue), depot.vehicle.injected
     noticed_s = (noticed_us - injected[0][0]) / 1e6 if noticed_us is not None and injected else None
-    reached = lines[-1].startswith("inform") and depot.is_delivered()
-    return Outcome(seed, fault.fault.kind, bool(injected), reached, noticed_s, lines)
+    said_so = lines[-1].startswith("inform: reached")
+    return Outcome(seed, fault.fault.kind, bool(injected), said_so, said_so and depot.is_delivered(), noticed_s, lines)
 
 
 @pytest.mark.full
@@ -44,9 +45,10 @@ def flown(seed: int) -> Outcome:
 def test_missions_with_drawn_faults_reach_their_goal() -> None:
     found = [flown(seed) for seed in range(int(os.environ.get("DYKNOW_MISSIONS", "50")))]
     assert all(each.begun for each in found), [each.seed for each in found if not each.begun]
-    seen_to_fail = [each for each in found if each.kind != "misplaced-box"]  # no camera looks after a box was put down
-    missed = [(each.seed, each.kind, each.lines[-6:]) for each in seen_to_fail if not each.reached]
-    assert len(missed) <= 0.05 * len(seen_to_fail), missed
+    falsely = [(each.seed, each.kind) for each in found if each.said_so and not each.reached]
+    assert not falsely, falsely
+    missed = [(each.seed, each.kind, each.lines[-6:]) for each in found if not each.reached]
+    assert len(missed) <= 0.05 * len(found), missed
     dropped = [each for each in found if each.kind == "dropped-box"]
     assert all(each.noticed_s is not None and each.noticed_s <= 1.0 for each in dropped), dropped
     sought = [each for each in dropped if any("looking for" in line for line in each.lines)]

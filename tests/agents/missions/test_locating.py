@@ -78,7 +78,7 @@ def test_what_was_seen_for_a_second_is_a_state_of_both_labels() -> None:
     assert isinstance(state, events.StateSampled)
     assert state.values == {"x[b1]": 1.0, "y[b1]": 2.0}
     assert state.valid_us >= RESTS_US + SECOND + SETTLED_US
-    assert units["u1"].does == [(FIRST_STEP, ["take-off", "goto"])]
+    assert units["u1"].does == [(FIRST_STEP, ["look-down", "take-off", "goto"])]
 
 
 @pytest.mark.parametrize(
@@ -138,4 +138,4 @@ def test_a_flight_that_fails_hands_over_and_a_pause_leaves_the_pilots_vehicle_al
     assert locating.step(600_000, 600_000) == []
     units["u2"].waits = ""
     locating.step(700_000, 700_000)
-    assert units["u2"].does[-1] == (FIRST_STEP + 2, ["take-off", "goto"])
+    assert units["u2"].does[-1] == (FIRST_STEP + 2, ["look-down", "take-off", "goto"])

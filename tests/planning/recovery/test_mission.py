@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from dyknow.model.values import NO_VALUE
 from planning.execution import events
 from planning.execution.beliefs import Beliefs
-from tests.planning.recovery.driven import GOALS, OBJECTS, SECOND, Driven
+from tests.planning.recovery.driven import COURIERS, GOALS, OBJECTS, SECOND, Driven
 
 ALONE = "#objects courier = {k1} #objects letter = {l1} #init place(l1) := 1\n#goal one: done(l1)"
 
@@ -40,6 +40,32 @@ def test_several_units_act_at_once_and_what_depends_on_an_action_waits_until_its
     drive.state()
     (ended,) = drive.take(events.MissionEnded)
     assert (ended.outcome, ended.unreached) == ("reached", ())
+
+
+SEEN = COURIERS.replace(
+    "[end] done(letter), [end] !has(courier, letter)\n",
+    """[end] done(letter), [end] !has(courier, letter), [end] place(letter) := 9
+  :monitor EXEC until (!EXEC & place(letter) >= 8) :recovery elsewhere
+  :locate place(letter)
+#recovery elsewhere(letter) :assume !done(letter)
+""",
+)
+
+
+@pytest.mark.parametrize(
+    ("seen", "phase"), [({}, "ended"), ({"place[l1]": 8.4}, "ended"), ({"place[l1]": 3.5}, "executing")]
+)
+def test_where_a_thing_was_seen_counts_and_not_what_the_effects_say(seen: dict[str, float], phase: str) -> None:
+    drive = Driven(ALONE, SEEN)
+    (fetch,) = drive.begin()
+    drive.end(fetch.step)
+    (bring,) = drive.begin()
+    assert (fetch.located, bring.located) == ((), ("place[l1]",)) and bring.values["place[l1]"] == 1
+    drive.send(events.ActionEnded(bring.step, succeeded=True, seen=seen))
+    drive.state(**{"has[k1, l1]": False})
+    assert drive.mission.status.phase == phase
+    if phase == "executing":
+        assert [one for one in notes(drive, "fault") if "elsewhere" in one]
 
 
 def test_flags_are_set_while_an_action_is_executed() -> None:
@@ -344,7 +370,11 @@ VALUES: Any = st.one_of(st.booleans(), st.floats(), st.integers(-5, 5), st.just(
 LABELS = st.sampled_from(["has[k1, l1]", "has[k2, l2]", "strength[k1]", "done[l1]", "place[l1]", "at-work[k1]", "x]["])
 EVENTS = st.one_of(
     st.builds(events.StateSampled, st.integers(99 * SECOND, 400 * SECOND), st.dictionaries(LABELS, VALUES, max_size=4)),
-    st.builds(events.ActionEnded, st.integers(-1, 12), st.booleans(), st.just("why")),
+    st.builds(
+        events.ActionEnded,
+        *(st.integers(-1, 12), st.booleans(), st.just("why")),
+        seen=st.dictionaries(LABELS, VALUES, max_size=2),
+    ),
     st.builds(events.PilotTookOver, UNITS),
     st.builds(events.PilotGaveBack, UNITS),
     st.builds(events.UnitLost, UNITS),
