@@ -9,14 +9,16 @@ RUNS_A_PAGE = {"test_every_piece_of_python_runs"}
 """Fails where the program of a page does."""
 
 
+ITSELF = ""
+"""Stands for an assertion among what a function calls."""
+
+
 def calls(function: Function) -> Iterator[str]:
     for node in ast.walk(function):
         if isinstance(node, ast.Call):
             yield node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-
-
-def judges(function: Function) -> bool:
-    return any(isinstance(node, ast.Assert | ast.Raise) for node in ast.walk(function))
+        elif isinstance(node, ast.Assert | ast.Raise):
+            yield ITSELF
 
 
 def test_every_test_asserts_something() -> None:
@@ -27,7 +29,7 @@ def test_every_test_asserts_something() -> None:
         if isinstance(node, Function)
     ]
     called = [(function.name, frozenset(calls(function))) for function in functions]
-    judging = {"raises", "fail", "warns", *(function.name for function in functions if judges(function))}
+    judging = {ITSELF, "raises", "fail", "warns"}
     found = -1
     while found != len(judging):
         found = len(judging)

@@ -11,7 +11,7 @@ from compunits.numeric import is_sound, numbers_of
 from dyknow import NO_VALUE, SURE, Quality, Sample
 from tests.compunits.units import process, prototype
 
-FEW = settings(max_examples=settings.default.max_examples // 2)
+FEW = settings(max_examples=settings.default.max_examples // 3)
 LONG_AGO, IN_AGES = -(2**62), 2**62
 
 

@@ -185,7 +185,7 @@ def test_who_may_not_shed_sends_all(wire: Box) -> None:
     assert (platform.part(Shedding).level, platform.ports.exporter.shed) == (0, 1)
 
 
-@settings(max_examples=examples(15), deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 @given(st.integers(0, 2**32))
 def test_whatever_is_measured_the_level_follows_and_everything_comes_back(seed: int) -> None:
     wire, random = Box(), Random(seed)

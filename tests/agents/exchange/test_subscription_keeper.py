@@ -160,7 +160,7 @@ def test_a_pair_that_cannot_hear_each_other_for_a_while_misses_no_sample(
     assert watched(wire) == alike("fresh")
 
 
-@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(n, marks=pytest.mark.full) for n in range(3, 100))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.full) for n in range(1, 100))])
 def test_whatever_cuts_come_one_after_the_other_no_sample_is_missed(wire: Box, task: str, seed: int) -> None:
     rng = Random(seed)
     before, lasted = received(wire), 0.0

@@ -24,7 +24,7 @@ def far_member(wire: Box, altitude_m: float = 100.0) -> None:
 
 
 @pytest.mark.parametrize("climber", ["0", "1"])
-@pytest.mark.parametrize("because", [None, "autopilot: denied"])
+@pytest.mark.parametrize("because", [None, pytest.param("autopilot: denied", marks=pytest.mark.full)])
 def test_no_member_moves_an_aircraft_that_it_does_not_meet(wire: Box, climber: str, because: str | None) -> None:
     far_member(wire)
     task = wire.ask("cc", "0", MonitorProximity())

@@ -201,7 +201,7 @@ def test_a_participant_says_where_the_task_is_cancelled(three: Box) -> None:
 
 
 @pytest.mark.parametrize("frozen", ["1", "2"])
-@pytest.mark.parametrize("seconds", [1.5, 2.2, 3.5, 9.0])
+@pytest.mark.parametrize("seconds", [2.2, 9.0, *(pytest.param(each, marks=pytest.mark.full) for each in (1.5, 3.5))])
 def test_a_platform_that_was_frozen_takes_part_again_and_the_task_lives(
     three: Box, frozen: str, seconds: float
 ) -> None:
@@ -230,7 +230,9 @@ def test_a_platform_that_is_frozen_while_it_is_asked_takes_part_later(three: Box
     assert nothing_left(three)
 
 
-@pytest.mark.parametrize("seconds", [1.5, 2.7, 3.0, 6.0, 20.0])
+@pytest.mark.parametrize(
+    "seconds", [2.7, 6.0, *(pytest.param(each, marks=pytest.mark.full) for each in (1.5, 3.0, 20.0))]
+)
 def test_a_leader_that_was_frozen_leads_on_or_steps_down_and_nothing_is_left_over(three: Box, seconds: float) -> None:
     task = delegated(three)
     three.freeze("0")
@@ -369,8 +371,8 @@ def test_the_words_of_a_refusal_steer_nothing(three: Box, text: str) -> None:
     assert all_fresh(three, "0", "1", "2")
 
 
-@pytest.mark.parametrize("count", [16])
-def test_sixteen_platforms_set_a_task_up_without_meeting_a_limit(wire: Box, count: int) -> None:
+@pytest.mark.parametrize("count", [8, pytest.param(16, marks=pytest.mark.full)])
+def test_many_platforms_set_a_task_up_without_meeting_a_limit(wire: Box, count: int) -> None:
     for at in range(count):
         wire.join(str(at), Vehicle(north_m=300.0 * at))
     centre = wire.centre()

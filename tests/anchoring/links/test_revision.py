@@ -15,6 +15,7 @@ FITS = {
     "truck": "length_m[from] >= 7",
     "building": "speed[from] < 1 and length_m[from] < 0",
 }
+SEEDS = [pytest.param(seed, marks=() if seed % 10 == 0 else pytest.mark.full) for seed in range(200)]
 
 
 def kind(name: str) -> LinkSpecification:
@@ -30,7 +31,7 @@ def kind(name: str) -> LinkSpecification:
     )
 
 
-@pytest.mark.parametrize("seed", range(200))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_a_car_that_turns_out_to_be_a_truck_or_back_keeps_its_world_symbol(seed: int) -> None:
     rng = random.Random(seed)
     world = LinkSpecification(VISION, WORLD, NEW, NEAR)

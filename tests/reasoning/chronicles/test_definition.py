@@ -61,7 +61,7 @@ def compared(seed):
 
 @pytest.mark.timeout(3_000)
 def test_the_engine_recognises_what_the_definitions_say():
-    wanted = 5_000 if os.environ.get("DYKNOW_FULL") else 150
+    wanted = 5_000 if os.environ.get("DYKNOW_FULL") else 110
     counts, seed = [], 0
     while len(counts) < wanted:
         found = compared(seed)

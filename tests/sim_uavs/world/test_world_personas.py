@@ -24,7 +24,7 @@ FOR_MISSIONS = (InterruptOrder, ResumeMissionOrder, MissionItemOrder)
 TOLD_GUIDED = {"GUIDED", "OFFBOARD", "AUTO.LOITER"}
 OFTEN = 16
 """Four times a leg of the plan is ordered that is not answered, and each time it is sent four times."""
-SEEDS = [pytest.param(seed, marks=() if seed % 125 == 2 else pytest.mark.full) for seed in range(500)]
+SEEDS = [pytest.param(seed, marks=() if seed % 250 == 2 else pytest.mark.full) for seed in range(500)]
 
 
 @pytest.mark.parametrize("seed", SEEDS)

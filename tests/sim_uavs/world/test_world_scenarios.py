@@ -29,7 +29,7 @@ def delegated(world, to="0", **content):
     return world.ask("cc", to, MonitorProximity(**content))
 
 
-@pytest.mark.parametrize("name", ["crossing", "encounter"])
+@pytest.mark.parametrize("name", ["crossing", pytest.param("encounter", marks=pytest.mark.full)])
 def test_two_that_meet_warn_in_time_fly_apart_and_resume(name):
     world = fly_scenario(1, name, 3)
     task = delegated(world)

@@ -21,7 +21,7 @@ from tests.thesis.reasoning.traffic import (
     road_events,
 )
 
-SEEDS = range(100 if os.environ.get("DYKNOW_FULL") else 4)
+SEEDS = range(100 if os.environ.get("DYKNOW_FULL") else 2)
 ON_ROADS = {
     "following": (following, set()),
     "a decent overtake": (overtaking, {("overtake", "a", "b", "e4"), ("passes", "a", "b")}),
