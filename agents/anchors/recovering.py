@@ -169,7 +169,7 @@ class _Recovery:
             plan = None if event.plan is None else plan_of(event.plan)
             looking.on_planned(number, plan, event.reason, self._part.federation_us(at_us), at_us)
 
-        self._part.leading.run_looking(self, problem_record(problem), LIMITS.plan_us, on_over)
+        self._part.leading.searches.look(self, problem_record(problem), LIMITS.plan_us, on_over)
 
     def say(self, kind: str, text: str, now_us: int) -> None:
         """Tell the requester, the log, and followers of this process."""

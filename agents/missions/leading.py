@@ -5,22 +5,22 @@ vehicle takes part if the problem has it; other platforms are requested to, with
 searched for in a process of its own. Progress, questions and the end are reported to the delegator, and listed on request.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
-from itertools import count
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 from agents.actions import COORDINATION, QUERIED, Action, Offer, Role
-from agents.effects import Effect, EndSearch, RunSearch, SearchNews, SearchOver, Tell
+from agents.effects import Effect, SearchNews, SearchOver, Tell
 from agents.exchange.gateway import Gateway
 from agents.exchange.local_instance import LocalInstance
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.interface import InterfaceAgent
 from agents.missions.led_mission import LedMission, MissionOrder, MissionUnit
 from agents.missions.locating import UnitSights
-from agents.missions.mission_texts import MissionTexts, read_mission, with_initial
+from agents.missions.mission_texts import MissionTexts, with_initial
 from agents.missions.mission_units import OtherUnit, OwnUnit
 from agents.missions.performing import Performing
+from agents.missions.searches import MissionSearches
 from agents.missions.sensing import UnitSensors
 from agents.part import Followed, Part
 from agents.tasks.life import TaskLife
@@ -52,7 +52,6 @@ MOST: Final = 4
 KEPT: Final = 8
 """Missions that are over and still shown."""
 LONGEST_SEARCH_US: Final = 120_000_000
-OnOver = Callable[[SearchOver, int], None]
 
 
 class ListedRecovery(Protocol):
@@ -71,6 +70,7 @@ class MissionLeading(Part):
 
     Attributes:
         listed: recoveries of anchors, by name.
+        searches: those of all its missions.
     """
 
     offers = (
@@ -108,8 +108,8 @@ class MissionLeading(Part):
         self._led: dict[str, LedMission] = {}
         self.listed: dict[str, ListedRecovery] = {}
         self._over: dict[str, LedMission] = {}
-        self._numbers = count(1)
-        self._searches: dict[int, tuple[object, OnOver]] = {}
+        self._reading: dict[tuple[str, str], FlyMission] = {}
+        self.searches = MissionSearches(emit)
 
     # -- delegated ---------------------------------------------------------------------------------------------
 
@@ -117,16 +117,39 @@ class MissionLeading(Part):
         """`(fly-mission ...)`: until it is over or cancelled.
 
         Raises:
-            Refused: the sender may not, or this platform leads enough, or has no origin; a unit or an action is unknown.
-            TextError: a text is wrong, and where.
+            Refused: the sender may not, or this platform leads enough, or has no origin.
         """
         self._tasks.check_free(act.conversation_id)
-        texts = self.read(act, content, now_us)
-        self._agent.answer(act, P.AGREE, None, now_us)
-        self.lead(act, content, texts, None, now_us)
 
-    def read(self, act: Act, content: FlyMission, now_us: int) -> MissionTexts:
-        """What is delegated, if it may be; raises as `on_fly`."""
+        def on_read(texts: MissionTexts, at_us: int) -> None:
+            self._check(act, content, at_us)
+            self._agent.answer(act, P.AGREE, None, at_us)
+            self.lead(act, content, texts, None, at_us)
+
+        self.read(act, content, on_read, now_us)
+
+    def read(self, act: Act, content: FlyMission, on_read: Callable[[MissionTexts, int], None], now_us: int) -> None:
+        """Have what is delegated read in a worker, if it may be; texts that are wrong are refused.
+
+        Raises:
+            Refused: as `on_fly`; `on_read` may do so, too.
+        """
+        self._check(act, content, now_us)
+        owner = self._reading[act.sender.unit, act.conversation_id or ""] = content
+
+        def on_over(texts: MissionTexts | Reason, at_us: int) -> None:
+            self._reading.pop((act.sender.unit, act.conversation_id or ""), None)
+            if isinstance(texts, Reason):
+                self._agent.answer(act, P.REFUSE, texts, at_us)
+                return
+            try:
+                on_read(texts, at_us)
+            except Refused as refused:
+                self._agent.answer(act, P.REFUSE, Reason(text=refused.reason[:1000], code=refused.code or None), at_us)
+
+        self.searches.read(owner, content, on_over)
+
+    def _check(self, act: Act, content: FlyMission, now_us: int) -> None:
         sender = act.sender.unit
         self._performing.permits.check(content.mission, sender, now_us)
         self._performing.permits.check_chain(content.chain, sender)
@@ -135,13 +158,10 @@ class MissionLeading(Part):
             raise Refused(
                 "the home of this platform's vehicle is not known, which is the origin of places", "no-origin"
             )
-        return read_mission(
-            content.domain, content.problem, content.constraints, content.actions,
-            is_whole=content.is_whole, platforms=content.platforms,
-        )  # fmt: skip
 
     def _check_free(self, mission: str) -> None:
-        if mission in self._led or len(self._led) >= MOST:
+        begun = {*self._led, *(each.mission for each in self._reading.values())}
+        if mission in begun or len(begun) >= MOST:
             raise Refused(f"this platform has mission {mission} already, or {MOST} missions", "busy")
 
     def problem_now(self, texts: MissionTexts, now_us: int) -> Declarations:
@@ -196,6 +216,13 @@ class MissionLeading(Part):
         if led is not None:
             led.end("it was cancelled", now_us)
         return ()
+
+    def on_cancel(self, act: Act, now_us: int) -> bool:  # noqa: ARG002  (as every part)
+        """It is cancelled while its texts are read."""
+        content = self._reading.pop((act.sender.unit, act.conversation_id or ""), None)
+        if content is not None:
+            self.searches.end(content)
+        return content is not None
 
     def on_lost(self, act: Act, now_us: int) -> bool:  # noqa: ARG002  (as every part)
         """A delegator that is gone does not end its mission."""
@@ -282,31 +309,15 @@ class MissionLeading(Part):
                 self.report(led, "searched", text, at_us)
             led.on_searched(effect.search, plan, event.reason, is_certain=event.is_certain, now_us=at_us)
 
-        self.run_search(led, texts, effect.units, effect.limit_us, on_over)
-
-    def run_search(
-        self, owner: object, texts: tuple[str, str], units: tuple[str, ...] | None, limit_us: int, on_over: OnOver
-    ) -> None:
-        """Search in a worker; `on_over` takes what it comes to."""
-        number = next(self._numbers)
-        self._searches[number] = owner, on_over
-        self._emit(RunSearch(number, *texts, units, limit_us))
-
-    def run_looking(self, owner: object, problem: Mapping[str, Any], limit_us: int, on_over: OnOver) -> None:
-        """Plan in a worker how to look again."""
-        number = next(self._numbers)
-        self._searches[number] = owner, on_over
-        self._emit(RunSearch(number, "", "", None, limit_us, problem))
+        self.searches.plan(led, texts, effect.units, effect.limit_us, on_over)
 
     def end_search(self, led: object) -> None:
         """Its searches are wanted no more."""
-        for number in [number for number, (owner, _) in self._searches.items() if owner is led]:
-            del self._searches[number]
-            self._emit(EndSearch(number))
+        self.searches.end(led)
 
     def on_search_news(self, event: SearchNews, now_us: int) -> Followed:
         """A search has come so far."""
-        owner, _ = self._searches.get(event.number, (None, None))
+        owner = self.searches.owner(event.number)
         if isinstance(owner, LedMission):
             owner.nodes = event.nodes
             self.report(owner, "searching", f"{event.nodes} nodes", now_us)
@@ -314,9 +325,7 @@ class MissionLeading(Part):
 
     def on_search_over(self, event: SearchOver, now_us: int) -> Followed:
         """A search has ended."""
-        _, on_over = self._searches.pop(event.number, (None, None))
-        if on_over is not None:
-            on_over(event, now_us)
+        self.searches.on_over(event, now_us)
         return None
 
     def report(self, led: LedMission, kind: str, text: str, now_us: int) -> None:

@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from agents.missions.command_run import VehicleCommand
-from dyknow.model.errors import Refused, did_you_mean
+from dyknow.model.errors import DyknowError, Refused, did_you_mean
 from dyknow.model.sample import Value
 from navigation.geodesy import LocalFrame
 from planning.domains import model
 from planning.domains.model import Application, Declarations, Expression, Operator
+from planning.domains.packing import packed, unpacked
 from planning.domains.printing import print_declarations
 from planning.domains.texts import parse_domain, parse_problem
 from planning.domains.types import Types
@@ -154,6 +155,20 @@ def with_initial(problem: Declarations, values: Mapping[str, Value]) -> Declarat
         target = Application(name, tuple(Application(each.strip()) for each in rest.split(",") if each.strip()))
         added.append(model.Observation(target, Application(value) if isinstance(value, str) else tree.Const(value)))
     return replace(problem, init=(*kept, *added))
+
+
+def texts_record(given: Mapping[str, Any]) -> dict[str, Any]:
+    """What `read_mission` makes of these arguments, as plain values, or what is wrong with them, for `texts_in`."""
+    try:
+        return {"texts": packed(read_mission(**given))}
+    except DyknowError as wrong:
+        return {"wrong": str(wrong), "code": wrong.code if isinstance(wrong, Refused) else None}
+
+
+def texts_in(record: Mapping[str, Any]) -> MissionTexts:
+    """The texts of a record without mistakes."""
+    found: MissionTexts = unpacked(record["texts"])
+    return found
 
 
 def texts_of(domain: Declarations, problem: Declarations) -> tuple[str, str]:

@@ -67,11 +67,16 @@ class MissionProposals(Part):
 
         Raises:
             Refused: as `(fly-mission ...)` is, or too many proposals stand.
-            TextError: a text is wrong, and where.
         """
         if len(self._called) >= MOST:
             raise Refused(f"{MOST} proposals stand: leave some", "busy")
-        texts = self._leading.read(act, content, now_us)
+
+        def on_read(texts: MissionTexts, at_us: int) -> None:
+            self._search(act, content, texts, at_us)
+
+        self._leading.read(act, content, on_read, now_us)
+
+    def _search(self, act: Act, content: CallForMission, texts: MissionTexts, now_us: int) -> None:
         name = (act.sender.unit, act.conversation_id or "")
         called = self._called[name] = _Called(act, content, texts)
         self._due.set(name, now_us + STAND_US)
@@ -81,7 +86,7 @@ class MissionProposals(Part):
 
         limit_us = min(round(content.timeout_s * 1e6), LONGEST_SEARCH_US)
         domain, problem = texts_of(texts.domain, self._leading.problem_now(texts, now_us))
-        self._leading.run_search(self, (domain, problem), None, limit_us, on_over)
+        self._leading.searches.plan(self, (domain, problem), None, limit_us, on_over)
 
     def _searched(self, name: tuple[str, str], called: _Called, event: SearchOver, now_us: int) -> None:
         if self._called.get(name) is not called:

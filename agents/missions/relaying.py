@@ -9,10 +9,12 @@ from functools import partial
 from typing import Final
 
 from agents.actions import COORDINATION, Action, Offer, Role
+from agents.effects import Effect, SearchOver
 from agents.interface import InterfaceAgent
-from agents.missions.mission_texts import read_mission
+from agents.missions.mission_texts import MissionTexts
 from agents.missions.permits import Permits
-from agents.part import Part
+from agents.missions.searches import MissionSearches
+from agents.part import Followed, Part
 from agents.tasks.life import TaskLife
 from agents.tasks.task import Task
 from dyknow.model.errors import Refused
@@ -21,7 +23,8 @@ from federation.messages.acts import Act, Performative
 from federation.messages.contents import Content, Done, FlyMission, Progress, Reason
 
 P = Performative
-AGREE_US: Final = 10_000_000
+MOST: Final = 4
+AGREE_US: Final = 15_000_000
 """How long the platform that is to lead a mission may take to read it, and agree."""
 
 
@@ -29,6 +32,7 @@ class MissionRelay(Part):
     """See the module."""
 
     offers = (Offer(COORDINATION, (Action(FlyMission, "on_fly", lasting=True),)),)
+    takes = {SearchOver: "on_search_over"}  # noqa: RUF012  (a declaration)
 
     def __init__(
         self,
@@ -37,30 +41,58 @@ class MissionRelay(Part):
         directory: DirectoryFacilitator,
         tasks: TaskLife,
         role_of: Callable[[str], Role],
+        emit: Callable[[Effect], None],
         note: Callable[[str], None],
     ) -> None:
         self._unit, self._agent, self._directory, self._tasks, self._note = unit, agent, directory, tasks, note
         self._permits = Permits(unit, role_of)
         self._relayed: dict[str, tuple[Act, str]] = {}
+        self._reading: dict[tuple[str, str], FlyMission] = {}
+        self._searches = MissionSearches(emit)
 
     def on_fly(self, act: Act, content: FlyMission, now_us: int) -> None:
         """`(fly-mission ...)`: until it is over or cancelled.
 
         Raises:
-            Refused: the sender may not, or no platform with a vehicle of the problem is there; a unit or an action is unknown.
-            TextError: a text is wrong, and where.
+            Refused: the sender may not, or texts of too many missions are read.
         """
         sender, conversation = act.sender.unit, self._tasks.check_free(act.conversation_id)
         self._permits.check(content.mission, sender, now_us)
         self._permits.check_chain(content.chain, sender)
-        texts = read_mission(
-            content.domain, content.problem, content.constraints, content.actions,
-            is_whole=content.is_whole, platforms=content.platforms,
-        )  # fmt: skip
-        wanted = list(dict.fromkeys(texts.platforms.values()))
+        name = sender, conversation
+        if name in self._reading or len(self._reading) >= MOST:
+            raise Refused(f"the texts of {MOST} missions are read already", "busy")
+        self._reading[name] = content
+
+        def on_read(texts: MissionTexts | Reason, at_us: int) -> None:
+            del self._reading[name]
+            wrong = texts if isinstance(texts, Reason) else self._relay(act, conversation, content, texts, at_us)
+            if wrong is not None:
+                self._agent.answer(act, P.REFUSE, wrong, at_us)
+
+        self._searches.read(content, content, on_read)
+
+    def on_search_over(self, event: SearchOver, now_us: int) -> Followed:
+        """Texts were read."""
+        self._searches.on_over(event, now_us)
+        return None
+
+    def on_cancel(self, act: Act, now_us: int) -> bool:  # noqa: ARG002  (as every part)
+        """It is cancelled while its texts are read."""
+        content = self._reading.pop((act.sender.unit, act.conversation_id or ""), None)
+        if content is not None:
+            self._searches.end(content)
+        return content is not None
+
+    def _relay(
+        self, act: Act, conversation: str, content: FlyMission, texts: MissionTexts, now_us: int
+    ) -> Reason | None:
+        """Delegate it on; return why that is not possible."""
+        sender, wanted = act.sender.unit, list(dict.fromkeys(texts.platforms.values()))
         leader = next((each for each in wanted if each != self._unit and self._directory.is_present(each)), None)
         if leader is None:
-            raise Refused(f"none of the platforms {', '.join(wanted)} is there to lead the mission", "no-unit")
+            text = f"none of the platforms {', '.join(wanted)} is there to lead the mission"
+            return Reason(text=text[:1000], code="no-unit")
         chain = (*(content.chain or (sender,)), self._unit)
         self._note(f"mission {content.mission}: delegated on, {' > '.join((*chain, leader))}")
         asked = self._agent.delegate(
@@ -70,6 +102,7 @@ class MissionRelay(Part):
         self._relayed[conversation] = act, asked
         take_down = partial(self._taken_down, conversation, leader)
         self._tasks.add(Task(conversation, sender, FlyMission.head, take_down, since_us=now_us))
+        return None
 
     def _on_reply(self, conversation: str, leader: str, reply: Act, said: Content | None, now_us: int) -> None:
         act, _ = self._relayed.get(conversation, (None, ""))

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
+from agents.missions.mission_texts import texts_record
 from dyknow.model.errors import DyknowError
 from dyknow.model.instants import print_span
 from planning.contingent.sent_problems import planned_record
@@ -29,6 +30,8 @@ def found_record(
     try:
         if request.get("looking") is not None:
             return planned_record(request["looking"], stop)
+        if request.get("reading") is not None:
+            return {"plan": texts_record(request["reading"]), "reason": "", "is_certain": True, "nodes": 0}
         domain = parse_domain(request["domain"])
         problem = parse_problem(request["problem"], domain)
         found = find_plan(domain, problem, stop=stop, progress=progress, units=request["units"])

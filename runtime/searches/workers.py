@@ -13,7 +13,7 @@ from agents.effects import EndSearch, RunSearch, SearchNews, SearchOver
 
 MOST: Final = 4
 """Searches at a time."""
-GRACE_S: Final = 5.0
+GRACE_S: Final = 15.0
 """How long after its limit a search may still be heard of."""
 
 

@@ -6,6 +6,7 @@ from queue import Empty, SimpleQueue
 import pytest
 
 from agents.effects import EndSearch, RunSearch, SearchNews, SearchOver
+from agents.missions.mission_texts import read_mission, texts_in
 from runtime.searches.workers import MOST, SearchWorkers
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "missions"
@@ -48,6 +49,27 @@ def test_a_search_comes_back_as_an_event_gives_up_in_time_and_is_silent_once_it_
         assert (wrong.number, wrong.plan) == (4, None)
         with pytest.raises(Empty):
             posted.get(timeout=0.2)
+    finally:
+        workers.close()
+
+
+def test_texts_are_read_there_and_mistakes_keep_their_place_and_cause() -> None:
+    posted: SimpleQueue[SearchNews | SearchOver] = SimpleQueue()
+    workers, given = SearchWorkers(posted.put, lambda: 7), {"constraints": "", "actions": [], "is_whole": False}
+    try:
+        for number, problem in enumerate((PROBLEM, "#objects uav = {uav0} #goal flown(uav0)", "#objects place = {a}")):
+            reading = given | {"domain": DOMAIN, "problem": problem, "platforms": {}}
+            workers.perform(RunSearch(number, "", "", None, 30_000_000, None, reading))
+            found = over(posted).plan
+            assert found is not None
+            if number == 0:
+                texts = texts_in(found)
+                assert texts == read_mission(DOMAIN, PROBLEM, "", (), is_whole=False, platforms={})
+                assert texts.platforms == {"uav0": "0"}
+            elif number == 1:
+                assert found["wrong"].startswith("1:29: there is no feature flown") and found["code"] is None
+            else:
+                assert found["code"] == "no-unit"
     finally:
         workers.close()
 

@@ -79,10 +79,13 @@ class Flown:
         self.world.run_for(1.0)
         return [(str(act.performative), said) for act, said in dialogue.said]
 
-    def entry(self, to: str = "0") -> MissionEntry:
+    def missions(self, to: str = "0") -> tuple[MissionEntry, ...]:
         ((_, said),) = self.ask(MissionQuery(), to)
         assert isinstance(said, MissionList)
-        return said.missions[0]
+        return said.missions
+
+    def entry(self, to: str = "0") -> MissionEntry:
+        return self.missions(to)[0]
 
     def fault(self, text: str, unit: int = 0, seconds: float | None = None) -> None:
         until_us = None if seconds is None else self.world.now_us + round(seconds * 1e6)

@@ -8,6 +8,7 @@ from federation.messages.contents import (
     CallForMission,
     Content,
     ControlMission,
+    FlyMission,
     Goto,
     Hold,
     JoinMission,
@@ -16,6 +17,7 @@ from federation.messages.contents import (
     MissionProposal,
     MissionQuery,
     PerformCommands,
+    Reason,
     Resume,
     TakeMission,
 )
@@ -257,3 +259,18 @@ def test_a_proposal_that_is_left_is_not_flown_and_a_goal_that_cannot_be_is_refus
     ((performative, said),) = [(act.performative, said) for act, said in refused.said]
     assert performative is Performative.REFUSE
     assert said.code == "no-plan"
+
+
+def test_what_is_cancelled_while_its_texts_are_read_is_not_begun_and_as_many_as_it_leads_are_read_at_once() -> None:
+    flown = Flown(1)
+    asked = [
+        flown.world.ask("cc", "0", FlyMission(mission=f"m{number}", domain=DOMAIN, problem=ONE)) for number in range(5)
+    ]
+    flown.world.run_for(0.03)
+    flown.world.cancel("cc", "0", asked[0].conversation)
+    flown.world.run_for(1.0)
+    refused = [said for each in asked for _, said in each.said if isinstance(said, Reason)]
+    assert [(each.code, each.text) for each in refused] == [
+        ("busy", "this platform has mission m4 already, or 4 missions")
+    ]
+    assert {each.mission for each in flown.missions()} == {"m1", "m2", "m3"}
