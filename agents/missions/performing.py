@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from agents.actions import Action, Offer, Role
+from agents.admission.mission_permits import Permits
 from agents.flight.arbiter import Commander
 from agents.flight.flight import FLIGHT, FlightAgent
 from agents.flight.pilot import Pilot
 from agents.interface import InterfaceAgent
 from agents.missions.command_run import CommandRun, VehicleCommand
-from agents.missions.permits import Permits
 from agents.part import Part
 from agents.tasks.life import TaskLife
 from agents.tasks.task import Task

@@ -9,10 +9,10 @@ from functools import partial
 from typing import Final
 
 from agents.actions import COORDINATION, Action, Offer, Role
+from agents.admission.mission_permits import Permits
 from agents.effects import Effect, SearchOver
 from agents.interface import InterfaceAgent
 from agents.missions.mission_texts import MissionTexts
-from agents.missions.permits import Permits
 from agents.missions.searches import MissionSearches
 from agents.part import Followed, Part
 from agents.tasks.life import TaskLife

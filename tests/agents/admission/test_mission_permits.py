@@ -3,7 +3,7 @@
 import pytest
 
 from agents.actions import Role
-from agents.missions.permits import MOST, STAND_US, Permits
+from agents.admission.mission_permits import MOST, STAND_US, Permits
 from dyknow.model.errors import Refused
 
 ROLES = {"cc": Role.COMMAND_CENTRE, "1": Role.DELEGATE, "2": Role.DELEGATE, "eye": Role.OBSERVER}
