@@ -83,7 +83,7 @@ from federation.sharing.translation import Convert, Translation
 from federation.transport import Reopen, WireEffect
 from kpl import Instance
 from navigation.geodesy import LocalFrame
-from reasoning import AlarmEvent
+from reasoning import AlarmEvent, Profile
 
 T = TypeVar("T", bound=Part)
 
@@ -280,6 +280,14 @@ class Ports:
 
         config = self.config
         return Pilot(config.control, config.plan, config.limits, config.missions, clock, self.note)
+
+    @property
+    def profiles(self) -> Mapping[str, Profile]:
+        return self.config.profiles
+
+    @property
+    def camera_frame(self) -> LocalFrame | None:
+        return None if self.config.cameras is None else self.config.cameras.frame
 
     @property
     def origin(self) -> Callable[[], LocalFrame | None]:

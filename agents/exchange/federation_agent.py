@@ -16,10 +16,12 @@ from agents.part import Followed, Part, PeerChange
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import CREATE_MULTICAST, STOP_MULTICAST
 from agents.tasks.task import Task
-from dyknow import Policy
+from dyknow import US_PER_S, Policy
 from dyknow.model.errors import DyknowError, Refused
 from federation import keys
+from federation.members.clock import FederationClock
 from federation.members.directory import DirectoryFacilitator
+from federation.members.imports import ImportRecord
 from federation.members.liveness import Departure, PlatformAppeared, PlatformGone, PlatformReturned
 from federation.members.offers import DefinitionsChanged, LabelAppeared, LabelGone
 from federation.messages import contents
@@ -51,12 +53,14 @@ class FederationAgent(Part):
         self,
         unit: str,
         agent: InterfaceAgent,
+        clock: FederationClock,
         directory: DirectoryFacilitator,
         gateway: Gateway,
         tasks: TaskLife,
         agreements: LabelAgreements,
         emit: Callable[[Effect], None],
     ) -> None:
+        self._clock = clock
         self._unit, self._agent, self._directory, self._agreements = unit, agent, directory, agreements
         self._gateway, self._tasks, self._emit = gateway, tasks, emit
         self._exporter, self._exports = gateway.exporter, gateway.exporter.exports
@@ -269,6 +273,7 @@ class FederationAgent(Part):
                 hash=stream.policy_hash,
                 missing=stream.missing,
                 every=record.every,
+                delay_s=self._delay_s(record),
                 **asdict(stream.account),
             )
             for record in records
@@ -281,3 +286,9 @@ class FederationAgent(Part):
             lambda page, more: contents.ImportList(imports=page, more=more),
             now_us,
         )
+
+    def _delay_s(self, record: ImportRecord) -> float | None:
+        """From the valid time of the newest sample to its arrival."""
+        if record.valid_us is None:
+            return None
+        return max(0, self._clock.federation_us(record.heard_us) - record.valid_us) / US_PER_S

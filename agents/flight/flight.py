@@ -1,14 +1,16 @@
 """The vehicle of a platform: what it reports becomes streams, what is ordered becomes commands. Faults of simulated ones."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final
 
-from agents.actions import Action, Offer, Role
+from agents.actions import QUERIED, Action, Offer, Role
 from agents.effects import Effect, InjectFault, Reported
 from agents.exchange.local_instance import LocalInstance
+from agents.flight.arbiter import Commander, in_words
 from agents.flight.errand import Errand
 from agents.flight.giving_way import GivingWay
 from agents.flight.pilot import Pilot
+from agents.flight.places import Waypoint, fences_of, place_text
 from agents.flight.vehicle_streams import VehicleStreams
 from agents.interface import InterfaceAgent
 from agents.part import Followed, Part
@@ -17,12 +19,15 @@ from dyknow import US_PER_S, Sample, earlier
 from federation.members.clock import FederationClock
 from federation.members.offers import Service
 from federation.messages.acts import Act, Performative
-from federation.messages.contents import Done, Fault, Goto, Hold, Land, Reason, Resume, ReturnHome
+from federation.messages.contents import Done, Fault, FlightOutlook, Goto, Hold, Land, Reason, Resume, ReturnHome
+from federation.messages.contents.flight import MOST_PLACES
 from federation.messages.descriptions import ConditionEntry, LabelEntry
+from navigation.geodesy import LocalFrame
 from navigation.vehicle import (
     Command,
     GoToOrder,
     HoldOrder,
+    InterruptOrder,
     LandOrder,
     LinkReport,
     Order,
@@ -30,9 +35,12 @@ from navigation.vehicle import (
     StationReport,
     StatusReport,
 )
+from reasoning import Profile
 
 FLIGHT: Final = Service("flight", "pilot")
 FAULTS: Final = Service("fault-injection", "simulator")
+FOLLOWS: Final = "follows "
+"""How the condition of a vehicle begins that flies after an object."""
 
 
 class FlightAgent(Part):
@@ -46,12 +54,15 @@ class FlightAgent(Part):
         note: takes what is heard of the vehicle, or why it is not heard.
         offer: called when its condition changes.
         may_avoid: whether this platform may give way at all.
+        profiles: of monitors, which may have fences.
+        camera_frame: what metres of objects count from, with cameras.
+        conditions: what all parts say of their state.
     """
 
     offers = (
         Offer(
             FLIGHT,
-            FLIGHT_REQUESTS,
+            (*FLIGHT_REQUESTS, Action(FlightOutlook, "on_outlook", QUERIED, Role.OBSERVER)),
         ),
     )
     takes = {Reported: "on_reported"}  # noqa: RUF012  (a declaration, like the class's methods)
@@ -68,7 +79,11 @@ class FlightAgent(Part):
         note: Callable[[str], None],
         offer: Callable[[int], None],
         may_avoid: bool,
+        profiles: Mapping[str, Profile],
+        camera_frame: LocalFrame | None,
+        conditions: Callable[[], Sequence[ConditionEntry]],
     ) -> None:
+        self._profiles, self._frame, self._conditions = profiles, camera_frame, conditions
         self._agent, self._clock, self.pilot, self.streams, self._emit = agent, clock, pilot, streams, emit
         self._on_moved, self._note, self._offer = giving_way.on_moved, note, offer
         self._may_avoid = may_avoid
@@ -140,6 +155,24 @@ class FlightAgent(Part):
         self._on_estimates(self.streams.on_time(federation_us), now_us)
         self._tell(now_us)
 
+    # -- what is ahead -----------------------------------------------------------------------------------------
+
+    def on_outlook(self, act: Act, _content: FlightOutlook, now_us: int) -> None:
+        """`(flight-outlook)`: the places ahead, and what bounds them."""
+        pilot, frame = self.pilot, self._frame
+        ahead = _ahead(pilot)
+        followed = (each.text for each in self._conditions() if each.text.startswith(FOLLOWS))
+        outlook = FlightOutlook(
+            commander=pilot.claims.commander.name.lower(),
+            doing=next(followed, _doing(pilot))[:400],
+            ahead=tuple(place_text(*each[:2]) for each in ahead[:MOST_PLACES]),
+            again=pilot.claims.commander is Commander.ROUTE and pilot.plan is not None and pilot.plan.loop,
+            altitude_m=ahead[0][2] if ahead else None,
+            fences=fences_of(pilot.bounds, pilot.limits, self._profiles),
+            origin=None if frame is None else place_text(frame.latitude_deg, frame.longitude_deg),
+        )
+        self._agent.answer(act, Performative.INFORM, outlook, now_us)
+
     # -- orders: done when the vehicle has taken them over; how far it has come, its position shows ---------------
 
     def on_goto(self, act: Act, content: Goto, now_us: int) -> None:
@@ -200,6 +233,38 @@ class FlightAgent(Part):
 
     def _fail(self, act: Act, reason: str, now_us: int) -> None:
         self._agent.answer(act, Performative.FAILURE, Reason(text=reason), now_us)
+
+
+def _ahead(pilot: Pilot) -> list[Waypoint]:
+    """The places that the vehicle flies to, the next one first, by whoever commands it."""
+    commander, plan = pilot.claims.commander, pilot.plan
+    if commander is Commander.ROUTE and plan is not None:
+        return [*plan.waypoints[pilot.leg :], *(plan.waypoints[: pilot.leg] if plan.loop else ())]
+    order: Order | None = pilot.standing
+    if commander is Commander.AVOIDANCE and pilot.diversion is not None:
+        order = pilot.diversion.order
+    elif not isinstance(order, GoToOrder):
+        order = pilot.others_target() if order is None else None
+    if not isinstance(order, GoToOrder | InterruptOrder):
+        return []
+    return [Waypoint(order.latitude_deg, order.longitude_deg, order.altitude_m)]
+
+
+def _doing(pilot: Pilot) -> str:
+    """What the vehicle flies, in words."""
+    claims, plan, standing = pilot.claims, pilot.plan, pilot.standing
+    match claims.commander:
+        case Commander.ROUTE if plan is not None:
+            return f"flies its route, place {pilot.leg + 1} of {len(plan.waypoints)}"
+        case Commander.ORDER if standing is not None:
+            return in_words(standing)
+        case Commander.MISSION:
+            return f"mission {claims.mission}{'' if standing is None else f': {in_words(standing)}'}"
+        case Commander.AVOIDANCE if pilot.diversion is not None:
+            return f"gives way: {in_words(pilot.diversion.order)}"
+        case Commander.HANDS:
+            return claims.hands
+    return "" if pilot.others_target() is None else "flies where others sent it"
 
 
 class Faults(Part):

@@ -42,6 +42,7 @@ class Pilot(HeardVehicle):
         standing: the order that replaces the plan, until another one, or its end.
         diversion: the present manoeuvre, and whether it is flown; None when the vehicle does not give way.
         mission: the mission that commands the vehicle, or waits.
+        leg: which place of the route is flown to next.
     """
 
     errand: Errand | None = None
@@ -56,7 +57,7 @@ class Pilot(HeardVehicle):
     _suspended: bool = False
     _raised_to_m: float | None = None
     _lowered_to_m: float | None = None
-    _leg: int = 0
+    leg: int = 0
     _goal: vehicle.Order | None = None
     _attempts: int = 0
     _again_us: int | None = None
@@ -209,7 +210,7 @@ class Pilot(HeardVehicle):
             return []
         if self.claims.commander is not Commander.ROUTE:
             return []
-        self._leg, wanted = self.plan.next_leg(self._leg, self.fix, self.clamped)
+        self.leg, wanted = self.plan.next_leg(self.leg, self.fix, self.clamped)
         if wanted is None or wanted == self._goal or self.refusal(wanted) is not None:
             return []
         same = self.errand is not None and self.errand.order == wanted
@@ -287,7 +288,7 @@ class Pilot(HeardVehicle):
 
     @property
     def _has_route(self) -> bool:
-        flies = self.plan is not None and self._leg < len(self.plan.waypoints)
+        flies = self.plan is not None and self.leg < len(self.plan.waypoints)
         return flies and not self._suspended and not self.mission.name
 
     def begin_mission(self, name: str) -> None:
@@ -336,7 +337,7 @@ class Pilot(HeardVehicle):
         self.check(wanted)
         self.standing, self._before, self._suspended = None, None, False
         if self.plan is not None:
-            self._leg, self._goal, self._attempts, self._again_us = leg, wanted, 1, None
+            self.leg, self._goal, self._attempts, self._again_us = leg, wanted, 1, None
         return [self._begin(wanted)]
 
     def _interrupted(self) -> tuple[int, vehicle.Order]:
@@ -344,13 +345,13 @@ class Pilot(HeardVehicle):
         if self.plan is None:
             if self._before is None:
                 raise Refused("nothing was interrupted that could be resumed", "nothing-to-resume")
-            return self._leg, self._before
+            return self.leg, self._before
         now_us, fix = self.now_us, self.fix
         if now_us < self.plan.start_us:
             raise Refused(f"the plan begins in {(self.plan.start_us - now_us) / 1e6:.1f} s", "plan-not-begun")
         if fix is None or now_us - fix.valid_us > HEARD_WITHIN_US:
             raise Refused("the vehicle's position is not known", FORBIDDEN)
-        leg, wanted = self.plan.next_leg(self._leg, fix, self.clamped)
+        leg, wanted = self.plan.next_leg(self.leg, fix, self.clamped)
         if wanted is None:
             raise Refused("the plan is over", "plan-over")
         return leg, wanted
@@ -398,7 +399,7 @@ class Pilot(HeardVehicle):
             return []
         if self.plan is not None and self.standing is None:
             if diversion is not None or bounded:
-                self._leg = min(self._leg, len(self.plan.waypoints) - 1)  # who had arrived returns to where it was
+                self.leg = min(self.leg, len(self.plan.waypoints) - 1)  # who had arrived returns to where it was
             return [] if self.fix is None else self._fly(self.fix.valid_us)
         wanted = self._back_to(aside) if moved else None
         return [] if wanted is None or self.refusal(wanted) is not None else [self._begin(wanted)]

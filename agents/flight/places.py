@@ -1,12 +1,15 @@
 """Where a vehicle is, where it is to fly, and between which bounds: values of the pilot and of avoidance."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import hypot, isfinite
 from typing import NamedTuple
 
+from federation.messages.contents import Fence
+from federation.messages.contents.flight import MOST_FENCES, MOST_PLACES
 from navigation.geodesy import distance_m
 from navigation.vehicle import FenceReport, GoToOrder, HoldOrder, HomeReport, InterruptOrder, Order
+from reasoning import Profile
 
 FENCE_MARGIN_M = 2.0
 """A vehicle that touches its own fence flies home: stay inside by what ArduPilot keeps (FENCE_MARGIN)."""
@@ -164,3 +167,30 @@ class Bounds:
         if radius_m is not None and there_m > max(radius_m - FENCE_MARGIN_M, here_m) + 0.01:
             return f"{there_m:.0f} m from home is not {FENCE_MARGIN_M:.0f} m inside the autopilot's fence of {radius_m:.0f} m"
         return None
+
+
+def place_text(latitude_deg: float, longitude_deg: float) -> str:
+    """A place as acts write it."""
+    return f"{latitude_deg:.7f} {longitude_deg:.7f}"
+
+
+def fences_of(bounds: Bounds, limits: FlightLimits, profiles: Mapping[str, Profile]) -> tuple[Fence, ...]:
+    """What this platform keeps its vehicle in, what the autopilot does, and what its profiles compare positions with."""
+    home, own = bounds.home, bounds.fence
+    centre = None if home is None else place_text(home.latitude_deg, home.longitude_deg)
+    found = [
+        Fence(
+            name="limits", centre=centre, radius_m=limits.range_m, lowest_m=limits.floor_m, highest_m=limits.ceiling_m
+        )
+    ]
+    if own is not None:
+        found.append(
+            Fence(
+                name="autopilot", centre=centre, radius_m=own.radius_m, lowest_m=own.lowest_m, highest_m=own.highest_m
+            )
+        )
+    for name, profile in profiles.items():
+        if profile.fence:
+            corners = tuple(place_text(*corner) for corner in profile.fence[:MOST_PLACES])
+            found.append(Fence(name=name, corners=corners))
+    return tuple(found[:MOST_FENCES])

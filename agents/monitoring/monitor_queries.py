@@ -190,7 +190,12 @@ class MonitorQueries(Part):
             states=states if len(states) <= LONGEST_STATES else "",
             counted=dict(monitor.counted),
             because=reasons(monitor.explanation) if explain and monitor.verdict == "false" else (),
+            margin=_rounded(monitor.margin()),
         )
+
+
+def _rounded(margin: float | None) -> float | None:
+    return None if margin is None else float(f"{margin:.6g}")
 
 
 def _missing(monitor: Monitor) -> tuple[str, ...]:

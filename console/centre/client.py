@@ -17,13 +17,18 @@ def connected(call: Call) -> Iterator[Client]:
         SessionFailed: an endpoint cannot be listened on, or the configuration is refused.
         RosterError: the roster or the key does not load.
     """
-    settings = call.settings
-    centre = command_centre(settings, f"{COMMAND_CENTRE}-{os.getpid()}")
     with call.out.waiting("looking for platforms"):
-        client = Client(_surroundings(call), centre, settings.federation, settings.extensions, settings.ontology)
+        client = client_of(call)
     client.on_trouble = lambda unit, why: call.out.note(f"platform {unit}: {why}", style="red")
     with client:
         yield client
+
+
+def client_of(call: Call) -> Client:
+    """The same, which says nothing on its own; raises what `connected` does."""
+    settings = call.settings
+    centre = command_centre(settings, f"{COMMAND_CENTRE}-{os.getpid()}")
+    return Client(_surroundings(call), centre, settings.federation, settings.extensions, settings.ontology)
 
 
 def _surroundings(call: Call) -> Surroundings:

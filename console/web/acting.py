@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from console.web.rows import text
+from console.web.wishes import Done
 from dyknow.model.errors import DyknowError, FederationFailed, NothingFound, WrongCall
 from federation.messages.acts import Performative
 from federation.messages.contents import AnswerQuestion, ControlMission
@@ -13,7 +14,6 @@ from runtime.library.jobs import begin_task, failure_of, running_already, tasks
 
 ANSWER_S: Final = 3.0
 MOST_VALUES: Final = 32
-Done = Mapping[str, Any]
 
 
 def job_of(client: Client, given: Mapping[str, Any]) -> Job[Done]:

@@ -1,90 +1,22 @@
-"""Where pictures come from: a live federation, or a recording at the time that a viewer has chosen."""
+"""The pictures of a recording, at the time that a viewer has chosen."""
 
-import threading
 from bisect import bisect_right
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final, Protocol
 
-from console.web.differences import Sections
 from console.web.picture import Picture
 from console.web.rows import LONGEST, instant, number
+from console.web.views import PageView, Past
 from runtime.recordings.recorded import FederationRecording
-from runtime.recordings.recording_file import ALARM, SAMPLE
+from runtime.recordings.recording_file import ALARM
 
 KEYFRAME_US: Final = 5_000_000
 MOST_MESSAGES: Final = 3_000_000
 MOST_MARKS: Final = 1000
 SLOWEST, FASTEST = 0.05, 100.0
 SHOWN_TOPICS: Final = frozenset(
-    {"/alarms", "/monitors", "/acts", "/tasks", "/imports", "/missions", "/directory", "/log", "/lost"}
+    {"/alarms", "/monitors", "/acts", "/tasks", "/imports", "/missions", "/flights", "/directory", "/log", "/lost"}
 )
-
-
-class PageView(NamedTuple):
-    """What a viewer sees at a time, federation time; `run`: a number that changes when time leaps."""
-
-    at_us: int
-    sections: Sections
-    run: int = 0
-
-
-class Past(NamedTuple):
-    """What a page that opens is given of before: where platforms were, and how far apart pairs that are monitored were."""
-
-    trails: dict[str, list[list[float]]]
-    curves: dict[str, list[list[float]]]
-
-
-class Viewer(Protocol):
-    """What one page looks through."""
-
-    def look(self) -> PageView: ...
-    def past(self) -> Past: ...
-    def steer(self, wish: Mapping[str, Any]) -> None: ...
-    def about(self) -> dict[str, Any]: ...
-
-
-class LiveFeed:
-    """The picture of now; a `RecordSink` that the thread of the member fills, looked at from the thread of the server."""
-
-    def __init__(self, picture: Picture, federation: str) -> None:
-        self._picture, self._federation, self._lock = picture, federation, threading.Lock()
-        self._moment = PageView(0, picture.sections())
-        self._is_changed = True
-        self.now_us = 0
-        self.trouble = ""
-
-    def add(
-        self, _topic: str, schema: str, message: Mapping[str, Any], at_us: int, _valid_us: int | None = None, /
-    ) -> int:
-        """Take a message; about how long it is."""
-        with self._lock:
-            self._picture.take(at_us, schema, message)
-            self._is_changed = True
-        return 300 if schema == SAMPLE else 1000
-
-    def on_time(self) -> None:
-        """Nothing waits here."""
-
-    def look(self) -> PageView:
-        """The same sections until something comes."""
-        with self._lock:
-            if self._is_changed:
-                self._is_changed = False
-                self._moment = PageView(self.now_us, self._picture.sections())
-            return self._moment._replace(at_us=max(self.now_us, self._picture.now_us))
-
-    def past(self) -> Past:
-        """Of the last minutes."""
-        with self._lock:
-            return Past(self._picture.trails(), self._picture.curves())
-
-    def steer(self, wish: Mapping[str, Any]) -> None:
-        """Now is now."""
-
-    def about(self) -> dict[str, Any]:
-        """What the page says about the whole."""
-        return {"federation": self._federation, "live": True, "trouble": self.trouble}
 
 
 class RecordedFeed:
@@ -204,6 +136,7 @@ class RecordingViewer:
         return {
             "federation": self._feed.recording.about.get("federation", ""),
             "live": False,
+            "origin": self._picture.base,
             "first_us": first_us,
             "last_us": last_us,
             "loaded": self._feed.is_loaded,

@@ -1,16 +1,16 @@
-"""The thread of the member whose federation the page shows: it fills the feed, and carries out what users do."""
+"""The member whose federation the page shows: it fills the feed, and carries out what users do."""
 
-import threading
-from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from queue import SimpleQueue
-from typing import Any, Final, NamedTuple
+from threading import Event
+from typing import Final
 
-from console.web.acting import Done, job_of
-from console.web.feeds import LiveFeed
+from console.web.acting import job_of
 from console.web.picture import MAP_LABELS
-from dyknow.model.errors import DyknowError, SessionFailed
+from console.web.views import LOOKING, LiveFeed
+from console.web.wishes import Done, Wish
+from dyknow.model.errors import DyknowError
 from runtime.client import Client, Job, Wait
 from runtime.recorder.recorder import Recorder
 
@@ -19,11 +19,7 @@ LIST_US_A_PLATFORM: Final = 60_000
 """How often monitors and tasks are listed: every second, and less often the more platforms there are."""
 _STEP_S: Final = 0.04
 _AGAIN_S: Final = 2.0
-
-
-class _Wish(NamedTuple):
-    given: Mapping[str, Any]
-    done: "Future[Done]"
+NONE_THERE: Final = "no platform is there"
 
 
 @dataclass(slots=True)
@@ -37,53 +33,40 @@ class _UnderWay:
     is_begun: bool = False
 
 
-class FeedingMember:
-    """Steps a recorder for the page until it is closed; what users do is done in between."""
+def feed_from(
+    client: Client,
+    feed: LiveFeed,
+    wishes: "SimpleQueue[Wish]",
+    over: Event,
+    labels: tuple[str, ...],
+    every_us: int | None,
+) -> None:
+    """Step a recorder for the page until `over` is set; what users do is done in between."""
+    client.on_trouble = lambda _unit, _why: None
+    recorder = Recorder(client, feed, (*MAP_LABELS, *labels), every_us, list_us=LIST_US, is_watched=True)
+    under_way = _Wishes(client, wishes)
+    while not over.is_set():
+        try:
+            recorder.list_us = max(LIST_US, LIST_US_A_PLATFORM * len(recorder.units))
+            recorder.step(_STEP_S)
+            feed.trouble = "" if recorder.units else NONE_THERE if client.is_settled() else LOOKING
+        except DyknowError as error:
+            feed.trouble = str(error)
+            over.wait(_AGAIN_S)
+        feed.now_us = client.federation_us()
+        under_way.step()
+    recorder.close()
 
-    def __init__(self, client: Client, feed: LiveFeed, labels: tuple[str, ...], every_us: int | None) -> None:
-        self._client, self._feed = client, feed
-        self._labels, self._every_us = (*MAP_LABELS, *labels), every_us
-        self._wishes: SimpleQueue[_Wish] = SimpleQueue()
+
+class _Wishes:
+    """What users have asked for, step by step among samples and alarms."""
+
+    def __init__(self, client: Client, wishes: "SimpleQueue[Wish]") -> None:
+        self._client, self._wishes = client, wishes
         self._under_way: list[_UnderWay] = []
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="web", daemon=True)
 
-    def start(self) -> None:
-        """Begin."""
-        self._thread.start()
-
-    def act(self, given: Mapping[str, Any]) -> "Future[Done]":
-        """Have something done."""
-        done: Future[Done] = Future()
-        if self._over.is_set():
-            done.set_exception(SessionFailed("the page is being closed."))
-        else:
-            self._wishes.put(_Wish(given, done))
-        return done
-
-    def close(self) -> None:
-        """End, and what was asked for."""
-        self._over.set()
-        self._thread.join(5.0)
-
-    def _run(self) -> None:
-        client, feed = self._client, self._feed
-        client.on_trouble = lambda _unit, _why: None
-        recorder = Recorder(client, feed, self._labels, self._every_us, list_us=LIST_US, is_watched=True)
-        while not self._over.is_set():
-            try:
-                recorder.list_us = max(LIST_US, LIST_US_A_PLATFORM * len(recorder.units))
-                recorder.step(_STEP_S)
-                feed.trouble = "" if recorder.units else "no platform is there"
-            except DyknowError as error:
-                feed.trouble = str(error)
-                self._over.wait(_AGAIN_S)
-            feed.now_us = client.federation_us()
-            self._grant()
-        recorder.close()
-
-    def _grant(self) -> None:
-        """Begin what was asked for, and continue what waits for answers; samples and alarms are taken in between."""
+    def step(self) -> None:
+        """Begin what was asked for, and continue what waits for answers."""
         while not self._wishes.empty():
             wish = self._wishes.get_nowait()
             try:

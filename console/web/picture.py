@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from console.web import rows
-from console.web.differences import Sections, close_pairs
-from console.web.rows import Row, number, text
+from console.web.differences import Row, Sections
+from console.web.measures import Curves, close_pairs
+from console.web.rows import number, text
 from federation.messages.acts import Act
 from navigation.geodesy import metres_per_degree
 from runtime.recordings import foxglove
@@ -20,7 +21,7 @@ from runtime.recordings import recording_file as kinds
 
 SECTIONS: Final = (
     "platforms", "streams", "links", "monitors", "alarms", "tasks", "missions", "acts", "events", "objects", "views",
-    "areas", "salient", "targets", "pairs", "lost",
+    "areas", "salient", "targets", "pairs", "flights", "lost",
 )  # fmt: skip
 MOST: Final[Mapping[str, int]] = {"platforms": 256, "streams": 4096, "objects": 2048, "links": 4096}
 MOST_OTHERS: Final = 256
@@ -28,7 +29,8 @@ MOST_OTHERS: Final = 256
 STREAM_US: Final = 1_000_000
 """How often the row of a stream is replaced."""
 TRAIL_US, TRAIL_POINTS = 1_000_000, 90
-CURVE_POINTS: Final = 120
+MOST_OTHERS_OF: Final = 8
+"""Places where one object may be that are shown."""
 HISTORY: Final = 64
 """Changes that are kept of what a monitor shows."""
 _SLOW_M_S: Final = 0.5
@@ -59,7 +61,8 @@ class Picture:
 
     Attributes:
         now_us: the time of the newest message.
-        origin: latitude and longitude of the metres east and north that objects have.
+        origin: latitude and longitude of the metres east and north that objects have, where a user has said it; else each
+            platform's objects stand where that platform says that theirs count from.
     """
 
     origin: tuple[float, float] | None = None
@@ -67,16 +70,14 @@ class Picture:
     _sections: Sections = field(default_factory=lambda: {name: {} for name in SECTIONS})
     _streams: dict[str, _Stream] = field(default_factory=dict)
     _trails: dict[str, "deque[tuple[int, float, float]]"] = field(default_factory=dict)
-    _curves: dict[str, "deque[tuple[int, float]]"] = field(default_factory=dict)
+    _curves: Curves = field(default_factory=Curves)
+    _origins: dict[str, tuple[float, float]] = field(default_factory=dict)
     _numbers: int = 0
-    _curve_us: int = 0
 
     def take(self, at_us: int, schema: str, message: Mapping[str, Any]) -> None:
         """A message; what is not as a recorder writes it is passed over."""
         self.now_us = max(self.now_us, at_us)
-        if self.now_us - self._curve_us >= TRAIL_US:
-            self._curve_us = self.now_us
-            self._measure()
+        self._curves.on_time(self.now_us, self._sections["platforms"], self._sections["monitors"])
         match schema:
             case kinds.SAMPLE:
                 self._on_sample(at_us, message)
@@ -90,6 +91,8 @@ class Picture:
                 self._on_task(message)
             case kinds.MISSIONS:
                 self._on_missions(message)
+            case kinds.FLIGHTS:
+                self._on_flight(message)
             case kinds.IMPORTS:
                 self._on_imports(at_us, message)
             case kinds.ACT:
@@ -111,19 +114,14 @@ class Picture:
         }
 
     def curves(self) -> dict[str, list[list[float]]]:
-        """How far apart the two platforms of each monitor were, in metres, in the last two minutes: pairs of time and distance."""
-        return {name: [[at_us, apart_m] for at_us, apart_m in curve] for name, curve in self._curves.items()}
+        """What monitors measured in the last two minutes, pairs of time and measure."""
+        return self._curves.points()
 
-    def _measure(self) -> None:
-        platforms = self._sections["platforms"]
-        for name, row in self._sections["monitors"].items():
-            places = [at for unit in row["units"] if (at := platforms.get(unit, {}).get("at"))]
-            if len(row["units"]) == len(places) == 2:
-                (one, other), (north_m, east_m) = places, metres_per_degree(places[0][0])
-                apart_m = math.hypot((one[0] - other[0]) * north_m, (one[1] - other[1]) * east_m)
-                self._curves.setdefault(name, deque(maxlen=CURVE_POINTS)).append((self.now_us, round(apart_m, 1)))
-        for name in self._curves.keys() - self._sections["monitors"].keys():
-            del self._curves[name]
+    @property
+    def base(self) -> list[float] | None:
+        """From where metres count: as a user said, else as the first platform did that stated it."""
+        found = self.origin or next(iter(self._origins.values()), None)
+        return None if found is None else [*found]
 
     def copy(self) -> "Picture":
         """The same picture, stepped by itself from now on."""
@@ -133,8 +131,9 @@ class Picture:
             for name, s in self._streams.items()
         }
         trails = {unit: deque(trail, TRAIL_POINTS) for unit, trail in self._trails.items()}
-        curves = {name: deque(curve, CURVE_POINTS) for name, curve in self._curves.items()}
-        return Picture(self.origin, self.now_us, copies, streams, trails, curves, self._numbers, self._curve_us)
+        return Picture(
+            self.origin, self.now_us, copies, streams, trails, self._curves.copy(), dict(self._origins), self._numbers
+        )
 
     # -- rows --------------------------------------------------------------------------------------------------
 
@@ -166,7 +165,7 @@ class Picture:
                 if not isinstance(value, Mapping):
                     return
                 if label in _OBJECTS or label in _SALIENT:
-                    self._on_object(unit, label, valid_us, value)
+                    self._on_object(unit, label, valid_us, value, rows.branch(message.get("prediction")))
                 elif label == "object-identities":
                     self._on_identity(unit, value)
                 else:
@@ -215,12 +214,14 @@ class Picture:
             case "camera-view":
                 corners = rows.numbers(value, [f"{axis}{at}_m" for at in range(1, 5) for axis in "xy"])
                 if corners is not None:
-                    places = [self._on_earth(x, y) for x, y in zip(corners[::2], corners[1::2], strict=True)]
+                    places = [self._on_earth(unit, x, y) for x, y in zip(corners[::2], corners[1::2], strict=True)]
                     self._put("views", unit, {"ring": places})
             case "assigned-area":
                 self._put("areas", unit, {"at": rows.place(value), "border": text(value.get("border", ""), 4000)})
 
-    def _on_object(self, unit: str, label: str, valid_us: int, value: Mapping[str, Any]) -> None:
+    def _on_object(
+        self, unit: str, label: str, valid_us: int, value: Mapping[str, Any], branch: tuple[str, float] | None
+    ) -> None:
         symbol = text(value.get("symbol", ""), 60)
         section = "salient" if label in _SALIENT else "objects"
         name = f"{unit} {label} {symbol}"
@@ -230,9 +231,16 @@ class Picture:
             return
         known = {key: found for key in _OBJECT_NUMBERS if (found := number(value.get(key))) is not None}
         said = rows.fields(value, _OBJECT_TEXTS)
-        row = {**known, **said, "unit": unit, "label": label, "symbol": symbol, "valid_us": valid_us}
+        row: dict[str, Any] = {**known, **said, "unit": unit, "label": label, "symbol": symbol, "valid_us": valid_us}
         before = self._sections[section].get(name, {})
-        self._put(section, name, {**row, "at": self._on_earth(*where), "identity": before.get("identity")})
+        at = self._on_earth(unit, *where)
+        if branch is not None:
+            known_ones = before.get("others", []) if before.get("valid_us") == valid_us else []
+            others = [*(each for each in known_ones if each[0] != branch[0]), [branch[0], at, branch[1]]]
+            row["others"] = others[-MOST_OTHERS_OF:]
+            weights = [float(each[2]) for each in row["others"]]
+            at = row["others"][weights.index(max(weights))][1]
+        self._put(section, name, {**row, "at": at, "identity": before.get("identity")})
 
     def _on_identity(self, unit: str, value: Mapping[str, Any]) -> None:
         symbol = text(value.get("symbol", ""), 60)
@@ -241,12 +249,20 @@ class Picture:
             identity = None if value.get("end") is True else text(value.get("identity", ""), 60)
             self._change("objects", name, identity=identity)
 
-    def _on_earth(self, x_m: float, y_m: float) -> list[float] | None:
-        """Metres east and north as latitude and longitude; none without an origin."""
-        if self.origin is None:
+    def _on_earth(self, unit: str, x_m: float, y_m: float) -> list[float] | None:
+        """Metres east and north as latitude and longitude; none while it is not known from where they count."""
+        origin = self.origin or self._origins.get(unit) or next(iter(self._origins.values()), None)
+        if origin is None:
             return None
-        north_m, east_m = metres_per_degree(self.origin[0])
-        return [round(self.origin[0] + y_m / north_m, 8), round(self.origin[1] + x_m / east_m, 8)]
+        north_m, east_m = metres_per_degree(origin[0])
+        return [round(origin[0] + y_m / north_m, 8), round(origin[1] + x_m / east_m, 8)]
+
+    def _on_flight(self, message: Mapping[str, Any]) -> None:
+        unit = text(message.get("by", ""))
+        origin = rows.corner(message.get("origin"))
+        if origin is not None and abs(origin[0]) < 90 and len(self._origins) < MOST["platforms"]:
+            self._origins[unit] = origin[0], origin[1]
+        self._put("flights", unit, rows.flight_row(message))
 
     def _on_platform(self, at_us: int, message: Mapping[str, Any]) -> None:
         match message:
@@ -279,15 +295,18 @@ class Picture:
         match message:
             case {"by": str(by), "monitor": str(monitor), "units": list(units)}:
                 name = text(f"{by} {monitor} {' '.join(map(str, units[:8]))}")
-                said = rows.fields(message, ("verdict", "inputs", "shows")) | {
-                    "which": rows.texts(message.get("which"))
+                said: dict[str, Any] = {
+                    **rows.fields(message, ("verdict", "inputs", "shows")),
+                    "which": rows.texts(message.get("which")),
+                    "margin": number(message.get("margin")),
                 }
                 change = message.get("change")
                 if change == "ended":
                     self._remove("monitors", name)
                     return
                 if change is not None:
-                    said = {"shows": "unknown" if change == "unknown" else "ok", "which": said["which"]}
+                    is_unknown = change == "unknown"
+                    said = {"shows": "unknown" if is_unknown else "ok", "which": said["which"], "margin": None}
                 before = self._sections["monitors"].get(name, {})
                 history = before.get("history", [])
                 if before.get("shows") != said.get("shows"):
@@ -336,6 +355,7 @@ class Picture:
                     counts = {key: rest.get(key, 0) for key in ("missing", "lost", "recovered", "every")}
                     known = {key: count for key, count in counts.items() if isinstance(count, int)}
                     who = {"from": text(owner), "to": by, "label": text(label)}
+                    known["delay_us"] = round(1e6 * max(0.0, number(rest.get("delay_s")) or 0.0))
                     kept = {"received": received, "at_us": at_us, "rate": None if rate is None else max(0.0, rate)}
                     self._put("links", name, {**who, **kept, **known})
 

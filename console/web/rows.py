@@ -2,15 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 from console.output.shown import printable
+from console.web.differences import Row
 from dyknow.model.errors import DyknowError, TextError
 from federation.messages.acts import Act, parse_act
 from federation.messages.contents.parts import read
 
-Row: TypeAlias = Mapping[str, Any]
-"""What one thing is shown as; never changed, only replaced."""
 LONGEST: Final = 240
 LONGEST_ACT: Final = 2000
 MOST_PARTS: Final = 64
@@ -42,6 +41,55 @@ def place(value: object) -> list[float] | None:
     """Latitude and longitude in degrees; None where there is no such place."""
     found = numbers(value, _PLACES[:2])
     return found if found is not None and abs(found[0]) <= 90 and abs(found[1]) <= 180 else None
+
+
+def corner(value: object) -> list[float] | None:
+    """Latitude and longitude written as acts write them, `58.4 15.6`."""
+    if not isinstance(value, str) or len(value) > 64:
+        return None
+    try:
+        found = [float(part) for part in value.split()]
+    except ValueError:
+        return None
+    is_place = len(found) == 2 and abs(found[0]) <= 90 and abs(found[1]) <= 180
+    return found if is_place else None
+
+
+def corners(value: object) -> list[list[float]]:
+    """The places among these."""
+    listed = value[:MOST_PARTS] if isinstance(value, list | tuple) else []
+    return [found for each in listed if (found := corner(each)) is not None]
+
+
+def branch(prediction: object) -> tuple[str, float] | None:
+    """The branch of a sample that is predicted along several, and its weight."""
+    match prediction:
+        case [int(), str(name), int() | float() as weight] if name:
+            return text(name, 60), max(0.0, min(1.0, number(weight) or 0.0))
+    return None
+
+
+def flight_row(message: Mapping[str, Any]) -> Row:
+    """Where a vehicle will fly, and within what."""
+    fences = message.get("fences")
+    listed = [each for each in fences[:16] if isinstance(each, Mapping)] if isinstance(fences, list) else []
+    return {
+        **fields(message, ("commander", "doing")),
+        "ahead": corners(message.get("ahead")),
+        "again": message.get("again") is True,
+        "altitude": number(message.get("altitude_m")),
+        "fences": [
+            {
+                "name": text(each.get("name", ""), 60),
+                "centre": corner(each.get("centre")),
+                "radius": number(each.get("radius_m")),
+                "lowest": number(each.get("lowest_m")),
+                "highest": number(each.get("highest_m")),
+                "corners": corners(each.get("corners")),
+            }
+            for each in listed
+        ],
+    }
 
 
 def instant(value: object) -> int | None:

@@ -17,12 +17,12 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from console.web.access import ACT, LARGEST_BODY, LIVE, PAGE, SESSION, Access, Demand, Refusal
 from console.web.differences import difference
-from console.web.feeds import PageView, Viewer
+from console.web.views import PageView, Viewer
 from dyknow.model.errors import DyknowError
 
 TICK_S: Final = 0.1
 """How often a page gets what has changed."""
-ABOUT_S: Final = 1.0
+ABOUT_S: Final = 0.2
 MOST_PAGES: Final = 16
 LONGEST_WISH: Final = 1000
 HEADERS: Final[Mapping[str, str]] = {

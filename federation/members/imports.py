@@ -23,6 +23,8 @@ Take: TypeAlias = Callable[[Sequence[StreamSample], int], None]
 class ImportRecord:
     """One stream of one owner: its subscriber, when it was last heard of, when it asks for what is missing.
 
+    `valid_us` is the valid time of the newest sample that came by itself, federation time.
+
     Only each `every`-th sample of its period comes; more than 1 while the owner sheds load.
     """
 
@@ -31,6 +33,7 @@ class ImportRecord:
     heard_us: int
     due_us: int | None = None
     every: int = 1
+    valid_us: int | None = None
 
 
 class Imports:
@@ -116,6 +119,8 @@ class Imports:
             imported.every, stream = every, imported.stream
             self.on_every((stream.owner, stream.label, stream.policy_hash), every)
         new = imported.stream.on_samples(boot, entries, at_us)
+        if new:
+            imported.valid_us = new[-1].valid_us
         if new is not entries:  # what comes in order leaves as much missing as before
             self._schedule(imported)
         imported.take(new, at_us)

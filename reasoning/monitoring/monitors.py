@@ -6,13 +6,16 @@ Federation time.
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from math import isfinite
 from typing import Literal, TypeAlias
 
+from dyknow.model.errors import TextError, UnknownLabel
 from dyknow.model.sample import Value
 from reasoning.formulas.evaluation import Moment, NoValuePolicy
 from reasoning.formulas.tree import Always, Domains, Exists, Forall, Formula, required_labels, walk
 from reasoning.monitoring.alarms import AlarmEvent, Change, Watch, opening
 from reasoning.monitoring.inputs import Freshness, MonitorInputs
+from reasoning.monitoring.margins import Margins
 from reasoning.progression.automaton import Verdict
 from reasoning.progression.changes import Changes, lacking
 from reasoning.progression.engine import Progressing, make_progression
@@ -21,6 +24,8 @@ from reasoning.progression.restarting import startable
 
 _new = tuple.__new__  # makes a NamedTuple in half the time; every state of a monitor is one
 
+MARGIN_STATES = 300
+"""After so many states without a question margins are no longer computed."""
 Shown: TypeAlias = Literal["ok", "alarm", "unknown"]
 
 
@@ -77,6 +82,9 @@ class Monitor:
         self._watch: Watch | _Once | None = None
         self._valid_us: int | None = None
         self._doubtful = False
+        self._margins: Margins | None = None
+        self._margin: float | None = None
+        self._margin_wanted = 0
 
     @property
     def deadline_us(self) -> int | None:
@@ -110,6 +118,29 @@ class Monitor:
     def reasons(self) -> Mapping[str, str]:
         """Why inputs were marked missing: gone, skewed."""
         return self._inputs.marked
+
+    def margin(self) -> float | None:
+        """How far the formula is from being violated in the newest state for which that is known; below 0: it is.
+
+        Computed of the next states once it was asked for; None where there is none: a window without an end, a value
+        that is missing, inputs that are not fresh.
+        """
+        if self._margin_wanted == 0:
+            self._margins, self._margin = self._make_margins(), None
+        self._margin_wanted = MARGIN_STATES
+        return self._margin if self._inputs.state == "fresh" else None
+
+    def _make_margins(self) -> Margins | None:
+        try:
+            return None if self._quantified else Margins(self.formula, self._domains, self.period_us)
+        except (TextError, UnknownLabel):
+            return None
+
+    def _measure(self, valid_us: int, values: Mapping[str, Value], events: Collection[str]) -> None:
+        self._margin_wanted -= 1
+        if self._margins is not None:
+            for known in self._margins.progress(valid_us, values, events):
+                self._margin = None if known.value is None or not isfinite(known.value) else known.value
 
     @property
     def shows(self) -> Shown:
@@ -160,6 +191,8 @@ class Monitor:
         inputs.on_state(valid_us, now_us, lacks)
         if inputs.marked:
             values = {}
+        if self._margin_wanted:
+            self._measure(valid_us, values, events)
         if self.no_value == "skip" and lacking(self._labels, values):
             found = None
         else:
@@ -186,7 +219,7 @@ class Monitor:
         watch, inputs, last_us = self._watch, self._inputs, self._valid_us
         if last_us is None or valid_us <= last_us or inputs.marked or not isinstance(watch, Watch) or watch.is_busy:
             return False
-        self._valid_us, self._doubtful = valid_us, False
+        self._valid_us, self._doubtful, self._margin = valid_us, False, None
         inputs.on_state(valid_us, now_us, ())
         due_us = inputs.deadline_us
         if due_us is not None and now_us >= due_us:

@@ -111,6 +111,10 @@ def _sentence(task: str, place: Sequence[int | str], kind: str, message: str) ->
     return f"{task} needs {key}=..." if kind == "missing" else f"{key}: {message}"
 
 
+_RATES = frozenset({"kbit_s"})
+"""Names of fields that end as durations do and are none."""
+
+
 def _value(key: str, name: str, annotation: Any, text: str, now_us: int) -> Any:
     """The value that a field of this type and name has; quantities end in `_s`, `_us` or their unit."""
     kinds = _kinds(annotation)
@@ -120,7 +124,7 @@ def _value(key: str, name: str, annotation: Any, text: str, now_us: int) -> Any:
         return tuple(part.strip() for part in text.split(",") if part.strip())
     if name.endswith("_us"):
         return instant_us(text, now_us, option=key)
-    if name.endswith("_s"):
+    if name.endswith("_s") and name not in _RATES:
         return duration_us(text, option=key) / 1e6
     if bool in kinds:
         if text.lower() not in _WORDS:

@@ -9,12 +9,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
-from dyknow.model.errors import TextError
 from dyknow.model.values import NO_VALUE, as_json
 from federation.members.command_centre import PlatformView
 from federation.members.imports import ImportName
 from federation.members.liveness import PeerState
-from federation.messages.acts import Act, Performative, parse_act
+from federation.messages.acts import Performative
 from federation.messages.codec import StreamSample
 from federation.messages.contents import (
     ActLog,
@@ -24,12 +23,12 @@ from federation.messages.contents import (
     Alarms,
     Content,
     CreateMulticast,
+    FlightOutlook,
     ImportList,
     MissionList,
     MissionQuery,
     MonitorChange,
     MonitorChanges,
-    MonitorEntry,
     MonitorList,
     Monitors,
     TaskList,
@@ -40,9 +39,21 @@ from federation.messages.dialogue import Dialogue
 from runtime.client import Client
 from runtime.library.jobs import SET_UP_S, Subscriptions
 from runtime.library.meanings import meaning_to, record_of
+from runtime.recorder.entries import alarm_json, change_in_words, monitor_json, parsed_act
 from runtime.recorder.pictures import Pictures
 from runtime.recordings import foxglove
-from runtime.recordings.recording_file import ACT, ALARM, IMPORTS, LOST, MISSIONS, MONITOR, PLATFORM, SAMPLE, TASK
+from runtime.recordings.recording_file import (
+    ACT,
+    ALARM,
+    FLIGHTS,
+    IMPORTS,
+    LOST,
+    MISSIONS,
+    MONITOR,
+    PLATFORM,
+    SAMPLE,
+    TASK,
+)
 
 P = Performative
 PERIOD_US: Final = 100_000
@@ -51,6 +62,8 @@ BYTES_PER_S, BYTES_AT_ONCE = 500_000, 4_000_000
 """What one platform may add to a recording."""
 LIST_US: Final = 10_000_000
 _LISTS: Final = (Monitors(), Tasks(), ImportList(), MissionQuery())
+_FLIGHT: Final = "flight"
+"""The service whose platforms say where they will fly."""
 _DELAY_S = 1.0
 _AGAIN_US = 5_000_000
 _STEP_S = 0.1
@@ -186,7 +199,9 @@ class Recorder:
             self._describe(view)
         if now_us >= peer.listed_us + self.list_us:
             peer.listed_us = now_us
-            peer.lists += [self._client.say(view.unit, P.QUERY_REF, content) for content in _LISTS]
+            flies = any(service.service == _FLIGHT for service in view.entry.services)
+            asked_for = (*_LISTS, FlightOutlook()) if flies else _LISTS
+            peer.lists += [self._client.say(view.unit, P.QUERY_REF, content) for content in asked_for]
         self._ask_for_streams(view, peer, now_us)
         for asked in peer.lists[:]:
             if asked.over:
@@ -276,13 +291,15 @@ class Recorder:
             case Alarm() if content.by == unit:
                 self._on_alarm(content)
             case MonitorChange() if content.by == unit:
-                self._keep(unit, "/monitors", MONITOR, {"change": content.event, **_monitor(content)})
-                self._say(foxglove.WARNING if content.event == "unknown" else foxglove.INFO, _in_words(content), unit)
+                self._keep(unit, "/monitors", MONITOR, {"change": content.event, **monitor_json(content)})
+                self._say(
+                    foxglove.WARNING if content.event == "unknown" else foxglove.INFO, change_in_words(content), unit
+                )
             case MonitorList():
                 for entry in content.monitors:
                     if entry.by == unit:
                         name = f"{unit} {entry.name} {entry.units}"
-                        self._keep_news(name, unit, "/monitors", MONITOR, _monitor(entry))
+                        self._keep_news(name, unit, "/monitors", MONITOR, monitor_json(entry))
             case TaskList():
                 self._end_tasks(unit, {task.conversation for task in content.tasks})
                 for task in content.tasks:
@@ -296,6 +313,9 @@ class Recorder:
                 self._keep_list(unit, "/imports", IMPORTS, content.model_dump(mode="json", exclude_none=True))
             case MissionList():
                 self._keep_list(unit, "/missions", MISSIONS, content.model_dump(mode="json", exclude_none=True))
+            case FlightOutlook():
+                outlook = {"by": unit, **content.model_dump(mode="json", exclude_none=True)}
+                self._keep_news(f"/flights {unit}", unit, "/flights", FLIGHTS, outlook)
             case ActLog():
                 self._on_act(unit, content)
             case _:
@@ -324,7 +344,7 @@ class Recorder:
             return
         record = {"by": unit, **log.model_dump(mode="json", exclude_none=True)}
         self._keep(unit, "/acts", ACT, record)
-        act = _act(log)
+        act = parsed_act(log)
         if act is not None and log.direction == "out" and act.performative in _TOLD:
             head = "" if act.content is None else f" {act.content.head}"
             self._say(foxglove.INFO, f"{unit} to {log.peer}: {act.performative.value}{head}", unit)
@@ -374,44 +394,3 @@ class Recorder:
 
 MOST_EDGES: Final = 100_000
 """Edges of alarms, monitors and tasks by which repetitions are known."""
-
-
-def alarm_json(alarm: Alarm) -> dict[str, Any]:
-    """An edge of an alarm as a recording has it."""
-    return {
-        "id": alarm.id,
-        "event": alarm.event,
-        "monitor": alarm.monitor,
-        "by": alarm.by,
-        "units": [*alarm.units],
-        "valid_us": alarm.valid_us,
-        "detected_us": alarm.detected_us,
-        "values": _scalars(alarm.values),
-        "samples": _scalars(alarm.samples),
-        "because": [f"{each.part} is {'true' if each.holds else 'false'}" for each in alarm.because],
-        **({} if alarm.made_us is None else {"made_us": alarm.made_us}),
-    }
-
-
-def _monitor(entry: MonitorEntry | MonitorChange) -> dict[str, Any]:
-    name = entry.name if isinstance(entry, MonitorEntry) else entry.monitor
-    record = {"by": entry.by, "monitor": name, "units": [*entry.units], "which": [*entry.which]}
-    if isinstance(entry, MonitorEntry):
-        record |= {"verdict": entry.verdict, "inputs": entry.inputs, "shows": entry.shows}
-    return record
-
-
-def _in_words(change: MonitorChange) -> str:
-    lacking = f": {', '.join(change.which)} missing" if change.which else ""
-    return f"{change.monitor} of {', '.join(change.units)} by {change.by} is {change.event}{lacking}"
-
-
-def _scalars(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if isinstance(value, bool | int | float | str)}
-
-
-def _act(log: ActLog) -> Act | None:
-    try:
-        return None if log.act is None else parse_act(log.act)
-    except TextError:
-        return None

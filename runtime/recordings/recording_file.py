@@ -10,6 +10,7 @@
     /tasks           dyknow.Task         a delegated task as it is listed
     /imports         dyknow.Imports      the streams that a platform receives, as it lists them
     /missions        dyknow.Missions     the missions that a platform leads, as it lists them
+    /flights         dyknow.Flights      where a platform will fly, and within what, as it says
     /lost            dyknow.Lost         what could not be kept, and why
     /log             foxglove.Log        all that in words; /scene foxglove.SceneUpdate: in a picture
 
@@ -31,9 +32,9 @@ from runtime.recordings.foxglove import schema_of
 PROFILE: Final = "dyknow-federation"
 ABOUT: Final = "federation"
 """The metadata that says whose recording it is."""
-SAMPLE, ALARM, MONITOR, ACT, PLATFORM, TASK, IMPORTS, MISSIONS, LOST = (
+SAMPLE, ALARM, MONITOR, ACT, PLATFORM, TASK, IMPORTS, MISSIONS, FLIGHTS, LOST = (
     f"dyknow.{name}"
-    for name in ("Sample", "Alarm", "Monitor", "Act", "Platform", "Task", "Imports", "Missions", "Lost")
+    for name in ("Sample", "Alarm", "Monitor", "Act", "Platform", "Task", "Imports", "Missions", "Flights", "Lost")
 )
 FLUSH_US: Final = 500_000
 MOST_BYTES: Final = 100_000_000

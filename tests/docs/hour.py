@@ -16,7 +16,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import Empty, Queue
@@ -78,8 +78,8 @@ class Step(NamedTuple):
         words = self.words
         if words[0] != "dyknow" or {"--help", "--count", "--detach"} & {*words}:
             return False
-        whole = words[1] in {"join", "host"} or "--follow" in words or "--watch" in words
-        return whole or words[1] == "up" or (words[1] == "watch" and not {"--to", "--for"} & {*words})
+        whole = words[1] in {"join", "host", "web", "top"} or {"--follow", "--watch", "--stay"} & {*words}
+        return bool(whole) or words[1] == "up" or (words[1] == "watch" and not {"--to", "--for"} & {*words})
 
     @property
     def claims(self) -> set[str]:
@@ -164,7 +164,8 @@ class Terminal:
 
     def come(self, wanted: tuple[str, ...]) -> list[str]:
         """Wait until lines like these have come, in this order; without any, for a first line. What is wrong."""
-        left = [alike(line) for line in wanted if line.strip()] or None
+        left = [_flat([line]) for line in wanted if line.strip()] or None
+        looked = 0
         until_s = time.monotonic() + PATIENCE_S
         while left is None or left:
             try:
@@ -176,7 +177,8 @@ class Terminal:
                 return [f"{self.step.command} ended\n" + "\n".join(self.seen)]
             if left is None and line:
                 return []
-            if left and alike(line) == left[0]:
+            if left and left[0] in _flat(self.seen[looked:]):
+                looked = len(self.seen)
                 left.pop(0)
         return []
 
@@ -256,7 +258,8 @@ class Machine:
     def _take(self, step: Step) -> list[str]:
         if step.command.startswith("export "):
             name, _, value = step.words[1].partition("=")
-            self._exported[name] = value
+            known = {**self._environment(), "PWD": str(self.place)}
+            self._exported[name] = re.sub(r"\$(\w+)", lambda each: known.get(each[1], ""), value)
             return []
         if step.continues:
             terminal = self._start(step)
@@ -284,8 +287,8 @@ class Machine:
         if step.exact:
             wanted = "\n".join(step.wanted)
             return "" if said.strip() == wanted.strip() else f"{step.command}\n{said}\ninstead of\n{wanted}"
-        seen = {alike(line) for line in terminal.seen}
-        lacking = [line for line in step.wanted if line.strip() and alike(line) not in seen]
+        seen = _flat(terminal.seen)
+        lacking = [line for line in step.wanted if line.strip() and _flat([line]) not in seen]
         return "" if code == 0 and not lacking else f"{step.command} ended with {code}, lacks {lacking}\n{said}"
 
     def _start(self, step: Step) -> Terminal:
@@ -312,6 +315,11 @@ class Machine:
         path = f"{self.place / '.venv' / 'bin'}{os.pathsep}{kept.get('PATH', '')}"
         own = {"PATH": path, "PYTHONPATH": str(self.place), "COLUMNS": "80", "TERM": "dumb"}
         return {**kept, **own, "XDG_RUNTIME_DIR": str(self._run), **self._exported}
+
+
+def _flat(lines: Sequence[str]) -> str:
+    """Lines as one, without their numbers: a narrow terminal folds where the page's did not, and rules are as wide as tables."""
+    return re.sub("─+", "─", alike(" ".join(lines)))
 
 
 def _as_in_a_terminal() -> None:

@@ -7,19 +7,23 @@ import threading
 import time
 from collections.abc import Mapping
 from contextlib import suppress
+from importlib.util import find_spec
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from console.centre.client import connected
 from console.command import Call, command
 from console.errors import DONE
 from console.output.shown import line, styled
 from console.web.access import Access
 from dyknow.model.errors import WrongCall
 from runtime.configuration.instants import SHORTEST_US, duration_us
+
+if TYPE_CHECKING:
+    from console.web.joining import PageMember
+    from runtime.client import Client
 
 PORT = 8420
 
@@ -52,14 +56,8 @@ def web(
     """The operator's page in a browser: map, alarms, monitors, tasks, speech acts, streams; of now or a recording."""
     if tiles is not None and not tiles.is_dir():
         raise WrongCall(f"--tiles: {tiles} is no folder; name one that has tiles as Z/X/Y.png.")
-    try:
-        import starlette  # noqa: F401
-        import uvicorn  # noqa: F401
-        import websockets  # noqa: F401
-    except ImportError:
-        raise WrongCall(
-            "the page needs what is not installed; install the extra: pip install 'dyknow-federation[web]'"
-        ) from None
+    if not all(map(find_spec, ("starlette", "uvicorn", "websockets"))):
+        raise WrongCall("the page needs what is not installed; install the extra: pip install 'dyknow-federation[web]'")
     every_us = duration_us(every, option="--every", least_us=SHORTEST_US) if every else None
     place = _place(origin)
     _check_reach(bind)
@@ -119,9 +117,11 @@ def _show_recording(
     from runtime.recordings.recorded import FederationRecording
 
     feed = RecordedFeed(FederationRecording(file), place)
+    _told(call, access, listener, f"recording {file}")
     threading.Thread(target=feed.load, name="recording", daemon=True).start()
     server = PageServer(access, lambda: RecordingViewer(feed, time.monotonic), None, tiles)
-    return _serve(call, server.app, access, listener, f"recording {file}")
+    _serve(server.app, listener)
+    return DONE
 
 
 def _show_federation(
@@ -133,32 +133,41 @@ def _show_federation(
     labels: tuple[str, ...],
     every_us: int | None,
 ) -> int:
-    from console.web.feeds import LiveFeed
-    from console.web.member import FeedingMember
-    from console.web.picture import Picture
+    _told(call, access, listener, f"federation {call.settings.federation}")
+    from console.web.joining import PageMember
     from console.web.server import PageServer
+    from console.web.views import LiveFeed
+
+    feed = LiveFeed(call.settings.federation)
+    member = PageMember(lambda: _joined(call), feed, labels, every_us, place, lambda: _tasks(call))
+
+    async def act(given: Mapping[str, Any]) -> Mapping[str, Any]:
+        return await asyncio.wrap_future(member.act(given))
+
+    server = PageServer(access, lambda: feed, None if access.is_read_only else act, tiles)
+    try:
+        _serve(server.app, listener, member)
+    finally:
+        member.close()
+    if member.failure is not None:
+        raise member.failure
+    return DONE
+
+
+def _joined(call: Call) -> "Client":
+    from console.centre.client import client_of
+
+    return client_of(call)
+
+
+def _tasks(call: Call) -> list[str]:
     from runtime.configuration.wording import typed
 
-    with connected(call) as client:
-        feed = LiveFeed(Picture(place), call.settings.federation)
-        member = FeedingMember(client, feed, labels, every_us)
-
-        async def act(given: Mapping[str, Any]) -> Mapping[str, Any]:
-            return await asyncio.wrap_future(member.act(given))
-
-        about = {"tasks": sorted(typed(call.settings.extensions)), "unit": client.centre.unit}
-        server = PageServer(access, lambda: feed, None if access.is_read_only else act, tiles, about)
-        member.start()
-        try:
-            return _serve(call, server.app, access, listener, f"federation {call.settings.federation}")
-        finally:
-            member.close()
+    return sorted(typed(call.settings.extensions))
 
 
-def _serve(call: Call, app: Any, access: Access, listener: socket.socket, what: str) -> int:
-    import uvicorn
-
-    config = uvicorn.Config(app, **uvicorn_settings())
+def _told(call: Call, access: Access, listener: socket.socket, what: str) -> None:
+    """The address, printed: whoever opens it is served as soon as the server is there, which takes a moment."""
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
     url = f"http://{shown}:{port}/#{access.token}"
@@ -166,9 +175,26 @@ def _serve(call: Call, app: Any, access: Access, listener: socket.socket, what: 
         line(styled("page", "green"), f" of {what}: {url}\nThe address gives access to it. Ctrl-C ends the page."),
         event="serving", url=url, read_only=access.is_read_only,
     )  # fmt: skip
+
+
+def _serve(app: Any, listener: socket.socket, member: "PageMember | None" = None) -> None:
+    """Until Ctrl-C; the member joins its federation once the page is served."""
+    import uvicorn
+
+    class Server(uvicorn.Server):
+        async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+            await super().startup(sockets)
+            if member is not None:
+                member.start()
+
+        def end(self) -> None:
+            self.should_exit = True
+
+    server = Server(uvicorn.Config(app, **uvicorn_settings()))
+    if member is not None:
+        member.on_failure = server.end
     with suppress(KeyboardInterrupt):
-        uvicorn.Server(config).run(sockets=[listener])
-    return DONE
+        server.run(sockets=[listener])
 
 
 def uvicorn_settings() -> dict[str, Any]:

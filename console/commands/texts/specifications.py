@@ -108,7 +108,7 @@ def graph(
         str | None,
         typer.Option(metavar="U", help="What `self` means; without a file: what this running platform does."),
     ] = None,
-    form: Annotated[GraphForm, typer.Option(help="How it is drawn.")] = "text",
+    form: Annotated[GraphForm, typer.Option("--form", "--format", help="How it is drawn.")] = "text",
 ) -> int:
     """The network of a specification, or of a running platform with rates, delays and drops: what is made of what."""
     from dyknow import Network

@@ -1,5 +1,5 @@
 // Small drawings: what a monitor showed, who said what to whom, who streams to whom, when alarms were open.
-import { clockText, state } from "/page.js";
+import { clockText, span, state } from "/page.js";
 
 function prepared(canvas, height) {
   const w = canvas.clientWidth || 300, h = height ?? canvas.clientHeight, ratio = Math.min(2, devicePixelRatio || 1);
@@ -21,7 +21,7 @@ function paint() {
   return known;
 }
 
-/** What a monitor showed over time, and the distance of its pair; the threshold that it has, where it is told. */
+/** What a monitor showed over time, and the distance of its pair or the margin of its formula, with where it is violated. */
 export function drawBand(canvas, row, curve, now, spanUs) {
   const [c, w, h] = prepared(canvas), p = paint(), x = (us) => w - ((now - us) / spanUs) * w;
   const changes = row.history && row.history.length ? row.history : [[now - spanUs, row.shows]];
@@ -35,10 +35,12 @@ export function drawBand(canvas, row, curve, now, spanUs) {
   });
   c.globalAlpha = 1;
   if (curve.length < 2) return;
-  const most = Math.max(30, ...curve.map(([, metres]) => metres)) * 1.1, y = (metres) => h - 4 - (metres / most) * (h - 8);
-  c.setLineDash([4, 4]); c.strokeStyle = p.bad; c.lineWidth = 1; c.beginPath(); c.moveTo(0, y(15)); c.lineTo(w, y(15)); c.stroke(); c.setLineDash([]);
-  c.beginPath(); curve.forEach(([us, metres], at) => (at ? c.lineTo(x(us), y(metres)) : c.moveTo(x(us), y(metres)))); c.strokeStyle = p.text; c.lineWidth = 1.5; c.stroke();
-  c.fillStyle = p.text; c.font = "11px system-ui"; c.fillText(`apart ${curve[curve.length - 1][1].toFixed(0)} m; dashed 15 m`, 6, 13);
+  const isPair = row.units.length === 2, values = curve.map(([, measure]) => measure);
+  const most = isPair ? Math.max(30, ...values) * 1.1 : Math.max(...values, 0) || 1, least = isPair ? 0 : Math.min(...values, 0), wide = Math.max(most - least, 1e-9);
+  const y = (measure) => h - 4 - ((measure - least) / wide) * (h - 8), limit = isPair ? 15 : 0, newest = values[values.length - 1];
+  c.setLineDash([4, 4]); c.strokeStyle = p.bad; c.lineWidth = 1; c.beginPath(); c.moveTo(0, y(limit)); c.lineTo(w, y(limit)); c.stroke(); c.setLineDash([]);
+  c.beginPath(); curve.forEach(([us, measure], at) => (at ? c.lineTo(x(us), y(measure)) : c.moveTo(x(us), y(measure)))); c.strokeStyle = p.text; c.lineWidth = 1.5; c.stroke();
+  c.fillStyle = p.text; c.font = "11px system-ui"; c.fillText(isPair ? `apart ${newest.toFixed(0)} m; dashed 15 m` : `margin ${Number(newest.toPrecision(3))}; dashed: violated below`, 6, 13);
 }
 
 const SAID = { request: "accent", "request-when": "accent", propose: "accent", cfp: "accent", agree: "good", inform: "dim", refuse: "bad", failure: "bad", "not-understood": "bad", cancel: "warn", subscribe: "dim", "query-ref": "dim" };
@@ -65,16 +67,16 @@ export function drawSequence(canvas, rows, choose) {
   canvas.onclick = (event) => { const found = rows[Math.floor((event.offsetY - 30) / LANE)]; choose(found ? found[1] : null); };
 }
 
-/** Members on a circle; an arrow is all streams of one that another receives: how many, and how many samples a second. */
+/** Members on a circle; an arrow is all streams of one that another receives: how many, how many samples a second, the longest delay; of many members only at the one that is selected. */
 export function drawGraph(canvas, units, links, taken) {
   const all = new Map();
-  const add = (from, to, rate, lost) => { const key = `${from}\n${to}`, sum = all.get(key) || [0, 0, 0]; all.set(key, [sum[0] + 1, sum[1] + (rate || 0), sum[2] + (lost || 0)]); };
-  for (const link of links) add(link.from, link.to, link.rate, (link.lost || 0) + (link.missing || 0));
-  for (const row of taken) add(row.unit, "page", row.rate, 0);
+  const add = (from, to, rate, lost, delay) => { const key = `${from}\n${to}`, sum = all.get(key) || [0, 0, 0, 0]; all.set(key, [sum[0] + 1, sum[1] + (rate || 0), sum[2] + (lost || 0), Math.max(sum[3], delay || 0)]); };
+  for (const link of links) add(link.from, link.to, link.rate, (link.lost || 0) + (link.missing || 0), link.delay_us);
+  for (const row of taken) add(row.unit, "page", row.rate, 0, row.delay_us);
   const members = [...new Set([...units, ...[...all.keys()].flatMap((key) => key.split("\n"))])].slice(0, 60);
   const [c, w, h] = prepared(canvas, 300), p = paint(), r = Math.min(w, h) / 2 - 34;
   const place = new Map(members.map((name, at) => { const a = (at / members.length) * 2 * Math.PI - Math.PI / 2; return [name, [w / 2 + Math.cos(a) * r * Math.min(1.5, w / h), h / 2 + Math.sin(a) * r]]; }));
-  for (const [key, [count, rate, lost]] of all) {
+  for (const [key, [count, rate, lost, delay]] of all) {
     const [from, to] = key.split("\n").map((name) => place.get(name));
     if (!from || !to || from === to) continue;
     const dx = to[0] - from[0], dy = to[1] - from[1], long = Math.hypot(dx, dy) || 1, nx = -dy / long, ny = dx / long, bow = 14;
@@ -83,7 +85,7 @@ export function drawGraph(canvas, units, links, taken) {
     c.beginPath(); c.moveTo(...start); c.quadraticCurveTo(...middle, ...end); c.stroke(); c.setLineDash([]);
     const a = Math.atan2(end[1] - middle[1], end[0] - middle[0]);
     c.beginPath(); c.moveTo(...end); c.lineTo(end[0] - 9 * Math.cos(a - 0.4), end[1] - 9 * Math.sin(a - 0.4)); c.lineTo(end[0] - 9 * Math.cos(a + 0.4), end[1] - 9 * Math.sin(a + 0.4)); c.closePath(); c.fill(); c.globalAlpha = 1;
-    if (members.length <= 9 && !key.endsWith("\npage")) { c.font = "11px system-ui"; c.textAlign = "center"; c.fillStyle = lost ? p.bad : p.dim; c.fillText(`${count} · ${rate.toFixed(0)} Hz${lost ? ` · −${lost}` : ""}`, middle[0], middle[1] + 4); }
+    if ((members.length <= 5 || key.split("\n").includes(state.selected)) && !key.endsWith("\npage")) { c.font = "11px system-ui"; c.textAlign = "center"; c.fillStyle = lost ? p.bad : p.dim; c.fillText(`${count} · ${rate.toFixed(0)} Hz · ${span(delay)}${lost ? ` · −${lost}` : ""}`, middle[0], middle[1] + 4); }
   }
   for (const [name, [x, y]] of place) {
     c.beginPath(); c.arc(x, y, 15, 0, 7); c.fillStyle = p.raised; c.fill(); c.lineWidth = 2; c.strokeStyle = name === "page" ? p.dim : p.accent; c.stroke();

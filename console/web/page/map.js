@@ -2,8 +2,8 @@
 import { $, el, state, select, figure, canAct } from "/page.js";
 
 const EARTH_M = 40075016.686;
-const OPEN = { routes: true, trails: true, pairs: true, views: true, objects: true, salient: true, areas: true, labels: true, tiles: true };
-const NAMES = { trails: "trails", routes: "routes and manoeuvres", pairs: "close pairs", views: "fields of view", objects: "objects", salient: "saliency", areas: "areas", labels: "names", tiles: "tiles" };
+const OPEN = { routes: true, fences: true, trails: true, pairs: true, views: true, objects: true, salient: true, areas: true, labels: true, tiles: true };
+const NAMES = { trails: "trails", routes: "routes and manoeuvres", fences: "geofences", pairs: "close pairs", views: "fields of view", objects: "objects", salient: "saliency", areas: "areas", labels: "names", tiles: "tiles" };
 const AHEAD_S = 4;
 
 const mercator = ([latitude, longitude]) => {
@@ -141,6 +141,7 @@ export class MapView {
     if (on.tiles && state.about.tiles) this.drawTiles(w, h);
     this.drawGrid(w, h);
     if (on.areas) this.drawAreas();
+    if (on.fences) this.drawFences();
     if (on.views) this.drawViews();
     if (on.salient) this.drawSalient();
     if (on.trails) this.drawTrails();
@@ -234,17 +235,54 @@ export class MapView {
     }
     c.globalAlpha = 1;
   }
+  /** Fences are alike for many platforms: each is drawn once, with those that it holds for. */
+  drawFences() {
+    const c = this.c, drawn = new Map(), mpp = this.metresPerPixel();
+    for (const [unit, row] of Object.entries(state.rows("flights"))) for (const fence of row.fences) {
+      const key = JSON.stringify([fence.name, fence.centre, fence.radius, fence.corners]);
+      drawn.set(key, [fence, [...(drawn.get(key)?.[1] || []), unit]]);
+    }
+    for (const [fence, units] of drawn.values()) {
+      const isOwn = fence.name === "limits", isChosen = state.selected !== null && units.includes(state.selected);
+      const heights = [fence.lowest, fence.highest].every((m) => m !== null) ? `, ${fence.lowest.toFixed(0)} to ${fence.highest.toFixed(0)} m above home` : fence.highest !== null ? `, up to ${fence.highest.toFixed(0)} m` : "";
+      const words = `${isOwn ? "range" : `fence ${fence.name}`} of ${units.length > 3 ? `${units.length} platforms` : units.join(", ")}${heights}`;
+      c.strokeStyle = this.paint.bad; c.lineWidth = isChosen ? 2 : 1.2; c.setLineDash(isOwn ? [10, 6] : [14, 4, 3, 4]); c.globalAlpha = isChosen || !isOwn ? 0.9 : 0.45;
+      if (fence.corners.length > 2) { this.path(fence.corners, true); c.stroke(); c.globalAlpha = 1; c.setLineDash([]); this.note(fence.corners[0], words, this.paint.bad); }
+      else if (fence.centre && fence.radius !== null) {
+        const [x, y] = this.toScreen(fence.centre), r = fence.radius / mpp;
+        if (r > 4 && r < 1e5) { c.beginPath(); c.arc(x, y, r, 0, 7); c.stroke(); }
+        c.globalAlpha = 1; c.setLineDash([]);
+        if (r < 1e5 && (isChosen || !isOwn)) { const [w] = this.size(); this.text(Math.max(50, Math.min(w - 330, x - 60)), Math.max(30, y - r + 16), words, this.paint.bad, "12px system-ui"); }
+      }
+      c.setLineDash([]); c.globalAlpha = 1;
+    }
+  }
   drawTargets() {
-    const c = this.c;
+    const c = this.c, platforms = state.rows("platforms"), flights = state.rows("flights");
+    for (const [unit, row] of Object.entries(flights)) {
+      const from = platforms[unit];
+      if (!from || !from.at) continue;
+      const isChosen = state.selected === unit, followed = row.doing?.startsWith("follows ") ? shownObjects().find((each) => each.symbol === row.doing.slice(8)) : null;
+      const ahead = followed ? [followed.at] : row.ahead;
+      if (!ahead.length) continue;
+      c.globalAlpha = state.selected === null || isChosen ? 1 : 0.35;
+      c.setLineDash([3, 6]); c.lineWidth = isChosen ? 2.5 : 1.5; c.strokeStyle = c.fillStyle = this.paint.good;
+      this.path([from.at, ...ahead], false); c.stroke(); c.setLineDash([]);
+      ahead.forEach((at, i) => { const [x, y] = this.toScreen(at); c.beginPath(); c.arc(x, y, i ? 3.5 : 7, 0, 7); c.stroke(); if (i) c.fill(); });
+      c.globalAlpha = 1;
+      const words = followed ? `${unit} ${row.doing}` : row.commander === "route" ? "" : `${unit} to ${figure(row.altitude, " m", 0)}`;
+      if (words) this.note(ahead[0], words, this.paint.good, 10);
+      if (row.commander === "avoidance") { const [x, y] = this.toScreen(from.at); this.text(x + 15, y + 26, `gives way, to ${figure(row.altitude, " m", 0)}`, this.paint.good, "600 12px system-ui"); }
+    }
     for (const row of Object.values(state.rows("targets"))) {
-      const from = state.rows("platforms")[row.unit];
-      if (row.kind === "goto" && row.at && from && from.at) {
+      const from = platforms[row.unit];
+      if (row.kind === "goto" && row.at && from && from.at && !flights[row.unit]) {
         const [x, y] = this.toScreen(row.at);
         this.path([from.at, row.at]);
         c.setLineDash([3, 6]); c.lineWidth = 2; c.strokeStyle = this.paint.good; c.stroke(); c.setLineDash([]);
         c.beginPath(); c.arc(x, y, 8, 0, 7); c.moveTo(x - 12, y); c.lineTo(x + 12, y); c.moveTo(x, y - 12); c.lineTo(x, y + 12); c.stroke();
         this.note(row.at, `${row.unit} to ${figure(row.at[2], " m", 0)}`, this.paint.good, 12);
-      } else if (row.kind === "avoid" && from && from.at && state.t - row.at_us < 15e6) {
+      } else if (row.kind === "avoid" && from && from.at && state.t - row.at_us < 15e6 && flights[row.unit]?.commander !== "avoidance") {
         const [x, y] = this.toScreen(from.at);
         this.text(x + 15, y + 26, row.climber === row.unit ? `climbs ${figure(row.climb_m, " m", 0)}` : row.because ? "leaves it to the other" : "makes room", this.paint.good, "600 12px system-ui");
       }
@@ -263,8 +301,14 @@ export class MapView {
       if (row.vx_m_s !== undefined && Math.hypot(row.vx_m_s, row.vy_m_s) > 0.5) {
         c.globalAlpha = 0.8; c.lineWidth = 1.5; c.setLineDash([4, 3]); c.beginPath(); c.moveTo(x, y); c.lineTo(x + (row.vx_m_s * AHEAD_S) / mpp, y - (row.vy_m_s * AHEAD_S) / mpp); c.stroke(); c.setLineDash([]);
       }
+      for (const [, at, weight] of row.others && row.others.length > 1 ? row.others : []) {
+        if (!at) continue;
+        const [ox, oy] = this.toScreen(at);
+        c.globalAlpha = 0.7; c.lineWidth = 1; c.setLineDash([2, 3]); c.beginPath(); c.moveTo(x, y); c.lineTo(ox, oy); c.stroke(); c.beginPath(); c.arc(ox, oy, 4 + 5 * weight, 0, 7); c.stroke(); c.setLineDash([]);
+        if (mpp < 0.8) this.note(at, `${Math.round(weight * 100)} %`, this.paint.dim, 4);
+      }
       c.globalAlpha = 1;
-      if (this.layers.labels && mpp < 0.8) this.note(row.at, `${row.name}${row.type ? ` ${row.type}` : ""}${row.existence !== undefined ? ` ${Math.round(row.existence * 100)} %` : ""}`, this.paint.dim, 7);
+      if (this.layers.labels && mpp < 0.8) this.note(row.at, `${row.name}${row.types && row.types.includes(",") ? ` ${row.types}` : row.type ? ` ${row.type}` : ""}${row.existence !== undefined ? ` ${Math.round(row.existence * 100)} %` : ""}`, this.paint.dim, 7);
     }
   }
   drawPairs() {

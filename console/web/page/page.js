@@ -86,7 +86,7 @@ function link(isUp) {
   if (state.isLinked !== isUp || isUp) {
     state.isLinked = isUp;
     const about = state.about;
-    const said = !isUp ? ["no server", "bad"] : about.live === false ? ["recording", "warn"] : about.trouble ? ["no platform", "bad"] : ["live", "good"];
+    const said = !isUp ? ["no server", "bad"] : about.live === false ? ["recording", "warn"] : about.trouble === "looking for platforms" ? [about.trouble, "warn"] : about.trouble ? ["no platform", "bad"] : ["live", "good"];
     const pill = $("link");
     if (pill.textContent !== said[0]) { pill.textContent = said[0]; pill.className = `pill ${said[1]}`; }
     pill.title = about.trouble || "";
@@ -224,11 +224,11 @@ function showChips(changed) {
   chip("chip-unknown", `? ${unknown} unknown`, "warn", unknown > 0);
   const asked = state.questions().length;
   chip("chip-asked", `${asked} question${asked === 1 ? "" : "s"}`, "ask", asked > 0);
-  if (!changed || changed.platforms || changed.streams) showSelected();
+  if (!changed || changed.platforms || changed.streams || changed.flights) showSelected();
   if (!changed || changed.objects || changed.salient) {
     const homeless = ["objects", "salient"].flatMap((section) => Object.values(state.rows(section))).filter((row) => !row.at).length;
     $("notice").hidden = !homeless;
-    if (homeless) $("notice").textContent = `${homeless} object${homeless === 1 ? " is" : "s are"} not on the map: start dyknow web with --origin LAT,LON, from where their metres count`;
+    if (homeless) $("notice").textContent = `${homeless} object${homeless === 1 ? " is" : "s are"} not on the map: no platform says from where their metres count; start dyknow web with --origin LAT,LON`;
   }
 }
 
@@ -251,12 +251,14 @@ function showSelected() {
   $("selected-name").textContent = `Platform ${unit}`;
   const pill = $("selected-state");
   pill.textContent = row.state ?? ""; pill.className = `pill ${row.state === "alive" ? "good" : "bad"}`;
+  const doing = state.rows("flights")[unit]?.doing;
   const facts = [
     ["altitude", figure(row.altitude, " m", 0)], ["height", figure(row.height, " m", 0)], ["speed", figure(row.speed, " m/s", 1)],
     ["course", figure(row.course, "°", 0)], ["climb", figure(row.climb, " m/s", 1)], ["battery", row.battery == null ? "–" : `${Math.round(row.battery * 100)} %`],
     ["position", row.at ? `${row.at[0].toFixed(5)}°` : "–"], ["", row.at ? `${row.at[1].toFixed(5)}°` : ""], ["its age", row.valid_us ? span(Math.max(0, state.t - row.valid_us)) : "–"],
   ];
   const shown = facts.map(([name, value]) => el("div", {}, el("dt", { text: name || "\u00a0" }), el("dd", { text: value })));
+  if (doing) shown.push(el("div", { cls: "wide" }, el("dt", { text: "doing" }), el("dd", { text: doing })));
   if (row.conditions && row.conditions.length) shown.push(el("div", { cls: "wide" }, el("dt", { text: "conditions" }), el("dd", { text: row.conditions.join("; ") })));
   $("facts").replaceChildren(...shown);
 }

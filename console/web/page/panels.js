@@ -51,16 +51,17 @@ export class Panels {
     setTimeout(() => { this.isWaiting = false; this.draw(); }, Math.max(0, this.drawnAt + DRAW_MS - performance.now()));
   }
 
-  /** Keep how far apart the platforms of each monitor were, for its curve. */
+  /** Keep how far apart the platforms of each monitor were, or the margin of its formula, for its curve. */
   remember() {
     const now = state.t, platforms = state.rows("platforms");
     for (const [name, row] of Object.entries(state.rows("monitors"))) {
       const [one, other] = row.units.map((unit) => platforms[unit] && platforms[unit].at);
-      if (!one || !other || row.units.length !== 2) continue;
+      const isPair = one && other && row.units.length === 2;
+      if (!isPair && (row.margin === null || row.margin === undefined)) continue;
       let kept = state.history.get(name);
       if (!kept) state.history.set(name, (kept = []));
       if (kept.length && now - kept[kept.length - 1][0] < 400e3) continue;
-      const k = 111195, apart = Math.hypot((one[0] - other[0]) * k, (one[1] - other[1]) * k * Math.cos((one[0] * Math.PI) / 180));
+      const k = 111195, apart = !isPair ? row.margin : Math.hypot((one[0] - other[0]) * k, (one[1] - other[1]) * k * Math.cos((one[0] * Math.PI) / 180));
       kept.push([now, apart]);
       while (kept.length && kept[0][0] < now - HISTORY_US) kept.shift();
     }
@@ -125,9 +126,10 @@ export class Panels {
     const order = { alarm: 0, unknown: 1, ok: 2, idle: 3 };
     const rows = Object.entries(state.rows("monitors")).sort(([a, x], [b, y]) => (order[x.shows] ?? 9) - (order[y.shows] ?? 9) || a.localeCompare(b, undefined, { numeric: true }));
     if (!rows.length) return keyed(box, empty("No monitor is there. A task monitor-proximity sets some up."));
-    keyed(box, rows.slice(0, 80).map(([name, row]) => [name, JSON.stringify([row.shows, row.verdict, row.which]), () =>
+    keyed(box, rows.slice(0, 80).map(([name, row]) => [name, JSON.stringify([row.shows, row.verdict, row.which, row.margin]), () =>
       el("article", { cls: `card ${SHOWS[row.shows]?.[1] ?? ""}` },
         el("div", { cls: "head" }, mark(SHOWS[row.shows] ?? ["·", ""]), el("strong", { text: row.monitor }), el("span", { text: row.units.join(" – ") }), el("span", { cls: "right", text: `${row.shows ?? ""} · ${row.verdict ?? ""} · by ${row.by}` })),
+        row.margin === null || row.margin === undefined ? null : el("div", { cls: "small dim", text: `margin ${Number(row.margin.toPrecision(4))}${row.margin < 0 ? ", violated" : ""}` }),
         row.which && row.which.length ? el("div", { cls: "small", text: `lacks ${row.which.join(", ")}` }) : null,
         el("canvas", { cls: "band", role: "img", "aria-label": `what ${row.monitor} showed in the last two minutes` }))]));
     for (const card of box.querySelectorAll("[data-key]")) {
@@ -198,8 +200,9 @@ export class Panels {
       const taken = byStream.get(name) || [], lost = taken.reduce((sum, link) => sum + (link.lost || 0), 0), missing = taken.reduce((sum, link) => sum + (link.missing || 0), 0);
       const age = row.valid_us ? Math.max(0, state.t - row.valid_us) : null, isOld = age !== null && row.period_us && age > 10 * row.period_us + 2e6;
       const rates = [...taken.map((link) => link.rate), row.rate].filter((rate) => rate !== null && rate !== undefined);
+      const delays = [row.delay_us, ...taken.map((link) => link.delay_us)].filter((us) => us !== undefined && us !== null), slowest = delays.length ? Math.max(...delays) : undefined;
       return el("tr", { cls: lost || isOld ? "bad" : missing ? "warn" : "" }, el("td", { text: row.unit }), el("td", { text: row.label }), el("td", { cls: "n", text: `${rates.length ? Number(Math.min(...rates).toPrecision(2)) : "–"}${row.period_us ? ` / ${Number((1e6 / row.period_us).toPrecision(2))}` : ""}` }),
-        el("td", { cls: "n", text: age === null ? "" : span(age) }), el("td", { cls: "n", text: row.delay_us === undefined ? "" : span(row.delay_us) }), el("td", { text: [...new Set(taken.map((link) => link.to))].join(" ") }), el("td", { cls: "n", text: missing || lost ? `${missing} / ${lost}` : "" }));
+        el("td", { cls: "n", text: age === null ? "" : span(age) }), el("td", { cls: "n", text: slowest === undefined ? "" : span(slowest) }), el("td", { text: [...new Set(taken.map((link) => link.to))].join(" ") }), el("td", { cls: "n", text: missing || lost ? `${missing} / ${lost}` : "" }));
     });
     const table = el("table", {}, el("tr", {}, ...["of", "label", "Hz", "age", "delay", "to", "gaps"].map((words, at) => el("th", { cls: at > 1 && at !== 5 ? "n" : "", text: words }))), ...lines);
     if (performance.now() - (this.tableAt || 0) > 900 || !$("stream-table").firstChild) { this.tableAt = performance.now(); $("stream-table").replaceChildren(table); }

@@ -4,7 +4,19 @@ from federation.messages.contents.answers import Cancel, Done, Progress, Reason
 from federation.messages.contents.areas import AreaRing, AssignArea, DivideArea
 from federation.messages.contents.calls import CallForStream, LeaveProposal, StreamProposal, TakeProposal
 from federation.messages.contents.chronicles import Expected, Recognise, Recognised
-from federation.messages.contents.flight import Attend, Avoid, Fault, Follow, Goto, Hold, Land, Resume, ReturnHome
+from federation.messages.contents.flight import (
+    Attend,
+    Avoid,
+    Fault,
+    Fence,
+    FlightOutlook,
+    Follow,
+    Goto,
+    Hold,
+    Land,
+    Resume,
+    ReturnHome,
+)
 from federation.messages.contents.missions import (
     AnswerQuestion,
     CallForMission,
@@ -129,6 +141,8 @@ __all__ = [
     "EndStream",
     "Expected",
     "Fault",
+    "Fence",
+    "FlightOutlook",
     "FlyMission",
     "Follow",
     "Found",

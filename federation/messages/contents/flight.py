@@ -4,7 +4,12 @@ from typing import Annotated
 
 from pydantic import Field
 
-from federation.messages.contents.parts import Content, Line, Number, Period, Unit, Units, Word
+from federation.messages.contents.areas import Corner
+from federation.messages.contents.parts import Content, ContentPart, Line, Number, Period, Unit, Units, Word
+
+MOST_PLACES, MOST_FENCES = 64, 16
+_Places = Annotated[tuple[Corner, ...], Field(max_length=MOST_PLACES)]
+_Metres = Annotated[float, Field(ge=-100_000, le=1_000_000)]
 
 
 class Goto(Content):
@@ -63,3 +68,34 @@ class Fault(Content):
     kind: Word
     value: bool | int | Number | Line | None = None
     duration_s: Period | None = None
+
+
+class Fence(ContentPart):
+    """What a vehicle does not leave: around a place, or within corners; metres above its home."""
+
+    name: Line
+    centre: Corner | None = None
+    radius_m: _Metres | None = Field(default=None, alias="radius_m")
+    lowest_m: _Metres | None = Field(default=None, alias="lowest_m")
+    highest_m: _Metres | None = Field(default=None, alias="highest_m")
+    corners: _Places = ()
+
+
+class FlightOutlook(Content):
+    """Where will your vehicle fly, on whose behalf, and within what? The query is empty, the answer is not.
+
+    Attributes:
+        commander: who has the vehicle, as `agents.flight.arbiter` names it.
+        doing: what it flies, in words.
+        ahead: the places that it flies to next, in their order; `again`: over and over.
+        altitude_m: of the first of them, above mean sea level.
+        origin: what metres in the streams of its objects are counted from.
+    """
+
+    commander: Word | None = None
+    doing: Line = ""
+    ahead: _Places = ()
+    again: bool = False
+    altitude_m: _Metres | None = Field(default=None, alias="altitude_m")
+    fences: Annotated[tuple[Fence, ...], Field(max_length=MOST_FENCES)] = ()
+    origin: Corner | None = None

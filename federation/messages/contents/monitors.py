@@ -79,7 +79,8 @@ class MonitorEntry(parts.ContentPart):
     """One monitor: its verdict, and the state of its inputs (`which` are not fresh, since when).
 
     `states` says in KPL what its states are made of, unless that is long, `counted` how many lacked something, and what. `because` are the parts of the formula that opened
-    the alarm that is open, if that was asked for.
+    the alarm that is open, if that was asked for. `margin`: how far the formula is from being violated, in the units of what
+    it compares.
     """
 
     head: ClassVar[str] = "monitor"
@@ -95,6 +96,7 @@ class MonitorEntry(parts.ContentPart):
     states: parts.Text = ""
     counted: parts.Values = Field(default_factory=dict)
     because: Annotated[tuple[Because, ...], Field(max_length=parts.MAX_LIST)] = ()
+    margin: parts.Number | None = None
 
 
 class MonitorList(parts.Content):

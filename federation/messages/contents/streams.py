@@ -179,7 +179,8 @@ class ImportAccount(parts.ContentPart):
     """What became of the samples of one imported stream, by number (`federation.sharing.streams.StreamAccount`).
 
     `missing` are known to exist and asked for, `lost` are no longer held; both 0: no gap. Of each `every` samples of its
-    period one is sent: more than 1 while the owner has too much to do.
+    period one is sent: more than 1 while the owner has too much to do. `delay_s` is from the valid time of the newest to its
+    arrival.
     """
 
     owner: parts.Unit
@@ -192,6 +193,7 @@ class ImportAccount(parts.ContentPart):
     lost: Count = 0
     missing: Count = 0
     every: Count = 1
+    delay_s: parts.Number | None = None
 
 
 class ImportList(parts.Content):

@@ -1,5 +1,6 @@
 """Orders as speech acts: agreed, and done only when the vehicle has taken them over; and when a vehicle gives no way."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -7,8 +8,9 @@ import pytest
 from agents.flight.flight import FlightAgent
 from agents.flight.places import FlightPlan, Waypoint
 from federation.messages.acts import Performative
-from federation.messages.contents import Content, Done, Goto, Hold, Reason, Resume, ReturnHome
-from navigation.vehicle import GoToOrder, HoldOrder
+from federation.messages.contents import Content, Done, FlightOutlook, Goto, Hold, Reason, Resume, ReturnHome
+from navigation.vehicle import FenceReport, GoToOrder, HoldOrder
+from reasoning import builtin_profiles
 from tests.box import Box, Vehicle
 
 P = Performative
@@ -34,6 +36,34 @@ def answers(wire: Box, content: Content, run_s: float = 6.0) -> list[tuple[Perfo
 def test_done_is_what_the_autopilot_has_acknowledged(wire: Box) -> None:
     assert answers(flying(wire), GOTO) == [(P.AGREE, None), (P.INFORM, "acknowledged")]
     assert [command.order for _, command in wire.vehicle("0").commands] == [GoToOrder(58.0, 15.0, 120.0)]
+
+
+def outlook(wire: Box) -> FlightOutlook:
+    """What platform 0 says of where its vehicle will fly."""
+    question = wire.question("cc", "0", FlightOutlook(), performative=P.QUERY_REF)
+    wire.run(1.0)
+    (said,) = question.answers
+    assert isinstance(said.content, FlightOutlook)
+    return said.content
+
+
+def test_a_platform_says_where_its_vehicle_flies_and_within_what(wire: Box) -> None:
+    plan = FlightPlan((Waypoint(58.0, 15.0, 100.0), Waypoint(58.001, 15.001, 90.0)), loop=True)
+    field = ((57.9, 14.9), (58.1, 14.9), (58.1, 15.1))
+    inside = replace(next(iter(builtin_profiles().values())), name="inside", fence=field)
+    flying(wire, plan=plan, profiles={**builtin_profiles(), "inside": inside})
+    on_route = outlook(wire)
+    assert (on_route.commander, on_route.again, len(on_route.ahead)) == ("route", True, 2)
+    assert on_route.doing.startswith("flies its route, place ")
+    answers(wire, GOTO)
+    wire.nodes["0"].platform.part(FlightAgent).pilot.bounds.fence = FenceReport(1, highest_m=90.0, radius_m=300.0)
+    ordered = outlook(wire)
+    assert (ordered.commander, ordered.altitude_m, ordered.ahead) == ("order", 120.0, ("58.0000000 15.0000000",))
+    limits, autopilot, declared = ordered.fences
+    assert (limits.name, limits.lowest_m, limits.highest_m, limits.radius_m) == ("limits", 10.0, 120.0, 1000.0)
+    assert (autopilot.name, autopilot.radius_m, autopilot.highest_m) == ("autopilot", 300.0, 90.0)
+    assert (declared.name, len(declared.corners)) == ("inside", 3)
+    assert ordered.origin is None
 
 
 @pytest.mark.parametrize("word", ["denied", "failed", "unsupported"])

@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from console.web.feeds import LiveFeed, RecordedFeed, RecordingViewer
+from console.web.feeds import RecordedFeed, RecordingViewer
 from console.web.picture import Picture
+from console.web.views import LiveFeed
 from navigation.geodesy import metres_per_degree
 from runtime.recordings import foxglove
 from runtime.recordings import recording_file as kinds
@@ -28,7 +29,7 @@ class Scene:
     """Steps a feed by messages as a recorder has them."""
 
     def __init__(self, platforms: int, cars: int, names: Mapping[int, str] = {}) -> None:
-        self.feed = LiveFeed(Picture(ORIGIN), "example")
+        self.feed = LiveFeed("example", Picture(ORIGIN))
         self.units = [names.get(number, str(number)) for number in range(platforms)]
         self._cars = cars
         self.at_us = BEGIN_US
@@ -122,9 +123,11 @@ def busy() -> Scene:
                 other = units[(number + 1) % 8]
                 shows = "alarm" if (number == 0 and turn > 400) or (number == 3 and 150 < turn < 230) else "ok"
                 scene.monitor(unit, "proximity", other, "unknown" if number == 5 and turn > 380 else shows)
+            entry = {"by": "2", "monitor": "slow", "units": ["2"], "which": [], "verdict": "undecided", "shows": "ok"}
+            scene.put(kinds.MONITOR, {**entry, "margin": 6.0 + 5 * math.sin(turn / 60)})
             for to in range(8):
                 imports = [
-                    {"owner": units[(to + step) % 8], "semantic_label": label, "hash": label, "received": turn, "lost": 3 * (to == 5 and step == 1), "missing": 0}
+                    {"owner": units[(to + step) % 8], "semantic_label": label, "hash": label, "received": turn, "lost": 3 * (to == 5 and step == 1), "missing": 0, "delay_s": 0.008 + 0.004 * to}
                     for step in (1, 2)
                     for label in ("heli-position", "heli-altitude", "heli-velocity")
                 ]  # fmt: skip
@@ -170,6 +173,7 @@ def busy() -> Scene:
         type="truck",
         end=False,
     )
+    plans(scene)
     scene.opened("proximity", "0", "1")
     scene.say(foxglove.ERROR, "proximity of 0, 1 by 0 opened")
     scene.monitor("5", "proximity", "6", "unknown", "heli-position[6]")
@@ -212,6 +216,33 @@ def busy() -> Scene:
     return scene
 
 
+def place(east_m: float, north_m: float) -> str:
+    """As platforms say it."""
+    return f"{ORIGIN[0] + north_m / _NORTH_M:.7f} {ORIGIN[1] + east_m / _EAST_M:.7f}"
+
+
+def plans(scene: Scene) -> None:
+    """Where vehicles will fly: a route, an object that is followed, giving way; and within what."""
+    limits = {"name": "limits", "centre": place(0, 0), "radius_m": 420.0, "lowest_m": 10.0, "highest_m": 120.0}
+    field = {"name": "field", "corners": [place(-350, -210), place(330, -210), place(330, 230), place(-350, 230)]}
+    ahead = [place(240, 160), place(60, 200), place(-140, 180)]
+    for unit, said in {
+        "1": {
+            "commander": "avoidance",
+            "doing": "gives way: hold at 84 m",
+            "ahead": [place(-110, 40)],
+            "altitude_m": 84.0,
+        },
+        "3": {"commander": "route", "doing": "flies its route, place 1 of 3", "ahead": ahead, "again": True},
+        "5": {"commander": "order", "doing": "follows car3", "ahead": []},
+    }.items():
+        scene.put(kinds.FLIGHTS, {"by": unit, "fences": [limits, field], **said})
+    for branch, y_m, weight in (("straight on", -130.0, 0.7), ("left", -80.0, 0.3)):
+        value = {"symbol": "van1", "x_m": 200.0, "y_m": y_m, "vx_m_s": 9.0, "vy_m_s": 0.0, "sd_m": 3.0, "end": False}
+        record = {"unit": "6", "label": "object-tracks", "valid_us": scene.at_us, "value": value}
+        scene.put(kinds.SAMPLE, {**record, "prediction": [scene.at_us, branch, weight]})
+
+
 def main() -> None:
     from tests.console.web.served import browsing, serving
 
@@ -227,7 +258,7 @@ def main() -> None:
                 driver.execute_script(f"document.getElementById('tab-{name}').click()")
                 if name == "acts":
                     driver.execute_script("document.getElementById('theme').click()")
-                if name == "fleet":
+                if name in {"streams", "fleet"}:
                     driver.execute_script("document.getElementById('map').focus()")
                     driver.switch_to.active_element.send_keys("n")
                 pause(scene, driver)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from console.web.access import Access
-from console.web.feeds import Viewer
+from console.web.views import Viewer
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 FLAGS = (

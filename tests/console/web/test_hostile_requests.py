@@ -12,8 +12,8 @@ pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
 
 from console.web.access import Access, Demand
-from console.web.feeds import LiveFeed
 from console.web.picture import Picture
+from console.web.views import LiveFeed
 from tests.console.web.served import Served, serving
 
 HOLD = {"do": "delegate", "task": "hold", "to": "0", "with": {}}
@@ -25,7 +25,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     (tiles / "1" / "0").mkdir(parents=True)
     (tiles / "1" / "0" / "1.png").write_bytes(b"tile")
     (tiles.parent / "secret.png").write_bytes(b"secret")
-    with serving(lambda: LiveFeed(Picture(), "test"), tiles=tiles) as served:
+    with serving(lambda: LiveFeed("test", Picture()), tiles=tiles) as served:
         yield served
 
 
@@ -143,7 +143,7 @@ def test_the_token_opens_the_page_with_a_cookie_that_scripts_and_other_sites_do_
 
 
 def test_a_page_that_only_shows_lets_no_speech_act_out(tmp_path: Path) -> None:
-    with serving(lambda: LiveFeed(Picture(), "test"), is_read_only=True) as served:
+    with serving(lambda: LiveFeed("test", Picture()), is_read_only=True) as served:
         assert served.posted("/act", HOLD)[0] == 403
         assert not served.done
 

@@ -7,8 +7,9 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.web.differences import Sections, close_pairs, difference
+from console.web.differences import Sections, difference
 from console.web.feeds import RecordedFeed, RecordingViewer
+from console.web.measures import close_pairs
 from console.web.picture import MOST_OTHERS, SECTIONS, Picture
 from runtime.recordings import foxglove
 from runtime.recordings import recording_file as kinds
@@ -23,6 +24,7 @@ KINDS = [
     kinds.TASK,
     kinds.MISSIONS,
     kinds.IMPORTS,
+    kinds.FLIGHTS,
     kinds.ACT,
     kinds.LOST,
 ]
@@ -104,6 +106,63 @@ def test_objects_stand_where_their_metres_are_from_the_origin_and_go_when_they_e
     assert round(row["at"][0], 3) == 58.001
     picture.take(2, kinds.SAMPLE, sample("0", "believed-objects", 2, **{**car, "end": True}))
     assert not picture.sections()["objects"]
+
+
+def flight(unit: str, **said: Any) -> dict[str, Any]:
+    return {"by": unit, "commander": "route", "doing": "flies its route", "ahead": ["58.0 15.0", "58.1 15.1"], **said}
+
+
+def test_objects_stand_where_their_platform_says_that_metres_count_from() -> None:
+    picture = Picture()
+    car = {"symbol": "car1", "x_m": 0.0, "y_m": 111.4, "end": False}
+    picture.take(1, kinds.SAMPLE, sample("0", "object-tracks", 1, **car))
+    assert next(iter(picture.sections()["objects"].values()))["at"] is None
+    assert picture.base is None
+    picture.take(2, kinds.FLIGHTS, flight("0", origin="58.0 15.0"))
+    picture.take(3, kinds.SAMPLE, sample("0", "object-tracks", 3, **car))
+    assert round(next(iter(picture.sections()["objects"].values()))["at"][0], 3) == 58.001
+    assert picture.base == [58.0, 15.0]
+
+
+def test_where_vehicles_will_fly_and_what_bounds_them_are_rows() -> None:
+    picture = Picture()
+    fence = {"name": EVIL, "centre": "58.0 15.0", "radius_m": 300.0, "highest_m": 120.0, "corners": ["58 15", "x"]}
+    picture.take(1, kinds.FLIGHTS, flight("0", fences=[fence, 7], altitude_m=80.0, again=True))
+    row = picture.sections()["flights"]["0"]
+    assert (row["ahead"], row["again"], row["altitude"]) == ([[58.0, 15.0], [58.1, 15.1]], True, 80.0)
+    [shown] = row["fences"]
+    assert (shown["centre"], shown["radius"], shown["lowest"]) == ([58.0, 15.0], 300.0, None)
+    assert shown["corners"] == [[58.0, 15.0]]
+    assert "\x1b" not in shown["name"]
+
+
+def test_the_places_where_an_object_may_be_stand_together_the_likeliest_first() -> None:
+    picture = Picture((58.0, 15.0))
+    for branch, x_m, weight in (("left", -50.0, 0.3), ("right", 50.0, 0.7)):
+        message = sample("0", "object-tracks", 5, symbol="car1", x_m=x_m, y_m=0.0, end=False)
+        picture.take(5, kinds.SAMPLE, {**message, "prediction": [1, branch, weight]})
+    [row] = picture.sections()["objects"].values()
+    assert [each[0] for each in row["others"]] == ["left", "right"]
+    assert row["at"] == row["others"][1][1]
+    picture.take(6, kinds.SAMPLE, sample("0", "object-tracks", 6, symbol="car1", x_m=60.0, y_m=0.0, end=False))
+    [row] = picture.sections()["objects"].values()
+    assert "others" not in row
+
+
+def test_a_monitor_of_no_pair_has_the_margin_of_its_formula_as_a_curve() -> None:
+    picture = Picture()
+    entry = {"by": "0", "monitor": "slow", "units": ["0"], "which": [], "verdict": "undecided", "shows": "ok"}
+    for second, margin in enumerate((4.0, 1.5, -2.0), 1):
+        picture.take(second * 1_000_000, kinds.MONITOR, {**entry, "margin": margin})
+    picture.take(4_000_000, kinds.LOST, {})
+    assert [measure for _, measure in picture.curves()["0 slow 0"]] == [4.0, 1.5, -2.0]
+
+
+def test_the_delay_of_an_import_is_shown_between_its_platforms() -> None:
+    picture = Picture()
+    one = {"owner": "1", "semantic_label": "heli-position", "hash": "h", "received": 5, "delay_s": 0.012}
+    picture.take(1, kinds.IMPORTS, {"by": "0", "imports": [one]})
+    assert next(iter(picture.sections()["links"].values()))["delay_us"] == 12_000
 
 
 def test_a_goto_shows_where_the_vehicle_flies_until_it_holds() -> None:

@@ -286,3 +286,22 @@ def test_an_alarm_names_the_samples_of_its_state_and_no_others() -> None:
     assert one.on_state(20, 22, {"a": 2}, samples_us={"a": 17, "b": 20}) == []
     (closed,) = one.on_state(30, 32, {"a": 2}, lacks=())
     assert (closed.valid_us, closed.samples_us) == (20, {"a": 17, "b": 20})
+
+
+def test_a_margin_is_known_once_it_was_asked_for_and_of_fresh_inputs_only():
+    one = monitor(Always(Compare("<=", Feature("v"), Const(15.0))))
+
+    def state(at, speed):
+        return one.on_state(at * PERIOD_US, at * PERIOD_US, {} if speed is None else {"v": speed})
+
+    state(1, 11.0)
+    assert one.margin() is None
+    state(2, 11.0)
+    assert one.margin() == 4.0
+    state(3, 18.0)
+    assert one.margin() == -3.0
+    state(4, None)
+    assert one.margin() is None
+    one.on_time(4 * PERIOD_US + 10 * STALE_US)
+    assert one.margin() is None
+    assert monitor(Always(Eventually(P, 0, None))).margin() is None
