@@ -236,7 +236,7 @@ class FlightAgent(Part):
 
 
 def _ahead(pilot: Pilot) -> list[Waypoint]:
-    """The places that the vehicle flies to, the next one first, by whoever commands it."""
+    """The places that the vehicle flies to, the next one first, for its commander."""
     commander, plan = pilot.claims.commander, pilot.plan
     if commander is Commander.ROUTE and plan is not None:
         return [*plan.waypoints[pilot.leg :], *(plan.waypoints[: pilot.leg] if plan.loop else ())]

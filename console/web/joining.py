@@ -25,7 +25,7 @@ class PageMember:
         feed: what the page looks at.
         labels: streams that are taken besides those of the map.
         every_us: one period for all streams.
-        origin: what metres are counted from, if a user said it.
+        origin: what metres are counted from, if a user gave it.
         tasks: names of what can be delegated, found when the federation has been joined.
 
     Attributes:

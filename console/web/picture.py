@@ -61,7 +61,7 @@ class Picture:
 
     Attributes:
         now_us: the time of the newest message.
-        origin: latitude and longitude of the metres east and north that objects have, where a user has said it; else each
+        origin: latitude and longitude of the metres east and north that objects have, where a user gave it; else each
             platform's objects stand where that platform says that theirs count from.
     """
 
@@ -119,7 +119,7 @@ class Picture:
 
     @property
     def base(self) -> list[float] | None:
-        """From where metres count: as a user said, else as the first platform did that stated it."""
+        """From where metres count: what a user gave, else what the first platform states."""
         found = self.origin or next(iter(self._origins.values()), None)
         return None if found is None else [*found]
 

@@ -25,7 +25,7 @@ from reasoning.progression.restarting import startable
 _new = tuple.__new__  # makes a NamedTuple in half the time; every state of a monitor is one
 
 MARGIN_STATES = 300
-"""After so many states without a question margins are no longer computed."""
+"""States after the last question for which margins are computed."""
 Shown: TypeAlias = Literal["ok", "alarm", "unknown"]
 
 
