@@ -115,7 +115,7 @@ def _believed(entry: ObjectEntry, believed: bool) -> tuple[str, ...]:
     return (
         type_,
         f"{existence:.3f}" if isinstance(existence, int | float) else "",
-        seen_by if isinstance(seen_by, str) else "",
+        (seen_by or "none") if isinstance(seen_by, str) else "",
     )
 
 
