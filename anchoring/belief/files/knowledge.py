@@ -17,6 +17,7 @@ from anchoring.belief.knowledge.ontology import (
     KnowledgeBundle,
     KnownClass,
     KnownInstance,
+    left_nothing,
     lineage,
 )
 from anchoring.belief.observations import TYPE
@@ -99,7 +100,22 @@ def _rules(root: TomlTable, model: WorldModel, classes: dict[str, KnownClass]) -
             rule = _about_attribute(table, rule, model)
         table.end("name", "class", "action", "attribute", "low", "high", "values", "relation", "other", "at_most")
         found.append(rule)
+        if nothing := left_nothing(found, classes, model.types.names):
+            table.wrong("name", nothing, "rules that agree")
+            found.pop()
+    _check_usual(root, classes, found)
     return tuple(found)
+
+
+def _check_usual(root: TomlTable, classes: dict[str, KnownClass], rules: list[ClassRule]) -> None:
+    """What is usual of a class obeys its rules."""
+    for name, table in root.tables("classes").items():
+        usual = KnownInstance(name, classes[name].gaussian, classes[name].categorical)
+        for rule in rules:
+            if rule.of_class in lineage(classes, name) and _disobeys(usual, rule):
+                table.wrong(
+                    "attributes", f"{name} contradicts the rule {rule.name}", "another rule, or other attributes"
+                )
 
 
 def _about_attribute(table: TomlTable, rule: ClassRule, model: WorldModel) -> ClassRule:
@@ -157,6 +173,10 @@ def broken(known: KnownInstance, rule: ClassRule, model: WorldModel, classes: di
     of_class = [rule.of_class in lineage(classes, each) for each in model.types.names]
     if float(types @ np.array(of_class, dtype=np.float64)) < 0.5:
         return False
+    return _disobeys(known, rule)
+
+
+def _disobeys(known: KnownInstance, rule: ClassRule) -> bool:
     if rule.values is not None and rule.attribute in known.categorical:
         return float(known.categorical[rule.attribute] @ rule.values) < 0.5
     if rule.low is not None and rule.high is not None and rule.attribute in known.gaussian:

@@ -1,6 +1,7 @@
 """Prior knowledge in bundles: loaded and unloaded as needed, and what has been learnt back."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import combinations
 from typing import Final
 
 import numpy as np
@@ -12,6 +13,7 @@ from anchoring.belief.knowledge.ontology import (
     KnowledgeBundle,
     KnownClass,
     KnownInstance,
+    left_nothing,
     lineage,
 )
 from dyknow.model.errors import WrongCall
@@ -113,3 +115,7 @@ class PriorKnowledge:
                             "leave it in one of them, in a bundle that both tasks load"
                         )
                     before[name] = bundle.name
+        for one, other in combinations(self.bundles.values(), 2):
+            both = left_nothing((*one.rules, *other.rules), {**one.classes, **other.classes}, self.types)
+            if both and one.may_be_with(other):
+                raise WrongCall(f"rules of {one.name} and {other.name}: {both}; let them agree, or be of other tasks")

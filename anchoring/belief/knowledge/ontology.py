@@ -1,6 +1,6 @@
 """What is known before anything is observed. All of it is values."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -86,6 +86,12 @@ class KnowledgeBundle:
     rules: tuple[ClassRule, ...] = ()
     known: tuple[KnownInstance, ...] = ()
 
+    def may_be_with(self, other: "KnowledgeBundle") -> bool:
+        """Whether the two may be loaded at one time."""
+        if self.tasks and other.tasks and not self.tasks & other.tasks:
+            return False
+        return self.area is None or other.area is None or other.is_for(self.area, next(iter(other.tasks), ""))
+
     def is_for(self, area: Area | None, task: str) -> bool:
         """Whether it is needed there, for that."""
         if self.tasks and task not in self.tasks:
@@ -107,3 +113,25 @@ def lineage(classes: Mapping[str, KnownClass], name: str) -> tuple[str, ...]:
     while (known := classes.get(found[-1])) is not None and known.is_a and known.is_a not in found:
         found.append(known.is_a)
     return tuple(found)
+
+
+def left_nothing(rules: Iterable[ClassRule], classes: Mapping[str, KnownClass], types: Sequence[str]) -> str:
+    """What rules about attributes leave no value at all that all of them allow, in words; empty: nothing."""
+    allowed: dict[tuple[str, str], tuple[Floats, Floats]] = {}
+    names: dict[tuple[str, str], list[str]] = {}
+    for rule in rules:
+        if rule.values is not None:
+            low, high = 1.0 - rule.values, rule.values  # one value is allowed where low <= high
+        elif rule.low is not None and rule.high is not None:
+            low, high = rule.low, rule.high
+        else:
+            continue
+        for type_ in (each for each in types if rule.of_class in lineage(classes, each)):
+            key = type_, rule.attribute
+            before = allowed.get(key, (low, high))
+            allowed[key] = both = np.maximum(before[0], low), np.minimum(before[1], high)
+            names.setdefault(key, []).append(rule.name)
+            fits = both[0] <= both[1]
+            if not (fits.any() if rule.values is not None else fits.all()):
+                return f"{' and '.join(names[key])} leave a {type_} no {rule.attribute} at all"
+    return ""

@@ -185,6 +185,36 @@ def test_bundles_that_contradict_each_other_are_refused() -> None:
         informed(KITCHEN, 'name = "other"\n[[known]]\nid = "cup-of-anna"\n')
 
 
+RED, NOT_RED = (
+    f'[[rules]]\nname = "{name}"\nclass = "{of}"\nattribute = "colour"\nvalues = {values}\n'
+    for name, of, values in (("red-cups", "cup", '["red"]'), ("never-red", "vessel", '["blue"]'))
+)
+
+
+def test_rules_that_leave_nothing_together_are_refused_in_one_bundle_and_in_two_that_are_loaded_together() -> None:
+    message = "red-cups and never-red leave a cup no colour at all"
+    with pytest.raises(TextErrors, match=message):
+        read_knowledge(KITCHEN + RED + NOT_RED, kitchen(), "kitchen.toml")
+    other = 'name = "other"\ntasks = ["TASK"]\n' + NOT_RED.replace('"vessel"', '"cup"')
+    serving = KITCHEN.replace('name = "kitchen"', 'name = "kitchen"\ntasks = ["serving"]') + RED
+    with pytest.raises(WrongCall, match=message):
+        informed(serving, other.replace("TASK", "serving"))
+    informed(serving, other.replace("TASK", "gardening"))
+
+
+def test_bounds_that_leave_nothing_together_are_refused() -> None:
+    small, large = SMALL.replace("ACTION", "repair"), SMALL.replace("ACTION", "refuse")
+    large = large.replace("cups-are-small", "cups-are-large").replace("low = 3.0", "low = 16.0").replace("15.0", "99.0")
+    with pytest.raises(TextErrors, match="cups-are-small and cups-are-large leave a cup no size_cm at all"):
+        read_knowledge(KITCHEN + small + large, kitchen(), "kitchen.toml")
+
+
+def test_what_is_usual_of_a_class_and_breaks_its_rules_is_refused() -> None:
+    text = KITCHEN.replace("[classes.cup]", "[classes.cup]\nattributes.colour = { blue = 1.0 }") + RED
+    with pytest.raises(TextErrors, match="cup contradicts the rule red-cups"):
+        read_knowledge(text, kitchen(), "kitchen.toml")
+
+
 @given(seed=st.integers(0, 1000))
 def test_whatever_is_seen_beliefs_under_rules_stay_beliefs(seed: int) -> None:
     rng = np.random.default_rng(seed)
