@@ -224,6 +224,9 @@ class LedMission:
                     self._ports.end_search(self)
                 case events.Locate():
                     self._locating.locate(effect, self._ports.federation_us(now_us))
+                    for name in self._locating.vague:
+                        text = f"{name} has no colour in the problem: what else lies there may be taken for it"
+                        self._note("uncertain", text, now_us)
                 case events.AskHuman(_, text, options, default, _):
                     self._note("asks", f"{text} ({', '.join(options)}; without an answer: {default})", now_us)
                 case events.MissionNote(kind, text):

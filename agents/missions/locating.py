@@ -197,6 +197,7 @@ class Locating:
 
     Attributes:
         is_looking: whether units fly for it now.
+        vague: what is looked for and has no colour in the problem.
     """
 
     def __init__(self, sights: UnitSights, units: Mapping[str, SearchingUnit]) -> None:
@@ -207,7 +208,7 @@ class Locating:
         self._refused = ""
         self._steps = count(FIRST_STEP)
         self._watched: str | None = None
-        self.is_looking = False
+        self.is_looking, self.vague = False, list[str]()
 
     def on_started(self, unit: str, action: PlannedAction) -> None:
         """A unit acts on objects: where they were thought to lie is of the past."""
@@ -218,6 +219,7 @@ class Locating:
     def locate(self, effect: events.Locate, federation_us: int) -> None:
         """Look for objects; searches that have begun continue, those that were in vain begin again where they began."""
         self.is_looking, self._refused, self._wanted = True, "", list(effect.objects)
+        self.vague = [name for name in effect.objects if wanted_colour(name, effect.values) is None]
         for name in effect.objects:
             sought = self._sought.get(name)
             if sought is None or sought.search.is_exhausted:

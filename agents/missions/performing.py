@@ -32,12 +32,9 @@ from federation.messages.contents import (
 )
 from federation.messages.descriptions import ConditionEntry
 from navigation.vehicle import Command, HoldOrder
+from planning.domains.model import COMMANDS
 
 PERIOD_US: Final = 200_000
-COMMANDS: Final = {
-    "take-off": 1, "goto": 3, "climb": 1, "land": 0, "return-home": 0, "hold": 0, "wait": 1,
-    "winch": 1, "magnet": 1,
-}  # fmt: skip
 LONGEST_WAIT_S: Final = 3600.0
 Answer = Callable[[str, int], None]
 """Takes why commands failed (empty: they are done), and when."""

@@ -12,15 +12,16 @@ from reasoning.formulas import tree
 
 @dataclass(frozen=True, slots=True)
 class MonitorHint:
-    """What may raise false alarms, where it stands in the text of the domain, and what to write."""
+    """What may raise false alarms, where it stands in the text of the domain, or of the problem if it is a goal, and what to write."""
 
     place: tree.Place
     message: str
     repair: str
+    is_goal: bool = False
 
 
 def monitor_hints(declared: Declarations) -> tuple[MonitorHint, ...]:
-    """Hints on the monitors of a domain and on the conditions that it flags `monitored`."""
+    """Hints on the monitors of a domain, on the conditions that it flags `monitored`, and on goals."""
     numbers = {one.name: one for one in declared.features if one.sort in model.NUMBERS}
     derived = {one.name: one for one in declared.derived}
     found = list(_on_formulas(declared, numbers, derived))
@@ -42,7 +43,31 @@ def monitor_hints(declared: Declarations) -> tuple[MonitorHint, ...]:
                         f":monitor (EXEC & eventually [0, 1s] {_shown(prevail.formula)}) until !EXEC",
                     )
                 )
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys((*found, *_on_goals(declared, derived))))
+
+
+def _on_goals(declared: Declarations, derived: Mapping[str, model.Derived]) -> Iterator[MonitorHint]:
+    """Goals that want a number which is sensed, or seen, to be exactly another one."""
+    shown = {one.name for one in declared.sensed}
+    shown |= {term.name for one in declared.operators for term in one.located}
+    shown |= {term.name for one in declared.recoveries for term in one.located}
+    numbers = {one.name for one in declared.features if one.sort in model.NUMBERS and one.name in shown}
+    for goal in declared.goals:
+        waiting, met = [goal.formula], set[str]()
+        while waiting:
+            for node in tree.walk(waiting.pop()):
+                match node:
+                    case tree.Compare("=", Application(name) as left, right) if name in numbers:
+                        yield MonitorHint(
+                            goal.place,
+                            f"the goal {goal.name or 'without a name'} is that {name} has one value exactly: it is"
+                            " measured, and the mission would not find it reached",
+                            f"abs({print_expression(left)} - {print_expression(right)}) <= 2",
+                            is_goal=True,
+                        )
+                    case Application(name) if name in derived and name not in met:
+                        met.add(name)
+                        waiting.append(derived[name].body)
 
 
 def _on_formulas(

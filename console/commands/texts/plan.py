@@ -55,18 +55,20 @@ def plan(
     search_ms = round((time.monotonic() - begun_s) * 1000, 1)
     if not isinstance(found, PlanFound):
         return _refused(call, found, search_ms)
-    return _shown(call, found, search_ms, _monitors(call, declared, asked, found, domain) if monitors else None)
+    return _shown(
+        call, found, search_ms, _monitors(call, declared, asked, found, domain, problem) if monitors else None
+    )
 
 
 def _monitors(
-    call: Call, domain: "Declarations", problem: "Declarations", found: "PlanFound", file: Path
+    call: Call, domain: "Declarations", problem: "Declarations", found: "PlanFound", *files: Path
 ) -> "tuple[PlanMonitor, ...]":
     """The monitors of a plan; hints on them are notes."""
     from planning.execution.generation import plan_monitors
     from planning.execution.hints import monitor_hints
 
-    for hint in monitor_hints(domain):
-        where = f"{file}:{hint.place.line}:{hint.place.column}"
+    for hint in monitor_hints(domain.joined(problem)):
+        where = f"{files[hint.is_goal]}:{hint.place.line}:{hint.place.column}"
         call.out.note(f"hint: {where}: {hint.message}\n    write: {hint.repair}")
     return plan_monitors(domain.joined(problem), found.plan)
 

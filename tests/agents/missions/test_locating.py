@@ -139,3 +139,11 @@ def test_a_flight_that_fails_hands_over_and_a_pause_leaves_the_pilots_vehicle_al
     units["u2"].waits = ""
     locating.step(700_000, 700_000)
     assert units["u2"].does[-1] == (FIRST_STEP + 2, ["look-down", "take-off", "goto"])
+
+
+def test_what_has_no_colour_is_said_to_be_uncertain() -> None:
+    locating = Locating(cast(UnitSights, Sights()), {"u1": Unit()})
+    locating.locate(events.Locate(("b1",), LABELS, 0, "", {}), 0)
+    assert locating.vague == ["b1"]
+    locating.locate(events.Locate(("b1",), LABELS, 0, "", {"colour[b1]": "red"}), 0)
+    assert locating.vague == []

@@ -90,6 +90,10 @@ def test_a_mode_change_in_the_middle_is_never_fought_and_the_mission_ends_well_o
         listening.start()
         refused = dyknow.run("delegate", "resume", "--to", "0", code=1)
         assert "guided mode" in str(refused)
+        until = time.monotonic() + PATIENCE_S
+        while len(modes) < 2:
+            assert time.monotonic() < until
+            time.sleep(0.05)
         stop.set()
         listening.join()
         assert set(modes) == {LOITER}, "nothing has taken the vehicle out of its pilot's mode"
@@ -105,7 +109,7 @@ def test_a_mode_change_in_the_middle_is_never_fought_and_the_mission_ends_well_o
 @pytest.mark.full
 @pytest.mark.timeout(300)
 def test_a_box_that_another_platforms_vehicle_drops_is_found_by_its_camera_and_delivered(dyknow: Dyknow) -> None:
-    dyknow.run("up", "2", "--scenario", "logistics", "--detach")
+    dyknow.run("up", "2", "--scenario", "logistics", "--fault", "0 dropped-box at load+7s", "--detach")
     texts = [str(LOGISTICS / name) for name in ("logistics.dom", "one.prob")]
     dyknow.run("mission", "start", *texts, "--name", "m1", "--to", "1", "--detach")
 
@@ -115,8 +119,6 @@ def test_a_box_that_another_platforms_vehicle_drops_is_found_by_its_camera_and_d
             assert time.monotonic() < until_s, entry
         return entry
 
-    until(lambda entry: any(each.startswith("running  fly-box-to-goal") for each in entry["actions"]))
-    dyknow.run("fault", "0", "dropped-box", "--for", "1s")
     entry = until(lambda entry: entry["phase"] == "locating")
     assert entry["why"] == "looking for b1"
     entry = until(lambda entry: entry["phase"] not in {"locating", "searching for a plan", "executing"})

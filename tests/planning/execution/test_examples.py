@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from kpl.syntax.parsing import parse_formula
-from planning import parse_domain
+from planning import parse_domain, parse_problem
 from planning.execution.generation import plan_monitors
 from planning.execution.hints import monitor_hints
 from reasoning import make_progression
@@ -151,3 +151,22 @@ def test_equality_of_what_is_measured_is_hinted_at_unless_it_has_a_tolerance() -
     (hint,) = monitor_hints(parse_domain(text.format("")))
     assert "no measured value is equal" in hint.message and ":within" in hint.repair
     assert monitor_hints(parse_domain(text.format(" :within 0.5"))) == ()
+
+
+def test_a_goal_that_wants_a_measured_place_exactly_is_hinted_at() -> None:
+    text = """
+#domain uav
+#units uav
+#feature x(uav) : fp :within 3
+#feature wanted(uav) : fp
+#define is-there(uav) := x(uav) == wanted(uav)
+#sensed x: east
+"""
+    declared = parse_domain(text)
+    asked = "#objects uav = {u1}\n#init wanted(u1) := 9\n#goal there: "
+    for goal in ("x(u1) == 9", "is-there(u1)"):
+        (hint,) = monitor_hints(declared.joined(parse_problem(asked + goal, declared)))
+        assert (hint.is_goal, hint.place.line) == (True, 3) and hint.message.startswith("the goal there is that x")
+        assert hint.repair.startswith("abs(x(u")
+    for goal in ("abs(x(u1) - 9) <= 2", "wanted(u1) == 9"):
+        assert monitor_hints(declared.joined(parse_problem(asked + goal, declared))) == ()
